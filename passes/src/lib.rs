@@ -1,0 +1,21 @@
+//! The GPU-free heart of preshade: the dataflow graph over naga IR, the backward slicer, and one file
+//! for each transform.
+//!
+//! Data flows through the modules in this order:
+//!
+//! 1. [`program`]: a validated naga module with the author's source beside it;
+//! 2. [`graph`]: an analysis overlay on it (dependence, rate, effect, cost);
+//! 3. [`slice`]: what decides a value, an output or an effect;
+//! 4. [`place`]: a slice rebuilt as an entry point of its own;
+//! 5. [`depth_prepass`], [`early_discard`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
+//! 6. [`frame`]: the plans of several materials merged into one frame.
+//!
+//! Nothing in here reads a file, touches a GPU or asks the time.
+
+pub mod contract;
+pub mod frame;
+pub mod pass;
+pub mod plan;
+pub mod program;
+pub mod reflect;
+pub mod state;

@@ -1,0 +1,152 @@
+//! What a transform is: a pure function from a plan to a plan, with a search for where it applies and a reason where it does not.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use crate::plan::{Plan, Role};
+use crate::program::{Location, SourceMap};
+
+/// What a pass says of itself.
+#[derive(Clone, Copy, Debug)]
+pub struct PassInfo {
+    /// Name of the pass, of its file and of its flag.
+    pub name: &'static str,
+    /// One line.
+    pub summary: &'static str,
+    /// The paper or article.
+    pub source: &'static str,
+    /// When it costs more than it gains.
+    pub hurts: &'static str,
+}
+
+/// Names one place where a pass applies, stably: never by an arena handle.
+#[derive(
+    Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+pub struct SiteKey {
+    /// Role of the GPU pass the site is in.
+    pub role: Role,
+    /// Entry point.
+    pub entry_point: String,
+    /// Hash of the canonical slice, 16 hex digits.
+    pub slice: String,
+    /// Number among equal slices.
+    pub ordinal: u32,
+}
+
+/// A place where a pass applies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Site {
+    /// Its stable name.
+    pub key: SiteKey,
+    /// What would be done there, in words.
+    pub what: String,
+    /// Where it is in the author's source.
+    pub location: Option<Location>,
+    /// Static cost of the slice and of what it is sliced from.
+    pub cost: SiteCost,
+}
+
+/// Static cost estimate of a site, in the units of [`crate::graph`]'s cost model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SiteCost {
+    /// Cost of the slice.
+    pub slice: f64,
+    /// Cost of the stage it comes from.
+    pub whole: f64,
+}
+
+/// A pass does not apply. A normal outcome, not an error.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Refusal {
+    /// Name of the pass.
+    pub pass: String,
+    /// Stable code, `blended` say.
+    pub code: String,
+    /// Why not.
+    pub reason: String,
+    /// What would make it legal.
+    pub remedy: String,
+    /// Where in the author's source.
+    pub location: Option<Location>,
+}
+
+impl Refusal {
+    /// A refusal that points at no place.
+    pub fn new(
+        pass: &str,
+        code: &str,
+        reason: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self {
+            pass: pass.to_owned(),
+            code: code.to_owned(),
+            reason: reason.into(),
+            remedy: remedy.into(),
+            location: None,
+        }
+    }
+
+    /// The same refusal, pointing at a span.
+    #[must_use]
+    pub fn at(mut self, sources: &SourceMap, span: naga::Span) -> Self {
+        self.location = sources.locate(span);
+        self
+    }
+
+    /// Our own transform built something that does not validate: a bug, told as such.
+    pub fn bug(pass: &str, what: impl std::fmt::Display) -> Self {
+        Self::new(
+            pass,
+            "internal",
+            format!("the transform built an invalid program ({what}); this is a bug in preshade"),
+            "please report it with the shader; the original is kept",
+        )
+    }
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}[{}]: {}", self.pass, self.code, self.reason)
+    }
+}
+
+/// Where a pass applies, and every refusal.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Sites {
+    /// Places it applies.
+    pub sites: Vec<Site>,
+    /// Why it does not apply elsewhere.
+    pub refusals: Vec<Refusal>,
+}
+
+/// Measured evidence as plain data. A pass reads it, never gathers it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Facts {
+    /// Pixels (samples) at which two or more surviving fragments share the winning depth, over every camera measured; `None`: not measured.
+    pub depth_ties: Option<u64>,
+}
+
+/// A transform.
+pub trait Pass {
+    /// Its parameters, with defaults.
+    type Params: Serialize + DeserializeOwned + JsonSchema + Default;
+
+    /// What it is.
+    const INFO: PassInfo;
+
+    /// Where it applies on `plan`, and every refusal.
+    fn sites(plan: &Plan, facts: &Facts, params: &Self::Params) -> Sites;
+
+    /// Applies it at `site`: value in, value out.
+    ///
+    /// # Errors
+    /// A refusal; `plan` is untouched.
+    fn apply(
+        plan: &Plan,
+        facts: &Facts,
+        site: &SiteKey,
+        params: &Self::Params,
+    ) -> Result<Plan, Box<Refusal>>;
+}

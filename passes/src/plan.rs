@@ -1,0 +1,349 @@
+//! A plan: what the host must do, with the programs to do it with. Every transform maps a plan to a plan.
+//!
+//! A plan is emitted as `MATERIAL.plan.json` beside the shaders ([`Plan`] without its programs is that file's data) and preshade's own
+//! renderer executes exactly that data.
+
+use std::collections::BTreeMap;
+
+use naga::ShaderStage;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::contract::Contract;
+use crate::program::Program;
+use crate::state::{
+    ColorTarget, DepthFormat, DepthState, MaterialState, Multisample, PrimitiveState, StencilState,
+};
+
+/// Version of the JSON that [`Plan`] serialises to.
+pub const SCHEMA: &str = "preshade.plan.v1";
+
+/// Name of the depth attachment that all main passes of a frame share.
+pub const SCENE_DEPTH: &str = "scene-depth";
+/// Name of the first colour attachment; target `i` after it is `scene-color-i`.
+pub const SCENE_COLOR: &str = "scene-color";
+
+/// What a GPU pass is for. The name is part of the emitted file's name.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Role {
+    /// Depth only, before any main pass.
+    Prepass,
+    /// The material's own pass.
+    Main,
+    /// Depth only, under a light's view.
+    Shadow,
+}
+
+impl Role {
+    /// The word in file names and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Prepass => "prepass",
+            Self::Main => "main",
+            Self::Shadow => "shadow",
+        }
+    }
+}
+
+/// When in the frame a pass runs. A phase of one material never starts before the earlier phases of all of them ended.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Phase {
+    /// Shadow maps: the host's light view, outside the camera's frame.
+    Shadow,
+    /// Depth only, opaque draws.
+    Depth,
+    /// Shaded, opaque draws.
+    Opaque,
+    /// Blended draws, last, in the host's order.
+    Blended,
+}
+
+/// A texture that passes write or read.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Attachment {
+    /// The name passes refer to.
+    pub name: String,
+    /// Depth format.
+    pub format: DepthFormat,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Size and origin follow the host's colour attachment; the texture is indexed by `position.xy`, mip 0, layer 0.
+    pub sampled: bool,
+}
+
+/// Where a binding's resource comes from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case", tag = "from")]
+pub enum BindingSource {
+    /// The author's own resource of that group and binding.
+    Author,
+    /// The whole of an attachment that an earlier pass of the plan wrote.
+    Attachment {
+        /// Name of the attachment.
+        name: String,
+    },
+}
+
+/// What a binding holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)]
+pub enum BindingKind {
+    Uniform,
+    StorageRead,
+    StorageReadWrite,
+    Sampler,
+    ComparisonSampler,
+    Texture,
+    DepthTexture,
+    StorageTexture,
+    AccelerationStructure,
+}
+
+/// Stages a binding must be visible to (`GPUShaderStage`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[allow(missing_docs)]
+pub struct Visibility {
+    pub vertex: bool,
+    pub fragment: bool,
+}
+
+/// A binding that a pass's entry points really use.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct BindingUse {
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+    /// Variable's name in the emitted module.
+    pub name: String,
+    /// What it holds.
+    pub kind: BindingKind,
+    /// Stages that use it in this pass.
+    pub visibility: Visibility,
+    /// Who provides it.
+    pub source: BindingSource,
+}
+
+/// A vertex attribute that a pass really reads.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct AttributeUse {
+    /// `@location`.
+    pub location: u32,
+    /// The author's name for it.
+    pub name: String,
+    /// WGSL type, `vec3<f32>` say.
+    #[serde(rename = "type")]
+    pub ty: String,
+}
+
+/// Which draws of the material a pass draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Draws {
+    /// All of them.
+    All,
+    /// The opaque ones only.
+    Opaque,
+}
+
+/// One GPU pass of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct GpuPass {
+    /// What it is for.
+    pub role: Role,
+    /// When it runs.
+    pub phase: Phase,
+    /// Key of its program in [`Plan::programs`], and the `ROLE` of the emitted file's name.
+    pub program: String,
+    /// Vertex entry point.
+    pub vertex: String,
+    /// Fragment entry point; `None` draws depth alone.
+    pub fragment: Option<String>,
+    /// Primitive state.
+    pub primitive: PrimitiveState,
+    /// Depth state; `None` binds no depth attachment.
+    pub depth: Option<DepthState>,
+    /// Stencil state.
+    pub stencil: Option<StencilState>,
+    /// Multisampling.
+    pub multisample: Multisample,
+    /// Colour targets.
+    pub targets: Vec<Option<ColorTarget>>,
+    /// Bindings its entry points use.
+    pub bindings: Vec<BindingUse>,
+    /// Vertex attributes its vertex entry point reads.
+    pub attributes: Vec<AttributeUse>,
+    /// WebGPU features it needs, in WebGPU's spelling.
+    pub features: Vec<String>,
+    /// Draws included.
+    pub draws: Draws,
+    /// Uniforms this pass must read from another view than the camera's (the light's, for a shadow pass): variable or member names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub view_dependent: Vec<String>,
+}
+
+/// A step of the recipe, as it was applied.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Step {
+    /// Pass name.
+    pub pass: String,
+    /// Where.
+    pub site: crate::pass::SiteKey,
+    /// Parameters in full, defaults included.
+    pub params: serde_json::Value,
+    /// What this step promises.
+    pub contract: Contract,
+}
+
+/// A draw of both programs that a host can run when it loads the variant: invariance is a promise of the driver that no source can prove.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SelfTest {
+    /// What to do, in words.
+    pub procedure: String,
+    /// Index in [`Plan::passes`] of the pass to draw first, writing depth.
+    pub first: usize,
+    /// Index of the pass to draw second, in an occlusion query, with depth write off.
+    pub second: usize,
+    /// Depth comparison of the second draw.
+    pub compare: crate::state::CompareFunction,
+    /// Passes when the second count equals the count of the same draw against its own depth.
+    pub expect: String,
+}
+
+/// The plan of one material.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Plan {
+    /// Always [`SCHEMA`].
+    pub schema: String,
+    /// Name of the material.
+    pub material: String,
+    /// Programs by key. Not part of the JSON: they travel as text, named `MATERIAL.KEY.wgsl` and so on.
+    #[serde(skip)]
+    pub programs: BTreeMap<String, Program>,
+    /// Depth attachments, the scene's first.
+    pub attachments: Vec<Attachment>,
+    /// GPU passes in the order they run.
+    pub passes: Vec<GpuPass>,
+    /// What was done to the original, in order.
+    pub steps: Vec<Step>,
+    /// What the whole promises.
+    pub contract: Contract,
+    /// A check for the host to run at load.
+    pub self_test: Option<SelfTest>,
+    /// The recipe to take instead where the self-test fails.
+    pub fallback: Option<String>,
+    /// Things the host should know that are not requirements.
+    pub notes: Vec<String>,
+}
+
+impl Plan {
+    /// The plan that draws a material as its author wrote it: one pass. `vertex` and `fragment` name the entry points.
+    pub fn original(
+        material: &str,
+        program: Program,
+        vertex: &str,
+        fragment: Option<&str>,
+        state: &MaterialState,
+    ) -> Self {
+        let fragment = fragment.map(str::to_owned);
+        let targets = if state.targets.is_empty() {
+            fragment
+                .as_deref()
+                .map(|f| default_targets(&program, f))
+                .unwrap_or_default()
+        } else {
+            state.targets.clone()
+        };
+        let blended = state.is_blended();
+        let mut pass = GpuPass {
+            role: Role::Main,
+            phase: if blended {
+                Phase::Blended
+            } else {
+                Phase::Opaque
+            },
+            program: Role::Main.name().to_owned(),
+            vertex: vertex.to_owned(),
+            fragment,
+            primitive: state.primitive,
+            depth: Some(DepthState {
+                attachment: SCENE_DEPTH.to_owned(),
+                compare: state.compare(),
+                write: state.depth_write,
+                bias: state.depth_bias,
+                read_only: false,
+            }),
+            stencil: state.stencil.clone(),
+            multisample: state.multisample,
+            targets,
+            bindings: Vec::new(),
+            attributes: Vec::new(),
+            features: Vec::new(),
+            draws: Draws::All,
+            view_dependent: Vec::new(),
+        };
+        crate::reflect::fill(&mut pass, &program);
+        Self {
+            schema: SCHEMA.to_owned(),
+            material: material.to_owned(),
+            programs: BTreeMap::from([(Role::Main.name().to_owned(), program)]),
+            attachments: vec![Attachment {
+                name: SCENE_DEPTH.to_owned(),
+                format: state.depth_format,
+                samples: state.multisample.count,
+                sampled: false,
+            }],
+            passes: vec![pass],
+            steps: Vec::new(),
+            contract: Contract::exact(),
+            self_test: None,
+            fallback: None,
+            notes: Vec::new(),
+        }
+    }
+
+    /// The main pass.
+    pub fn main(&self) -> Option<&GpuPass> {
+        self.passes.iter().find(|p| p.role == Role::Main)
+    }
+
+    /// The program a pass draws with.
+    pub fn program(&self, pass: &GpuPass) -> Option<&Program> {
+        self.programs.get(&pass.program)
+    }
+
+    /// The attachment of that name.
+    pub fn attachment(&self, name: &str) -> Option<&Attachment> {
+        self.attachments.iter().find(|a| a.name == name)
+    }
+}
+
+/// One `rgba8unorm` a location the fragment stage writes; integer outputs get the integer format of their width.
+fn default_targets(program: &Program, fragment: &str) -> Vec<Option<ColorTarget>> {
+    let Some((_, entry)) = program.entry_point(ShaderStage::Fragment, fragment) else {
+        return Vec::new();
+    };
+    let mut targets = Vec::new();
+    for output in crate::reflect::outputs(program.module(), &entry.function) {
+        if let Some(naga::Binding::Location { location, .. }) = output.binding {
+            let index = location as usize;
+            if targets.len() <= index {
+                targets.resize(index + 1, None);
+            }
+            let scalar = program.module().types[output.ty].inner.scalar_kind();
+            targets[index] = Some(ColorTarget::opaque(match scalar {
+                Some(naga::ScalarKind::Uint) => "rgba32uint",
+                Some(naga::ScalarKind::Sint) => "rgba32sint",
+                _ => "rgba8unorm",
+            }));
+        }
+    }
+    targets
+}

@@ -1,0 +1,203 @@
+//! A shader program: one validated naga module holding the vertex and the fragment stage of a material, with the
+//! author's text beside it so that every message can point into it.
+
+use std::sync::Arc;
+
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use serde::{Deserialize, Serialize};
+
+/// One file of the author's source. `base` is where its text begins in the address space that all spans of a
+/// [`SourceMap`] share.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceFile {
+    /// The name to print in messages: a path as the user gave it, or `<stdin>`.
+    pub name: String,
+    /// The whole text.
+    pub text: String,
+    /// Offset in bytes of the file's first byte in the map's address space.
+    pub base: u32,
+}
+
+/// The author's files in one address space of byte offsets, as naga's [`naga::Span`] needs it: a module linked from two files
+/// still has spans that name one place.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SourceMap {
+    files: Vec<SourceFile>,
+}
+
+/// A place in the author's source.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Location {
+    /// File name, as in [`SourceFile::name`].
+    pub file: String,
+    /// Line, from 1.
+    pub line: u32,
+    /// Column in characters, from 1.
+    pub column: u32,
+    /// Byte range within the file, `start..end`.
+    pub range: std::ops::Range<u32>,
+}
+
+impl SourceMap {
+    /// An empty map.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a file and returns its base offset. One byte is left between files so that no span can touch two.
+    pub fn add(&mut self, name: impl Into<String>, text: impl Into<String>) -> u32 {
+        let base = self
+            .files
+            .last()
+            .map_or(0, |f| f.base + f.text.len() as u32 + 1);
+        self.files.push(SourceFile {
+            name: name.into(),
+            text: text.into(),
+            base,
+        });
+        base
+    }
+
+    /// The files, in the order they were added.
+    pub fn files(&self) -> &[SourceFile] {
+        &self.files
+    }
+
+    /// The file a span of this map lies in.
+    pub fn file_of(&self, span: naga::Span) -> Option<&SourceFile> {
+        let range = span.to_range()?;
+        self.files
+            .iter()
+            .rev()
+            .find(|f| range.start as u32 >= f.base)
+            .filter(|f| range.end <= f.base as usize + f.text.len())
+    }
+
+    /// Line and column of a span, or `None` for an undefined span or one that lies in no file.
+    pub fn locate(&self, span: naga::Span) -> Option<Location> {
+        let file = self.file_of(span)?;
+        let range = span.to_range()?;
+        let (start, end) = (range.start as u32 - file.base, range.end as u32 - file.base);
+        let before = file.text.get(..start as usize)?;
+        let line = before.matches('\n').count() as u32 + 1;
+        let column = before.rsplit('\n').next().unwrap_or("").chars().count() as u32 + 1;
+        Some(Location {
+            file: file.name.clone(),
+            line,
+            column,
+            range: start..end,
+        })
+    }
+}
+
+/// The language the author wrote in. Emission defaults to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Language {
+    /// WebGPU Shading Language.
+    Wgsl,
+    /// Desktop or Vulkan GLSL.
+    Glsl,
+}
+
+/// naga's validator refused a module. From a front end it is the author's error; after a pass it is always a bug of ours.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct Invalid {
+    /// naga's message with the chain of its causes.
+    pub message: String,
+    /// The spans naga names, each with what it says there.
+    pub labels: Vec<(naga::Span, String)>,
+}
+
+/// A validated module and the source it came from. There is no way to hold an invalid one, nor to change one in place: a
+/// transform takes the module out by reference, builds another, and validates it by [`Program::new`].
+#[derive(Clone, Debug)]
+pub struct Program {
+    module: Arc<naga::Module>,
+    info: Arc<ModuleInfo>,
+    sources: Arc<SourceMap>,
+    language: Language,
+}
+
+impl Program {
+    /// Validates `module`.
+    ///
+    /// # Errors
+    /// What naga's validator says, with all of WebGPU's optional capabilities allowed: which of them an
+    /// adapter has is a question for the plan's `features`, not for the IR.
+    pub fn new(
+        module: naga::Module,
+        sources: Arc<SourceMap>,
+        language: Language,
+    ) -> Result<Self, Box<Invalid>> {
+        let info = validate(&module)?;
+        Ok(Self {
+            module: Arc::new(module),
+            info: Arc::new(info),
+            sources,
+            language,
+        })
+    }
+
+    /// The program with another module in place of its own, validated: what a transform returns.
+    ///
+    /// # Errors
+    /// As [`Program::new`]; the transform that built `module` has a bug.
+    pub fn with_module(&self, module: naga::Module) -> Result<Self, Box<Invalid>> {
+        Self::new(module, Arc::clone(&self.sources), self.language)
+    }
+
+    /// The module.
+    pub fn module(&self) -> &naga::Module {
+        &self.module
+    }
+
+    /// What the validator learnt about the module.
+    pub fn info(&self) -> &ModuleInfo {
+        &self.info
+    }
+
+    /// The author's files.
+    pub fn sources(&self) -> &Arc<SourceMap> {
+        &self.sources
+    }
+
+    /// The author's language.
+    pub fn language(&self) -> Language {
+        self.language
+    }
+
+    /// The entry point of that name, with its index (names are unique within a stage only).
+    pub fn entry_point(
+        &self,
+        stage: naga::ShaderStage,
+        name: &str,
+    ) -> Option<(usize, &naga::EntryPoint)> {
+        self.module
+            .entry_points
+            .iter()
+            .enumerate()
+            .find(|(_, e)| e.stage == stage && e.name == name)
+    }
+}
+
+fn validate(module: &naga::Module) -> Result<ModuleInfo, Box<Invalid>> {
+    Validator::new(ValidationFlags::all(), Capabilities::all())
+        .subgroup_stages(naga::valid::ShaderStages::all())
+        .subgroup_operations(naga::valid::SubgroupOperationSet::all())
+        .validate(module)
+        .map_err(|e| {
+            let mut message = e.as_inner().to_string();
+            let mut source = std::error::Error::source(e.as_inner());
+            while let Some(s) = source {
+                message.push_str(": ");
+                message.push_str(&s.to_string());
+                source = s.source();
+            }
+            Box::new(Invalid {
+                message,
+                labels: e.spans().cloned().collect(),
+            })
+        })
+}

@@ -1,0 +1,188 @@
+//! What an entry point really uses: bindings, vertex attributes, outputs, features.
+
+use naga::valid::GlobalUse;
+use naga::{
+    AddressSpace, Binding, Function, Handle, ImageClass, Module, ShaderStage, StorageAccess, Type,
+    TypeInner,
+};
+
+use crate::plan::{AttributeUse, BindingKind, BindingSource, BindingUse, GpuPass, Visibility};
+use crate::program::Program;
+
+/// One input or output of an entry point: an argument, a result, or a member of either.
+#[derive(Clone, Debug)]
+pub struct Io {
+    /// Argument or member name.
+    pub name: Option<String>,
+    /// Type.
+    pub ty: Handle<Type>,
+    /// Location or builtin.
+    pub binding: Option<Binding>,
+}
+
+/// The inputs of an entry point, struct arguments opened.
+pub fn inputs(module: &Module, function: &Function) -> Vec<Io> {
+    function
+        .arguments
+        .iter()
+        .flat_map(|a| open(module, a.name.clone(), a.ty, a.binding.clone()))
+        .collect()
+}
+
+/// The outputs of an entry point, a struct result opened.
+pub fn outputs(module: &Module, function: &Function) -> Vec<Io> {
+    function
+        .result
+        .iter()
+        .flat_map(|r| open(module, None, r.ty, r.binding.clone()))
+        .collect()
+}
+
+fn open(
+    module: &Module,
+    name: Option<String>,
+    ty: Handle<Type>,
+    binding: Option<Binding>,
+) -> Vec<Io> {
+    match (&binding, &module.types[ty].inner) {
+        (None, TypeInner::Struct { members, .. }) => members
+            .iter()
+            .map(|m| Io {
+                name: m.name.clone(),
+                ty: m.ty,
+                binding: m.binding.clone(),
+            })
+            .collect(),
+        _ => vec![Io { name, ty, binding }],
+    }
+}
+
+/// What a global variable with a binding holds; `None` for one without.
+pub fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<BindingKind> {
+    global.binding.as_ref()?;
+    // A binding array holds what its elements hold.
+    let inner = match module.types[global.ty].inner {
+        TypeInner::BindingArray { base, .. } => &module.types[base].inner,
+        ref inner => inner,
+    };
+    Some(match (&global.space, inner) {
+        (AddressSpace::Uniform, _) => BindingKind::Uniform,
+        (AddressSpace::Storage { access }, _) if access.contains(StorageAccess::STORE) => {
+            BindingKind::StorageReadWrite
+        }
+        (AddressSpace::Storage { .. }, _) => BindingKind::StorageRead,
+        (_, TypeInner::Sampler { comparison: true }) => BindingKind::ComparisonSampler,
+        (_, TypeInner::Sampler { .. }) => BindingKind::Sampler,
+        (
+            _,
+            TypeInner::Image {
+                class: ImageClass::Depth { .. },
+                ..
+            },
+        ) => BindingKind::DepthTexture,
+        (
+            _,
+            TypeInner::Image {
+                class: ImageClass::Storage { .. },
+                ..
+            },
+        ) => BindingKind::StorageTexture,
+        (_, TypeInner::AccelerationStructure { .. }) => BindingKind::AccelerationStructure,
+        _ => BindingKind::Texture,
+    })
+}
+
+/// Fills a pass's bindings and attributes from the entry points it names. A binding that the pass already takes from an attachment keeps
+/// that source.
+pub fn fill(pass: &mut GpuPass, program: &Program) {
+    let module = program.module();
+    let stages = [
+        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
+        (ShaderStage::Fragment, pass.fragment.as_deref()),
+    ];
+    let mut bindings: Vec<BindingUse> = Vec::new();
+    for (stage, name) in stages {
+        let Some((index, _)) = name.and_then(|n| program.entry_point(stage, n)) else {
+            continue;
+        };
+        let info = program.info().get_entry_point(index);
+        for (handle, global) in module.global_variables.iter() {
+            let (Some(at), Some(kind)) = (&global.binding, binding_kind(module, global)) else {
+                continue;
+            };
+            if info[handle] == GlobalUse::empty() {
+                continue;
+            }
+            let i = match bindings
+                .iter()
+                .position(|b| (b.group, b.binding) == (at.group, at.binding))
+            {
+                Some(i) => i,
+                None => {
+                    bindings.push(BindingUse {
+                        group: at.group,
+                        binding: at.binding,
+                        name: global.name.clone().unwrap_or_default(),
+                        kind,
+                        visibility: Visibility::default(),
+                        source: pass
+                            .bindings
+                            .iter()
+                            .find(|b| (b.group, b.binding) == (at.group, at.binding))
+                            .map_or(BindingSource::Author, |b| b.source.clone()),
+                    });
+                    bindings.len() - 1
+                }
+            };
+            match stage {
+                ShaderStage::Vertex => bindings[i].visibility.vertex = true,
+                _ => bindings[i].visibility.fragment = true,
+            }
+        }
+    }
+    bindings.sort_by_key(|b| (b.group, b.binding));
+    pass.bindings = bindings;
+    pass.attributes = match program.entry_point(ShaderStage::Vertex, &pass.vertex) {
+        None => Vec::new(),
+        Some((_, entry)) => inputs(module, &entry.function)
+            .into_iter()
+            .filter_map(|io| match io.binding {
+                Some(Binding::Location { location, .. }) => Some(AttributeUse {
+                    location,
+                    name: io.name.unwrap_or_default(),
+                    ty: wgsl_type(module, io.ty),
+                }),
+                _ => None,
+            })
+            .collect(),
+    };
+    pass.attributes.sort_by_key(|a| a.location);
+}
+
+/// A scalar, vector or matrix type in WGSL's spelling.
+pub fn wgsl_type(module: &Module, ty: Handle<Type>) -> String {
+    fn scalar(s: naga::Scalar) -> String {
+        use naga::ScalarKind::{AbstractFloat, AbstractInt, Bool, Float, Sint, Uint};
+        match s.kind {
+            Bool => "bool".to_owned(),
+            Sint | AbstractInt => format!("i{}", s.width as u32 * 8),
+            Uint => format!("u{}", s.width as u32 * 8),
+            Float | AbstractFloat => format!("f{}", s.width as u32 * 8),
+        }
+    }
+    match &module.types[ty].inner {
+        TypeInner::Scalar(s) => scalar(*s),
+        TypeInner::Vector { size, scalar: s } => format!("vec{}<{}>", *size as u8, scalar(*s)),
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar: s,
+        } => {
+            format!("mat{}x{}<{}>", *columns as u8, *rows as u8, scalar(*s))
+        }
+        _ => module.types[ty]
+            .name
+            .clone()
+            .unwrap_or_else(|| "?".to_owned()),
+    }
+}

@@ -1,0 +1,19 @@
+//! preshade rewrites a material's shaders into faster variants and proves each by picture and clock.
+//!
+//! Text becomes a program in [`front`], a recipe of passes makes a plan of it in [`recipe`], and [`emit`] writes the plan out. With the
+//! feature `verify`, [`scene`], [`render`], [`measure`] and [`report`] draw the result and say what it costs and gains.
+
+pub mod emit;
+pub mod front;
+pub mod recipe;
+
+#[cfg(feature = "verify")]
+pub mod measure;
+#[cfg(feature = "verify")]
+pub mod render;
+#[cfg(feature = "verify")]
+pub mod report;
+#[cfg(feature = "verify")]
+pub mod scene;
+
+pub use preshade_passes as passes;

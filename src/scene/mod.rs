@@ -1,0 +1,178 @@
+//! Scenes: what to draw a material on, with which values, from where.
+//!
+//! A scene file (TOML) or a bare shader becomes a [`Scene`]: plain data on the CPU, every mesh generated or read, every texture decoded.
+//! `bind` turns one draw of it into the bytes that a GPU pass of a plan asks for.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{Mat4, Vec3};
+use preshade_passes::program::Program;
+use preshade_passes::state::{DepthDirection, DepthFormat, MaterialState};
+
+/// Everything that is drawn, on the CPU.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Name, from the file or the shader.
+    pub name: String,
+    /// Width and height of the colour target, in pixels.
+    pub size: [u32; 2],
+    /// Part of the target that is drawn to, in pixels: x, y, width, height. `None`: all of it.
+    pub viewport: Option<[u32; 4]>,
+    /// Depth format of the frame.
+    pub depth_format: DepthFormat,
+    /// Which way depth grows.
+    pub depth_direction: DepthDirection,
+    /// Samples a pixel: 1 or 4.
+    pub samples: u32,
+    /// Background, linear RGBA.
+    pub clear_color: [f64; 4],
+    /// Materials.
+    pub materials: Vec<Material>,
+    /// Meshes.
+    pub meshes: Vec<Mesh>,
+    /// Draws, in the order of the file.
+    pub draws: Vec<Draw>,
+    /// Cameras; the first is the headline one.
+    pub cameras: Vec<Camera>,
+    /// Draw orders to measure; the first is the headline one.
+    pub orders: Vec<DrawOrder>,
+    /// Directional light: direction towards the light, and its RGB radiance.
+    pub light: (Vec3, Vec3),
+}
+
+/// Order of the opaque draws of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DrawOrder {
+    /// By the distance of the object's centre, nearest first, as a good engine draws.
+    FrontToBack,
+    /// Farthest first: the worst case.
+    BackToFront,
+    /// A fixed pseudo-random order.
+    Shuffled,
+    /// As in the file, as one merged mesh would draw.
+    AsGiven,
+}
+
+/// A material: one program, its state, its values.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Name; emitted files begin with it.
+    pub name: String,
+    /// The author's program.
+    pub program: Program,
+    /// Vertex entry point.
+    pub vertex: String,
+    /// Fragment entry point.
+    pub fragment: Option<String>,
+    /// Pipeline state, scene-wide depth settings already applied.
+    pub state: MaterialState,
+    /// Values by variable name, or by `variable.member`. What is not named here is filled by convention (see the module `bind`).
+    pub values: BTreeMap<String, Value>,
+    /// Textures by variable name.
+    pub textures: BTreeMap<String, Arc<Image>>,
+    /// Mesh stream by attribute name, where it is not the attribute's own name.
+    pub attributes: BTreeMap<String, String>,
+}
+
+/// A value for a uniform, a member of one, or a storage buffer.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// Components or elements, in order.
+    Numbers(Vec<f64>),
+    /// A value the renderer knows, `$view_proj` say, without the dollar sign.
+    Semantic(String),
+}
+
+/// A decoded image with all its mip levels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Width and height of level 0.
+    pub size: [u32; 2],
+    /// Layers (1, or 6 for a cube).
+    pub layers: u32,
+    /// Whether the texels are sRGB-encoded.
+    pub srgb: bool,
+    /// RGBA8 texels by level, each level's layers one after the other.
+    pub levels: Vec<Vec<u8>>,
+}
+
+/// A mesh: named streams of vertex data, and indices.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// Name.
+    pub name: String,
+    /// Number of vertices.
+    pub vertex_count: u32,
+    /// Streams by name: `position`, `normal`, `tangent`, `uv`, `color`, `joints`, `weights`, `morph_position_0` and so on.
+    pub streams: BTreeMap<String, Stream>,
+    /// Indices; `None` draws the vertices in order.
+    pub indices: Option<Vec<u32>>,
+    /// Bounding box.
+    pub bounds: [Vec3; 2],
+}
+
+/// One stream of vertex or instance data.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stream {
+    /// `components` floats a vertex.
+    Float {
+        /// 1 to 4, or 16 for a matrix.
+        components: u32,
+        /// All of them.
+        data: Vec<f32>,
+    },
+    /// `components` unsigned integers a vertex.
+    Uint {
+        /// 1 to 4.
+        components: u32,
+        /// All of them.
+        data: Vec<u32>,
+    },
+}
+
+/// One draw call.
+#[derive(Clone, Debug)]
+pub struct Draw {
+    /// Name, for messages.
+    pub name: String,
+    /// Index in [`Scene::meshes`].
+    pub mesh: usize,
+    /// Index in [`Scene::materials`].
+    pub material: usize,
+    /// Object to world.
+    pub transform: Mat4,
+    /// Number of instances.
+    pub instances: u32,
+    /// Per-instance streams by name: `instance_transform` (16), `instance_color` (4) and so on.
+    pub instance_streams: BTreeMap<String, Stream>,
+    /// Joint matrices of a skinned mesh, bind pose inverse applied.
+    pub joints: Vec<Mat4>,
+    /// Weights of the morph targets.
+    pub morph_weights: Vec<f32>,
+    /// Values of this draw alone.
+    pub values: BTreeMap<String, Value>,
+}
+
+/// A camera, or a path of them.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// Name.
+    pub name: String,
+    /// One frame for a still, several for a path.
+    pub frames: Vec<Frame>,
+}
+
+/// One view of the scene at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// World to view.
+    pub view: Mat4,
+    /// View to clip, reversed or not as the scene says.
+    pub projection: Mat4,
+    /// Eye in world space.
+    pub eye: Vec3,
+    /// Seconds.
+    pub time: f32,
+}
