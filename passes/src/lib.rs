@@ -19,3 +19,5 @@ pub mod plan;
 pub mod program;
 pub mod reflect;
 pub mod state;
+
+pub use naga;

@@ -1,0 +1,135 @@
+//! The prologue's text, and its place at the start of a fragment entry point.
+
+use naga::Module;
+
+use super::{DepthTexture, Mode, Quad, Slot};
+use crate::depth_only::DepthFunction;
+use crate::head::{self, Head};
+use crate::state::{DepthDirection, DepthFormat};
+
+/// Name of the depth texture in the emitted module.
+pub const TEXTURE: &str = "prepass_depth";
+
+/// What the prologue must know.
+#[derive(Clone, Copy, Debug)]
+pub struct Prologue {
+    /// Type of the texture.
+    pub texture: DepthTexture,
+    /// Samples a pixel of it.
+    pub samples: u32,
+    /// Its format.
+    pub format: DepthFormat,
+    /// Which way depth grows.
+    pub direction: DepthDirection,
+    /// Which lanes leave.
+    pub quad: Quad,
+    /// Drop hidden fragments, or visible ones.
+    pub mode: Mode,
+    /// A fixed tolerance.
+    pub tolerance: Option<f32>,
+    /// Where the texture is bound.
+    pub slot: Slot,
+}
+
+impl Prologue {
+    /// The prologue as WGSL: a texture and a function `hidden_by_prepass(position, depth) -> bool`.
+    pub fn wgsl(&self) -> String {
+        let Slot { group, binding } = self.slot;
+        let multisampled = self.samples > 1;
+        let ty = match (self.texture, multisampled) {
+            (DepthTexture::Depth, false) => "texture_depth_2d",
+            (DepthTexture::Depth, true) => "texture_depth_multisampled_2d",
+            (DepthTexture::Float, false) => "texture_2d<f32>",
+            (DepthTexture::Float, true) => "texture_multisampled_2d<f32>",
+        };
+        let texel = match self.texture {
+            DepthTexture::Depth => "",
+            DepthTexture::Float => ".x",
+        };
+        // Behind every sample: compare with the farthest of them.
+        let farther = match self.direction {
+            DepthDirection::Forward => "max",
+            DepthDirection::Reversed => "min",
+        };
+        let nearest = (0..self.samples.max(1))
+            .map(|s| format!("textureLoad({TEXTURE}, pixel, {s}){texel}"))
+            .reduce(|a, b| format!("{farther}({a}, {b})"))
+            .unwrap_or_default();
+        let behind = match self.direction {
+            DepthDirection::Forward => "depth > nearest + tolerance",
+            DepthDirection::Reversed => "depth < nearest - tolerance",
+        };
+        let answer = match (self.mode, self.quad) {
+            (Mode::Invert, _) => "return !behind;".to_owned(),
+            (Mode::Cull, Quad::Lane) => "return behind;".to_owned(),
+            // A fine derivative is the difference of two neighbouring lanes, so a lane's partner is it plus or minus that.
+            (Mode::Cull, Quad::Vote) => "let lane = select(0.0, 1.0, behind);
+    let row = 2.0 * lane + select(1.0, -1.0, (pixel.x & 1) == 1) * dpdxFine(lane);
+    let votes = 2.0 * row + select(1.0, -1.0, (pixel.y & 1) == 1) * dpdyFine(row);
+    return votes > 3.5;"
+                .to_owned(),
+        };
+        format!(
+            "@group({group}) @binding({binding}) var {TEXTURE}: {ty};
+fn hidden_by_prepass(position: vec4<f32>, depth: f32) -> bool {{
+    let pixel = vec2<i32>(position.xy);
+    let nearest = {nearest};
+    {tolerance}
+    let behind = {behind};
+    {answer}
+}}
+",
+            tolerance = self.tolerance_wgsl(),
+        )
+    }
+
+    /// How far behind is surely behind: what the format rounds away, what two pipelines may make of one position (a few steps of the mantissa, and 1/64 of a
+    /// pixel along the slope: four of the rasteriser's 1/256 subpixel steps), and under MSAA the half pixel between centre and sample.
+    fn tolerance_wgsl(&self) -> String {
+        if let Some(fixed) = self.tolerance {
+            return format!("let tolerance = f32({fixed:?});");
+        }
+        let pixels = if self.samples > 1 { 0.5 + 1.0 / 64.0 } else { 1.0 / 64.0 };
+        let mut rounding = "max(abs(depth), abs(nearest)) * 9.5367431640625e-7".to_owned();
+        if !matches!(self.format, DepthFormat::Depth32float | DepthFormat::Depth32floatStencil8) {
+            rounding.push_str(&format!(" + {:?}", 2.0 * self.format.step()));
+        }
+        format!("let slope = abs(dpdxFine(depth)) + abs(dpdyFine(depth));\n    let tolerance = {rounding} + slope * {pixels:?};")
+    }
+}
+
+impl Prologue {
+    /// Adds the prologue to `module` and calls it first thing in the fragment entry point `entry`. `depth` computes the depth that the
+    /// material writes; without one it is the rasteriser's.
+    ///
+    /// # Errors
+    /// When our own text does not parse.
+    pub fn inject(&self, module: &mut Module, entry: usize, depth: Option<DepthFunction>) -> Result<(), InjectError> {
+        let snippet = naga::front::wgsl::parse_str(&self.wgsl()).map_err(|e| InjectError(e.message().to_owned()))?;
+        let functions = crate::link::append(module, &snippet);
+        let Some(hidden) = functions.last().copied() else {
+            return Err(InjectError("the prologue has no function".to_owned()));
+        };
+        let position = head::fragment_position(module, entry);
+        let function = &mut module.entry_points[entry].function;
+        let mut head = Head::new(function);
+        let position = head.input(position);
+        let depth = match depth {
+            Some(d) => {
+                let arguments = d.arguments.iter().map(|a| head.argument(a)).collect();
+                head.call(d.function, arguments)
+            }
+            None => head.access(position, 2),
+        };
+        let is_hidden = head.call(hidden, vec![position, depth]);
+        head.name(is_hidden, "hidden");
+        head.discard_if(is_hidden);
+        head.finish();
+        Ok(())
+    }
+}
+
+/// A snippet of ours that does not parse: a bug.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct InjectError(String);
