@@ -14,6 +14,8 @@
 
 pub mod contract;
 pub mod frame;
+pub mod head;
+pub mod link;
 pub mod pass;
 pub mod plan;
 pub mod program;

@@ -10,6 +10,9 @@ use crate::state::{DepthDirection, DepthFormat};
 /// Name of the depth texture in the emitted module.
 pub const TEXTURE: &str = "prepass_depth";
 
+/// An offset past every file of a source map: our own text has no place in the author's.
+const NOWHERE: u32 = u32::MAX / 2;
+
 /// What the prologue must know.
 #[derive(Clone, Copy, Debug)]
 pub struct Prologue {
@@ -99,20 +102,20 @@ fn hidden_by_prepass(position: vec4<f32>, depth: f32) -> bool {{
 }
 
 impl Prologue {
-    /// Adds the prologue to `module` and calls it first thing in the fragment entry point `entry`. `depth` computes the depth that the
-    /// material writes; without one it is the rasteriser's.
+    /// `module` with the prologue called first thing in the fragment entry point `entry`. `depth` computes the depth that the material writes;
+    /// without one it is the rasteriser's.
     ///
     /// # Errors
-    /// When our own text does not parse.
-    pub fn inject(&self, module: &mut Module, entry: usize, depth: Option<DepthFunction>) -> Result<(), InjectError> {
+    /// When our own text does not parse or link.
+    pub fn inject(&self, module: Module, entry: usize, depth: Option<&DepthFunction>) -> Result<Module, InjectError> {
         let snippet = naga::front::wgsl::parse_str(&self.wgsl()).map_err(|e| InjectError(e.message().to_owned()))?;
-        let functions = crate::link::append(module, &snippet);
-        let Some(hidden) = functions.last().copied() else {
-            return Err(InjectError("the prologue has no function".to_owned()));
+        let linked = crate::link::link(module, &snippet, NOWHERE, "preshade").map_err(|e| InjectError(e.to_string()))?;
+        let [hidden] = linked.functions[..] else {
+            return Err(InjectError("the prologue is not one function".to_owned()));
         };
-        let position = head::fragment_position(module, entry);
-        let function = &mut module.entry_points[entry].function;
-        let mut head = Head::new(function);
+        let mut module = linked.module;
+        let position = head::fragment_position(&mut module, entry);
+        let mut head = Head::new(&mut module.entry_points[entry].function);
         let position = head.input(position);
         let depth = match depth {
             Some(d) => {
@@ -125,7 +128,7 @@ impl Prologue {
         head.name(is_hidden, "hidden");
         head.discard_if(is_hidden);
         head.finish();
-        Ok(())
+        Ok(module)
     }
 }
 
