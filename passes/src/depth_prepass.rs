@@ -19,15 +19,14 @@
 //!
 //! It hurts where little is hidden: every vertex is transformed twice, and the articles lost 3 to 5 % on an open view.
 
-use naga::{Binding, BuiltIn};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::{Assumption, Contract};
 use crate::depth_only::{self, DepthOnly, VertexStage};
 use crate::opaque::{self, Opaque};
-use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteKey, Sites};
-use crate::plan::{Draws, GpuPass, Phase, Plan, Role, SelfTest, Step};
+use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
+use crate::plan::{Phase, Plan, Role, SelfTest, Step};
 use crate::place::{self, PositionInvariance};
 use crate::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
 
@@ -107,16 +106,14 @@ impl Pass for DepthPrepass {
             Ok(o) => o,
             Err(refusals) => return opaque::refused(refusals),
         };
-        match depth_only::slice(&opaque, params.vertex()) {
-            Ok(slice) => Sites { sites: vec![slice.site(&opaque, what(params, &opaque))], refusals: Vec::new() },
-            Err(r) => opaque::refused(vec![*r]),
-        }
+        let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
+        Sites { sites: vec![site], refusals: Vec::new() }
     }
 
     fn apply(plan: &Plan, facts: &Facts, site: &SiteKey, params: &Params) -> Result<Plan, Box<Refusal>> {
         let opaque = check(plan, facts, params).map_err(depth_only::first)?;
-        let slice = depth_only::slice(&opaque, params.vertex())?;
-        slice.expect(site, Self::INFO.name)?;
+        let slice = depth_only::slice(&opaque, params.vertex());
+        slice.expect(&opaque, site, Self::INFO.name)?;
         match params.form {
             Form::Biased => biased(plan, &opaque, &slice, params),
             Form::Equal => equal(plan, &opaque, &slice, params, facts),
@@ -179,82 +176,77 @@ fn what(params: &Params, opaque: &Opaque) -> String {
 }
 
 fn biased(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -> Result<Plan, Box<Refusal>> {
-    let name = DepthPrepass::INFO.name;
     let format = plan.attachment(&opaque.depth.attachment).map_or_else(DepthFormat::default, |a| a.format);
     let bias = params.bias(opaque.depth.bias, format, opaque.direction);
-    let constant = params.bias_constant.unwrap_or_else(|| default_bias(format));
     // The rasteriser's bias does not reach a depth that the shader writes.
-    let shader_bias = constant as f32 * format.step().max(f32::EPSILON / 2.0) * opaque.direction.away();
-    let placed = slice.place(opaque, PositionInvariance::AsWritten, Some(shader_bias), name)?;
+    let constant = params.bias_constant.unwrap_or_else(|| default_bias(format));
+    let shader_bias = constant as f32 * format.step() * opaque.direction.away();
+    let placed = slice.place(opaque, "depth", PositionInvariance::AsWritten, Some(shader_bias));
     let mut next = plan.clone();
-    let depth = DepthState { bias, ..opaque.depth.clone() };
-    placed.insert(&mut next, opaque, depth);
-    next.steps.push(step(slice, opaque, params, {
-        let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
-        given.extend(opaque.decides_depth().then_some(Assumption::InvariantDiscard));
-        given.sort();
-        Contract::Exact { given }
-    }));
-    finish(&mut next, "original");
-    next.self_test = Some(SelfTest {
-        procedure: "draw `first` writing depth into a cleared attachment, then `second` with depth write off and the compare given, \
-                    in an occlusion query; count the same draw against a cleared attachment"
-            .to_owned(),
-        first: 0,
-        second: 1,
-        compare: opaque.depth.compare,
-        expect: "one object that does not overlap itself: both counts are equal".to_owned(),
-    });
+    // The author's program stays as it is, to the byte: the pre-pass has one of its own, even with the same vertex stage.
+    depth_only::insert_own(&mut next, opaque, placed, Role::Prepass, Phase::Depth, DepthState { bias, ..opaque.depth.clone() }, DepthPrepass::INFO.name)?;
+    let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
+    given.extend(opaque.decides_depth().then_some(Assumption::InvariantDiscard));
+    next.steps.push(step(slice, opaque, params, given));
+    next.self_test = Some(self_test(opaque.depth.compare));
+    depth_only::finish(&mut next, "original");
     Ok(next)
 }
 
 fn equal(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params, facts: &Facts) -> Result<Plan, Box<Refusal>> {
     let name = DepthPrepass::INFO.name;
     let mut next = plan.clone();
-    let mut given = vec![Assumption::InvariantPosition, Assumption::NoDepthTies, Assumption::SameDrawOrder, Assumption::SameViewport];
-    if opaque.decides_depth() {
-        given.push(Assumption::InvariantDiscard);
-    }
-
-    // The main pass: invariant position, EQUAL, and no discard where no tie was measured.
-    let mut module = place::with_invariant_position(opaque.program.module(), opaque.vertex);
+    let placed = slice.place(opaque, "depth", PositionInvariance::Invariant, None);
+    let mut main = if slice.shares_vertex() {
+        placed.module.clone()
+    } else {
+        place::with_invariant_position(opaque.program.module(), opaque.vertex)
+    };
     let drop_discard = opaque.discards && facts.depth_ties == Some(0);
     if let (true, Some(fragment)) = (drop_discard, opaque.fragment) {
-        module = place::without_discard(&module, fragment);
+        main = place::without_discard(&main, fragment);
+        next.notes.push("no depth ties were measured: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
     }
-    let main = opaque.program.with_module(module).map_err(|e| Refusal::bug(name, e))?;
+    let main = opaque.program.with_module(main).map_err(|e| Refusal::bug(name, e))?;
+    next.programs.insert(opaque.pass.program.clone(), main);
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         if let Some(depth) = &mut pass.depth {
             depth.compare = CompareFunction::Equal;
             depth.write = false;
         }
     }
-    next.programs.insert(opaque.pass.program.clone(), main);
-
-    let placed = slice.place(opaque, PositionInvariance::Invariant, None, name)?;
-    placed.insert(&mut next, opaque, opaque.depth.clone());
-    given.sort();
-    next.steps.push(step(slice, opaque, params, Contract::Exact { given }));
-    if drop_discard {
-        next.notes.push("no depth ties were measured: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
+    if slice.shares_vertex() {
+        depth_only::insert(&mut next, opaque.pass, &placed, &opaque.pass.program, Role::Prepass, Phase::Depth, opaque.depth.clone());
+    } else {
+        depth_only::insert_own(&mut next, opaque, placed, Role::Prepass, Phase::Depth, opaque.depth.clone(), name)?;
     }
-    finish(&mut next, "depth-prepass:form=biased");
-    next.self_test = Some(SelfTest {
-        procedure: "draw `first` writing depth into a cleared attachment inside an occlusion query, then `second` in another, with the compare given"
-            .to_owned(),
-        first: 0,
-        second: 1,
-        compare: CompareFunction::Equal,
-        expect: "one object that does not overlap itself: both counts are equal".to_owned(),
-    });
+    let mut given = vec![Assumption::InvariantPosition, Assumption::SameDrawOrder, Assumption::SameViewport];
+    given.extend(opaque.decides_depth().then_some(Assumption::InvariantDiscard));
+    given.extend((opaque.depth.compare == opaque.strict() || drop_discard).then_some(Assumption::NoDepthTies));
+    next.steps.push(step(slice, opaque, params, given));
+    next.self_test = Some(self_test(CompareFunction::Equal));
+    depth_only::finish(&mut next, "depth-prepass:form=biased");
     Ok(next)
 }
 
-fn step(slice: &DepthOnly, opaque: &Opaque, params: &Params, contract: Contract) -> Step {
+fn self_test(compare: CompareFunction) -> SelfTest {
+    SelfTest {
+        procedure: "draw one convex object twice in occlusion queries: `first` into a cleared depth attachment with its own state, then `second` with \
+                    depth write off and the compare given"
+            .to_owned(),
+        first: Role::Prepass,
+        second: Role::Main,
+        compare,
+        expect: "both queries count the same samples".to_owned(),
+    }
+}
+
+fn step(slice: &DepthOnly, opaque: &Opaque, params: &Params, mut given: Vec<Assumption>) -> Step {
+    given.sort();
     Step {
         pass: DepthPrepass::INFO.name.to_owned(),
         site: slice.key(opaque),
         params: serde_json::to_value(params).unwrap_or_default(),
-        contract,
+        contract: Contract::Exact { given },
     }
 }

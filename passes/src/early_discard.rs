@@ -18,7 +18,7 @@
 //!
 //! It hurts where little is hidden, and on hardware whose early test already rejects: a texture read and a vote for each fragment, for nothing.
 
-use naga::{Binding, BuiltIn, Expression, Function, FunctionArgument, Handle, Module, ShaderStage, Span, Statement, Type, TypeInner};
+use naga::Module;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,10 +26,12 @@ use crate::contract::{Assumption, Contract};
 use crate::depth_only::{self, DepthOnly, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
-use crate::place::PositionInvariance;
-use crate::plan::{Attachment, BindingKind, BindingSource, BindingUse, Plan, Role, Step, Visibility};
-use crate::program::Program;
-use crate::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
+use crate::place::{self, PositionInvariance};
+use crate::plan::{Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility};
+use crate::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
+
+mod prologue;
+use prologue::Prologue;
 
 /// Name of the depth attachment the prologue reads when the main pass has one of its own.
 pub const PREPASS_DEPTH: &str = "prepass-depth";
@@ -127,15 +129,13 @@ impl Pass for EarlyDiscard {
             Ok(o) => o,
             Err(refusals) => return opaque::refused(refusals),
         };
-        match depth_only::slice(&opaque, params.vertex()) {
-            Ok(slice) => Sites { sites: vec![slice.site(&opaque, what(params, &opaque))], refusals: Vec::new() },
-            Err(r) => opaque::refused(vec![*r]),
-        }
+        let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
+        Sites { sites: vec![site], refusals: Vec::new() }
     }
 
     fn apply(plan: &Plan, _facts: &Facts, site: &SiteKey, params: &Params) -> Result<Plan, Box<Refusal>> {
         let opaque = check(plan, params).map_err(depth_only::first)?;
-        let slice = depth_only::slice(&opaque, params.vertex())?;
+        let slice = depth_only::slice(&opaque, params.vertex());
         slice.expect(&opaque, site, Self::INFO.name)?;
         transform(plan, &opaque, &slice, params)
     }
@@ -215,18 +215,32 @@ fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -
     };
 
     // The main program: the prologue, and an invariant position where the hardware test compares as well.
-    let mut module = opaque.program.module().clone();
-    let depth = match opaque.writes_depth {
-        true => Some(slice.add_depth_function(&mut module, opaque, name)?),
-        false => None,
+    let placed = slice.place(opaque, "depth", invariance, None);
+    let mut main = match params.attachment {
+        MainAttachment::Readonly if slice.shares_vertex() => placed.module.clone(),
+        MainAttachment::Readonly => place::with_invariant_position(opaque.program.module(), opaque.vertex),
+        MainAttachment::Own => opaque.program.module().clone(),
     };
-    let prologue = prologue::Prologue { texture: params.texture, samples, format, direction: opaque.direction, quad: params.quad, mode: params.mode, tolerance: params.tolerance, slot };
-    prologue.inject(&mut module, fragment, depth).map_err(|e| Refusal::bug(name, e))?;
-    if invariance == PositionInvariance::Invariant {
-        module = crate::place::with_invariant_position(&module, opaque.vertex);
+    let mut own_depth = None;
+    if opaque.writes_depth
+        && let Some((module, function)) = slice.depth_function(opaque, &main)
+    {
+        main = module;
+        own_depth = Some(function);
     }
-    let program = opaque.program.with_module(module).map_err(|e| Refusal::bug(name, e))?;
-    next.programs.insert(opaque.pass.program.clone(), program);
+    let prologue = Prologue {
+        texture: params.texture,
+        samples,
+        format,
+        direction: opaque.direction,
+        quad: params.quad,
+        mode: params.mode,
+        tolerance: params.tolerance,
+        slot,
+    };
+    let main = prologue.inject(main, fragment, own_depth.as_ref()).map_err(|e| Refusal::bug(name, e))?;
+    let main = opaque.program.with_module(main).map_err(|e| Refusal::bug(name, e))?;
+    next.programs.insert(opaque.pass.program.clone(), main);
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         pass.bindings.push(BindingUse {
             group: slot.group,
@@ -247,7 +261,11 @@ fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -
         }
     }
     let depth_state = DepthState { attachment: produced.clone(), read_only: false, ..opaque.depth.clone() };
-    slice.insert_prepass(&mut next, opaque, invariance, None, depth_state, name)?;
+    if params.attachment == MainAttachment::Readonly && slice.shares_vertex() {
+        depth_only::insert(&mut next, opaque.pass, &placed, &opaque.pass.program, Role::Prepass, Phase::Depth, depth_state);
+    } else {
+        depth_only::insert_own(&mut next, opaque, placed, Role::Prepass, Phase::Depth, depth_state, name)?;
+    }
     match next.attachments.iter_mut().find(|a| a.name == produced) {
         Some(a) => a.sampled = true,
         None => next.attachments.push(Attachment { name: produced, format, samples, sampled: true }),

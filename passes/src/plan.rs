@@ -207,13 +207,13 @@ pub struct Step {
 pub struct SelfTest {
     /// What to do, in words.
     pub procedure: String,
-    /// Index in [`Plan::passes`] of the pass to draw first, writing depth.
-    pub first: usize,
-    /// Index of the pass to draw second, in an occlusion query, with depth write off.
-    pub second: usize,
+    /// Role of the pass to draw first, writing depth.
+    pub first: Role,
+    /// Role of the pass to draw second, in an occlusion query, with depth write off.
+    pub second: Role,
     /// Depth comparison of the second draw.
     pub compare: crate::state::CompareFunction,
-    /// Passes when the second count equals the count of the same draw against its own depth.
+    /// What passes.
     pub expect: String,
 }
 
