@@ -1,10 +1,11 @@
 //! Which entry points draw the material, and whether the two stages fit.
 
-use naga::{Binding, Interpolation, Module, Sampling, ShaderStage, TypeInner};
-use preshade_passes::reflect::{self, Io};
+use naga::{Binding, Module, ShaderStage};
+use preshade_passes::reflect;
 
 use super::Options;
 use super::error::{Code, Error};
+use super::varying::Varying;
 
 /// The entry points that draw a material.
 pub(super) struct Entries {
@@ -40,11 +41,7 @@ pub(super) fn choose(module: &Module, options: &Options) -> Result<Entries, Erro
     Ok(Entries { vertex, fragment })
 }
 
-fn one(
-    module: &Module,
-    stage: ShaderStage,
-    wanted: Option<&str>,
-) -> Result<Option<String>, Error> {
+fn one(module: &Module, stage: ShaderStage, wanted: Option<&str>) -> Result<Option<String>, Error> {
     let names: Vec<&str> = module
         .entry_points
         .iter()
@@ -69,7 +66,9 @@ fn one(
             );
             Err(match nearest(wanted, &names) {
                 Some(name) => error.note(format!("did you mean `{name}`?")),
-                None if names.is_empty() => error.note(format!("the file has no {stage} entry point")),
+                None if names.is_empty() => {
+                    error.note(format!("the file has no {stage} entry point"))
+                }
                 None => error.note(format!("there is {}", list(&names))),
             })
         }
@@ -140,7 +139,10 @@ pub(super) fn check_interface(module: &Module, entries: &Entries) -> Result<(), 
     if !position {
         return Err(Error::new(
             Code::Interface,
-            format!("the vertex entry point `{}` writes no position", vertex.name),
+            format!(
+                "the vertex entry point `{}` writes no position",
+                vertex.name
+            ),
         )
         .note("give it an output @builtin(position), or write gl_Position"));
     }
@@ -161,7 +163,10 @@ pub(super) fn check_interface(module: &Module, entries: &Entries) -> Result<(), 
             .find(|o| o.location == wanted.location);
         let what = format!(
             "fragment input {} at location {}",
-            input.name.as_deref().map_or("(unnamed)".to_owned(), |n| format!("`{n}`")),
+            input
+                .name
+                .as_deref()
+                .map_or("(unnamed)".to_owned(), |n| format!("`{n}`")),
             wanted.location
         );
         let at = module.types.get_span(input.ty);
@@ -172,7 +177,10 @@ pub(super) fn check_interface(module: &Module, entries: &Entries) -> Result<(), 
             ),
             Some(given) if given.ty != wanted.ty => Error::new(
                 Code::Interface,
-                format!("{what} is a {}, but the vertex stage writes a {}", wanted.ty, given.ty),
+                format!(
+                    "{what} is a {}, but the vertex stage writes a {}",
+                    wanted.ty, given.ty
+                ),
             ),
             Some(given) if given.interpolation != wanted.interpolation => Error::new(
                 Code::Interface,
@@ -190,55 +198,6 @@ pub(super) fn check_interface(module: &Module, entries: &Entries) -> Result<(), 
         });
     }
     Ok(())
-}
-
-/// A value that travels from vertices to fragments.
-struct Varying {
-    location: u32,
-    ty: String,
-    interpolation: String,
-}
-
-impl Varying {
-    fn of(module: &Module, io: &Io) -> Option<Self> {
-        let Some(Binding::Location {
-            location,
-            interpolation,
-            sampling,
-            ..
-        }) = io.binding
-        else {
-            return None;
-        };
-        let integer = matches!(
-            module.types[io.ty].inner,
-            TypeInner::Scalar(s) | TypeInner::Vector { scalar: s, .. }
-                if s.kind != naga::ScalarKind::Float
-        );
-        let interpolation = interpolation.unwrap_or(if integer {
-            Interpolation::Flat
-        } else {
-            Interpolation::Perspective
-        });
-        let (how, fallback) = match interpolation {
-            Interpolation::Perspective => ("perspective", Sampling::Center),
-            Interpolation::Linear => ("linear", Sampling::Center),
-            Interpolation::Flat => ("flat", Sampling::First),
-            Interpolation::PerVertex => ("per-vertex", Sampling::Center),
-        };
-        let sampling = match sampling.unwrap_or(fallback) {
-            Sampling::Center => "at the centre",
-            Sampling::Centroid => "at the centroid",
-            Sampling::Sample => "at the sample",
-            Sampling::First => "from the first vertex",
-            Sampling::Either => "from either vertex",
-        };
-        Some(Self {
-            location,
-            ty: reflect::wgsl_type(module, io.ty),
-            interpolation: format!("{how} {sampling}"),
-        })
-    }
 }
 
 #[cfg(test)]

@@ -174,10 +174,9 @@ impl Error {
         }
         let mut frames: Vec<Frame<usize>> = Vec::new();
         for label in &self.0.labels {
-            let (Some(file), Some(range)) = (
-                self.0.sources.file_of(label.span),
-                label.span.to_range(),
-            ) else {
+            let (Some(file), Some(range)) =
+                (self.0.sources.file_of(label.span), label.span.to_range())
+            else {
                 continue;
             };
             let id = bases.iter().position(|b| *b == file.base).unwrap_or(0);

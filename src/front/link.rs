@@ -115,15 +115,24 @@ impl Linker<'_> {
                 .predeclared_types
                 .insert(key.clone(), ty);
         }
-        let map = |slot: &mut Option<Handle<Type>>, ty: Option<Handle<Type>>, types: &HashMap<_, _>| {
-            if let Some(ty) = ty {
-                *slot = types.get(&ty).copied();
-            }
-        };
+        let map =
+            |slot: &mut Option<Handle<Type>>, ty: Option<Handle<Type>>, types: &HashMap<_, _>| {
+                if let Some(ty) = ty {
+                    *slot = types.get(&ty).copied();
+                }
+            };
         let ours = &mut self.module.special_types;
         map(&mut ours.ray_desc, theirs.ray_desc, &self.types);
-        map(&mut ours.ray_intersection, theirs.ray_intersection, &self.types);
-        map(&mut ours.ray_vertex_return, theirs.ray_vertex_return, &self.types);
+        map(
+            &mut ours.ray_intersection,
+            theirs.ray_intersection,
+            &self.types,
+        );
+        map(
+            &mut ours.ray_vertex_return,
+            theirs.ray_vertex_return,
+            &self.types,
+        );
         map(
             &mut ours.external_texture_params,
             theirs.external_texture_params,
@@ -533,8 +542,14 @@ fn matches_layout(
 ) -> bool {
     let same = match (&first.types[a].inner, &second.types[b].inner) {
         (
-            TypeInner::Struct { members: m, span: s },
-            TypeInner::Struct { members: n, span: t },
+            TypeInner::Struct {
+                members: m,
+                span: s,
+            },
+            TypeInner::Struct {
+                members: n,
+                span: t,
+            },
         ) => {
             s == t
                 && m.len() == n.len()
@@ -545,12 +560,28 @@ fn matches_layout(
                 })
         }
         (
-            TypeInner::Array { base: x, size: ArraySize::Constant(s), stride: p },
-            TypeInner::Array { base: y, size: ArraySize::Constant(t), stride: q },
+            TypeInner::Array {
+                base: x,
+                size: ArraySize::Constant(s),
+                stride: p,
+            },
+            TypeInner::Array {
+                base: y,
+                size: ArraySize::Constant(t),
+                stride: q,
+            },
         ) => s == t && p == q && matches_layout(first, *x, second, *y, pairs),
         (
-            TypeInner::Array { base: x, size: ArraySize::Dynamic, stride: p },
-            TypeInner::Array { base: y, size: ArraySize::Dynamic, stride: q },
+            TypeInner::Array {
+                base: x,
+                size: ArraySize::Dynamic,
+                stride: p,
+            },
+            TypeInner::Array {
+                base: y,
+                size: ArraySize::Dynamic,
+                stride: q,
+            },
         ) => p == q && matches_layout(first, *x, second, *y, pairs),
         (
             TypeInner::Pointer { .. } | TypeInner::Array { .. } | TypeInner::BindingArray { .. },

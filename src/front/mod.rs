@@ -13,6 +13,7 @@ mod glsl;
 pub(crate) mod guard;
 mod link;
 mod nesting;
+pub(crate) mod varying;
 mod wgsl;
 
 use std::path::Path;
@@ -119,10 +120,7 @@ pub struct Parsed {
 /// Whatever is wrong with the text, as a frame on it; see [`Code`] for the kinds. naga's own panics come back as [`Code::Panic`].
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
     let mut map = SourceMap::new();
-    let bases: Vec<u32> = sources
-        .iter()
-        .map(|s| map.add(&s.name, &s.text))
-        .collect();
+    let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
     let map = Arc::new(map);
     parse_mapped(sources, &bases, &map, options).map_err(|e| e.with_sources(&map))
 }
@@ -225,10 +223,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
     if !cfg!(feature = "glsl") {
         return Err(Error::new(
             Code::Unsupported,
-            format!(
-                "{} is GLSL, which this build cannot read",
-                sources[0].name
-            ),
+            format!("{} is GLSL, which this build cannot read", sources[0].name),
         )
         .note("build preshade with the feature `glsl`"));
     }
@@ -239,7 +234,10 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
             Some(other) => {
                 return Err(Error::new(
                     Code::UnknownStage,
-                    format!("{} is a {other:?} shader; a material has a vertex and a fragment stage", source.name),
+                    format!(
+                        "{} is a {other:?} shader; a material has a vertex and a fragment stage",
+                        source.name
+                    ),
                 ));
             }
             None => {

@@ -29,7 +29,9 @@ pub(super) fn check(text: &str, base: u32) -> Result<(), Error> {
     while at < bytes.len() {
         let start = at;
         at += 1;
-        let Some((count, elses)) = open.last_mut() else { break };
+        let Some((count, elses)) = open.last_mut() else {
+            break;
+        };
         match bytes[start] {
             b'/' if bytes.get(at) == Some(&b'/') => at = end_of_line(bytes, at),
             b'/' if bytes.get(at) == Some(&b'*') => at = end_of_comment(bytes, at + 1),
@@ -53,7 +55,9 @@ pub(super) fn check(text: &str, base: u32) -> Result<(), Error> {
                     open.pop();
                 }
                 if bytes[start] == b'}' {
-                    open.last_mut().into_iter().for_each(|(count, _)| *count = 0);
+                    open.last_mut()
+                        .into_iter()
+                        .for_each(|(count, _)| *count = 0);
                 }
             }
             b',' | b';' => *count = 0,
