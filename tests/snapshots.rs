@@ -68,7 +68,7 @@ fn describe(plan: &Plan, recipe: &str) -> String {
         .unwrap();
     }
     writeln!(out, "contract {:?}", plan.contract).unwrap();
-    for file in emit::emit(&plan, &[Target::Wgsl]).unwrap() {
+    for file in emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap() {
         if file.name.ends_with(".wgsl") {
             writeln!(out, "\n==== {}\n{}", file.name, String::from_utf8(file.bytes).unwrap()).unwrap();
         }

@@ -61,12 +61,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
     }
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
-    let files = emit::emit(&plan, &targets).map_err(|e| Failure(e.to_string()))?;
+    let files = emit::emit(&plan, &targets, &emit::Options::default())?;
     match &args.output {
         Some(dir) => {
-            emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
-            for file in &files {
-                eprintln!("wrote {}", dir.join(&file.name).display());
+            for path in emit::write(dir, &files).map_err(|e| Failure(format!("error: {}: {e}", dir.display())))? {
+                eprintln!("wrote {}", path.display());
             }
         }
         None => {

@@ -4,7 +4,7 @@ use naga::ShaderStage;
 use naga::front::glsl::{Frontend, Options};
 
 use super::error::{Code, Error};
-use super::wgsl::offset;
+use preshade_passes::link::offset;
 
 /// Parses `text` as GLSL 440 to 460 (all that naga reads). Error labels are offset by `base`; the module's own spans are not. The entry point
 /// is named `vertex_main` or `fragment_main`: a module has one name space, and both stages arrive as `main`.
