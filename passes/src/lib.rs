@@ -14,8 +14,11 @@
 
 pub mod contract;
 pub mod frame;
+pub mod graph;
 pub mod pass;
+pub mod place;
 pub mod plan;
 pub mod program;
 pub mod reflect;
+pub mod slice;
 pub mod state;
