@@ -9,11 +9,11 @@ use naga::{
 };
 
 use crate::graph::Graph;
-use crate::head;
-use crate::place::{self, PositionInvariance};
+use crate::place::{self, Placement, PositionInvariance};
 use crate::plan::{GpuPass, Plan};
 use crate::program::{Invalid, Program};
 use crate::reflect;
+use crate::returns;
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// Name of the counting entry point.
@@ -41,7 +41,7 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         Some(entry) => {
             let graph = Graph::build(program);
             let slice = slice::backward(&graph, entry, &[Criterion::Discard, Criterion::Output(OutputFilter::FragDepth)]);
-            module = place::entry_point(&graph, &slice, &module, ENTRY, "count", PositionInvariance::AsWritten);
+            module = place::entry_point(&graph, &slice, &Placement { name: ENTRY, suffix: "count", position: PositionInvariance::AsWritten });
         }
         None => module.entry_points.push(EntryPoint {
             name: ENTRY.to_owned(),
@@ -84,7 +84,7 @@ fn add_color(module: &mut Module) {
         Some(ty) => FunctionResult { ty, binding: None },
         None => FunctionResult { ty: vec4, binding: Some(color) },
     });
-    head::rewrite_returns(&mut entry.function, &mut |emitter, depth| {
+    returns::rewrite(&mut entry.function, &mut |emitter, depth| {
         let one = emitter.constant(Expression::Literal(Literal::F32(1.0)));
         let color = emitter.emit(Expression::Splat { size: VectorSize::Quad, value: one });
         Some(match (with_depth, depth) {

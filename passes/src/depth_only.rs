@@ -1,18 +1,18 @@
 //! The depth-only version of a material: the slice of its vertex stage that decides position, and the slice of its fragment stage that decides
 //! discard and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
 
-use naga::{Binding, BinaryOperator, Expression, Function, Handle, Literal, Module, ShaderStage, Span};
+use naga::{BinaryOperator, Binding, Expression, Function, Handle, Literal, Module, ShaderStage, Span, Type};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
 use crate::graph::Graph;
-use crate::head::{self, Argument, Input};
 use crate::opaque::Opaque;
 use crate::pass::{Refusal, Site, SiteCost, SiteKey};
-use crate::place::{self, PositionInvariance};
+use crate::place::{self, Placement, PositionInvariance};
 use crate::plan::{Draws, GpuPass, Phase, Plan, Role};
 use crate::reflect;
+use crate::returns;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 use crate::state::DepthState;
 
@@ -69,11 +69,7 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
             Some(slice::backward(&graph, opaque.vertex, &criteria))
         }
     };
-    let whole_vertex = graph.entry_cost(opaque.vertex);
-    let cost = SiteCost {
-        slice: vertex.as_ref().map_or(whole_vertex, |s| s.cost) + fragment.as_ref().map_or(0.0, |s| s.cost),
-        whole: whole_vertex + opaque.fragment.map_or(0.0, |f| graph.entry_cost(f)),
-    };
+    let cost = SiteCost::default();
     let span = [&fragment, &vertex].into_iter().flatten().find_map(|s| s.spans.first().copied());
     DepthOnly { vertex, fragment, cost, span }
 }
@@ -123,7 +119,7 @@ impl DepthOnly {
         let mut module = program.module().clone();
         let fragment = self.fragment.as_ref().map(|slice| {
             let name = format!("{}_{suffix}", program.module().entry_points[slice.entry].name);
-            module = place::entry_point(&graph, slice, &std::mem::take(&mut module), &name, suffix, PositionInvariance::AsWritten);
+            module = place::add_entry_point(std::mem::take(&mut module), &graph, slice, &Placement { name: &name, suffix, position: PositionInvariance::AsWritten });
             if let (Some(bias), true, Some(entry)) = (shader_bias, opaque.writes_depth, module.entry_points.last_mut()) {
                 bias_depth(&mut entry.function, bias);
             }
@@ -136,7 +132,7 @@ impl DepthOnly {
             return Placed { module, vertex: opaque.pass.vertex.clone(), fragment };
         };
         let vertex = format!("{}_{suffix}", opaque.pass.vertex);
-        module = place::entry_point(&graph, slice, &module, &vertex, suffix, invariance);
+        module = place::add_entry_point(module, &graph, slice, &Placement { name: &vertex, suffix, position: invariance });
         Placed { module, vertex, fragment }
     }
 
@@ -146,35 +142,27 @@ impl DepthOnly {
     }
 
     /// Adds to `module` a plain function that computes the depth the material writes, from the fragment stage's inputs.
-    pub fn depth_function(&self, opaque: &Opaque, module: &Module) -> Option<(Module, DepthFunction)> {
-        let slice = self.fragment.as_ref()?;
+    pub fn depth_function(&self, opaque: &Opaque, module: Module) -> Option<(Module, DepthFunction)> {
         let graph = Graph::build(opaque.program);
         // Only the depth: discarding is still to come, in the author's own code.
-        let slice = slice::backward(&graph, slice.entry, &[Criterion::Output(OutputFilter::FragDepth)]);
-        let mut module = place::entry_point(&graph, &slice, module, "prepass_own_depth", "own_depth", PositionInvariance::AsWritten);
-        let entry = module.entry_points.pop()?;
-        let original = head::inputs(&module, &module.entry_points[slice.entry].function);
-        let find = |binding: &Binding| original.iter().find(|(_, b)| head::same_input(b, binding)).map(|(i, _)| *i);
-        let mut function = entry.function;
+        let slice = slice::backward(&graph, self.fragment.as_ref()?.entry, &[Criterion::Output(OutputFilter::FragDepth)]);
+        let placement = Placement { name: "prepass_own_depth", suffix: "own_depth", position: PositionInvariance::AsWritten };
+        let mut module = place::add_entry_point(module, &graph, &slice, &placement);
+        let mut function = module.entry_points.pop()?.function;
         let mut arguments = Vec::new();
         for argument in &mut function.arguments {
             arguments.push(match argument.binding.take() {
-                Some(binding) => Argument::Input(find(&binding)?),
-                None => Argument::Struct { ty: argument.ty, members: struct_inputs(&module, argument.ty, &find)? },
+                Some(binding) => Argument::Input(argument.ty, binding),
+                None => Argument::Struct(argument.ty, reflect::members(&module, argument.ty)?),
             });
         }
         if let Some(result) = &mut function.result {
             result.binding = None;
         }
-        function.name = Some(entry.name);
+        function.name = Some(placement.name.to_owned());
         let function = module.functions.append(function, Span::UNDEFINED);
         Some((module, DepthFunction { function, arguments }))
     }
-}
-
-fn struct_inputs(module: &Module, ty: Handle<naga::Type>, find: &dyn Fn(&Binding) -> Option<Input>) -> Option<Vec<Input>> {
-    let naga::TypeInner::Struct { members, .. } = &module.types[ty].inner else { return None };
-    members.iter().map(|m| find(m.binding.as_ref()?)).collect()
 }
 
 /// A function that computes the depth a material writes, and what to pass to it.
@@ -186,9 +174,18 @@ pub struct DepthFunction {
     pub arguments: Vec<Argument>,
 }
 
+/// An argument made of the entry point's inputs.
+#[derive(Clone, Debug)]
+pub enum Argument {
+    /// One input.
+    Input(Handle<Type>, Binding),
+    /// A struct of inputs, a member each.
+    Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
+}
+
 /// Adds `bias` to every depth that a fragment function returns.
 fn bias_depth(function: &mut Function, bias: f32) {
-    head::rewrite_returns(function, &mut |emitter, value| {
+    returns::rewrite(function, &mut |emitter, value| {
         let value = value?;
         let bias = emitter.constant(Expression::Literal(Literal::F32(bias)));
         Some(emitter.emit(Expression::Binary { op: BinaryOperator::Add, left: value, right: bias }))

@@ -18,14 +18,17 @@ pub mod depth_only;
 pub mod depth_prepass;
 pub mod early_discard;
 pub mod frame;
-pub mod head;
+pub mod graph;
 pub mod link;
 pub mod opaque;
 pub mod pass;
+pub mod place;
 pub mod plan;
 pub mod program;
 pub mod reflect;
+pub mod returns;
 pub mod shadow;
+pub mod slice;
 pub mod state;
 
 pub use naga;

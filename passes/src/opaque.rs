@@ -4,7 +4,7 @@
 //! stores that run twice, a forced early test on an alpha-tested draw.
 
 use naga::valid::GlobalUse;
-use naga::{AddressSpace, Binding, BuiltIn, EarlyDepthTest, ShaderStage};
+use naga::{AddressSpace, Binding, BuiltIn, EarlyDepthTest, Expression, SampleLevel, ShaderStage};
 
 use crate::pass::{Facts, Refusal, Sites};
 use crate::plan::{GpuPass, Phase, Plan, Role};
@@ -108,7 +108,7 @@ impl<'a> Opaque<'a> {
         }
         let vertex = program.entry_point(ShaderStage::Vertex, &pass.vertex);
         let fragment = pass.fragment.as_deref().and_then(|f| program.entry_point(ShaderStage::Fragment, f));
-        if let Some((index, entry)) = vertex
+        if let Some((index, _)) = vertex
             && let Some(span) = stored_global(program, index)
         {
             refusals.push(
@@ -203,4 +203,32 @@ pub fn refuse_ties(name: &'static str, facts: &Facts) -> Option<Refusal> {
 /// Sites of a transform that does not apply.
 pub fn refused(refusals: Vec<Refusal>) -> Sites {
     Sites { sites: Vec::new(), refusals }
+}
+
+/// Where an entry point, or a function it calls, first takes a derivative: by name, or by an implicit level of detail.
+pub fn derivative(program: &Program, entry: usize) -> Option<naga::Span> {
+    let module = program.module();
+    let takes = |f: &naga::Function| {
+        let found = f.expressions.iter().find(|(_, e)| match e {
+            Expression::Derivative { .. } => true,
+            Expression::ImageSample { level, .. } => matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)),
+            _ => false,
+        });
+        found.map(|(handle, _)| f.expressions.get_span(handle))
+    };
+    takes(&module.entry_points[entry].function).or_else(|| {
+        module
+            .functions
+            .iter()
+            .filter(|(handle, _)| calls(module, &module.entry_points[entry].function, *handle))
+            .find_map(|(_, f)| takes(f))
+    })
+}
+
+/// Whether a function calls another, directly or further down.
+fn calls(module: &naga::Module, from: &naga::Function, to: naga::Handle<naga::Function>) -> bool {
+    from.expressions.iter().any(|(_, e)| match e {
+        Expression::CallResult(f) => *f == to || calls(module, &module.functions[*f], to),
+        _ => false,
+    })
 }

@@ -1,10 +1,10 @@
 //! The prologue's text, and its place at the start of a fragment entry point.
 
-use naga::Module;
+use naga::{Binding, BuiltIn, Expression, Handle, Module, Scalar, Statement, TypeInner, VectorSize};
 
 use super::{DepthTexture, Mode, Quad, Slot};
-use crate::depth_only::DepthFunction;
-use crate::head::{self, Head};
+use crate::depth_only::{Argument, DepthFunction};
+use crate::place::{self, Builder};
 use crate::state::{DepthDirection, DepthFormat};
 
 /// Name of the depth texture in the emitted module.
@@ -113,22 +113,31 @@ impl Prologue {
         let [hidden] = linked.functions[..] else {
             return Err(InjectError("the prologue is not one function".to_owned()));
         };
-        let mut module = linked.module;
-        let position = head::fragment_position(&mut module, entry);
-        let mut head = Head::new(&mut module.entry_points[entry].function);
-        let position = head.input(position);
-        let depth = match depth {
-            Some(d) => {
-                let arguments = d.arguments.iter().map(|a| head.argument(a)).collect();
-                head.call(d.function, arguments)
+        Ok(place::prologue(&linked.module, entry, |build| {
+            let vec4 = build.ty(TypeInner::Vector { size: VectorSize::Quad, scalar: Scalar::F32 });
+            let position = build.input("position", vec4, &Binding::BuiltIn(BuiltIn::Position { invariant: false }));
+            let depth = match depth {
+                Some(d) => {
+                    let arguments = d.arguments.iter().map(|a| argument(build, a)).collect();
+                    build.call(d.function, arguments)
+                }
+                None => Some(build.expression(Expression::AccessIndex { base: position, index: 2 })),
+            };
+            let is_hidden = depth.and_then(|depth| build.call(hidden, vec![position, depth]));
+            if let Some(is_hidden) = is_hidden {
+                build.if_then(is_hidden, |build| build.statement(Statement::Kill));
             }
-            None => head.access(position, 2),
-        };
-        let is_hidden = head.call(hidden, vec![position, depth]);
-        head.name(is_hidden, "hidden");
-        head.discard_if(is_hidden);
-        head.finish();
-        Ok(module)
+        }))
+    }
+}
+
+fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> {
+    match argument {
+        Argument::Input(ty, binding) => build.input("input", *ty, binding),
+        Argument::Struct(ty, members) => {
+            let components = members.iter().map(|(ty, binding)| build.input("input", *ty, binding)).collect();
+            build.expression(Expression::Compose { ty: *ty, components })
+        }
     }
 }
 

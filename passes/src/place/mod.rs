@@ -1,0 +1,94 @@
+//! Slices rebuilt as code: the original statements, filtered, in their original order, in fresh arenas with their `Emit`s regenerated.
+//!
+//! All functions here take a module by reference and return another. By construction an expression refers to earlier ones only, every
+//! expression that needs evaluation is in exactly one `Emit`, at the point where the original evaluated it, and a call's result is
+//! there with its call.
+
+use naga::{Module, ShaderStage, Statement};
+
+mod builder;
+mod discard;
+mod function;
+mod interface;
+mod invariant;
+
+pub use builder::{Builder, prologue};
+pub use discard::without_discard;
+pub use interface::{Placement, PositionInvariance};
+
+use crate::graph::Graph;
+use crate::slice::Slice;
+
+/// The module of `graph` with a slice of one of its entry points as a further entry point of the same stage. Functions of which the slice
+/// keeps everything are used as they are, of others it gets `{name}_{suffix}`; the entry's arguments and results are narrowed to what
+/// the slice reads and decides, structs to new types `{name}_{suffix}`.
+pub fn entry_point(graph: &Graph<'_>, slice: &Slice, placement: &Placement<'_>) -> Module {
+    add_entry_point(graph.module().clone(), graph, slice, placement)
+}
+
+/// As [`entry_point`], added to `module`: the module of `graph`, with other entry points placed in it already.
+pub fn add_entry_point(
+    module: Module,
+    graph: &Graph<'_>,
+    slice: &Slice,
+    placement: &Placement<'_>,
+) -> Module {
+    function::place(module, graph, slice, placement)
+}
+
+/// The module with the position of a vertex entry point marked `@invariant`.
+pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
+    invariant::mark(module.clone(), entry)
+}
+
+/// The module with these entry points only, and with what they use: unused functions, globals, types, constants and dead `let`s are gone.
+pub fn retain(module: &Module, entries: &[(ShaderStage, &str)]) -> Module {
+    let mut module = module.clone();
+    module
+        .entry_points
+        .retain(|e| entries.contains(&(e.stage, e.name.as_str())));
+    module.doc_comments = None;
+    let functions = module
+        .functions
+        .iter_mut()
+        .map(|(_, f)| f)
+        .chain(module.entry_points.iter_mut().map(|e| &mut e.function));
+    for function in functions {
+        drop_dead_names(function);
+    }
+    naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
+    module
+}
+
+/// Takes the names off expressions no statement depends on: compaction takes a named expression for a used one.
+fn drop_dead_names(function: &mut naga::Function) {
+    use crate::graph::operands;
+    fn mark(block: &naga::Block, used: &mut [bool]) {
+        for statement in block {
+            for e in operands::of_statement(statement)
+                .into_iter()
+                .chain(operands::result(statement))
+            {
+                used[e.index()] = true;
+            }
+            for inner in operands::blocks(statement) {
+                mark(inner, used);
+            }
+        }
+    }
+    let mut used = vec![false; function.expressions.len()];
+    mark(&function.body, &mut used);
+    for (e, expression) in function.expressions.iter().rev() {
+        if used[e.index()] {
+            for operand in operands::of_expression(expression) {
+                used[operand.index()] = true;
+            }
+        }
+    }
+    function.named_expressions.retain(|e, _| used[e.index()]);
+}
+
+/// Whether a block does nothing.
+fn is_idle(block: &naga::Block) -> bool {
+    block.iter().all(|s| matches!(s, Statement::Emit(_)))
+}
