@@ -1,1 +1,337 @@
-//! (being built)
+//! A [`Plan`] becomes files: its programs as text (or SPIR-V) for each target asked for, and `MATERIAL.plan.json` beside them.
+//!
+//! Nothing a back end writes is shipped on faith. Each program is first reduced to the entry points its passes use; what is written of it
+//! is read again and its `fingerprint` compared: entry points with their attributes, inputs and outputs, bindings, struct offsets. What
+//! naga's writers are known to lose is put back; what cannot be put back is an [`Error`], never a silent difference.
+//!
+//! | target | files |
+//! |---|---|
+//! | [`Target::Wgsl`] | `MATERIAL.ROLE.wgsl`, all entry points of a program |
+//! | [`Target::Spirv`] | `MATERIAL.ROLE.vert.spv`, `MATERIAL.ROLE.frag.spv` |
+//! | [`Target::Glsl450`] | `MATERIAL.ROLE.vert`, `MATERIAL.ROLE.frag` |
+//! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
+//!
+//! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
+//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`.
+
+mod fingerprint;
+#[cfg(feature = "glsl")]
+mod glsl;
+mod output;
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+mod overrides;
+mod plan_json;
+mod reduce;
+mod repair;
+#[cfg(feature = "spirv")]
+mod spirv;
+mod text;
+mod wgsl;
+
+use std::collections::BTreeMap;
+
+use naga::ShaderStage;
+use preshade_passes::plan::Plan;
+use preshade_passes::program::Program;
+use serde::{Deserialize, Serialize};
+
+use crate::front::guard;
+
+pub use output::write;
+pub use plan_json::{GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
+
+/// A form to write programs in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum Target {
+    /// WebGPU Shading Language.
+    #[serde(rename = "wgsl")]
+    Wgsl,
+    /// SPIR-V 1.3, Vulkan semantics.
+    #[serde(rename = "spirv")]
+    Spirv,
+    /// GLSL 4.50 for OpenGL: combined samplers, uniform blocks with explicit bindings.
+    #[serde(rename = "glsl")]
+    Glsl450,
+    /// GLSL ES 3.00 for WebGL 2: combined samplers, bindings by name.
+    #[serde(rename = "glsl-es")]
+    GlslEs300,
+}
+
+impl Target {
+    /// Every target, in the order of the command line's help.
+    pub const ALL: [Self; 4] = [Self::Wgsl, Self::Spirv, Self::Glsl450, Self::GlslEs300];
+
+    /// Its name on the command line and in `plan.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Wgsl => "wgsl",
+            Self::Spirv => "spirv",
+            Self::Glsl450 => "glsl",
+            Self::GlslEs300 => "glsl-es",
+        }
+    }
+
+    /// The target of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|t| t.name() == name)
+    }
+}
+
+impl std::fmt::Display for Target {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Which clip space GLSL text writes its positions in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ClipSpace {
+    /// The author's own: `gl_Position` is what the source computes, and the host's matrices decide.
+    #[default]
+    AsWritten,
+    /// OpenGL's: y is flipped and z goes from 0..1 to -1..1, for a host that keeps WebGPU's matrices on OpenGL.
+    OpenGl,
+}
+
+/// Choices of emission.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Clip space of GLSL targets.
+    pub glsl_clip_space: ClipSpace,
+}
+
+/// An emitted file. `name` has no folder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct File {
+    /// File name.
+    pub name: String,
+    /// Content.
+    pub bytes: Vec<u8>,
+}
+
+/// A plan could not be emitted. The plan is untouched and nothing has been written.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Error {
+    /// The target cannot say what the program does.
+    #[error("{file}: {target} has no way to say this: {what}; {remedy}")]
+    Inexpressible {
+        /// The file that would have been written.
+        file: String,
+        /// Target.
+        target: Target,
+        /// What it is.
+        what: String,
+        /// What would help.
+        remedy: String,
+    },
+    /// naga's writer refused or panicked.
+    #[error("{file}: naga's {target} writer failed: {message}")]
+    Writer {
+        /// The file that would have been written.
+        file: String,
+        /// Target.
+        target: Target,
+        /// What it said.
+        message: String,
+    },
+    /// What was written does not read back as the program it was written from, and is not shipped.
+    #[error(
+        "{file}: the emitted {target} does not read back as the program: {difference}; this is a bug, please report it with the shader"
+    )]
+    Differs {
+        /// The file that would have been written.
+        file: String,
+        /// Target.
+        target: Target,
+        /// The first difference.
+        difference: String,
+    },
+    /// The plan names a program or an entry point it does not have.
+    #[error(
+        "the plan of `{material}` is broken: {what}; this is a bug, please report it with the shader"
+    )]
+    BrokenPlan {
+        /// Material.
+        material: String,
+        /// What is missing.
+        what: String,
+    },
+    /// This build of preshade cannot write the target.
+    #[error("this build cannot write {target}: build preshade with the feature `{feature}`")]
+    NotBuilt {
+        /// Target.
+        target: Target,
+        /// Cargo feature.
+        feature: &'static str,
+    },
+}
+
+/// Writes `plan` in every target asked for: the programs' files in the order of the plan's programs and of `targets`, then
+/// `MATERIAL.plan.json`. The same plan always gives the same bytes.
+///
+/// # Errors
+/// The first file that cannot be written as it should be; see [`Error`]. Never panics: a panic of naga's is an [`Error::Writer`].
+pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
+    guard::run(|| emit_guarded(plan, targets, options)).unwrap_or_else(|panicked| {
+        Err(Error::Writer {
+            file: plan.material.clone(),
+            target: targets.first().copied().unwrap_or(Target::Wgsl),
+            message: format!("it panicked: {panicked}"),
+        })
+    })
+}
+
+/// The stage files a program is written to: which entry point under which name, without the target's extension.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Stage {
+    stage: ShaderStage,
+    entry: String,
+    /// `MATERIAL.ROLE` or `MATERIAL.ROLE.ENTRY`.
+    stem: String,
+}
+
+fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
+    let mut files = Vec::new();
+    // (program, stage, entry point, target) to what `plan.json` says of it.
+    let mut written: BTreeMap<(String, Written, Target), StageFile> = BTreeMap::new();
+    for key in plan.programs.keys() {
+        let stages = stages(plan, key);
+        if stages.is_empty() {
+            continue;
+        }
+        let program = reduce::reduce(plan, key, &stages)?;
+        for target in dedup(targets) {
+            for (file, said) in write_program(plan, key, &program, &stages, target, options)? {
+                files.push(file);
+                for (stage, said) in said {
+                    written.insert((key.clone(), stage, target), said);
+                }
+            }
+        }
+    }
+    files.push(plan_json::file(plan, &written));
+    Ok(files)
+}
+
+/// An entry point by stage and name, ordered vertex first.
+type Written = (u8, String);
+
+fn written_key(stage: ShaderStage, entry: &str) -> Written {
+    (u8::from(stage != ShaderStage::Vertex), entry.to_owned())
+}
+
+fn dedup(targets: &[Target]) -> Vec<Target> {
+    let mut all = Vec::new();
+    for target in targets {
+        if !all.contains(target) {
+            all.push(*target);
+        }
+    }
+    all
+}
+
+/// The entry points that passes use of a program, vertex stages first, each once.
+fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
+    let passes = || plan.passes.iter().filter(|p| p.program == key);
+    let mut all: Vec<Stage> = Vec::new();
+    let vertex = passes().map(|p| (ShaderStage::Vertex, p.vertex.clone()));
+    let fragment = passes().filter_map(|p| Some((ShaderStage::Fragment, p.fragment.clone()?)));
+    for (stage, entry) in vertex.chain(fragment) {
+        if !all.iter().any(|s| s.stage == stage && s.entry == entry) {
+            all.push(Stage {
+                stage,
+                entry,
+                stem: String::new(),
+            });
+        }
+    }
+    for i in 0..all.len() {
+        let alone = all.iter().filter(|s| s.stage == all[i].stage).count() == 1;
+        all[i].stem = if alone {
+            format!("{}.{key}", plan.material)
+        } else {
+            format!("{}.{key}.{}", plan.material, all[i].entry)
+        };
+    }
+    all
+}
+
+type Emitted = (File, Vec<(Written, StageFile)>);
+
+fn write_program(
+    plan: &Plan,
+    key: &str,
+    program: &Program,
+    stages: &[Stage],
+    target: Target,
+    options: &Options,
+) -> Result<Vec<Emitted>, Error> {
+    match target {
+        Target::Wgsl => {
+            let name = format!("{}.{key}.wgsl", plan.material);
+            let text = wgsl::write(program, &name, &wgsl::header(plan, program))?;
+            let said = stages
+                .iter()
+                .map(|s| {
+                    (
+                        written_key(s.stage, &s.entry),
+                        StageFile::new(&name, &s.entry),
+                    )
+                })
+                .collect();
+            let bytes = text.into_bytes();
+            Ok(vec![(File { name, bytes }, said)])
+        }
+        #[cfg(feature = "spirv")]
+        Target::Spirv => stages
+            .iter()
+            .map(|s| {
+                let name = format!("{}.{}.spv", s.stem, extension(s.stage));
+                let bytes = spirv::write(program, s.stage, &s.entry, &name)?;
+                let said = StageFile::new(&name, &s.entry);
+                Ok((
+                    File { name, bytes },
+                    vec![(written_key(s.stage, &s.entry), said)],
+                ))
+            })
+            .collect(),
+        #[cfg(feature = "glsl")]
+        Target::Glsl450 | Target::GlslEs300 => stages
+            .iter()
+            .map(|s| {
+                let es = match target {
+                    Target::GlslEs300 => "es.",
+                    _ => "",
+                };
+                let name = format!("{}.{es}{}", s.stem, extension(s.stage));
+                let (text, said) = glsl::write(program, s.stage, &s.entry, &name, target, options)?;
+                let bytes = text.into_bytes();
+                Ok((
+                    File { name, bytes },
+                    vec![(written_key(s.stage, &s.entry), said)],
+                ))
+            })
+            .collect(),
+        #[cfg(not(feature = "spirv"))]
+        Target::Spirv => Err(Error::NotBuilt {
+            target,
+            feature: "spirv",
+        }),
+        #[cfg(not(feature = "glsl"))]
+        Target::Glsl450 | Target::GlslEs300 => {
+            let _ = options;
+            Err(Error::NotBuilt {
+                target,
+                feature: "glsl",
+            })
+        }
+    }
+}
+
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+fn extension(stage: ShaderStage) -> &'static str {
+    match stage {
+        ShaderStage::Vertex => "vert",
+        _ => "frag",
+    }
+}

@@ -1,0 +1,183 @@
+//! What an emitted module must have in common with the program it was written from: everything a pipeline, a bind group or a buffer layout
+//! sees. Function bodies are not compared; names of inputs, members and variables are the writer's to choose.
+
+use naga::diagnostic_filter::DiagnosticFilterNode;
+use naga::{AddressSpace, Arena, Binding, Handle, Module, ShaderStage, Type, TypeInner};
+use preshade_passes::reflect::{self, Io};
+
+use crate::front::varying::Varying;
+
+/// Lines of text, sorted: equal for two modules that a host cannot tell apart.
+pub(super) fn of(module: &Module) -> Vec<String> {
+    let mut lines = Vec::new();
+    for entry in &module.entry_points {
+        let at = format!("{:?} entry point {}", entry.stage, entry.name);
+        lines.push(format!("{at}: workgroup size {:?}", entry.workgroup_size));
+        lines.push(format!(
+            "{at}: early depth test {:?}",
+            entry.early_depth_test
+        ));
+        let filters = filters(
+            &module.diagnostic_filters,
+            entry.function.diagnostic_filter_leaf,
+        );
+        lines.push(format!("{at}: diagnostics {filters:?}"));
+        for input in reflect::inputs(module, &entry.function) {
+            let flat = entry.stage != ShaderStage::Fragment;
+            lines.push(format!("{at}: input {}", io(module, &input, flat)));
+        }
+        for output in reflect::outputs(module, &entry.function) {
+            let flat = entry.stage != ShaderStage::Vertex;
+            lines.push(format!("{at}: output {}", io(module, &output, flat)));
+        }
+    }
+    for (_, global) in module.global_variables.iter() {
+        let place = match (global.space, global.binding) {
+            (AddressSpace::Immediate, _) => "immediate data".to_owned(),
+            (_, Some(b)) => format!("group {} binding {}", b.group, b.binding),
+            _ => continue,
+        };
+        let ty = layout(module, global.ty);
+        lines.push(format!("{place}: {:?} {ty}", global.space));
+    }
+    for (_, o) in module.overrides.iter() {
+        let ty = layout(module, o.ty);
+        lines.push(format!("override {:?} {:?}: {ty}", o.name, o.id));
+    }
+    lines.sort();
+    lines
+}
+
+/// The first line that only one of the two has.
+pub(super) fn difference(wanted: &[String], found: &[String]) -> Option<String> {
+    if wanted == found {
+        return None;
+    }
+    let missing = wanted.iter().find(|l| !found.contains(l));
+    let extra = found.iter().find(|l| !wanted.contains(l));
+    Some(match (missing, extra) {
+        (Some(m), Some(e)) => format!("`{m}` became `{e}`"),
+        (Some(m), None) => format!("`{m}` is lost"),
+        (None, Some(e)) => format!("`{e}` is new"),
+        (None, None) => "something is there more often than it was".to_owned(),
+    })
+}
+
+/// An input or output. `plain`: on the side of a stage where interpolation means nothing.
+fn io(module: &Module, io: &Io, plain: bool) -> String {
+    let ty = layout(module, io.ty);
+    match (&io.binding, Varying::of(module, io)) {
+        (Some(Binding::Location { blend_src, .. }), Some(varying)) => {
+            let how = if plain { "" } else { &varying.interpolation };
+            format!("location {} {blend_src:?} {ty} {how}", varying.location)
+        }
+        (binding, _) => format!("{binding:?} {ty}"),
+    }
+}
+
+/// A type by its layout: offsets, spans and strides, without names.
+fn layout(module: &Module, ty: Handle<Type>) -> String {
+    match &module.types[ty].inner {
+        TypeInner::Struct { members, span } => {
+            let members: Vec<String> = members
+                .iter()
+                .map(|m| format!("{}: {}", m.offset, layout(module, m.ty)))
+                .collect();
+            format!("struct {{ {} }} of {span} bytes", members.join(", "))
+        }
+        TypeInner::Array { base, size, stride } => {
+            let size = match size {
+                naga::ArraySize::Constant(n) => n.to_string(),
+                naga::ArraySize::Pending(_) => "override".to_owned(),
+                naga::ArraySize::Dynamic => "runtime".to_owned(),
+            };
+            format!("array<{}, {size}> stride {stride}", layout(module, *base))
+        }
+        TypeInner::BindingArray { base, size } => {
+            format!("binding_array<{}, {size:?}>", layout(module, *base))
+        }
+        TypeInner::Scalar(_) | TypeInner::Vector { .. } | TypeInner::Matrix { .. } => {
+            reflect::wgsl_type(module, ty)
+        }
+        inner => format!("{inner:?}"),
+    }
+}
+
+/// The chain of diagnostic filters that ends in `leaf`, innermost first.
+pub(super) fn filters(
+    arena: &Arena<DiagnosticFilterNode>,
+    leaf: Option<Handle<DiagnosticFilterNode>>,
+) -> Vec<(String, String)> {
+    use naga::diagnostic_filter::{FilterableTriggeringRule as Rule, Severity};
+    let mut chain = Vec::new();
+    let mut next = leaf;
+    while let Some(handle) = next {
+        let node = &arena[handle];
+        let severity = match node.inner.new_severity {
+            Severity::Off => "off",
+            Severity::Info => "info",
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        };
+        let rule = match &node.inner.triggering_rule {
+            Rule::Standard(
+                naga::diagnostic_filter::StandardFilterableTriggeringRule::DerivativeUniformity,
+            ) => "derivative_uniformity".to_owned(),
+            Rule::Unknown(name) => name.to_string(),
+            Rule::User(names) => names.join("."),
+        };
+        chain.push((severity.to_owned(), rule));
+        next = node.parent;
+    }
+    chain
+}
+
+/// The stage interface alone, as SPIR-V carries it: inputs and outputs by location or builtin, and the resources used, by group and
+/// binding. Sorted lines.
+#[cfg(feature = "spirv")]
+pub(super) fn interface(
+    module: &Module,
+    info: &naga::valid::ModuleInfo,
+    stage: ShaderStage,
+    entry: &str,
+) -> Vec<String> {
+    let mut lines = Vec::new();
+    for (index, point) in module.entry_points.iter().enumerate() {
+        if point.stage != stage || point.name != entry {
+            continue;
+        }
+        let io = |io: &Io| match &io.binding {
+            Some(Binding::Location { location, .. }) => {
+                Some(format!("location {location}: {}", layout(module, io.ty)))
+            }
+            // The reader adds builtins that glslang always declares; the ones it was given keep their meaning by validity.
+            Some(Binding::BuiltIn(naga::BuiltIn::Position { invariant })) => {
+                let invariant = *invariant && stage == ShaderStage::Vertex;
+                Some(format!("position, invariant {invariant}"))
+            }
+            Some(Binding::BuiltIn(naga::BuiltIn::FragDepth)) => Some("depth".to_owned()),
+            _ => None,
+        };
+        let inputs = reflect::inputs(module, &point.function);
+        let outputs = reflect::outputs(module, &point.function);
+        lines.extend(
+            inputs
+                .iter()
+                .filter_map(|i| Some(format!("input {}", io(i)?))),
+        );
+        lines.extend(
+            outputs
+                .iter()
+                .filter_map(|o| Some(format!("output {}", io(o)?))),
+        );
+        for (handle, global) in module.global_variables.iter() {
+            if let Some(b) = global.binding
+                && !info.get_entry_point(index)[handle].is_empty()
+            {
+                lines.push(format!("group {} binding {}", b.group, b.binding));
+            }
+        }
+    }
+    lines.sort();
+    lines
+}

@@ -1,0 +1,214 @@
+//! One entry point as GLSL 4.50 or GLSL ES 3.00, with what a host must know to bind its resources.
+
+use naga::back::glsl::{
+    self, BindingMap, Options as WriterOptions, PipelineOptions, Version, Writer, WriterFlags,
+};
+use naga::proc::BoundsCheckPolicies;
+use naga::valid::ModuleInfo;
+use naga::{
+    Expression, Function, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage,
+    TypeInner,
+};
+use preshade_passes::program::Program;
+
+use super::overrides::{self, Settled};
+use super::plan_json::{GlslBlock, GlslTexture, StageFile};
+use super::{ClipSpace, Error, Options, Target};
+
+/// The text, and what `plan.json` says of it. `name` is the file's.
+pub(super) fn write(
+    program: &Program,
+    stage: ShaderStage,
+    entry: &str,
+    name: &str,
+    target: Target,
+    options: &Options,
+) -> Result<(String, StageFile), Error> {
+    let settled = overrides::settle(program, stage, entry, name, target)?;
+    let (module, info) = match &settled {
+        Some(Settled { module, info }) => (module, info),
+        None => (program.module(), program.info()),
+    };
+    refuse_depth_loads(module, info, stage, entry, name, target)?;
+    let (version, binding_map) = match target {
+        Target::GlslEs300 => (Version::new_gles(300), BindingMap::default()),
+        _ => (Version::Desktop(450), binding_map(program.module())),
+    };
+    let mut writer_flags = WriterFlags::TEXTURE_SHADOW_LOD;
+    if options.glsl_clip_space == ClipSpace::OpenGl {
+        writer_flags |= WriterFlags::ADJUST_COORDINATE_SPACE;
+    }
+    let writer_options = WriterOptions {
+        version,
+        writer_flags,
+        binding_map: binding_map.clone(),
+        zero_initialize_workgroup_memory: false,
+    };
+    let pipeline = PipelineOptions {
+        shader_stage: stage,
+        entry_point: entry.to_owned(),
+        multiview: None,
+    };
+    let failed = |e: glsl::Error| inexpressible(&e, name, target);
+    let mut text = String::new();
+    let reflection = Writer::new(
+        &mut text,
+        module,
+        info,
+        &writer_options,
+        &pipeline,
+        BoundsCheckPolicies::default(),
+    )
+    .and_then(|mut writer| writer.write())
+    .map_err(failed)?;
+
+    let at = |handle: Handle<GlobalVariable>| module.global_variables[handle].binding;
+    let slot = |binding: ResourceBinding| binding_map.get(&binding).map(|slot| u32::from(*slot));
+    let pair = |b: ResourceBinding| [b.group, b.binding];
+    // GLSL has one name space of entry points: every stage is `main`.
+    let mut said = StageFile::new(name, "main");
+    for (uniform, mapping) in &reflection.texture_mapping {
+        if let Some(texture) = at(mapping.texture) {
+            said.textures.push(GlslTexture {
+                name: uniform.clone(),
+                texture: pair(texture),
+                sampler: mapping.sampler.and_then(at).map(pair),
+                unit: slot(texture),
+            });
+        }
+    }
+    for (handle, block) in &reflection.uniforms {
+        if let Some(binding) = at(*handle) {
+            said.blocks.push(GlslBlock {
+                block: block.clone(),
+                binding: pair(binding),
+                slot: slot(binding),
+            });
+        }
+    }
+    said.textures.sort_by(|a, b| a.name.cmp(&b.name));
+    said.blocks.sort_by_key(|b| b.binding);
+    Ok((text, said))
+}
+
+/// Slots for `layout(binding = ..)`: OpenGL numbers uniform blocks, storage blocks, textures and images apart, each from 0, in the order of group and
+/// binding. All stages of a program share them.
+fn binding_map(module: &Module) -> BindingMap {
+    let mut bound: Vec<(ResourceBinding, u8)> = module
+        .global_variables
+        .iter()
+        .filter_map(|(_, g)| {
+            let kind = match (g.space, &module.types[g.ty].inner) {
+                (naga::AddressSpace::Uniform, _) => 0,
+                (naga::AddressSpace::Storage { .. }, _) => 1,
+                (
+                    _,
+                    TypeInner::Image {
+                        class: ImageClass::Storage { .. },
+                        ..
+                    },
+                ) => 3,
+                (_, TypeInner::Image { .. }) => 2,
+                // A sampler has no slot of its own: it is combined into its texture's.
+                _ => return None,
+            };
+            Some((g.binding?, kind))
+        })
+        .collect();
+    bound.sort_by_key(|(b, _)| (b.group, b.binding));
+    let mut next = [0u8; 4];
+    let mut map = BindingMap::default();
+    for (binding, kind) in bound {
+        let slot = &mut next[kind as usize];
+        map.insert(binding, *slot);
+        *slot = slot.saturating_add(1);
+    }
+    map
+}
+
+/// GLSL cannot fetch a texel of a depth texture without comparing it, and naga says so only as "WGSL `textureLoad` from depth textures is
+/// not supported".
+fn refuse_depth_loads(
+    module: &Module,
+    info: &ModuleInfo,
+    stage: ShaderStage,
+    entry: &str,
+    name: &str,
+    target: Target,
+) -> Result<(), Error> {
+    let Some(index) = module
+        .entry_points
+        .iter()
+        .position(|e| e.stage == stage && e.name == entry)
+    else {
+        return Ok(());
+    };
+    let loads = |function: &Function| {
+        function.expressions.iter().find_map(|(_, e)| match e {
+            Expression::ImageLoad { image, .. } => match function.expressions[*image] {
+                Expression::GlobalVariable(global) => Some(global),
+                _ => None,
+            },
+            _ => None,
+        })
+    };
+    let used = info.get_entry_point(index);
+    let functions = module.functions.iter().map(|(_, f)| f);
+    for function in functions.chain([&module.entry_points[index].function]) {
+        let Some(global) = loads(function) else {
+            continue;
+        };
+        let variable = &module.global_variables[global];
+        let depth = matches!(
+            module.types[variable.ty].inner,
+            TypeInner::Image {
+                class: ImageClass::Depth { .. },
+                ..
+            }
+        );
+        if depth && !used[global].is_empty() {
+            return Err(Error::Inexpressible {
+                file: name.to_owned(),
+                target,
+                what: format!(
+                    "textureLoad of the depth texture `{}`",
+                    variable.name.as_deref().unwrap_or("(unnamed)")
+                ),
+                remedy: "bind the depth as texture_2d<f32> (early-discard: `texture=float`)"
+                    .to_owned(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
+    let (what, remedy) = match error {
+        glsl::Error::MissingFeatures(features) => (
+            format!("{features:?}"),
+            "emit WGSL or SPIR-V, or, from GLSL ES, GLSL 4.50",
+        ),
+        glsl::Error::ImageMultipleSamplers => (
+            "one texture is sampled with two samplers, but GLSL combines a texture with one"
+                .to_owned(),
+            "declare the texture twice",
+        ),
+        glsl::Error::FirstSamplingNotSupported => (
+            "flat interpolation from the first vertex, said explicitly".to_owned(),
+            "write @interpolate(flat, either)",
+        ),
+        other => {
+            return Error::Writer {
+                file: name.to_owned(),
+                target,
+                message: other.to_string(),
+            };
+        }
+    };
+    Error::Inexpressible {
+        file: name.to_owned(),
+        target,
+        what,
+        remedy: remedy.to_owned(),
+    }
+}

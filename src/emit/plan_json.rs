@@ -1,0 +1,118 @@
+//! `MATERIAL.plan.json`: the plan's own data, and which file and entry point each pass takes in each target.
+
+use std::collections::BTreeMap;
+
+use naga::ShaderStage;
+use preshade_passes::plan::Plan;
+use serde::{Deserialize, Serialize};
+
+use super::{File, Target, Written, written_key};
+
+/// The content of `MATERIAL.plan.json`: a plan ([`preshade_passes::plan::SCHEMA`]) and its files.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PlanFile {
+    /// The plan. Its programs are the files.
+    #[serde(flatten)]
+    pub plan: Plan,
+    /// Files by pass, in the order of the plan's passes.
+    pub files: Vec<PassFiles>,
+}
+
+/// Where a pass's stages are.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PassFiles {
+    /// Name of the pass's role.
+    pub role: String,
+    /// Vertex stage, by target.
+    pub vertex: BTreeMap<Target, StageFile>,
+    /// Fragment stage, by target; empty for a pass without one.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub fragment: BTreeMap<Target, StageFile>,
+}
+
+/// One stage of a pass in one target.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StageFile {
+    /// File name, in the folder of `plan.json`.
+    pub file: String,
+    /// Entry point's name in that file.
+    pub entry_point: String,
+    /// GLSL only: combined samplers, by uniform name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub textures: Vec<GlslTexture>,
+    /// GLSL only: uniform and storage blocks.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub blocks: Vec<GlslBlock>,
+}
+
+impl StageFile {
+    pub(super) fn new(file: &str, entry_point: &str) -> Self {
+        Self {
+            file: file.to_owned(),
+            entry_point: entry_point.to_owned(),
+            ..Self::default()
+        }
+    }
+}
+
+/// A GLSL sampler uniform and the plan's bindings it combines.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GlslTexture {
+    /// Uniform's name in the text.
+    pub name: String,
+    /// Group and binding of the texture.
+    pub texture: [u32; 2],
+    /// Group and binding of the sampler; none where the texture is only fetched from.
+    pub sampler: Option<[u32; 2]>,
+    /// `layout(binding = ..)` in the text; none in GLSL ES 3.00, where the host sets the uniform.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<u32>,
+}
+
+/// A GLSL interface block and the plan's binding it holds.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GlslBlock {
+    /// Name of the block (`glGetUniformBlockIndex`).
+    pub block: String,
+    /// Group and binding.
+    pub binding: [u32; 2],
+    /// `layout(binding = ..)` in the text; none in GLSL ES 3.00, where the host sets it (`glUniformBlockBinding`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slot: Option<u32>,
+}
+
+/// The file, of what was written of each (program, entry point, target).
+pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), StageFile>) -> File {
+    let of = |program: &str, stage, entry: &str| -> BTreeMap<Target, StageFile> {
+        let entry = written_key(stage, entry);
+        written
+            .iter()
+            .filter(|((p, e, _), _)| p == program && *e == entry)
+            .map(|((_, _, target), file)| (*target, file.clone()))
+            .collect()
+    };
+    let files = plan
+        .passes
+        .iter()
+        .map(|pass| PassFiles {
+            role: pass.role.name().to_owned(),
+            vertex: of(&pass.program, ShaderStage::Vertex, &pass.vertex),
+            fragment: pass
+                .fragment
+                .as_deref()
+                .map(|f| of(&pass.program, ShaderStage::Fragment, f))
+                .unwrap_or_default(),
+        })
+        .collect();
+    let content = PlanFile {
+        plan: plan.clone(),
+        files,
+    };
+    // A plan is plain data: strings, numbers and lists, all with string keys. Serialising it cannot fail.
+    let mut bytes = serde_json::to_vec_pretty(&content).unwrap_or_default();
+    bytes.push(b'\n');
+    File {
+        name: format!("{}.plan.json", plan.material),
+        bytes,
+    }
+}

@@ -1,0 +1,35 @@
+//! A program without what its passes do not use.
+
+use naga::{ShaderStage, compact};
+use preshade_passes::plan::Plan;
+use preshade_passes::program::Program;
+
+use super::{Error, Stage};
+
+/// The plan's program `key` with the entry points of `stages` and what they need, no more.
+pub(super) fn reduce(plan: &Plan, key: &str, stages: &[Stage]) -> Result<Program, Error> {
+    let broken = |what: String| Error::BrokenPlan {
+        material: plan.material.clone(),
+        what,
+    };
+    let program = plan
+        .programs
+        .get(key)
+        .ok_or_else(|| broken(format!("it has no program `{key}`")))?;
+    for stage in stages {
+        if program.entry_point(stage.stage, &stage.entry).is_none() {
+            return Err(broken(format!(
+                "its program `{key}` has no {:?} entry point `{}`",
+                stage.stage, stage.entry
+            )));
+        }
+    }
+    let used =
+        |stage: ShaderStage, name: &str| stages.iter().any(|s| s.stage == stage && s.entry == name);
+    let mut module = program.module().clone();
+    module.entry_points.retain(|e| used(e.stage, &e.name));
+    compact::compact(&mut module, compact::KeepUnused::No);
+    program
+        .with_module(module)
+        .map_err(|invalid| broken(format!("its program `{key}` is invalid: {invalid}")))
+}

@@ -1,0 +1,239 @@
+//! Puts back into WGSL text what naga's writer leaves out: `enable f16`, `diagnostic(..)`, `@early_depth_test(..)`, `@size(..)`, and the
+//! author's names that end in a digit.
+//!
+//! The text is taken apart by what the writer promises of its own layout: structs in the order of the type arena, functions in the order of their
+//! arena and then entry points, each beginning a line. If a later naga breaks that promise the fingerprint comparison fails.
+
+use std::collections::{HashMap, HashSet};
+
+use naga::proc::Layouter;
+use naga::{ConservativeDepth, EarlyDepthTest, Handle, Module, Type, TypeInner};
+
+use super::fingerprint::filters;
+use super::text::{self, Kind};
+
+/// The text with everything lost put back.
+///
+/// # Errors
+/// What cannot be said in WGSL.
+pub(super) fn repair(module: &Module, text: &str) -> Result<String, String> {
+    let sizes = member_sizes(module)?;
+    let attributes = function_attributes(module);
+    let mut out = directives(module, text);
+    let mut structs = sizes.iter();
+    let mut functions = attributes.iter();
+    let mut members: Option<std::slice::Iter<'_, Option<u32>>> = None;
+    let mut lines = text.lines().peekable();
+    while let Some(line) = lines.next() {
+        let begins_function = |line: &str| line.starts_with("fn ");
+        if line.starts_with("struct ") {
+            members = structs.next().map(|s| s.iter());
+        } else if line.starts_with('}') {
+            members = None;
+        } else if let Some(Some(Some(size))) = members.as_mut().map(Iterator::next) {
+            let member = line.trim_start();
+            out.push_str(&line[..line.len() - member.len()]);
+            out.push_str(&format!("@size({size}) {member}\n"));
+            continue;
+        }
+        // Attributes go before the stage's own, on a line of theirs.
+        let stage_line = line.starts_with('@') && lines.peek().is_some_and(|l| begins_function(l));
+        if stage_line || begins_function(line) {
+            if let Some(attributes) = functions.next() {
+                for attribute in attributes {
+                    out.push_str(attribute);
+                    out.push('\n');
+                }
+            }
+            out.push_str(line.trim_end());
+            out.push('\n');
+            if stage_line && let Some(line) = lines.next() {
+                out.push_str(line);
+                out.push('\n');
+            }
+            continue;
+        }
+        out.push_str(line);
+        out.push('\n');
+    }
+    Ok(authors_names(module, &out))
+}
+
+/// `enable f16;` if the writer missed it, and the module's diagnostic filters. Directives come first in a module, in any order.
+fn directives(module: &Module, text: &str) -> String {
+    let mut out = String::new();
+    let half = text::tokens(text).any(|(kind, range)| match kind {
+        Kind::Word => &text[range] == "f16",
+        Kind::Number => text[range].ends_with('h'),
+        Kind::Mark => false,
+    });
+    if half && !text.contains("enable f16;") {
+        out.push_str("enable f16;\n");
+    }
+    for (severity, rule) in filters(&module.diagnostic_filters, module.diagnostic_filter_leaf) {
+        out.push_str(&format!("diagnostic({severity}, {rule});\n"));
+    }
+    if !out.is_empty() && !text.starts_with("enable") {
+        out.push('\n');
+    }
+    out
+}
+
+/// For each function and then each entry point, the attributes the writer does not write.
+fn function_attributes(module: &Module) -> Vec<Vec<String>> {
+    let outer = module.diagnostic_filter_leaf;
+    let diagnostics = |function: &naga::Function| -> Vec<String> {
+        let all = filters(&module.diagnostic_filters, function.diagnostic_filter_leaf);
+        let shared = filters(&module.diagnostic_filters, outer).len();
+        all.iter()
+            .take(all.len().saturating_sub(shared))
+            .map(|(severity, rule)| format!("@diagnostic({severity}, {rule})"))
+            .collect()
+    };
+    let functions = module.functions.iter().map(|(_, f)| diagnostics(f));
+    let entries = module.entry_points.iter().map(|e| {
+        let mut attributes = diagnostics(&e.function);
+        attributes.extend(e.early_depth_test.map(|test| {
+            let how = match test {
+                EarlyDepthTest::Force => "force",
+                EarlyDepthTest::Allow { conservative } => match conservative {
+                    ConservativeDepth::GreaterEqual => "greater_equal",
+                    ConservativeDepth::LessEqual => "less_equal",
+                    ConservativeDepth::Unchanged => "unchanged",
+                },
+            };
+            format!("@early_depth_test({how})")
+        }));
+        attributes
+    });
+    functions.chain(entries).collect()
+}
+
+/// For each struct that the writer declares, the `@size` that each member needs for the next one, or the struct's end, to lie where it does
+/// (WGSL section 14.4.1, "Structure Layout Rules").
+fn member_sizes(module: &Module) -> Result<Vec<Vec<Option<u32>>>, String> {
+    let mut layouter = Layouter::default();
+    layouter
+        .update(module.to_ctx())
+        .map_err(|e| e.to_string())?;
+    let mut all = Vec::new();
+    for (handle, ty) in module.types.iter() {
+        let TypeInner::Struct { members, span } = &ty.inner else {
+            continue;
+        };
+        if is_predeclared(module, handle) {
+            continue;
+        }
+        let mut sizes = Vec::new();
+        for (i, member) in members.iter().enumerate() {
+            let size = module.types[member.ty].inner.size(module.to_ctx());
+            let end = member.offset + size;
+            let needed = match members.get(i + 1) {
+                Some(next) => {
+                    let natural = layouter[next.ty].alignment.round_up(end);
+                    (natural != next.offset).then_some(next.offset)
+                }
+                None => {
+                    let natural = layouter[handle].alignment.round_up(end);
+                    let runtime = module.types[member.ty]
+                        .inner
+                        .is_dynamically_sized(&module.types);
+                    (natural != *span && !runtime).then_some(*span)
+                }
+            };
+            sizes.push(match needed {
+                // Members of an interface struct overlap nothing: their offsets mean nothing to anyone.
+                Some(_) if member.binding.is_some() => None,
+                Some(needed) if needed >= end => Some(needed - member.offset),
+                Some(needed) => {
+                    return Err(format!(
+                        "in struct `{}`, what follows `{}` lies at byte {needed}, before byte {end} where WGSL lets it end",
+                        ty.name.as_deref().unwrap_or("(unnamed)"),
+                        member.name.as_deref().unwrap_or("(unnamed)"),
+                    ));
+                }
+                None => None,
+            });
+        }
+        all.push(sizes);
+    }
+    Ok(all)
+}
+
+/// Whether the writer takes the struct as known to WGSL and does not declare it.
+fn is_predeclared(module: &Module, ty: Handle<Type>) -> bool {
+    let special = &module.special_types;
+    special.predeclared_types.values().any(|t| *t == ty)
+        || Some(ty) == special.external_texture_params
+        || Some(ty) == special.external_texture_transfer_function
+}
+
+/// naga's writer appends `_` to every name that ends in a digit, to keep it apart from names it numbers itself. Where nothing is kept
+/// apart by it the author's name comes back.
+fn authors_names(module: &Module, text: &str) -> String {
+    let authors = names(module);
+    let words: HashSet<&str> = text::tokens(text)
+        .filter(|(kind, _)| *kind == Kind::Word)
+        .map(|(_, range)| &text[range])
+        .collect();
+    let renames: HashMap<&str, &str> = words
+        .iter()
+        .filter_map(|word| {
+            let short = word.strip_suffix('_')?;
+            let free = short.ends_with(|c: char| c.is_ascii_digit())
+                && authors.contains(short)
+                && !words.contains(short)
+                && !naga::keywords::wgsl::RESERVED.contains(&short)
+                && !naga::keywords::wgsl::BUILTIN_IDENTIFIERS.contains(&short);
+            free.then_some((*word, short))
+        })
+        .collect();
+    if renames.is_empty() {
+        return text.to_owned();
+    }
+    text::rename_words(text, |word| renames.get(word).copied())
+}
+
+/// Every name in the module.
+fn names(module: &Module) -> HashSet<&str> {
+    let mut names: HashSet<&str> = HashSet::new();
+    for (_, ty) in module.types.iter() {
+        names.extend(ty.name.as_deref());
+        if let TypeInner::Struct { members, .. } = &ty.inner {
+            names.extend(members.iter().filter_map(|m| m.name.as_deref()));
+        }
+    }
+    names.extend(
+        module
+            .constants
+            .iter()
+            .filter_map(|(_, c)| c.name.as_deref()),
+    );
+    names.extend(
+        module
+            .overrides
+            .iter()
+            .filter_map(|(_, o)| o.name.as_deref()),
+    );
+    names.extend(
+        module
+            .global_variables
+            .iter()
+            .filter_map(|(_, g)| g.name.as_deref()),
+    );
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let entries = module.entry_points.iter().map(|e| &e.function);
+    for function in functions.chain(entries) {
+        names.extend(function.name.as_deref());
+        names.extend(function.arguments.iter().filter_map(|a| a.name.as_deref()));
+        names.extend(
+            function
+                .local_variables
+                .iter()
+                .filter_map(|(_, l)| l.name.as_deref()),
+        );
+        names.extend(function.named_expressions.values().map(String::as_str));
+    }
+    names.extend(module.entry_points.iter().map(|e| e.name.as_str()));
+    names
+}

@@ -1,0 +1,183 @@
+//! One entry point as a SPIR-V 1.3 module under Vulkan's rules.
+//!
+//! Positions are as the author computes them: y is not flipped, so a Vulkan host sets a viewport of negative height, as WebGPU does over
+//! Vulkan. Indices are not bounds-checked and loops not bounded: the module does what the source says. Integer division by zero is
+//! defined as WGSL defines it, and fragment depth is clamped to the viewport's range.
+
+use naga::back::spv::{Options, PipelineOptions, WriterFlags, ZeroInitializeWorkgroupMemoryMode};
+use naga::front::spv as reader;
+use naga::{Binding, BuiltIn, Module, ShaderStage};
+use preshade_passes::program::Program;
+use preshade_passes::reflect;
+
+use super::fingerprint;
+use super::overrides::{self, Settled};
+use super::{Error, Target};
+
+/// Words before the first instruction (SPIR-V section 2.3).
+const HEADER: usize = 5;
+const OP_DECORATE: u16 = 71;
+const OP_MEMBER_DECORATE: u16 = 72;
+/// First opcode of a type declaration (`OpTypeVoid`), and the last one.
+const OP_TYPES: std::ops::RangeInclusive<u16> = 19..=39;
+const NO_CONTRACTION: u32 = 42;
+
+/// The bytes, little-endian. `name` is the file's, for errors.
+pub(super) fn write(
+    program: &Program,
+    stage: ShaderStage,
+    entry: &str,
+    name: &str,
+) -> Result<Vec<u8>, Error> {
+    let settled = overrides::settle(program, stage, entry, name, Target::Spirv)?;
+    let (module, info) = match &settled {
+        Some(Settled { module, info }) => (module, info),
+        None => (program.module(), program.info()),
+    };
+    let options = Options {
+        lang_version: (1, 3),
+        flags: WriterFlags::LABEL_VARYINGS | WriterFlags::CLAMP_FRAG_DEPTH | WriterFlags::DEBUG,
+        force_loop_bounding: false,
+        zero_initialize_workgroup_memory: ZeroInitializeWorkgroupMemoryMode::None,
+        ..Options::default()
+    };
+    let pipeline = PipelineOptions {
+        shader_stage: stage,
+        entry_point: entry.to_owned(),
+    };
+    let mut words =
+        naga::back::spv::write_vec(module, info, &options, Some(&pipeline)).map_err(|e| {
+            Error::Writer {
+                file: name.to_owned(),
+                target: Target::Spirv,
+                message: e.to_string(),
+            }
+        })?;
+    if has_invariant_position(module, stage, entry) {
+        words = forbid_contraction(&words);
+    }
+    let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+    let wanted = fingerprint::interface(module, info, stage, entry);
+    check(program, &wanted, &bytes, stage, entry, name)?;
+    Ok(bytes)
+}
+
+fn has_invariant_position(module: &Module, stage: ShaderStage, entry: &str) -> bool {
+    module
+        .entry_points
+        .iter()
+        .filter(|e| e.stage == stage && e.name == entry)
+        .flat_map(|e| reflect::outputs(module, &e.function))
+        .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::Position { invariant: true })))
+}
+
+/// Decorates every float arithmetic result with `NoContraction`: two pipelines may fuse a multiply and an add differently, and `Invariant`
+/// alone does not stop them. The module holds one entry point, and all of its arithmetic is decorated rather than what decides the position:
+/// more than is needed, never less.
+fn forbid_contraction(words: &[u32]) -> Vec<u32> {
+    let mut decorations = Vec::new();
+    let mut at = None;
+    for (start, opcode, operands) in instructions(words) {
+        if at.is_none()
+            && (opcode == OP_DECORATE || opcode == OP_MEMBER_DECORATE || OP_TYPES.contains(&opcode))
+        {
+            at = Some(start);
+        }
+        if let (true, Some(result)) = (is_float_arithmetic(opcode), operands.get(1)) {
+            decorations.extend([3 << 16 | u32::from(OP_DECORATE), *result, NO_CONTRACTION]);
+        }
+    }
+    let at = at.unwrap_or(words.len());
+    [&words[..at], &decorations, &words[at..]].concat()
+}
+
+/// Offset, opcode and operands of each instruction.
+fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u16, &[u32])> {
+    let mut at = HEADER;
+    std::iter::from_fn(move || {
+        let first = *words.get(at)?;
+        let length = (first >> 16) as usize;
+        let start = at;
+        let operands = words.get(start + 1..start + length.max(1))?;
+        at += length.max(1);
+        Some((start, first as u16, operands))
+    })
+}
+
+/// `OpFNegate`, `OpFAdd`, `OpFSub`, `OpFMul`, `OpFDiv`, `OpFRem`, `OpFMod`, and the products of vectors and matrices from
+/// `OpVectorTimesScalar` to `OpDot`.
+fn is_float_arithmetic(opcode: u16) -> bool {
+    matches!(opcode, 127 | 129 | 131 | 133 | 136 | 140 | 141 | 142..=148)
+}
+
+/// Reads the bytes back, validates them, and compares the stage's interface with what it should be.
+fn check(
+    program: &Program,
+    wanted: &[String],
+    bytes: &[u8],
+    stage: ShaderStage,
+    entry: &str,
+    name: &str,
+) -> Result<(), Error> {
+    let differs = |difference: String| Error::Differs {
+        file: name.to_owned(),
+        target: Target::Spirv,
+        difference,
+    };
+    let options = reader::Options {
+        adjust_coordinate_space: false,
+        strict_capabilities: false,
+        block_ctx_dump_prefix: None,
+    };
+    let read = reader::parse_u8_slice(bytes, &options)
+        .map_err(|e| differs(format!("it does not parse: {e}")))?;
+    let read = program
+        .with_module(read)
+        .map_err(|invalid| differs(format!("it is not valid: {invalid}")))?;
+    let found = fingerprint::interface(read.module(), read.info(), stage, entry);
+    match fingerprint::difference(wanted, &found) {
+        Some(difference) => Err(differs(difference)),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arithmetic_is_decorated_ahead_of_the_annotations() {
+        // A header, one decoration, a float type, an OpFAdd 7 of type 6, an OpIAdd 8.
+        let words = [
+            0x0723_0203,
+            0x0001_0300,
+            0,
+            9,
+            0, //
+            3 << 16 | 71,
+            5,
+            18, //
+            3 << 16 | 22,
+            6,
+            32, //
+            5 << 16 | 129,
+            6,
+            7,
+            3,
+            4, //
+            5 << 16 | 128,
+            2,
+            8,
+            3,
+            4,
+        ];
+        let decorated = forbid_contraction(&words);
+        let ops: Vec<(u16, Vec<u32>)> = instructions(&decorated)
+            .map(|(_, op, operands)| (op, operands.to_vec()))
+            .collect();
+        assert_eq!(ops[0], (71, vec![7, NO_CONTRACTION]));
+        assert_eq!(ops[1], (71, vec![5, 18]));
+        assert_eq!(decorated.len(), words.len() + 3);
+        assert_eq!(ops.len(), 5);
+    }
+}

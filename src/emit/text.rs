@@ -1,0 +1,95 @@
+//! The tokens of WGSL text as naga writes it: no comments, no templates to tell from comparisons.
+
+use std::ops::Range;
+
+/// What a token is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// An identifier or a keyword.
+    Word,
+    /// A number with its suffix.
+    Number,
+    /// One other character that is not white space.
+    Mark,
+}
+
+/// The tokens of `text`, in order.
+pub(super) fn tokens(text: &str) -> impl Iterator<Item = (Kind, Range<usize>)> + '_ {
+    let bytes = text.as_bytes();
+    let mut at = 0;
+    std::iter::from_fn(move || {
+        while bytes.get(at).is_some_and(u8::is_ascii_whitespace) {
+            at += 1;
+        }
+        let start = at;
+        let first = *bytes.get(at)?;
+        let word = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || !b.is_ascii();
+        at += 1;
+        let kind = if first.is_ascii_digit() {
+            // 0x1f, 1.5f, 1e-5: a sign belongs to the number only after its exponent mark.
+            let hex = bytes.get(at).is_some_and(|b| matches!(b, b'x' | b'X'));
+            while let Some(b) = bytes.get(at) {
+                let exponent = matches!(bytes[at - 1], b'e' | b'E') && !hex;
+                if !(word(*b) || *b == b'.' || (exponent && matches!(b, b'+' | b'-'))) {
+                    break;
+                }
+                at += 1;
+            }
+            Kind::Number
+        } else if word(first) {
+            while bytes.get(at).is_some_and(|b| word(*b)) {
+                at += 1;
+            }
+            Kind::Word
+        } else {
+            Kind::Mark
+        };
+        Some((kind, start..at))
+    })
+}
+
+/// `text` with each word that `rename` has an answer for replaced.
+pub(super) fn rename_words<'a>(
+    text: &'a str,
+    rename: impl Fn(&'a str) -> Option<&'a str>,
+) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut copied = 0;
+    for (kind, range) in tokens(text) {
+        if kind == Kind::Word
+            && let Some(new) = rename(&text[range.clone()])
+        {
+            out.push_str(&text[copied..range.start]);
+            out.push_str(new);
+            copied = range.end;
+        }
+    }
+    out.push_str(&text[copied..]);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_words_are_told_apart() {
+        let text = "let a1 = 0x1f + 1.5e-5f*x2.y;";
+        let seen: Vec<&str> = tokens(text).map(|(_, r)| &text[r]).collect();
+        assert_eq!(
+            seen,
+            [
+                "let", "a1", "=", "0x1f", "+", "1.5e-5f", "*", "x2", ".", "y", ";"
+            ]
+        );
+    }
+
+    #[test]
+    fn whole_words_are_renamed() {
+        let rename = |w: &str| (w == "uv_").then_some("uv");
+        assert_eq!(
+            rename_words("uv_ + uv_1 * a.uv_", rename),
+            "uv + uv_1 * a.uv"
+        );
+    }
+}

@@ -1,0 +1,213 @@
+//! Which entry points draw the material, and whether the two stages fit.
+
+use naga::{Binding, Module, ShaderStage};
+use preshade_passes::reflect;
+
+use super::Options;
+use super::error::{Code, Error};
+use super::varying::Varying;
+
+/// The entry points that draw a material.
+pub(super) struct Entries {
+    pub vertex: String,
+    pub fragment: Option<String>,
+}
+
+/// The stage's name in messages.
+pub(super) fn stage_name(stage: ShaderStage) -> &'static str {
+    match stage {
+        ShaderStage::Vertex => "vertex",
+        ShaderStage::Fragment => "fragment",
+        _ => "other",
+    }
+}
+
+/// Takes the only entry point of each stage, or the one `options` names.
+pub(super) fn choose(module: &Module, options: &Options) -> Result<Entries, Error> {
+    let Some(vertex) = one(module, ShaderStage::Vertex, options.vertex.as_deref())? else {
+        let others: Vec<String> = module
+            .entry_points
+            .iter()
+            .map(|e| format!("`{}` ({:?})", e.name, e.stage))
+            .collect();
+        let error = Error::new(Code::NoEntryPoint, "there is no vertex entry point");
+        return Err(if others.is_empty() {
+            error.note("mark a function with @vertex, or add the vertex file")
+        } else {
+            error.note(format!("there is {}", others.join(", ")))
+        });
+    };
+    let fragment = one(module, ShaderStage::Fragment, options.fragment.as_deref())?;
+    Ok(Entries { vertex, fragment })
+}
+
+fn one(module: &Module, stage: ShaderStage, wanted: Option<&str>) -> Result<Option<String>, Error> {
+    let names: Vec<&str> = module
+        .entry_points
+        .iter()
+        .filter(|e| e.stage == stage)
+        .map(|e| e.name.as_str())
+        .collect();
+    let stage = stage_name(stage);
+    match (wanted, names.as_slice()) {
+        (Some(wanted), _) => {
+            if let Some(name) = names.iter().find(|n| **n == wanted) {
+                return Ok(Some((*name).to_owned()));
+            }
+            // In GLSL every entry point is `main`, and only here it has another name.
+            if let ("main", [only]) = (wanted, names.as_slice())
+                && *only == format!("{stage}_main")
+            {
+                return Ok(Some((*only).to_owned()));
+            }
+            let error = Error::new(
+                Code::UnknownEntryPoint,
+                format!("there is no {stage} entry point `{wanted}`"),
+            );
+            Err(match nearest(wanted, &names) {
+                Some(name) => error.note(format!("did you mean `{name}`?")),
+                None if names.is_empty() => {
+                    error.note(format!("the file has no {stage} entry point"))
+                }
+                None => error.note(format!("there is {}", list(&names))),
+            })
+        }
+        (None, []) => Ok(None),
+        (None, [name]) => Ok(Some((*name).to_owned())),
+        (None, _) => Err(Error::new(
+            Code::AmbiguousEntryPoint,
+            format!("there are {} {stage} entry points", names.len()),
+        )
+        .note(format!("there is {}", list(&names)))
+        .note(format!("choose one with --{stage} NAME"))),
+    }
+}
+
+fn list(names: &[&str]) -> String {
+    names
+        .iter()
+        .map(|n| format!("`{n}`"))
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+/// The name that differs from `wanted` by the fewest edits, if by no more than a third of its letters.
+fn nearest<'a>(wanted: &str, names: &[&'a str]) -> Option<&'a str> {
+    names
+        .iter()
+        .map(|n| (distance(wanted, n), *n))
+        .filter(|(d, n)| *d <= n.chars().count().max(3) / 3 + 1)
+        .min()
+        .map(|(_, n)| n)
+}
+
+/// Levenshtein distance in characters.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+/// Checks what WebGPU checks when a pipeline is made (WebGPU section 10.3.2, "validating inter-stage interfaces"): each fragment input
+/// has a vertex output of its location, type and interpolation.
+pub(super) fn check_interface(module: &Module, entries: &Entries) -> Result<(), Error> {
+    let find = |stage, name: &str| {
+        module
+            .entry_points
+            .iter()
+            .find(|e| e.stage == stage && e.name == name)
+    };
+    let Some(vertex) = find(ShaderStage::Vertex, &entries.vertex) else {
+        return Ok(());
+    };
+    let outputs = reflect::outputs(module, &vertex.function);
+    let position = outputs.iter().any(|o| {
+        matches!(
+            o.binding,
+            Some(Binding::BuiltIn(naga::BuiltIn::Position { .. }))
+        )
+    });
+    if !position {
+        return Err(Error::new(
+            Code::Interface,
+            format!(
+                "the vertex entry point `{}` writes no position",
+                vertex.name
+            ),
+        )
+        .note("give it an output @builtin(position), or write gl_Position"));
+    }
+    let Some(fragment) = entries
+        .fragment
+        .as_deref()
+        .and_then(|f| find(ShaderStage::Fragment, f))
+    else {
+        return Ok(());
+    };
+    for input in reflect::inputs(module, &fragment.function) {
+        let Some(wanted) = Varying::of(module, &input) else {
+            continue;
+        };
+        let given = outputs
+            .iter()
+            .filter_map(|o| Varying::of(module, o))
+            .find(|o| o.location == wanted.location);
+        let what = format!(
+            "fragment input {} at location {}",
+            input
+                .name
+                .as_deref()
+                .map_or("(unnamed)".to_owned(), |n| format!("`{n}`")),
+            wanted.location
+        );
+        let at = module.types.get_span(input.ty);
+        let error = match given {
+            None => Error::new(
+                Code::Interface,
+                format!("{what} is written by no output of `{}`", vertex.name),
+            ),
+            Some(given) if given.ty != wanted.ty => Error::new(
+                Code::Interface,
+                format!(
+                    "{what} is a {}, but the vertex stage writes a {}",
+                    wanted.ty, given.ty
+                ),
+            ),
+            Some(given) if given.interpolation != wanted.interpolation => Error::new(
+                Code::Interface,
+                format!(
+                    "{what} is interpolated {}, but the vertex stage's output {}",
+                    wanted.interpolation, given.interpolation
+                ),
+            ),
+            Some(_) => continue,
+        };
+        return Err(if at.is_defined() {
+            error.label(at, "")
+        } else {
+            error
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_offered_only_if_near() {
+        assert_eq!(distance("kitten", "sitting"), 3);
+        assert_eq!(nearest("fs_mian", &["fs_main", "vs_main"]), Some("fs_main"));
+        assert_eq!(nearest("shadow", &["fs_main"]), None);
+    }
+}

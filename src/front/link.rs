@@ -1,0 +1,596 @@
+//! Two naga modules become one: the second's arenas are appended to the first's, handles remapped, spans moved.
+//!
+//! What both files declare alike is declared once: types by naga's own `UniqueArena`; resources by group and binding; constants, overrides and
+//! functions by name and content. What clashes is renamed after the second module's stage, or, where a name or a binding is what the host
+//! holds on to, refused.
+
+use std::collections::{HashMap, HashSet};
+
+use naga::{
+    AddressSpace, ArraySize, Block, Constant, EntryPoint, Expression, Function, GlobalVariable,
+    Handle, Module, Override, RayPipelineFunction, ShaderStage, Span, Statement, Type, TypeInner,
+};
+
+use super::error::{Code, Error};
+use super::wgsl::offset;
+
+/// Adds `second`, whose spans count from `base` in the source map, to `first`, whose spans count from 0.
+pub(super) fn link(first: Module, second: Module, base: u32) -> Result<Module, Error> {
+    let suffix = second
+        .entry_points
+        .first()
+        .map_or("second", |e| super::entry::stage_name(e.stage));
+    let mut linker = Linker {
+        names: names(&first),
+        shared: first.functions.iter().map(|(h, _)| h).collect(),
+        module: first,
+        second: &second,
+        base,
+        suffix,
+        types: HashMap::new(),
+        expressions: HashMap::new(),
+        constants: HashMap::new(),
+        overrides: HashMap::new(),
+        globals: HashMap::new(),
+        functions: HashMap::new(),
+        filters: HashMap::new(),
+    };
+    linker.share_resource_types();
+    linker.types()?;
+    linker.globals()?;
+    linker.filters();
+    linker.functions()?;
+    linker.entry_points()?;
+    Ok(linker.module)
+}
+
+struct Linker<'a> {
+    /// The first module, growing.
+    module: Module,
+    second: &'a Module,
+    base: u32,
+    /// Appended to names that clash.
+    suffix: &'static str,
+    /// Names of functions, entry points and variables in `module`.
+    names: HashSet<String>,
+    /// Functions of the first module, which one of the second may equal.
+    shared: Vec<Handle<Function>>,
+    // The second module's handles to those in `module`.
+    types: HashMap<Handle<Type>, Handle<Type>>,
+    expressions: HashMap<Handle<Expression>, Handle<Expression>>,
+    constants: HashMap<Handle<Constant>, Handle<Constant>>,
+    overrides: HashMap<Handle<Override>, Handle<Override>>,
+    globals: HashMap<Handle<GlobalVariable>, Handle<GlobalVariable>>,
+    functions: HashMap<Handle<Function>, Handle<Function>>,
+    filters: HashMap<
+        Handle<naga::diagnostic_filter::DiagnosticFilterNode>,
+        Handle<naga::diagnostic_filter::DiagnosticFilterNode>,
+    >,
+}
+
+fn names(module: &Module) -> HashSet<String> {
+    let functions = module.functions.iter().filter_map(|(_, f)| f.name.clone());
+    let globals = module
+        .global_variables
+        .iter()
+        .filter_map(|(_, g)| g.name.clone());
+    let entries = module.entry_points.iter().map(|e| e.name.clone());
+    functions.chain(globals).chain(entries).collect()
+}
+
+impl Linker<'_> {
+    fn span(&self, span: Span) -> Span {
+        offset(span, self.base)
+    }
+
+    /// Where a resource of one binding has a type of the same layout in both files, only named otherwise, the first file's names are taken
+    /// for both: authors write `Camera` in one file and `CameraUniform` in the other.
+    fn share_resource_types(&mut self) {
+        for (_, theirs) in self.second.global_variables.iter() {
+            let Some(binding) = theirs.binding else {
+                continue;
+            };
+            let ours = self
+                .module
+                .global_variables
+                .iter()
+                .find(|(_, g)| g.binding == Some(binding));
+            if let Some((_, ours)) = ours
+                && let Some(pairs) = same_layout(&self.module, ours.ty, self.second, theirs.ty)
+            {
+                self.types.extend(pairs);
+            }
+        }
+    }
+
+    fn types(&mut self) -> Result<(), Error> {
+        for (handle, _) in self.second.types.iter() {
+            self.ty(handle)?;
+        }
+        let theirs = &self.second.special_types;
+        for (key, ty) in &theirs.predeclared_types {
+            let ty = self.ty(*ty)?;
+            self.module
+                .special_types
+                .predeclared_types
+                .insert(key.clone(), ty);
+        }
+        let map =
+            |slot: &mut Option<Handle<Type>>, ty: Option<Handle<Type>>, types: &HashMap<_, _>| {
+                if let Some(ty) = ty {
+                    *slot = types.get(&ty).copied();
+                }
+            };
+        let ours = &mut self.module.special_types;
+        map(&mut ours.ray_desc, theirs.ray_desc, &self.types);
+        map(
+            &mut ours.ray_intersection,
+            theirs.ray_intersection,
+            &self.types,
+        );
+        map(
+            &mut ours.ray_vertex_return,
+            theirs.ray_vertex_return,
+            &self.types,
+        );
+        map(
+            &mut ours.external_texture_params,
+            theirs.external_texture_params,
+            &self.types,
+        );
+        map(
+            &mut ours.external_texture_transfer_function,
+            theirs.external_texture_transfer_function,
+            &self.types,
+        );
+        Ok(())
+    }
+
+    fn ty(&mut self, handle: Handle<Type>) -> Result<Handle<Type>, Error> {
+        if let Some(done) = self.types.get(&handle) {
+            return Ok(*done);
+        }
+        let mut ty = self.second.types[handle].clone();
+        match &mut ty.inner {
+            TypeInner::Pointer { base, .. } => *base = self.ty(*base)?,
+            TypeInner::Array { base, size, .. } | TypeInner::BindingArray { base, size } => {
+                *base = self.ty(*base)?;
+                if let ArraySize::Pending(value) = size {
+                    *value = self.override_(*value)?;
+                }
+            }
+            TypeInner::Struct { members, .. } => {
+                for member in members {
+                    member.ty = self.ty(member.ty)?;
+                }
+            }
+            _ => {}
+        }
+        let span = self.span(self.second.types.get_span(handle));
+        let mapped = self.module.types.insert(ty, span);
+        self.types.insert(handle, mapped);
+        Ok(mapped)
+    }
+
+    /// A global expression. Equal ones are shared, so that constants can be compared by their initialiser's handle.
+    fn expression(&mut self, handle: Handle<Expression>) -> Result<Handle<Expression>, Error> {
+        if let Some(done) = self.expressions.get(&handle) {
+            return Ok(*done);
+        }
+        let mut expression = self.second.global_expressions[handle].clone();
+        match &mut expression {
+            Expression::Compose { components, .. } => {
+                for component in components {
+                    *component = self.expression(*component)?;
+                }
+            }
+            Expression::Access { base, index } => {
+                *base = self.expression(*base)?;
+                *index = self.expression(*index)?;
+            }
+            Expression::AccessIndex { base: e, .. }
+            | Expression::Splat { value: e, .. }
+            | Expression::Swizzle { vector: e, .. }
+            | Expression::Unary { expr: e, .. }
+            | Expression::Relational { argument: e, .. }
+            | Expression::As { expr: e, .. } => *e = self.expression(*e)?,
+            Expression::Binary { left, right, .. } => {
+                *left = self.expression(*left)?;
+                *right = self.expression(*right)?;
+            }
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => {
+                *condition = self.expression(*condition)?;
+                *accept = self.expression(*accept)?;
+                *reject = self.expression(*reject)?;
+            }
+            Expression::Math {
+                arg,
+                arg1,
+                arg2,
+                arg3,
+                ..
+            } => {
+                *arg = self.expression(*arg)?;
+                for arg in [arg1, arg2, arg3].into_iter().flatten() {
+                    *arg = self.expression(*arg)?;
+                }
+            }
+            _ => {}
+        }
+        self.module_handles(&mut expression)?;
+        let span = self.span(self.second.global_expressions.get_span(handle));
+        let mapped = self
+            .module
+            .global_expressions
+            .fetch_or_append(expression, span);
+        self.expressions.insert(handle, mapped);
+        Ok(mapped)
+    }
+
+    fn constant(&mut self, handle: Handle<Constant>) -> Result<Handle<Constant>, Error> {
+        if let Some(done) = self.constants.get(&handle) {
+            return Ok(*done);
+        }
+        let theirs = self.second.constants[handle].clone();
+        let constant = Constant {
+            name: theirs.name,
+            ty: self.ty(theirs.ty)?,
+            init: self.expression(theirs.init)?,
+        };
+        let span = self.span(self.second.constants.get_span(handle));
+        let mapped = self.module.constants.fetch_or_append(constant, span);
+        self.constants.insert(handle, mapped);
+        Ok(mapped)
+    }
+
+    /// An override's name and id are how the host sets it, so two of one name must be one.
+    fn override_(&mut self, handle: Handle<Override>) -> Result<Handle<Override>, Error> {
+        if let Some(done) = self.overrides.get(&handle) {
+            return Ok(*done);
+        }
+        let theirs = self.second.overrides[handle].clone();
+        let mapped = Override {
+            name: theirs.name,
+            id: theirs.id,
+            ty: self.ty(theirs.ty)?,
+            init: theirs.init.map(|e| self.expression(e)).transpose()?,
+        };
+        let span = self.span(self.second.overrides.get_span(handle));
+        let clash = self.module.overrides.iter().find(|(_, o)| {
+            **o != mapped && (o.name == mapped.name || (o.id.is_some() && o.id == mapped.id))
+        });
+        if let Some((ours, _)) = clash {
+            return Err(Error::new(
+                Code::Link,
+                format!(
+                    "the two files declare the override `{}` differently",
+                    mapped.name.as_deref().unwrap_or("")
+                ),
+            )
+            .label(span, "here")
+            .label(self.module.overrides.get_span(ours), "and here"));
+        }
+        let mapped = self.module.overrides.fetch_or_append(mapped, span);
+        self.overrides.insert(handle, mapped);
+        Ok(mapped)
+    }
+
+    fn globals(&mut self) -> Result<(), Error> {
+        // Overrides that no expression of the second module uses still belong to its interface.
+        for (handle, _) in self.second.overrides.iter() {
+            self.override_(handle)?;
+        }
+        for (handle, _) in self.second.constants.iter() {
+            self.constant(handle)?;
+        }
+        for (handle, theirs) in self.second.global_variables.iter() {
+            let mut global = theirs.clone();
+            global.ty = self.ty(global.ty)?;
+            global.init = global.init.map(|e| self.expression(e)).transpose()?;
+            let span = self.span(self.second.global_variables.get_span(handle));
+            let mapped = match self.same_binding(&global) {
+                Some(ours) => {
+                    let declared = &self.module.global_variables[ours];
+                    if declared.ty != global.ty || declared.space != global.space {
+                        return Err(self.binding_clash(ours, &global, span));
+                    }
+                    ours
+                }
+                None => {
+                    global.name = global.name.map(|n| self.unique(&n));
+                    self.module.global_variables.append(global, span)
+                }
+            };
+            self.globals.insert(handle, mapped);
+        }
+        Ok(())
+    }
+
+    fn same_binding(&self, global: &GlobalVariable) -> Option<Handle<GlobalVariable>> {
+        let one_place = |g: &GlobalVariable| match global.space {
+            AddressSpace::Immediate => g.space == AddressSpace::Immediate,
+            _ => global.binding.is_some() && g.binding == global.binding,
+        };
+        self.module
+            .global_variables
+            .iter()
+            .find(|(_, g)| one_place(g))
+            .map(|(h, _)| h)
+    }
+
+    fn binding_clash(
+        &self,
+        ours: Handle<GlobalVariable>,
+        theirs: &GlobalVariable,
+        span: Span,
+    ) -> Error {
+        let declared = &self.module.global_variables[ours];
+        let at = theirs.binding.map_or("immediate data".to_owned(), |b| {
+            format!("group {} binding {}", b.group, b.binding)
+        });
+        let name = |g: &GlobalVariable| g.name.clone().unwrap_or_default();
+        Error::new(
+            Code::Link,
+            format!("the two files declare {at} differently"),
+        )
+        .label(span, format!("`{}` here", name(theirs)))
+        .label(
+            self.module.global_variables.get_span(ours),
+            format!("`{}` here", name(declared)),
+        )
+        .note("give one of them another binding, or both the same type and access")
+    }
+
+    fn filters(&mut self) {
+        for (handle, node) in self.second.diagnostic_filters.iter() {
+            let mut node = node.clone();
+            node.parent = node.parent.and_then(|p| self.filters.get(&p).copied());
+            let span = self.span(self.second.diagnostic_filters.get_span(handle));
+            let mapped = self.module.diagnostic_filters.append(node, span);
+            self.filters.insert(handle, mapped);
+        }
+    }
+
+    fn functions(&mut self) -> Result<(), Error> {
+        for (handle, function) in self.second.functions.iter() {
+            let mut mapped = self.function(function)?;
+            // naga's IR has no equality; its debug form shows everything but spans.
+            let text = format!("{mapped:?}");
+            let twin = self.shared.iter().copied().find(|h| {
+                let ours = &self.module.functions[*h];
+                ours.name == mapped.name && format!("{ours:?}") == text
+            });
+            let new = match twin {
+                Some(twin) => twin,
+                None => {
+                    mapped.name = mapped.name.map(|n| self.unique(&n));
+                    let span = self.span(self.second.functions.get_span(handle));
+                    self.module.functions.append(mapped, span)
+                }
+            };
+            self.functions.insert(handle, new);
+        }
+        Ok(())
+    }
+
+    fn entry_points(&mut self) -> Result<(), Error> {
+        for entry in &self.second.entry_points {
+            let twice = |e: &&EntryPoint| e.stage == entry.stage;
+            if let Some(first) = self.module.entry_points.iter().find(twice)
+                && matches!(entry.stage, ShaderStage::Vertex | ShaderStage::Fragment)
+                && first.name == entry.name
+            {
+                let stage = super::entry::stage_name(entry.stage);
+                return Err(Error::new(
+                    Code::Link,
+                    format!("both files have a {stage} entry point `{}`", entry.name),
+                ));
+            }
+            let mut mapped = entry.clone();
+            mapped.function = self.function(&entry.function)?;
+            mapped.name = self.unique(&entry.name);
+            if let Some(global) = mapped.task_payload.as_mut() {
+                *global = self.global(*global)?;
+            }
+            self.module.entry_points.push(mapped);
+        }
+        Ok(())
+    }
+
+    /// The function with its module-level handles mapped; handles into its own arenas stay, as these keep their order.
+    fn function(&mut self, theirs: &Function) -> Result<Function, Error> {
+        let mut function = theirs.clone();
+        for argument in &mut function.arguments {
+            argument.ty = self.ty(argument.ty)?;
+        }
+        if let Some(result) = &mut function.result {
+            result.ty = self.ty(result.ty)?;
+        }
+        function.local_variables.clear();
+        for (handle, local) in theirs.local_variables.iter() {
+            let mut local = local.clone();
+            local.ty = self.ty(local.ty)?;
+            let span = self.span(theirs.local_variables.get_span(handle));
+            function.local_variables.append(local, span);
+        }
+        function.expressions.clear();
+        for (handle, expression) in theirs.expressions.iter() {
+            let mut expression = expression.clone();
+            self.module_handles(&mut expression)?;
+            let span = self.span(theirs.expressions.get_span(handle));
+            function.expressions.append(expression, span);
+        }
+        self.block(&mut function.body)?;
+        function.diagnostic_filter_leaf = function
+            .diagnostic_filter_leaf
+            .and_then(|f| self.filters.get(&f).copied());
+        Ok(function)
+    }
+
+    /// Maps the module-level handles that an expression itself holds.
+    fn module_handles(&mut self, expression: &mut Expression) -> Result<(), Error> {
+        match expression {
+            Expression::Constant(handle) => *handle = self.constant(*handle)?,
+            Expression::Override(handle) => *handle = self.override_(*handle)?,
+            Expression::GlobalVariable(handle) => *handle = self.global(*handle)?,
+            Expression::CallResult(handle) => *handle = self.callee(*handle)?,
+            Expression::ZeroValue(ty)
+            | Expression::Compose { ty, .. }
+            | Expression::AtomicResult { ty, .. }
+            | Expression::WorkGroupUniformLoadResult { ty }
+            | Expression::SubgroupOperationResult { ty } => *ty = self.ty(*ty)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn block(&mut self, block: &mut Block) -> Result<(), Error> {
+        let base = self.base;
+        for (statement, span) in block.span_iter_mut() {
+            if let Some(span) = span {
+                *span = offset(*span, base);
+            }
+            match statement {
+                Statement::Block(inner) => self.block(inner)?,
+                Statement::If { accept, reject, .. } => {
+                    self.block(accept)?;
+                    self.block(reject)?;
+                }
+                Statement::Switch { cases, .. } => {
+                    for case in cases {
+                        self.block(&mut case.body)?;
+                    }
+                }
+                Statement::Loop {
+                    body, continuing, ..
+                } => {
+                    self.block(body)?;
+                    self.block(continuing)?;
+                }
+                Statement::Call { function, .. } => *function = self.callee(*function)?,
+                Statement::RayPipelineFunction(RayPipelineFunction::TraceRay { .. })
+                | Statement::Emit(_)
+                | Statement::Break
+                | Statement::Continue
+                | Statement::Return { .. }
+                | Statement::Kill
+                | Statement::ControlBarrier(_)
+                | Statement::MemoryBarrier(_)
+                | Statement::Store { .. }
+                | Statement::ImageStore { .. }
+                | Statement::Atomic { .. }
+                | Statement::ImageAtomic { .. }
+                | Statement::WorkGroupUniformLoad { .. }
+                | Statement::RayQuery { .. }
+                | Statement::SubgroupBallot { .. }
+                | Statement::SubgroupGather { .. }
+                | Statement::SubgroupCollectiveOperation { .. }
+                | Statement::CooperativeStore { .. } => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn global(&self, handle: Handle<GlobalVariable>) -> Result<Handle<GlobalVariable>, Error> {
+        self.globals.get(&handle).copied().ok_or_else(dangling)
+    }
+
+    fn callee(&self, handle: Handle<Function>) -> Result<Handle<Function>, Error> {
+        self.functions.get(&handle).copied().ok_or_else(dangling)
+    }
+
+    /// `name`, or, where the first module has it, the name with the stage appended.
+    fn unique(&mut self, name: &str) -> String {
+        let mut unique = name.to_owned();
+        while !self.names.insert(unique.clone()) {
+            unique = format!("{unique}_{}", self.suffix);
+        }
+        unique
+    }
+}
+
+/// A front end of naga built a module that refers to what comes later, which it promises not to.
+fn dangling() -> Error {
+    Error::new(
+        Code::Invalid,
+        "the parsed module refers to an item before declaring it",
+    )
+}
+
+/// The second module's types mapped to the first's, if both have one layout: equal in everything but the names of structs and of
+/// their members. `None` where they differ, or where nothing would have to be mapped.
+fn same_layout(
+    first: &Module,
+    a: Handle<Type>,
+    second: &Module,
+    b: Handle<Type>,
+) -> Option<Vec<(Handle<Type>, Handle<Type>)>> {
+    let mut pairs = Vec::new();
+    matches_layout(first, a, second, b, &mut pairs).then_some(pairs)
+}
+
+fn matches_layout(
+    first: &Module,
+    a: Handle<Type>,
+    second: &Module,
+    b: Handle<Type>,
+    pairs: &mut Vec<(Handle<Type>, Handle<Type>)>,
+) -> bool {
+    let same = match (&first.types[a].inner, &second.types[b].inner) {
+        (
+            TypeInner::Struct {
+                members: m,
+                span: s,
+            },
+            TypeInner::Struct {
+                members: n,
+                span: t,
+            },
+        ) => {
+            s == t
+                && m.len() == n.len()
+                && m.iter().zip(n).all(|(m, n)| {
+                    m.offset == n.offset
+                        && m.binding == n.binding
+                        && matches_layout(first, m.ty, second, n.ty, pairs)
+                })
+        }
+        (
+            TypeInner::Array {
+                base: x,
+                size: ArraySize::Constant(s),
+                stride: p,
+            },
+            TypeInner::Array {
+                base: y,
+                size: ArraySize::Constant(t),
+                stride: q,
+            },
+        ) => s == t && p == q && matches_layout(first, *x, second, *y, pairs),
+        (
+            TypeInner::Array {
+                base: x,
+                size: ArraySize::Dynamic,
+                stride: p,
+            },
+            TypeInner::Array {
+                base: y,
+                size: ArraySize::Dynamic,
+                stride: q,
+            },
+        ) => p == q && matches_layout(first, *x, second, *y, pairs),
+        (
+            TypeInner::Pointer { .. } | TypeInner::Array { .. } | TypeInner::BindingArray { .. },
+            _,
+        ) => false,
+        (x, y) => x == y,
+    };
+    if same {
+        pairs.push((b, a));
+    }
+    same
+}

@@ -1,0 +1,33 @@
+//! One WGSL file to a naga module.
+
+use naga::Span;
+use naga::front::wgsl;
+
+use super::error::{Code, Error};
+
+/// Parses `text`. Error labels are offset by `base`; the module's own spans are not.
+pub(super) fn parse(text: &str, base: u32) -> Result<naga::Module, Error> {
+    wgsl::parse_str(text).map_err(|e| {
+        // naga tells its parser's own limit as an internal error without a place.
+        if e.message().contains("recursion limit") {
+            return Error::new(Code::TooDeep, "expressions are nested too deeply to parse")
+                .note("naga's parser goes 200 levels deep; give inner parts names of their own");
+        }
+        let mut error = Error::new(Code::Parse, e.message());
+        for (span, label) in e.labels() {
+            error = error.label(offset(span, base), label);
+        }
+        for note in e.notes() {
+            error = error.note(note);
+        }
+        error
+    })
+}
+
+/// `span` moved by `base`; an undefined span stays so.
+pub(super) fn offset(span: Span, base: u32) -> Span {
+    match span.to_range() {
+        Some(range) => Span::new(range.start as u32 + base, range.end as u32 + base),
+        None => span,
+    }
+}
