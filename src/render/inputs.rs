@@ -441,7 +441,7 @@ fn cleared(
             array_layer_count: Some(1),
             ..Default::default()
         });
-        let color = wgpu::RenderPassColorAttachment {
+        let color = [Some(wgpu::RenderPassColorAttachment {
             view: &view,
             depth_slice: None,
             resolve_target: None,
@@ -449,7 +449,7 @@ fn cleared(
                 load: wgpu::LoadOp::Clear(color),
                 store: wgpu::StoreOp::Store,
             },
-        };
+        })];
         let depth = wgpu::RenderPassDepthStencilAttachment {
             view: &view,
             depth_ops: Some(wgpu::Operations {
@@ -461,7 +461,7 @@ fn cleared(
         let is_depth = format.is_depth_stencil_format();
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: None,
-            color_attachments: if is_depth { &[] } else { &[Some(color)] },
+            color_attachments: if is_depth { &[] } else { &color },
             depth_stencil_attachment: is_depth.then_some(depth),
             ..Default::default()
         });
