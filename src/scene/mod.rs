@@ -1,14 +1,33 @@
 //! Scenes: what to draw a material on, with which values, from where.
 //!
 //! A scene file (TOML) or a bare shader becomes a [`Scene`]: plain data on the CPU, every mesh generated or read, every texture decoded.
-//! `bind` turns one draw of it into the bytes that a GPU pass of a plan asks for.
+//! [`bind`] turns one draw of it into the bytes that a GPU pass of a plan asks for.
+
+mod error;
+mod file;
+mod layout;
+mod load;
+mod material;
+mod noise;
+mod place;
+mod semantic;
+mod shader;
+
+pub mod bind;
+pub mod camera;
+pub mod image;
+pub mod mesh;
+
+pub use error::Error;
+pub use load::load;
+pub use semantic::Semantic;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use preshade_passes::program::Program;
-use preshade_passes::state::{DepthDirection, DepthFormat, MaterialState};
+use preshade_passes::state::{CompareFunction, DepthDirection, DepthFormat, MaterialState};
 
 /// Everything that is drawn, on the CPU.
 #[derive(Clone, Debug)]
@@ -72,6 +91,8 @@ pub struct Material {
     pub values: BTreeMap<String, Value>,
     /// Textures by variable name.
     pub textures: BTreeMap<String, Arc<Image>>,
+    /// Samplers by variable name; what is not named here is trilinear, repeating, and compares with LessEqual where it compares.
+    pub samplers: BTreeMap<String, Sampler>,
     /// Mesh stream by attribute name, where it is not the attribute's own name.
     pub attributes: BTreeMap<String, String>,
 }
@@ -83,6 +104,50 @@ pub enum Value {
     Numbers(Vec<f64>),
     /// A value the renderer knows, `$view_proj` say, without the dollar sign.
     Semantic(String),
+}
+
+/// How a texture is sampled.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sampler {
+    /// Magnification, minification, and between mip levels.
+    pub filter: Filter,
+    /// Outside of the texture.
+    pub address: Address,
+    /// Largest anisotropy, 1 to 16; above 1 the filter must be linear.
+    pub anisotropy: u16,
+    /// Comparison of a comparison sampler.
+    pub compare: Option<CompareFunction>,
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        Self {
+            filter: Filter::Linear,
+            address: Address::Repeat,
+            anisotropy: 1,
+            compare: None,
+        }
+    }
+}
+
+/// A texture filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)]
+pub enum Filter {
+    Nearest,
+    Linear,
+}
+
+/// A texture addressing mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)]
+pub enum Address {
+    Repeat,
+    MirrorRepeat,
+    ClampToEdge,
 }
 
 /// A decoded image with all its mip levels.
@@ -175,4 +240,37 @@ pub struct Frame {
     pub eye: Vec3,
     /// Seconds.
     pub time: f32,
+}
+
+impl Scene {
+    /// The scene at another resolution: the viewport scales with it, and every camera keeps its vertical field of view.
+    #[must_use]
+    pub fn resized(mut self, size: [u32; 2]) -> Self {
+        let before = self.aspect();
+        if let Some(viewport) = &mut self.viewport {
+            for (i, v) in viewport.iter_mut().enumerate() {
+                let (from, to) = (u64::from(self.size[i % 2]), u64::from(size[i % 2]));
+                *v = (u64::from(*v) * to / from.max(1)) as u32;
+            }
+        }
+        self.size = size;
+        let scale = before / self.aspect();
+        for frame in self.cameras.iter_mut().flat_map(|c| &mut c.frames) {
+            frame.projection.x_axis *= scale;
+        }
+        self
+    }
+
+    /// Width over height of the part of the target that is drawn to.
+    pub fn aspect(&self) -> f32 {
+        let [w, h] = self.viewport.map_or(self.size, |[_, _, w, h]| [w, h]);
+        w as f32 / h.max(1) as f32
+    }
+
+    /// Every frame of every camera.
+    pub fn frames(&self) -> impl Iterator<Item = (&Camera, &Frame)> {
+        self.cameras
+            .iter()
+            .flat_map(|c| c.frames.iter().map(move |f| (c, f)))
+    }
 }

@@ -1,0 +1,509 @@
+//! One draw of a scene as the bytes that a GPU pass asks for.
+//!
+//! What a pass lists (by group, binding and location) is looked up in the author's program by reflection, and each member is filled
+//! from, in this order: the draw's values, the material's values, what its name means by convention ([`Semantic`], mesh streams), and a plausible
+//! number derived from its name. `docs/scenes.md` lists the names.
+//!
+//! Nothing here depends on the plan: two variants of a material get the same bytes, and the same [`Data::id`]s, so a renderer uploads each once.
+
+use std::sync::Arc;
+
+use naga::{ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
+use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
+use preshade_passes::state::CompareFunction;
+
+use super::layout::{self, Leaf};
+use super::semantic::{Known, normalise};
+use super::{Draw, Error, Frame, Image, Material, Sampler, Scene, Value, material};
+
+mod streams;
+
+use streams::Streams;
+
+/// Bytes with a name of their content: equal bytes have equal ids, so a renderer may keep one GPU buffer an id.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Data {
+    /// First 16 bytes of the BLAKE3 hash of `bytes`.
+    pub id: u128,
+    /// The bytes.
+    pub bytes: Arc<[u8]>,
+}
+
+impl Data {
+    fn new(bytes: Vec<u8>) -> Self {
+        let mut id = [0; 16];
+        id.copy_from_slice(&blake3::hash(&bytes).as_bytes()[..16]);
+        Self {
+            id: u128::from_le_bytes(id),
+            bytes: bytes.into(),
+        }
+    }
+}
+
+/// How often a buffer's content changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rate {
+    /// Never: the same for this draw in every frame.
+    Draw,
+    /// With the camera or the time.
+    Frame,
+}
+
+/// A uniform or storage buffer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BufferBinding {
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+    /// Uniform, read-only or read-write storage.
+    pub kind: BindingKind,
+    /// Content, a multiple of 16 bytes long.
+    pub data: Data,
+    /// How often it changes.
+    pub rate: Rate,
+}
+
+/// What a texture binding shows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TextureContent {
+    /// An image with its mips.
+    Image(Arc<Image>),
+    /// A depth texture of one value, for shadow maps: nothing is in shadow.
+    Depth {
+        /// Width and height.
+        size: [u32; 2],
+        /// The depth it is cleared to.
+        value: f32,
+    },
+    /// A storage texture, zeroed.
+    Storage {
+        /// Width and height.
+        size: [u32; 2],
+        /// Format.
+        format: naga::StorageFormat,
+    },
+}
+
+/// A texture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureBinding {
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+    /// Content.
+    pub content: TextureContent,
+    /// Dimension of the view.
+    pub view: wgpu::TextureViewDimension,
+    /// Sample type; `Uint` and `Sint` read the image's texels as integers.
+    pub sample_type: wgpu::TextureSampleType,
+    /// A `texture_multisampled_*`.
+    pub multisampled: bool,
+}
+
+/// A sampler.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SamplerBinding {
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+    /// How it samples; `compare` is set exactly for comparison samplers.
+    pub sampler: Sampler,
+}
+
+/// One vertex attribute in a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VertexAttribute {
+    /// `@location`.
+    pub location: u32,
+    /// Format.
+    pub format: wgpu::VertexFormat,
+    /// Offset in bytes.
+    pub offset: u64,
+}
+
+/// A vertex buffer: all attributes of one step mode, interleaved as a host would. It holds every attribute of the *author's* vertex stage, and lists
+/// those that this pass reads, so that all passes of a material share it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VertexBuffer {
+    /// Bytes from one vertex or instance to the next.
+    pub stride: u64,
+    /// By vertex or by instance.
+    pub step: wgpu::VertexStepMode,
+    /// Attributes the pass reads.
+    pub attributes: Vec<VertexAttribute>,
+    /// Content.
+    pub data: Data,
+}
+
+/// An index buffer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Indices {
+    /// 16 bits when the mesh has at most 65,535 vertices.
+    pub format: wgpu::IndexFormat,
+    /// Number of indices.
+    pub count: u32,
+    /// Content, padded to a multiple of 4 bytes.
+    pub data: Data,
+}
+
+/// Everything a draw call needs but the pipeline.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrawBindings {
+    /// Uniform and storage buffers.
+    pub buffers: Vec<BufferBinding>,
+    /// Textures. Those the pass takes from an attachment are the renderer's.
+    pub textures: Vec<TextureBinding>,
+    /// Samplers.
+    pub samplers: Vec<SamplerBinding>,
+    /// At most one by vertex and one by instance.
+    pub vertex_buffers: Vec<VertexBuffer>,
+    /// Indices; `None` draws `vertex_count` vertices in order.
+    pub indices: Option<Indices>,
+    /// Vertices to draw where there are no indices.
+    pub vertex_count: u32,
+    /// Instances to draw.
+    pub instances: u32,
+}
+
+/// Binds everything that `pass` lists, for one draw in one frame.
+///
+/// # Errors
+/// When a value does not fit its variable, a semantic is unknown, or a binding is of a kind a scene cannot fill (acceleration structures,
+/// binding arrays).
+pub fn draw(
+    scene: &Scene,
+    material: &Material,
+    pass: &GpuPass,
+    draw: &Draw,
+    frame: &Frame,
+) -> Result<DrawBindings, Error> {
+    let streams = Streams::new(scene, material, draw)?;
+    let module = material.program.module();
+    let mut out = DrawBindings {
+        buffers: Vec::new(),
+        textures: Vec::new(),
+        samplers: Vec::new(),
+        vertex_buffers: streams.vertex_buffers(pass)?,
+        indices: streams.indices(),
+        vertex_count: streams.vertex_count(),
+        instances: draw.instances,
+    };
+    for binding in authored(pass) {
+        let (name, ty) = variable(material, binding)?;
+        match binding.kind {
+            BindingKind::Uniform | BindingKind::StorageRead | BindingKind::StorageReadWrite => {
+                out.buffers
+                    .push(buffer(scene, material, &streams, binding, draw, frame)?);
+            }
+            BindingKind::Sampler | BindingKind::ComparisonSampler => {
+                out.samplers.push(sampler(material, binding, name));
+            }
+            BindingKind::Texture | BindingKind::DepthTexture | BindingKind::StorageTexture => {
+                out.textures
+                    .push(texture(material, binding, name, &module.types[ty].inner)?);
+            }
+            BindingKind::AccelerationStructure => {
+                return Err(Error::new(format!(
+                    "material `{}`: `{name}` is an acceleration structure, which a scene cannot fill",
+                    material.name
+                )));
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// The buffers of [`draw`] whose [`Rate`] is [`Rate::Frame`], for another frame: all that a renderer must write anew when the camera moves.
+///
+/// # Errors
+/// As [`draw`].
+pub fn frame_buffers(
+    scene: &Scene,
+    material: &Material,
+    pass: &GpuPass,
+    draw: &Draw,
+    frame: &Frame,
+) -> Result<Vec<BufferBinding>, Error> {
+    let streams = Streams::new(scene, material, draw)?;
+    let mut out = Vec::new();
+    for binding in authored(pass).filter(|b| b.kind == BindingKind::Uniform) {
+        let bound = buffer(scene, material, &streams, binding, draw, frame)?;
+        if bound.rate == Rate::Frame {
+            out.push(bound);
+        }
+    }
+    Ok(out)
+}
+
+fn authored(pass: &GpuPass) -> impl Iterator<Item = &BindingUse> {
+    pass.bindings
+        .iter()
+        .filter(|b| b.source == BindingSource::Author)
+}
+
+/// Name and type, in the author's program, of what a pass binds.
+fn variable<'a>(
+    material: &'a Material,
+    binding: &BindingUse,
+) -> Result<(&'a str, naga::Handle<naga::Type>), Error> {
+    material::globals(&material.program)
+        .find(|g| (g.group, g.binding) == (binding.group, binding.binding))
+        .map(|g| (g.name, g.ty))
+        .ok_or_else(|| {
+            Error::new(format!(
+                "material `{}` has no variable at group {} binding {}, which a pass of its plan names as the author's",
+                material.name, binding.group, binding.binding
+            ))
+        })
+}
+
+fn buffer(
+    scene: &Scene,
+    material: &Material,
+    streams: &Streams<'_>,
+    binding: &BindingUse,
+    draw: &Draw,
+    frame: &Frame,
+) -> Result<BufferBinding, Error> {
+    let (name, ty) = variable(material, binding)?;
+    let module = material.program.module();
+    let in_material = |what: Error| {
+        Error::new(format!("material `{}`: {}", material.name, what.message())).help_from(&what)
+    };
+    let any = Value::Numbers(Vec::new());
+    let has_any = !draw.values.is_empty() || !material.values.is_empty();
+    // The empty path asks whether there is any value at all, so that large arrays without one are not looked up by element.
+    let values = |path: &str| -> Option<&Value> {
+        if path.is_empty() {
+            return has_any.then_some(&any);
+        }
+        draw.values.get(path).or_else(|| material.values.get(path))
+    };
+    let given = match values(name) {
+        Some(Value::Numbers(n)) if !name.is_empty() => Some(n.len()),
+        _ => None,
+    };
+    let dynamic = streams.runtime_length(name, ty, given);
+    let mut rate = Rate::Draw;
+    let mut leaf = |leaf: &Leaf<'_>| -> Result<[f64; 16], Error> {
+        if leaf.semantic.is_none()
+            && let Some(numbers) = streams.element(name, ty, leaf)
+        {
+            return Ok(numbers);
+        }
+        let named = leaf.named();
+        for (semantic, forced) in [(leaf.semantic, true), (named, false)] {
+            let Some(semantic) = semantic else { continue };
+            let index = if semantic.is_list() {
+                leaf.index.unwrap_or(0)
+            } else {
+                0
+            };
+            let known = semantic.evaluate(scene, draw, frame, index, leaf.rows as usize);
+            match fit(known, leaf) {
+                Some(numbers) => {
+                    if semantic.is_per_frame() {
+                        rate = Rate::Frame;
+                    }
+                    return Ok(numbers);
+                }
+                None if forced => {
+                    return Err(Error::new(format!(
+                        "`${}` does not fit `{}`: one is a matrix, the other is not",
+                        normalise(leaf.name()),
+                        leaf.name()
+                    )));
+                }
+                None => {}
+            }
+        }
+        Ok(plausible(leaf))
+    };
+    let bytes = layout::pack(module, name, ty, dynamic, &values, &mut leaf).map_err(in_material)?;
+    Ok(BufferBinding {
+        group: binding.group,
+        binding: binding.binding,
+        kind: binding.kind,
+        data: Data::new(bytes),
+        rate,
+    })
+}
+
+/// A known value cut to a leaf's shape; `None` where one is a matrix and the other is not.
+fn fit(known: Known, leaf: &Leaf<'_>) -> Option<[f64; 16]> {
+    let mut out = [0.0; 16];
+    match known {
+        Known::Matrix(m) if leaf.columns > 1 => {
+            for c in 0..leaf.columns as usize {
+                for r in 0..leaf.rows as usize {
+                    out[c * leaf.rows as usize + r] = f64::from(m.col(c)[r]);
+                }
+            }
+        }
+        Known::Vector(v) if leaf.columns == 1 => {
+            for (r, n) in out.iter_mut().enumerate().take(leaf.rows as usize) {
+                *n = f64::from(v[r]);
+            }
+        }
+        _ => return None,
+    }
+    Some(out)
+}
+
+/// A number between 0 and 1 that depends on a name and two indices alone.
+fn hash01(name: &str, index: usize, component: usize) -> f64 {
+    let mut h: u32 = 0x811c_9dc5;
+    for b in name
+        .bytes()
+        .chain((index as u32).to_le_bytes())
+        .chain((component as u32).to_le_bytes())
+    {
+        h = (h ^ u32::from(b)).wrapping_mul(0x0100_0193);
+    }
+    h ^= h >> 15;
+    h = h.wrapping_mul(0x2c1b_3c6d);
+    h ^= h >> 12;
+    f64::from(h) / f64::from(u32::MAX)
+}
+
+/// A value for a member whose name means nothing here: identity matrices, unit directions, positions around the origin, colours, counts of one,
+/// and numbers in 0.25..0.75 otherwise.
+fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
+    let name = normalise(leaf.name());
+    let index = leaf.index.unwrap_or(0);
+    let mut out = [0.0; 16];
+    if leaf.columns > 1 {
+        for c in 0..leaf.columns.min(leaf.rows) as usize {
+            out[c * leaf.rows as usize + c] = 1.0;
+        }
+        return out;
+    }
+    let rows = leaf.rows as usize;
+    if leaf.kind != ScalarKind::Float {
+        let one = name.contains("count") || name.contains("num") || name.contains("size");
+        out[..rows].fill(f64::from(u8::from(one)));
+        return out;
+    }
+    let h = |c: usize| hash01(&name, index, c);
+    for (c, n) in out.iter_mut().enumerate().take(rows) {
+        *n = match () {
+            () if c == 3 => 1.0,
+            () if name.contains("direction") || name.ends_with("dir") => h(c) - 0.5,
+            () if name.contains("pos") && rows > 1 => 8.0 * h(c) - if c == 1 { 0.0 } else { 4.0 },
+            () if name.contains("range") || name.contains("radius") => 10.0,
+            () if name.contains("intensity") || name.contains("power") => 1.0 + 2.0 * h(c),
+            () if name.contains("scale") || name.contains("tiling") || name.contains("freq") => 2.0,
+            () if name.contains("cutoff") || name.contains("threshold") => 0.5,
+            () if name.contains("color") || name.contains("colour") => 0.3 + 0.6 * h(c),
+            () => 0.25 + 0.5 * h(c),
+        };
+    }
+    if (name.contains("direction") || name.ends_with("dir")) && rows >= 3 {
+        let length = out[..3].iter().map(|n| n * n).sum::<f64>().sqrt().max(1e-6);
+        out[..3].iter_mut().for_each(|n| *n /= length);
+    }
+    out
+}
+
+fn sampler(material: &Material, binding: &BindingUse, name: &str) -> SamplerBinding {
+    let mut sampler = material.samplers.get(name).copied().unwrap_or_default();
+    sampler.compare = (binding.kind == BindingKind::ComparisonSampler)
+        .then(|| sampler.compare.unwrap_or(CompareFunction::LessEqual));
+    SamplerBinding {
+        group: binding.group,
+        binding: binding.binding,
+        sampler,
+    }
+}
+
+fn texture(
+    material: &Material,
+    binding: &BindingUse,
+    name: &str,
+    inner: &TypeInner,
+) -> Result<TextureBinding, Error> {
+    let TypeInner::Image {
+        dim,
+        arrayed,
+        class,
+    } = *inner
+    else {
+        return Err(Error::new(format!(
+            "material `{}`: `{name}` is an array of bindings, which a scene cannot fill",
+            material.name
+        )));
+    };
+    let view = match (dim, arrayed) {
+        (ImageDimension::D1, _) => wgpu::TextureViewDimension::D1,
+        (ImageDimension::D2, false) => wgpu::TextureViewDimension::D2,
+        (ImageDimension::D2, true) => wgpu::TextureViewDimension::D2Array,
+        (ImageDimension::D3, _) => wgpu::TextureViewDimension::D3,
+        (ImageDimension::Cube, false) => wgpu::TextureViewDimension::Cube,
+        (ImageDimension::Cube, true) => wgpu::TextureViewDimension::CubeArray,
+    };
+    let image = || match material.textures.get(name) {
+        Some(image) => Arc::clone(image),
+        None => material::default_texture(name, dim),
+    };
+    let (sample_type, multisampled, content) = match class {
+        ImageClass::Depth { multi } => (
+            wgpu::TextureSampleType::Depth,
+            multi,
+            TextureContent::Depth {
+                size: [256, 256],
+                value: 1.0,
+            },
+        ),
+        ImageClass::Storage { format, .. } => (
+            wgpu::TextureSampleType::Float { filterable: false },
+            false,
+            TextureContent::Storage {
+                size: [256, 256],
+                format,
+            },
+        ),
+        ImageClass::Sampled { kind, multi } => (
+            match kind {
+                ScalarKind::Sint => wgpu::TextureSampleType::Sint,
+                ScalarKind::Uint => wgpu::TextureSampleType::Uint,
+                _ => wgpu::TextureSampleType::Float { filterable: !multi },
+            },
+            multi,
+            TextureContent::Image(image()),
+        ),
+        ImageClass::External => {
+            return Err(Error::new(format!(
+                "material `{}`: `{name}` is an external texture, which a scene cannot fill",
+                material.name
+            )));
+        }
+    };
+    Ok(TextureBinding {
+        group: binding.group,
+        binding: binding.binding,
+        content,
+        view,
+        sample_type,
+        multisampled,
+    })
+}
+
+/// The inputs of a material's vertex entry point, struct arguments opened.
+fn vertex_inputs(material: &Material) -> Result<Vec<preshade_passes::reflect::Io>, Error> {
+    let (_, entry) = material
+        .program
+        .entry_point(ShaderStage::Vertex, &material.vertex)
+        .ok_or_else(|| {
+            Error::new(format!(
+                "material `{}` has no vertex entry point `{}`",
+                material.name, material.vertex
+            ))
+        })?;
+    Ok(preshade_passes::reflect::inputs(
+        material.program.module(),
+        &entry.function,
+    ))
+}

@@ -1,0 +1,530 @@
+//! Mesh and instance data by the names authors give attributes and vertex-pulling buffers.
+
+use glam::Mat4;
+use naga::{Binding, Handle, ScalarKind, Type};
+use preshade_passes::plan::GpuPass;
+
+use super::super::layout::{self, Leaf};
+use super::super::semantic::normalise;
+use super::super::{Draw, Error, Material, Mesh, Scene, Semantic, Stream, material};
+use super::{Data, Indices, VertexAttribute, VertexBuffer, hash01, vertex_inputs};
+
+/// Names of attributes, normalised, and the streams they mean.
+const ALIASES: &[(&str, &str)] = &[
+    ("position", "position"),
+    ("positions", "position"),
+    ("pos", "position"),
+    ("vertexposition", "position"),
+    ("points", "position"),
+    ("normal", "normal"),
+    ("normals", "normal"),
+    ("norm", "normal"),
+    ("vertexnormal", "normal"),
+    ("tangent", "tangent"),
+    ("tangents", "tangent"),
+    ("uv", "uv"),
+    ("uvs", "uv"),
+    ("uv0", "uv"),
+    ("st", "uv"),
+    ("texcoord", "uv"),
+    ("texcoords", "uv"),
+    ("texcoord0", "uv"),
+    ("texturecoord", "uv"),
+    ("vertexuv", "uv"),
+    ("uv1", "uv1"),
+    ("uv2", "uv1"),
+    ("texcoord1", "uv1"),
+    ("color", "color"),
+    ("colors", "color"),
+    ("colour", "color"),
+    ("color0", "color"),
+    ("vertexcolor", "color"),
+    ("joints", "joints"),
+    ("joints0", "joints"),
+    ("jointindices", "joints"),
+    ("boneindices", "joints"),
+    ("weights", "weights"),
+    ("weights0", "weights"),
+    ("jointweights", "weights"),
+    ("boneweights", "weights"),
+    ("skinweights", "weights"),
+];
+
+/// Names of per-instance matrices, normalised; a final digit picks a column.
+const INSTANCE_MATRICES: &[&str] = &[
+    "instancetransform",
+    "instancematrix",
+    "instancemodel",
+    "instanceworld",
+    "instance",
+    "model",
+    "modelmatrix",
+    "world",
+    "transform",
+    "matrix",
+];
+
+/// Names of storage buffers with one element an instance, normalised.
+const INSTANCE_BUFFERS: &[&str] = &[
+    "instances",
+    "instancedata",
+    "instancetransforms",
+    "instancematrices",
+    "transforms",
+    "models",
+    "modelmatrices",
+    "matrices",
+    "objects",
+    "perinstance",
+];
+
+/// Where an attribute comes from.
+#[derive(Clone, Debug, PartialEq)]
+enum Source {
+    Vertex(String),
+    Instance(String),
+    InstanceColumn(usize),
+    InstanceOffset,
+    Synthesised,
+}
+
+/// One attribute of the author's vertex stage.
+struct Attribute {
+    location: u32,
+    name: String,
+    components: u32,
+    kind: ScalarKind,
+    source: Source,
+}
+
+impl Attribute {
+    fn by_instance(&self) -> bool {
+        matches!(
+            self.source,
+            Source::Instance(_) | Source::InstanceColumn(_) | Source::InstanceOffset
+        )
+    }
+}
+
+/// The vertex and instance data of one draw.
+pub(super) struct Streams<'a> {
+    material: &'a Material,
+    draw: &'a Draw,
+    mesh: &'a Mesh,
+    attributes: Vec<Attribute>,
+    /// Instance to world, or to the model's space where the program multiplies by the model matrix itself.
+    instances: Vec<Mat4>,
+    pulls_indices: bool,
+}
+
+impl<'a> Streams<'a> {
+    pub(super) fn new(
+        scene: &'a Scene,
+        material: &'a Material,
+        draw: &'a Draw,
+    ) -> Result<Self, Error> {
+        let mesh = scene.meshes.get(draw.mesh).ok_or_else(|| {
+            Error::new(format!(
+                "draw `{}` names mesh {} of {}",
+                draw.name,
+                draw.mesh,
+                scene.meshes.len()
+            ))
+        })?;
+        let module = material.program.module();
+        let mut attributes = Vec::new();
+        for io in vertex_inputs(material)? {
+            let Some(Binding::Location { location, .. }) = io.binding else {
+                continue;
+            };
+            let name = io.name.unwrap_or_default();
+            let Some((_, components, scalar)) = layout::leaf_shape(&module.types[io.ty].inner)
+            else {
+                continue;
+            };
+            attributes.push(Attribute {
+                location,
+                source: source(material, mesh, draw, &name),
+                name,
+                components,
+                kind: scalar.kind,
+            });
+        }
+        attributes.sort_by_key(|a| a.location);
+        let given = match draw.instance_streams.get("instance_transform") {
+            Some(Stream::Float { data, .. }) => {
+                data.chunks_exact(16).map(Mat4::from_cols_slice).collect()
+            }
+            _ => vec![Mat4::IDENTITY; draw.instances.max(1) as usize],
+        };
+        let outer = if reads_model(material) {
+            Mat4::IDENTITY
+        } else {
+            draw.transform
+        };
+        Ok(Self {
+            material,
+            draw,
+            mesh,
+            attributes,
+            instances: given.into_iter().map(|m| outer * m).collect(),
+            pulls_indices: material::globals(&material.program)
+                .any(|g| is_index_buffer(g.name) && g.is_storage),
+        })
+    }
+
+    /// The interleaved buffers, listing what `pass` reads.
+    pub(super) fn vertex_buffers(&self, pass: &GpuPass) -> Result<Vec<VertexBuffer>, Error> {
+        let mut out = Vec::new();
+        for step in [wgpu::VertexStepMode::Vertex, wgpu::VertexStepMode::Instance] {
+            let by_instance = step == wgpu::VertexStepMode::Instance;
+            let members: Vec<&Attribute> = self
+                .attributes
+                .iter()
+                .filter(|a| a.by_instance() == by_instance)
+                .collect();
+            let stride: u64 = members.iter().map(|a| u64::from(a.components) * 4).sum();
+            let mut attributes = Vec::new();
+            let mut offset = 0;
+            for a in &members {
+                if pass.attributes.iter().any(|p| p.location == a.location) {
+                    attributes.push(VertexAttribute {
+                        location: a.location,
+                        format: format(a)?,
+                        offset,
+                    });
+                }
+                offset += u64::from(a.components) * 4;
+            }
+            if attributes.is_empty() {
+                continue;
+            }
+            let count = if by_instance {
+                self.draw.instances
+            } else {
+                self.mesh.vertex_count
+            };
+            let mut bytes = Vec::with_capacity(count as usize * stride as usize);
+            for i in 0..count as usize {
+                for a in &members {
+                    for c in 0..a.components as usize {
+                        let mut word = [0; 4];
+                        layout::scalar_bytes(&mut word, a.kind, self.component(a, i, c));
+                        bytes.extend_from_slice(&word);
+                    }
+                }
+            }
+            out.push(VertexBuffer {
+                stride,
+                step,
+                attributes,
+                data: Data::new(bytes),
+            });
+        }
+        Ok(out)
+    }
+
+    /// One component of an attribute at a vertex or an instance.
+    fn component(&self, a: &Attribute, i: usize, c: usize) -> f64 {
+        match &a.source {
+            Source::Vertex(name) => stream_component(self.mesh.streams.get(name), i, c),
+            Source::Instance(name) => stream_component(self.draw.instance_streams.get(name), i, c),
+            Source::InstanceColumn(column) => f64::from(self.instance(i).col(*column)[c.min(3)]),
+            Source::InstanceOffset => f64::from(self.instance(i).w_axis[c.min(3)]),
+            Source::Synthesised => synthesised_attribute(&a.name, c),
+        }
+    }
+
+    fn instance(&self, i: usize) -> Mat4 {
+        self.instances.get(i).copied().unwrap_or(Mat4::IDENTITY)
+    }
+
+    /// The indices, unless the program fetches them itself.
+    pub(super) fn indices(&self) -> Option<Indices> {
+        let indices = self.mesh.indices.as_ref().filter(|_| !self.pulls_indices)?;
+        let (format, mut bytes) = if self.mesh.vertex_count <= 65_535 {
+            let short = indices.iter().flat_map(|i| (*i as u16).to_le_bytes());
+            (wgpu::IndexFormat::Uint16, short.collect::<Vec<u8>>())
+        } else {
+            let long = indices.iter().flat_map(|i| i.to_le_bytes());
+            (wgpu::IndexFormat::Uint32, long.collect())
+        };
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+        Some(Indices {
+            format,
+            count: indices.len() as u32,
+            data: Data::new(bytes),
+        })
+    }
+
+    /// Vertices to draw without indices: of the mesh, or its indices where the program fetches them itself.
+    pub(super) fn vertex_count(&self) -> u32 {
+        match &self.mesh.indices {
+            Some(indices) if self.pulls_indices => indices.len() as u32,
+            _ => self.mesh.vertex_count,
+        }
+    }
+
+    /// Elements of a variable's runtime-sized array, `given` numbers of it being the author's.
+    pub(super) fn runtime_length(
+        &self,
+        name: &str,
+        ty: Handle<Type>,
+        given: Option<usize>,
+    ) -> usize {
+        let module = self.material.program.module();
+        let Some(element) = layout::runtime_array(module, ty) else {
+            return 0;
+        };
+        let scalars = layout::scalar_count(module, element, 1).max(1);
+        if let Some(given) = given {
+            return given.div_ceil(scalars).max(1);
+        }
+        let normal = normalise(name);
+        if is_index_buffer(name) {
+            return self
+                .mesh
+                .indices
+                .as_ref()
+                .map_or(self.mesh.vertex_count as usize, Vec::len);
+        }
+        if let Some(stream) = alias(&normal) {
+            let (components, count) = self.mesh.streams.get(stream).map_or((1, 0), |s| match s {
+                Stream::Float { components, data } => (*components as usize, data.len()),
+                Stream::Uint { components, data } => (*components as usize, data.len()),
+            });
+            // An array of plain numbers holds them all, one of vectors an element a vertex.
+            return if scalars == 1 {
+                count
+            } else {
+                count / components
+            }
+            .max(1);
+        }
+        if is_vertex_buffer(&normal) {
+            return self.mesh.vertex_count.max(1) as usize;
+        }
+        if INSTANCE_BUFFERS.contains(&normal.as_str()) || normal.starts_with("instance") {
+            return self.draw.instances.max(1) as usize;
+        }
+        match Semantic::from_name(name) {
+            Some(Semantic::Joints) => self.draw.joints.len().max(1),
+            Some(Semantic::MorphWeights) => self.draw.morph_weights.len().max(1),
+            _ => 16,
+        }
+    }
+
+    /// The numbers of a vertex-pulling or instance buffer's element, or of a morph or joint list; `None` where the variable is neither.
+    pub(super) fn element(
+        &self,
+        variable: &str,
+        ty: Handle<Type>,
+        leaf: &Leaf<'_>,
+    ) -> Option<[f64; 16]> {
+        layout::runtime_array(self.material.program.module(), ty)?;
+        let i = leaf.index?;
+        let mut out = [0.0; 16];
+        let rows = leaf.rows as usize;
+        if is_index_buffer(variable) {
+            let indices = self.mesh.indices.as_ref();
+            out[0] = indices.map_or(i as f64, |n| n.get(i).map_or(0.0, |v| f64::from(*v)));
+            return Some(out);
+        }
+        let (variable, member) = (normalise(variable), normalise(leaf.name()));
+        let stream = alias(&variable).or_else(|| {
+            is_vertex_buffer(&variable)
+                .then(|| alias(&member))
+                .flatten()
+        });
+        if let Some(name) = stream {
+            let stream = self.mesh.streams.get(name);
+            for (c, n) in out.iter_mut().enumerate().take(rows) {
+                *n = match (rows, stream) {
+                    (1, Some(Stream::Float { data, .. })) => {
+                        data.get(i).map_or(0.0, |v| f64::from(*v))
+                    }
+                    (1, Some(Stream::Uint { data, .. })) => {
+                        data.get(i).map_or(0.0, |v| f64::from(*v))
+                    }
+                    (_, Some(_)) => stream_component(stream, i, c),
+                    (_, None) => synthesised_attribute(name, c),
+                };
+            }
+            return Some(out);
+        }
+        if !INSTANCE_BUFFERS.contains(&variable.as_str()) && !variable.starts_with("instance") {
+            return None;
+        }
+        let own = self
+            .draw
+            .instance_streams
+            .iter()
+            .find(|(n, _)| {
+                let n = normalise(n);
+                n == member || n.strip_prefix("instance") == Some(member.as_str())
+            })
+            .filter(|(n, _)| n.as_str() != "instance_transform");
+        if let Some((_, stream)) = own {
+            for (c, n) in out.iter_mut().enumerate().take(rows) {
+                *n = stream_component(Some(stream), i, c);
+            }
+            return Some(out);
+        }
+        if leaf.columns > 1 {
+            let matrix = if Semantic::from_name(leaf.name()) == Some(Semantic::NormalMatrix) {
+                self.instance(i).inverse().transpose()
+            } else {
+                self.instance(i)
+            };
+            for c in 0..leaf.columns as usize {
+                for r in 0..rows {
+                    out[c * rows + r] = f64::from(matrix.col(c)[r]);
+                }
+            }
+            return Some(out);
+        }
+        if member.contains("offset")
+            || member.contains("position")
+            || member.contains("translation")
+        {
+            for (c, n) in out.iter_mut().enumerate().take(rows) {
+                *n = f64::from(self.instance(i).w_axis[c]);
+            }
+            return Some(out);
+        }
+        None
+    }
+}
+
+fn alias(normal: &str) -> Option<&'static str> {
+    ALIASES.iter().find(|(a, _)| *a == normal).map(|(_, s)| *s)
+}
+
+fn is_index_buffer(name: &str) -> bool {
+    matches!(
+        normalise(name).as_str(),
+        "indices" | "indexbuffer" | "triangles" | "vertexindices"
+    )
+}
+
+fn is_vertex_buffer(normal: &str) -> bool {
+    matches!(
+        normal,
+        "vertices" | "vertexbuffer" | "vertexdata" | "verts" | "meshvertices"
+    )
+}
+
+/// Whether the vertex data is placed by the program: it has a variable or member that means the model matrix.
+fn reads_model(material: &Material) -> bool {
+    let module = material.program.module();
+    material::globals(&material.program)
+        .filter(|g| g.is_buffer)
+        .filter(|g| layout::runtime_array(module, g.ty).is_none())
+        .flat_map(|g| layout::paths(module, g.name, g.ty))
+        .any(|path| {
+            let named = path.rsplit('.').next().and_then(Semantic::from_name);
+            matches!(
+                named,
+                Some(Semantic::Model | Semantic::ModelViewProjection | Semantic::ModelView)
+            )
+        })
+}
+
+fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Source {
+    if let Some(given) = material.attributes.get(name) {
+        if mesh.streams.contains_key(given) {
+            return Source::Vertex(given.clone());
+        }
+        if draw.instance_streams.contains_key(given) {
+            return Source::Instance(given.clone());
+        }
+    }
+    let normal = normalise(material.attributes.get(name).map_or(name, String::as_str));
+    let (stem, digit) = match normal.char_indices().last() {
+        Some((at, c @ '0'..='3')) => (&normal[..at], c as usize - '0' as usize),
+        _ => (normal.as_str(), 0),
+    };
+    let stem = stem
+        .strip_suffix("column")
+        .or_else(|| stem.strip_suffix("col"))
+        .or_else(|| stem.strip_suffix("row"))
+        .unwrap_or(stem);
+    if INSTANCE_MATRICES.contains(&stem) && stem.len() < normal.len() {
+        return Source::InstanceColumn(digit);
+    }
+    if matches!(
+        normal.as_str(),
+        "instanceoffset" | "instanceposition" | "instancetranslation"
+    ) {
+        return Source::InstanceOffset;
+    }
+    if let Some(given) = draw
+        .instance_streams
+        .keys()
+        .find(|n| normalise(n) == normal)
+    {
+        return Source::Instance(given.clone());
+    }
+    if let Some(own) = mesh.streams.keys().find(|n| normalise(n) == normal) {
+        return Source::Vertex(own.clone());
+    }
+    match alias(&normal).filter(|s| mesh.streams.contains_key(*s)) {
+        Some(stream) => Source::Vertex(stream.to_owned()),
+        None => Source::Synthesised,
+    }
+}
+
+/// What an attribute reads where the mesh has no such stream: white, facing +z, the first joint alone, no morph, or a number made of its name.
+fn synthesised_attribute(name: &str, component: usize) -> f64 {
+    let normal = normalise(name);
+    let pick = |v: [f64; 4]| v[component.min(3)];
+    match alias(&normal).unwrap_or(&normal) {
+        "color" => 1.0,
+        "normal" => pick([0.0, 0.0, 1.0, 0.0]),
+        "tangent" => pick([1.0, 0.0, 0.0, 1.0]),
+        "weights" => pick([1.0, 0.0, 0.0, 0.0]),
+        "joints" => 0.0,
+        "position" => pick([0.0, 0.0, 0.0, 1.0]),
+        "instancecolor" => 1.0,
+        _ if normal.starts_with("morph") => 0.0,
+        _ => 0.25 + 0.5 * hash01(&normal, 0, component),
+    }
+}
+
+/// A component of a stream; a fourth component it does not have is 1, as WebGPU's vertex fetch fills it, and others are 0.
+fn stream_component(stream: Option<&Stream>, i: usize, c: usize) -> f64 {
+    let missing = if c == 3 { 1.0 } else { 0.0 };
+    match stream {
+        Some(Stream::Float { components, data }) if c < *components as usize => data
+            .get(i * *components as usize + c)
+            .map_or(missing, |v| f64::from(*v)),
+        Some(Stream::Uint { components, data }) if c < *components as usize => data
+            .get(i * *components as usize + c)
+            .map_or(missing, |v| f64::from(*v)),
+        _ => missing,
+    }
+}
+
+fn format(a: &Attribute) -> Result<wgpu::VertexFormat, Error> {
+    use wgpu::VertexFormat as F;
+    Ok(match (a.kind, a.components) {
+        (ScalarKind::Float, 1) => F::Float32,
+        (ScalarKind::Float, 2) => F::Float32x2,
+        (ScalarKind::Float, 3) => F::Float32x3,
+        (ScalarKind::Float, 4) => F::Float32x4,
+        (ScalarKind::Uint, 1) => F::Uint32,
+        (ScalarKind::Uint, 2) => F::Uint32x2,
+        (ScalarKind::Uint, 3) => F::Uint32x3,
+        (ScalarKind::Uint, 4) => F::Uint32x4,
+        (ScalarKind::Sint, 1) => F::Sint32,
+        (ScalarKind::Sint, 2) => F::Sint32x2,
+        (ScalarKind::Sint, 3) => F::Sint32x3,
+        (ScalarKind::Sint, 4) => F::Sint32x4,
+        _ => {
+            return Err(Error::new(format!(
+                "vertex attribute `{}` is of a type no vertex format has",
+                a.name
+            )));
+        }
+    })
+}

@@ -1,0 +1,181 @@
+//! What can be wrong with a scene, said where it is wrong.
+
+use std::ops::Range;
+use std::path::Path;
+
+use codespan_reporting::diagnostic::{Diagnostic, Label};
+use codespan_reporting::files::SimpleFile;
+use codespan_reporting::term;
+
+/// A scene that cannot be loaded, or a draw that cannot be bound. [`Display`](std::fmt::Display) is one line; [`Error::render`] frames the
+/// place in the scene file.
+#[derive(Clone, Debug)]
+pub struct Error {
+    message: String,
+    help: Option<String>,
+    place: Option<Box<Place>>,
+    detail: Option<String>,
+}
+
+#[derive(Clone, Debug)]
+struct Place {
+    file: String,
+    text: String,
+    range: Range<usize>,
+}
+
+impl Error {
+    /// An error that points at no place.
+    pub(crate) fn new(message: impl Into<String>) -> Self {
+        Self {
+            message: message.into(),
+            help: None,
+            place: None,
+            detail: None,
+        }
+    }
+
+    /// A file that cannot be read.
+    pub(crate) fn read(path: &Path, error: &std::io::Error) -> Self {
+        Self::new(format!("cannot read `{}`: {error}", path.display()))
+    }
+
+    /// Adds what would help.
+    #[must_use]
+    pub(crate) fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// Adds the nearest of `known` to `wrong`, if one is near, or else all of them.
+    #[must_use]
+    pub(crate) fn suggest<'a>(self, wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
+        let known: Vec<&str> = known.into_iter().collect();
+        match nearest(wrong, &known) {
+            Some(near) => self.help(format!("did you mean `{near}`?")),
+            None if known.is_empty() => self,
+            None => self.help(format!("known are: {}", known.join(", "))),
+        }
+    }
+
+    /// Points at a byte range of a scene file, unless the error already points somewhere.
+    #[must_use]
+    pub(crate) fn at(mut self, file: &str, text: &str, range: Range<usize>) -> Self {
+        self.place.get_or_insert_with(|| {
+            Box::new(Place {
+                file: file.to_owned(),
+                text: text.to_owned(),
+                range,
+            })
+        });
+        self
+    }
+
+    /// Adds an already rendered message of another part: a shader's own frame.
+    #[must_use]
+    pub(crate) fn detail(mut self, detail: impl Into<String>) -> Self {
+        self.detail = Some(detail.into());
+        self
+    }
+
+    /// Adds another error's help.
+    #[must_use]
+    pub(crate) fn help_from(mut self, other: &Self) -> Self {
+        self.help.clone_from(&other.help);
+        self
+    }
+
+    /// The message without place or help.
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// What would help, if anything is known.
+    pub fn help_text(&self) -> Option<&str> {
+        self.help.as_deref()
+    }
+
+    /// Line, from 1, in the scene file.
+    pub fn line(&self) -> Option<usize> {
+        let place = self.place.as_ref()?;
+        Some(
+            place
+                .text
+                .get(..place.range.start)?
+                .bytes()
+                .filter(|b| *b == b'\n')
+                .count()
+                + 1,
+        )
+    }
+
+    /// The message with a frame on the scene file's text, without colours.
+    pub fn render(&self) -> String {
+        let mut diagnostic: Diagnostic<()> = Diagnostic::error().with_message(&self.message);
+        if let Some(help) = &self.help {
+            diagnostic = diagnostic.with_notes(vec![format!("help: {help}")]);
+        }
+        let (name, text) = match &self.place {
+            Some(p) => {
+                diagnostic = diagnostic.with_labels(vec![Label::primary((), p.range.clone())]);
+                (p.file.as_str(), p.text.as_str())
+            }
+            None => ("", ""),
+        };
+        let mut out = term::emit_into_string(
+            &term::Config::default(),
+            &SimpleFile::new(name, text),
+            &diagnostic,
+        )
+        .unwrap_or_else(|_| format!("error: {}\n", self.message));
+        if let Some(detail) = &self.detail {
+            out.push_str(detail);
+        }
+        out
+    }
+}
+
+impl std::fmt::Display for Error {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let (Some(place), Some(line)) = (&self.place, self.line()) {
+            write!(f, "{}:{line}: ", place.file)?;
+        }
+        f.write_str(&self.message)?;
+        if let Some(help) = &self.help {
+            write!(f, " ({help})")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// The known name nearest to a wrong one, if it is near enough to be a slip: at most a third of its letters differ.
+pub(crate) fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
+    known
+        .iter()
+        .map(|k| (distance(wrong, k), *k))
+        .min()
+        .filter(|(d, k)| *d * 3 <= k.chars().count().max(wrong.chars().count()))
+        .map(|(_, k)| k)
+}
+
+/// Edit distance of Levenshtein, with a swap of neighbours counted as one (Damerau's restricted form).
+fn distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    let mut rows = vec![(0..=b.len()).collect::<Vec<_>>()];
+    for i in 1..=a.len() {
+        let mut row = vec![i];
+        for j in 1..=b.len() {
+            let mut d = (rows[i - 1][j] + 1)
+                .min(row[j - 1] + 1)
+                .min(rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]));
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                d = d.min(rows[i - 2][j - 2] + 1);
+            }
+            row.push(d);
+        }
+        rows.push(row);
+    }
+    rows[a.len()][b.len()]
+}

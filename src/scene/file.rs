@@ -1,0 +1,192 @@
+//! The TOML of a scene, as data. `docs/scenes.md` documents it for users; a field's doc here says only what that page needs to stay true.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::state::{DepthDirection, DepthFormat, MaterialState};
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::image::Recipe;
+use super::mesh::{Cuboid, Plane, Sphere};
+use super::{DrawOrder, Sampler};
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneFile {
+    pub name: Option<String>,
+    pub size: Option<Spanned<[u32; 2]>>,
+    pub viewport: Option<Spanned<[u32; 4]>>,
+    pub samples: Option<Spanned<u32>>,
+    #[serde(default)]
+    pub depth: Depth,
+    #[serde(default = "sky")]
+    pub clear: [f64; 4],
+    pub targets: Option<Spanned<Vec<String>>>,
+    #[serde(default)]
+    pub light: Light,
+    pub orders: Option<Vec<DrawOrder>>,
+    #[serde(default)]
+    pub materials: BTreeMap<String, Spanned<MaterialEntry>>,
+    #[serde(default)]
+    pub meshes: BTreeMap<String, Spanned<MeshEntry>>,
+    #[serde(default)]
+    pub draws: Vec<Spanned<DrawEntry>>,
+    #[serde(default)]
+    pub cameras: Vec<Spanned<CameraEntry>>,
+}
+
+fn sky() -> [f64; 4] {
+    [0.05, 0.07, 0.1, 1.0]
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Depth {
+    pub format: DepthFormat,
+    pub direction: DepthDirection,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Light {
+    pub direction: [f32; 3],
+    pub color: [f32; 3],
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self {
+            direction: [0.4, 0.8, 0.45],
+            color: [2.2, 2.1, 1.9],
+        }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialEntry {
+    pub shader: Option<Spanned<String>>,
+    pub vertex: Option<Spanned<String>>,
+    pub fragment: Option<Spanned<String>>,
+    #[serde(default)]
+    pub entry: Entry,
+    #[serde(default)]
+    pub state: MaterialState,
+    pub blend: Option<BlendName>,
+    #[serde(default)]
+    pub values: BTreeMap<String, Spanned<RawValue>>,
+    #[serde(default)]
+    pub textures: BTreeMap<String, Spanned<Recipe>>,
+    #[serde(default)]
+    pub samplers: BTreeMap<String, Spanned<Sampler>>,
+    #[serde(default)]
+    pub attributes: BTreeMap<String, Spanned<String>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Entry {
+    pub vertex: Option<String>,
+    pub fragment: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum BlendName {
+    Alpha,
+    Add,
+}
+
+/// A number, lists of numbers to any depth, or `"$semantic"`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "a number, an array of numbers, or a \"$name\"")]
+pub(super) enum RawValue {
+    Integer(i64),
+    Float(f64),
+    Name(String),
+    List(Vec<RawValue>),
+}
+
+/// Exactly one of its shapes.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct MeshEntry {
+    #[serde(rename = "box")]
+    pub cuboid: Option<Cuboid>,
+    pub plane: Option<Plane>,
+    pub sphere: Option<Sphere>,
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "a number or three numbers")]
+pub(super) enum Scale {
+    Uniform(f32),
+    Axes([f32; 3]),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DrawEntry {
+    pub name: Option<String>,
+    pub mesh: Spanned<String>,
+    pub material: Spanned<String>,
+    #[serde(default)]
+    pub translate: [f32; 3],
+    /// Degrees round x, then y, then z.
+    #[serde(default)]
+    pub rotate: [f32; 3],
+    pub scale: Option<Scale>,
+    #[serde(default)]
+    pub values: BTreeMap<String, Spanned<RawValue>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraEntry {
+    pub name: Option<String>,
+    pub eye: Option<[f32; 3]>,
+    pub target: Option<[f32; 3]>,
+    #[serde(default = "up")]
+    pub up: [f32; 3],
+    #[serde(default = "fov")]
+    pub fov: f32,
+    #[serde(default = "near")]
+    pub near: f32,
+    #[serde(default = "far")]
+    pub far: f32,
+    #[serde(default)]
+    pub time: f32,
+    pub path: Option<PathEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PathEntry {
+    pub frames: u32,
+    pub keys: Vec<Key>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Key {
+    pub eye: [f32; 3],
+    pub target: [f32; 3],
+    pub fov: Option<f32>,
+    pub time: Option<f32>,
+}
+
+fn up() -> [f32; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+fn fov() -> f32 {
+    60.0
+}
+
+fn near() -> f32 {
+    0.1
+}
+
+fn far() -> f32 {
+    100.0
+}

@@ -1,0 +1,341 @@
+//! Values into bytes: walks a host-shareable type as naga lays it out and asks for each scalar, vector and matrix of it.
+
+use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
+
+use super::{Error, Semantic, Value};
+
+/// A scalar, vector or matrix inside a variable, about to be filled.
+pub(crate) struct Leaf<'a> {
+    /// `variable.member.member`, indices left out.
+    pub path: &'a [Segment<'a>],
+    /// Index in the innermost array around it.
+    pub index: Option<usize>,
+    /// 1 for scalars and vectors.
+    pub columns: u32,
+    /// 1 for scalars.
+    pub rows: u32,
+    /// Scalar kind.
+    pub kind: ScalarKind,
+    /// What the author's values say it is.
+    pub semantic: Option<Semantic>,
+}
+
+impl Leaf<'_> {
+    /// Name of the member, or of the variable.
+    pub fn name(&self) -> &str {
+        self.path
+            .iter()
+            .rev()
+            .find_map(|s| match s {
+                Segment::Name(n) => Some(*n),
+                Segment::Index(_) => None,
+            })
+            .unwrap_or("")
+    }
+}
+
+impl Leaf<'_> {
+    /// What the name means by convention: with the struct's before it (`camera.position`), or alone.
+    pub fn named(&self) -> Option<Semantic> {
+        let mut names = self.path.iter().rev().filter_map(|s| match s {
+            Segment::Name(n) => Some(*n),
+            Segment::Index(_) => None,
+        });
+        let (own, around) = (names.next()?, names.next());
+        around
+            .and_then(|a| Semantic::from_name(&format!("{a}_{own}")))
+            .or_else(|| Semantic::from_name(own))
+    }
+}
+
+/// A step of a path into a variable.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Segment<'a> {
+    Name(&'a str),
+    Index(usize),
+}
+
+/// A path as users write it, `lights[1].color`; `indexed` or not.
+fn join(path: &[Segment<'_>], indexed: bool) -> String {
+    let mut out = String::new();
+    for segment in path {
+        match segment {
+            Segment::Name(n) => {
+                if !out.is_empty() {
+                    out.push('.');
+                }
+                out.push_str(n);
+            }
+            Segment::Index(i) if indexed => out.push_str(&format!("[{i}]")),
+            Segment::Index(_) => {}
+        }
+    }
+    out
+}
+
+/// Columns and rows of a leaf type.
+pub(crate) fn leaf_shape(inner: &TypeInner) -> Option<(u32, u32, naga::Scalar)> {
+    Some(match *inner {
+        TypeInner::Scalar(s) | TypeInner::Atomic(s) => (1, 1, s),
+        TypeInner::Vector { size, scalar } => (1, size as u32, scalar),
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar,
+        } => (columns as u32, rows as u32, scalar),
+        _ => return None,
+    })
+}
+
+/// Number of scalars in a type; a runtime-sized array counts `dynamic` elements.
+pub(crate) fn scalar_count(module: &Module, ty: Handle<Type>, dynamic: usize) -> usize {
+    match &module.types[ty].inner {
+        TypeInner::Array { base, size, .. } => {
+            array_length(*size, dynamic) * scalar_count(module, *base, dynamic)
+        }
+        TypeInner::Struct { members, .. } => members
+            .iter()
+            .map(|m| scalar_count(module, m.ty, dynamic))
+            .sum(),
+        inner => leaf_shape(inner).map_or(0, |(c, r, _)| (c * r) as usize),
+    }
+}
+
+/// The element type and stride of the runtime-sized array a type is or ends in.
+pub(crate) fn runtime_array(module: &Module, ty: Handle<Type>) -> Option<Handle<Type>> {
+    match &module.types[ty].inner {
+        TypeInner::Array {
+            base,
+            size: ArraySize::Dynamic,
+            ..
+        } => Some(*base),
+        TypeInner::Struct { members, .. } => runtime_array(module, members.last()?.ty),
+        _ => None,
+    }
+}
+
+fn array_length(size: ArraySize, dynamic: usize) -> usize {
+    match size {
+        ArraySize::Constant(n) => n.get() as usize,
+        ArraySize::Pending(_) | ArraySize::Dynamic => dynamic,
+    }
+}
+
+/// Size in bytes of a type with `dynamic` elements in its runtime-sized array.
+fn size_of(module: &Module, ty: Handle<Type>, dynamic: usize) -> usize {
+    match &module.types[ty].inner {
+        TypeInner::Array { size, stride, .. } => array_length(*size, dynamic) * *stride as usize,
+        TypeInner::Struct { members, span } => {
+            let tail = members
+                .last()
+                .filter(|m| runtime_array(module, m.ty).is_some());
+            tail.map_or(*span as usize, |m| {
+                m.offset as usize + size_of(module, m.ty, dynamic)
+            })
+            .max(*span as usize)
+        }
+        inner => leaf_shape(inner).map_or(0, |(c, r, s)| {
+            (c as usize - 1) * column_stride(r, s) + r as usize * s.width as usize
+        }),
+    }
+}
+
+/// Bytes from a matrix column to the next (WGSL section 13.4.1): columns of three take the room of four.
+fn column_stride(rows: u32, scalar: naga::Scalar) -> usize {
+    let rows = if rows == VectorSize::Tri as u32 {
+        4
+    } else {
+        rows
+    };
+    rows as usize * scalar.width as usize
+}
+
+/// Fills a variable of type `ty` and returns its bytes, padded to a multiple of 16. `values` are searched by path at every level; what they
+/// do not name is asked of `leaf`, whose numbers are column by column.
+pub(crate) fn pack<'a>(
+    module: &'a Module,
+    name: &'a str,
+    ty: Handle<Type>,
+    dynamic: usize,
+    values: &'a dyn Fn(&str) -> Option<&'a Value>,
+    leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], Error>,
+) -> Result<Vec<u8>, Error> {
+    let size = size_of(module, ty, dynamic).next_multiple_of(16).max(16);
+    let mut packer = Packer {
+        module,
+        bytes: vec![0; size],
+        path: if name.is_empty() {
+            Vec::new()
+        } else {
+            vec![Segment::Name(name)]
+        },
+        semantic: None,
+        dynamic,
+        values,
+        leaf,
+    };
+    packer.write(ty, 0)?;
+    Ok(packer.bytes)
+}
+
+struct Packer<'a> {
+    module: &'a Module,
+    bytes: Vec<u8>,
+    path: Vec<Segment<'a>>,
+    semantic: Option<Semantic>,
+    dynamic: usize,
+    values: &'a dyn Fn(&str) -> Option<&'a Value>,
+    leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], Error>,
+}
+
+impl<'a> Packer<'a> {
+    fn write(&mut self, ty: Handle<Type>, offset: usize) -> Result<(), Error> {
+        let found = (self.values)("").is_some().then_some(()).and_then(|()| {
+            (self.values)(&join(&self.path, true))
+                .or_else(|| (self.values)(&join(&self.path, false)))
+        });
+        let outer = self.semantic;
+        match found {
+            Some(Value::Numbers(numbers)) => {
+                let wanted = scalar_count(self.module, ty, self.dynamic);
+                if numbers.len() != wanted && numbers.len() != 1 {
+                    return Err(Error::new(format!(
+                        "`{}` holds {wanted} numbers, but {} are given",
+                        join(&self.path, true),
+                        numbers.len()
+                    )));
+                }
+                let mut at = 0;
+                self.fill(ty, offset, numbers, &mut at);
+                return Ok(());
+            }
+            Some(Value::Semantic(name)) => {
+                self.semantic = Some(Semantic::from_name(name).ok_or_else(|| {
+                    Error::new(format!("unknown value `${name}`")).suggest(name, Semantic::names())
+                })?);
+            }
+            None => {}
+        }
+        let module = self.module;
+        match &module.types[ty].inner {
+            TypeInner::Struct { members, .. } => {
+                for member in members {
+                    self.path
+                        .push(Segment::Name(member.name.as_deref().unwrap_or("")));
+                    self.write(member.ty, offset + member.offset as usize)?;
+                    self.path.pop();
+                }
+            }
+            TypeInner::Array { base, size, stride } => {
+                for i in 0..array_length(*size, self.dynamic) {
+                    self.path.push(Segment::Index(i));
+                    self.write(*base, offset + i * *stride as usize)?;
+                    self.path.pop();
+                }
+            }
+            inner => {
+                let Some((columns, rows, scalar)) = leaf_shape(inner) else {
+                    return Err(Error::new(format!(
+                        "`{}` is of a type that a scene cannot fill",
+                        join(&self.path, true)
+                    )));
+                };
+                let index = self.path.iter().rev().find_map(|s| match s {
+                    Segment::Index(i) => Some(*i),
+                    Segment::Name(_) => None,
+                });
+                let numbers = (self.leaf)(&Leaf {
+                    path: &self.path,
+                    index,
+                    columns,
+                    rows,
+                    kind: scalar.kind,
+                    semantic: self.semantic,
+                })?;
+                self.leaf_bytes(offset, columns, rows, scalar, &numbers);
+            }
+        }
+        self.semantic = outer;
+        Ok(())
+    }
+
+    /// Takes numbers in order; a single one is repeated.
+    fn fill(&mut self, ty: Handle<Type>, offset: usize, numbers: &[f64], at: &mut usize) {
+        let module = self.module;
+        match &module.types[ty].inner {
+            TypeInner::Struct { members, .. } => {
+                for m in members {
+                    self.fill(m.ty, offset + m.offset as usize, numbers, at);
+                }
+            }
+            TypeInner::Array { base, size, stride } => {
+                for i in 0..array_length(*size, self.dynamic) {
+                    self.fill(*base, offset + i * *stride as usize, numbers, at);
+                }
+            }
+            inner => {
+                if let Some((columns, rows, scalar)) = leaf_shape(inner) {
+                    let mut taken = [0.0; 16];
+                    for n in taken.iter_mut().take((columns * rows) as usize) {
+                        *n = numbers[if numbers.len() == 1 { 0 } else { *at }];
+                        *at += 1;
+                    }
+                    self.leaf_bytes(offset, columns, rows, scalar, &taken);
+                }
+            }
+        }
+    }
+
+    fn leaf_bytes(
+        &mut self,
+        offset: usize,
+        columns: u32,
+        rows: u32,
+        scalar: naga::Scalar,
+        numbers: &[f64; 16],
+    ) {
+        for c in 0..columns as usize {
+            for r in 0..rows as usize {
+                let at = offset + c * column_stride(rows, scalar) + r * scalar.width as usize;
+                let n = numbers[c * rows as usize + r];
+                scalar_bytes(
+                    &mut self.bytes[at..at + scalar.width as usize],
+                    scalar.kind,
+                    n,
+                );
+            }
+        }
+    }
+}
+
+/// One scalar in little endian; the slice's length is its width.
+pub(crate) fn scalar_bytes(out: &mut [u8], kind: ScalarKind, n: f64) {
+    match (kind, out.len()) {
+        (ScalarKind::Float, 8) => out.copy_from_slice(&n.to_le_bytes()),
+        (ScalarKind::Float, 2) => out.copy_from_slice(&half::f16::from_f64(n).to_le_bytes()),
+        (ScalarKind::Float, _) => out.copy_from_slice(&(n as f32).to_le_bytes()),
+        (ScalarKind::Sint, width) => out.copy_from_slice(&(n as i64).to_le_bytes()[..width]),
+        (_, width) => out.copy_from_slice(&(n as u64).to_le_bytes()[..width]),
+    }
+}
+
+/// Every path into a variable that a value may name, indices left out.
+pub(crate) fn paths(module: &Module, name: &str, ty: Handle<Type>) -> Vec<String> {
+    let mut out = vec![name.to_owned()];
+    let mut inner = &module.types[ty].inner;
+    while let TypeInner::Array { base, .. } = inner {
+        inner = &module.types[*base].inner;
+    }
+    if let TypeInner::Struct { members, .. } = inner {
+        for m in members {
+            let member = m.name.as_deref().unwrap_or("");
+            let path = if name.is_empty() {
+                member.to_owned()
+            } else {
+                format!("{name}.{member}")
+            };
+            out.extend(paths(module, &path, m.ty));
+        }
+    }
+    out
+}

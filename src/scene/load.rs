@@ -1,0 +1,464 @@
+//! A scene file into a [`Scene`].
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{EulerRot, Mat4, Quat, Vec3};
+use preshade_passes::state::{Blend, ColorTarget};
+use toml::Spanned;
+
+use super::camera::{self, Pose};
+use super::file::{
+    BlendName, CameraEntry, DrawEntry, MaterialEntry, MeshEntry, RawValue, Scale, SceneFile,
+};
+use super::place::Folder;
+use super::{
+    Camera, Draw, DrawOrder, Error, Material, Mesh, Scene, Value, error, material, shader,
+};
+
+/// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
+const MAX_SIZE: u32 = 8192;
+
+/// Loads a scene file. `docs/scenes.md` documents the format, and which folders its paths may reach.
+///
+/// # Errors
+/// Anything wrong with the file, each with its place in it: TOML syntax, an unknown key (with the nearest known one), a size of 0, a missing
+/// material, mesh or file, a path outside of the scene's root, a shader that does not compile, a value its shader does not have.
+pub fn load(path: &Path) -> Result<Scene, Error> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, &e))?;
+    let folder = Folder::of(path)?;
+    let name = path.display().to_string();
+    let source = Source {
+        name: &name,
+        text: &text,
+    };
+    let file: SceneFile = toml::from_str(&text).map_err(|e| source.toml_error(&e))?;
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
+    Loader {
+        source,
+        folder,
+        file,
+    }
+    .scene(stem.unwrap_or_default())
+}
+
+/// The scene file's text, to point into.
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    name: &'a str,
+    text: &'a str,
+}
+
+impl Source<'_> {
+    fn at(&self, error: Error, range: Range<usize>) -> Error {
+        error.at(self.name, self.text, range)
+    }
+
+    /// toml's own message, with a suggestion where it names what it expected.
+    fn toml_error(&self, e: &toml::de::Error) -> Error {
+        let message = e.message().trim_end();
+        let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        let error = match (message.split_once(", expected"), quoted.as_slice()) {
+            (Some((what, _)), [wrong, known @ ..])
+                if message.starts_with("unknown field")
+                    || message.starts_with("unknown variant") =>
+            {
+                let what = what
+                    .replace("unknown field", "unknown key")
+                    .replace("unknown variant", "unknown name");
+                let help = match error::nearest(wrong, known) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("known are: {}", known.join(", ")),
+                };
+                Error::new(what).help(help)
+            }
+            _ => Error::new(message),
+        };
+        match e.span() {
+            Some(range) => self.at(error, range),
+            None => error,
+        }
+    }
+}
+
+struct Loader<'a> {
+    source: Source<'a>,
+    folder: Folder,
+    file: SceneFile,
+}
+
+impl Loader<'_> {
+    fn scene(&self, stem: String) -> Result<Scene, Error> {
+        let f = &self.file;
+        let at = |e: Error, range: Range<usize>| self.source.at(e, range);
+        let size = match &f.size {
+            None => [640, 360],
+            Some(s) if s.get_ref().iter().all(|n| (1..=MAX_SIZE).contains(n)) => *s.get_ref(),
+            Some(s) => {
+                let [w, h] = s.get_ref();
+                let e = Error::new(format!("a target of {w}x{h} pixels cannot be drawn to"))
+                    .help(format!("width and height are 1 to {MAX_SIZE}"));
+                return Err(at(e, s.span()));
+            }
+        };
+        let viewport = match &f.viewport {
+            None => None,
+            Some(v) => {
+                let [x, y, w, h] = *v.get_ref();
+                let inside =
+                    |o: u32, n: u32, of: u32| n > 0 && o.checked_add(n).is_some_and(|e| e <= of);
+                if !inside(x, w, size[0]) || !inside(y, h, size[1]) {
+                    let e = Error::new(format!(
+                        "the viewport is empty or leaves the target of {}x{} pixels",
+                        size[0], size[1]
+                    ))
+                    .help("a viewport is [x, y, width, height], in pixels");
+                    return Err(at(e, v.span()));
+                }
+                Some([x, y, w, h])
+            }
+        };
+        let samples = match &f.samples {
+            None => 1,
+            Some(s) if matches!(s.get_ref(), 1 | 4) => *s.get_ref(),
+            Some(s) => {
+                let e = Error::new(format!("{} samples a pixel", s.get_ref()))
+                    .help("WebGPU promises 1 and 4");
+                return Err(at(e, s.span()));
+            }
+        };
+        let light = Vec3::from(f.light.direction)
+            .try_normalize()
+            .ok_or_else(|| Error::new("the light's direction is zero"))?;
+        let materials = f
+            .materials
+            .iter()
+            .map(|(name, entry)| {
+                self.material(name, entry.get_ref(), samples)
+                    .map_err(|e| at(e, entry.span()))
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let meshes = f
+            .meshes
+            .iter()
+            .map(|(name, entry)| {
+                self.mesh(name, entry.get_ref())
+                    .map_err(|e| at(e, entry.span()))
+            })
+            .collect::<Result<Vec<Mesh>, _>>()?;
+        let mut draws = Vec::new();
+        for entry in &f.draws {
+            self.draw(entry.get_ref(), &materials, &meshes, &mut draws)
+                .map_err(|e| at(e, entry.span()))?;
+        }
+        if draws.is_empty() {
+            return Err(Error::new(format!("`{}` draws nothing", self.source.name))
+                .help("add a [[draws]] table with a mesh and a material"));
+        }
+        let mut scene = Scene {
+            name: f.name.clone().unwrap_or(stem),
+            size,
+            viewport,
+            depth_format: f.depth.format,
+            depth_direction: f.depth.direction,
+            samples,
+            clear_color: f.clear,
+            materials,
+            meshes,
+            draws,
+            cameras: Vec::new(),
+            orders: match &f.orders {
+                Some(orders) if !orders.is_empty() => orders.clone(),
+                _ => vec![
+                    DrawOrder::FrontToBack,
+                    DrawOrder::BackToFront,
+                    DrawOrder::Shuffled,
+                ],
+            },
+            light: (light, Vec3::from(f.light.color)),
+        };
+        for (i, entry) in f.cameras.iter().enumerate() {
+            let camera = self
+                .camera(i, entry.get_ref(), scene.aspect())
+                .map_err(|e| at(e, entry.span()))?;
+            scene.cameras.push(camera);
+        }
+        if scene.cameras.is_empty() {
+            return Err(Error::new(format!("`{}` has no camera", self.source.name))
+                .help("add a [[cameras]] table with an eye and a target"));
+        }
+        Ok(scene)
+    }
+
+    fn material(&self, name: &str, entry: &MaterialEntry, samples: u32) -> Result<Material, Error> {
+        let files: Vec<&Spanned<String>> = match (&entry.shader, &entry.vertex, &entry.fragment) {
+            (Some(both), None, None) => vec![both],
+            (None, Some(v), Some(f)) => vec![v, f],
+            (None, Some(v), None) => vec![v],
+            _ => {
+                return Err(Error::new(format!("material `{name}` names no shader"))
+                    .help("give `shader = FILE`, or `vertex = FILE` and `fragment = FILE`"));
+            }
+        };
+        let mut texts = Vec::new();
+        for file in &files {
+            let (shown, text) = self
+                .folder
+                .read_text(file.get_ref())
+                .map_err(|e| self.source.at(e, file.span()))?;
+            texts.push(shader::Text { name: shown, text });
+        }
+        let parsed = shader::parse(
+            &texts,
+            entry.entry.vertex.as_deref(),
+            entry.entry.fragment.as_deref(),
+        )
+        .map_err(|e| self.source.at(e, files[0].span()))?;
+        let mut material = Material {
+            name: name.to_owned(),
+            program: parsed.program,
+            vertex: parsed.vertex,
+            fragment: parsed.fragment,
+            state: entry.state.clone(),
+            values: values(&entry.values),
+            textures: BTreeMap::new(),
+            samplers: entry
+                .samplers
+                .iter()
+                .map(|(n, s)| (n.clone(), *s.get_ref()))
+                .collect(),
+            attributes: entry
+                .attributes
+                .iter()
+                .map(|(n, s)| (n.clone(), s.get_ref().clone()))
+                .collect(),
+        };
+        self.state(&mut material, entry, samples);
+        for (texture, recipe) in &entry.textures {
+            let image = self
+                .texture(texture, recipe.get_ref())
+                .map_err(|e| self.source.at(e, recipe.span()))?;
+            material.textures.insert(texture.clone(), Arc::new(image));
+        }
+        material::check(&material).map_err(|(key, e)| {
+            let span = None
+                .or_else(|| entry.values.get(&key).map(Spanned::span))
+                .or_else(|| entry.textures.get(&key).map(Spanned::span))
+                .or_else(|| entry.samplers.get(&key).map(Spanned::span))
+                .or_else(|| entry.attributes.get(&key).map(Spanned::span));
+            match span {
+                Some(span) => self.source.at(e, span),
+                None => e,
+            }
+        })?;
+        Ok(material)
+    }
+
+    /// Applies what holds for the whole scene: depth, samples, and the targets a material does not state itself.
+    fn state(&self, material: &mut Material, entry: &MaterialEntry, samples: u32) {
+        let state = &mut material.state;
+        state.depth_format = self.file.depth.format;
+        state.depth_direction = self.file.depth.direction;
+        state.multisample.count = samples;
+        if state.targets.is_empty()
+            && let Some(formats) = &self.file.targets
+        {
+            state.targets = formats
+                .get_ref()
+                .iter()
+                .map(|f| Some(ColorTarget::opaque(f)))
+                .collect();
+        }
+        if let Some(blend) = entry.blend {
+            if state.targets.is_empty() {
+                state.targets = vec![Some(ColorTarget::opaque("rgba8unorm"))];
+            }
+            let blend = match blend {
+                BlendName::Alpha => Blend::ALPHA,
+                BlendName::Add => Blend::ADD,
+            };
+            for target in state.targets.iter_mut().flatten() {
+                target.blend = Some(blend);
+            }
+            // What shows through does not hide: three.js' default for transparent materials is to write depth all the same, but a
+            // scene says so explicitly with `state.depth_write` on an unblended material.
+            state.depth_write = false;
+        }
+    }
+
+    fn texture(&self, name: &str, recipe: &super::image::Recipe) -> Result<super::Image, Error> {
+        match (&recipe.file, recipe.pattern) {
+            (Some(file), None) => {
+                let (shown, bytes) = self.folder.read(file)?;
+                recipe.decode(&shown, &bytes)
+            }
+            (None, Some(_)) if !(1..=4096).contains(&recipe.size) => Err(Error::new(format!(
+                "texture `{name}` of {0}x{0} texels",
+                recipe.size
+            ))
+            .help("a generated texture is 1 to 4096 texels wide")),
+            (None, Some(_)) => Ok(recipe.generate()),
+            _ => Err(Error::new(format!(
+                "texture `{name}` needs either a `pattern` or a `file`"
+            ))),
+        }
+    }
+
+    fn mesh(&self, name: &str, entry: &MeshEntry) -> Result<Mesh, Error> {
+        let mut shapes = Vec::new();
+        shapes.extend(entry.cuboid.map(|s| s.mesh(name)));
+        shapes.extend(entry.plane.map(|s| s.mesh(name)));
+        shapes.extend(entry.sphere.map(|s| s.mesh(name)));
+        let count = shapes.len();
+        match shapes.pop() {
+            Some(mesh) if count == 1 => Ok(mesh),
+            _ => Err(Error::new(format!("mesh `{name}` has {count} shapes"))
+                .help("give exactly one, `box = { size = [1, 1, 1] }` say")),
+        }
+    }
+
+    fn draw(
+        &self,
+        entry: &DrawEntry,
+        materials: &[Material],
+        meshes: &[Mesh],
+        draws: &mut Vec<Draw>,
+    ) -> Result<(), Error> {
+        let find = |what: &str, wanted: &Spanned<String>, names: Vec<&str>| {
+            let name = wanted.get_ref();
+            names.iter().position(|n| n == name).ok_or_else(|| {
+                let e = Error::new(format!("there is no {what} `{name}`")).suggest(name, names);
+                self.source.at(e, wanted.span())
+            })
+        };
+        let mesh = find(
+            "mesh",
+            &entry.mesh,
+            meshes.iter().map(|m| m.name.as_str()).collect(),
+        )?;
+        let material = find(
+            "material",
+            &entry.material,
+            materials.iter().map(|m| m.name.as_str()).collect(),
+        )?;
+        let draw = Draw {
+            name: entry
+                .name
+                .clone()
+                .unwrap_or_else(|| format!("{}#{}", entry.mesh.get_ref(), draws.len())),
+            mesh,
+            material,
+            transform: transform(entry.translate, entry.rotate, entry.scale.as_ref()),
+            instances: 1,
+            instance_streams: BTreeMap::new(),
+            joints: Vec::new(),
+            morph_weights: Vec::new(),
+            values: values(&entry.values),
+        };
+        draws.push(draw);
+        Ok(())
+    }
+
+    fn camera(&self, index: usize, entry: &CameraEntry, aspect: f32) -> Result<Camera, Error> {
+        let range = camera::Range {
+            near: entry.near,
+            far: entry.far,
+        };
+        if !(range.near > 0.0 && range.far > range.near) {
+            return Err(Error::new(format!(
+                "near {} and far {} bound no depth range",
+                range.near, range.far
+            ))
+            .help("0 < near < far; far = inf is allowed"));
+        }
+        if !(entry.fov > 0.0 && entry.fov < 180.0) {
+            return Err(
+                Error::new(format!("a field of view of {} degrees", entry.fov))
+                    .help("it is vertical, above 0 and below 180"),
+            );
+        }
+        let pose = |eye: [f32; 3], target: [f32; 3], fov: Option<f32>, time: Option<f32>| Pose {
+            eye: Vec3::from(eye),
+            target: Vec3::from(target),
+            fov: fov.unwrap_or(entry.fov),
+            time: time.unwrap_or(entry.time),
+        };
+        let poses = match (&entry.path, entry.eye, entry.target) {
+            (None, Some(eye), Some(target)) => vec![pose(eye, target, None, None)],
+            (Some(path), None, None)
+                if path.keys.len() > 1 && (2..=1000).contains(&path.frames) =>
+            {
+                let keys: Vec<Pose> = path
+                    .keys
+                    .iter()
+                    .map(|k| pose(k.eye, k.target, k.fov, k.time))
+                    .collect();
+                camera::path(&keys, path.frames)
+            }
+            _ => {
+                return Err(Error::new("a camera needs an eye and a target, or a path")
+                    .help("a path has at least 2 keys and 2 to 1000 frames"));
+            }
+        };
+        let up = Vec3::from(entry.up);
+        if poses
+            .iter()
+            .any(|p| (p.target - p.eye).cross(up).length_squared() == 0.0)
+        {
+            return Err(Error::new(
+                "a camera looks along its up direction, or nowhere",
+            ));
+        }
+        Ok(Camera {
+            name: entry
+                .name
+                .clone()
+                .unwrap_or_else(|| format!("camera-{index}")),
+            frames: poses
+                .into_iter()
+                .map(|p| p.frame(up, aspect, range, self.file.depth.direction))
+                .collect(),
+        })
+    }
+}
+
+/// Scale, then rotate round x, y and z in degrees, then translate.
+fn transform(translate: [f32; 3], rotate: [f32; 3], scale: Option<&Scale>) -> Mat4 {
+    let scale = match scale {
+        None => Vec3::ONE,
+        Some(Scale::Uniform(s)) => Vec3::splat(*s),
+        Some(Scale::Axes(s)) => Vec3::from(*s),
+    };
+    let [x, y, z] = rotate.map(f32::to_radians);
+    Mat4::from_scale_rotation_translation(
+        scale,
+        Quat::from_euler(EulerRot::ZYX, z, y, x),
+        Vec3::from(translate),
+    )
+}
+
+fn values(raw: &BTreeMap<String, Spanned<RawValue>>) -> BTreeMap<String, Value> {
+    fn flatten(raw: &RawValue, out: &mut Vec<f64>) {
+        match raw {
+            RawValue::Integer(n) => out.push(*n as f64),
+            RawValue::Float(n) => out.push(*n),
+            RawValue::List(items) => items.iter().for_each(|i| flatten(i, out)),
+            RawValue::Name(_) => {}
+        }
+    }
+    raw.iter()
+        .map(|(name, raw)| {
+            let value = match raw.get_ref() {
+                RawValue::Name(n) => Value::Semantic(n.trim_start_matches('$').to_owned()),
+                other => {
+                    let mut numbers = Vec::new();
+                    flatten(other, &mut numbers);
+                    Value::Numbers(numbers)
+                }
+            };
+            (name.clone(), value)
+        })
+        .collect()
+}

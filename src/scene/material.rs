@@ -1,0 +1,179 @@
+//! Materials: a program with its values, textures and samplers, checked against what the program declares.
+
+use std::sync::{Arc, LazyLock};
+
+use naga::{AddressSpace, Handle, ImageDimension, Type, TypeInner};
+use preshade_passes::program::Program;
+
+use super::image::{Pattern, Recipe};
+use super::{Error, Image, Material, layout};
+
+/// A variable with a binding.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Global<'a> {
+    /// Name; empty for an unnamed GLSL block.
+    pub name: &'a str,
+    pub ty: Handle<Type>,
+    pub group: u32,
+    pub binding: u32,
+    pub is_storage: bool,
+    pub is_buffer: bool,
+}
+
+/// The variables of a program that have a binding.
+pub(super) fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
+    program
+        .module()
+        .global_variables
+        .iter()
+        .filter_map(|(_, g)| {
+            let at = g.binding.as_ref()?;
+            let is_storage = matches!(g.space, AddressSpace::Storage { .. });
+            Some(Global {
+                name: g.name.as_deref().unwrap_or(""),
+                ty: g.ty,
+                group: at.group,
+                binding: at.binding,
+                is_storage,
+                is_buffer: is_storage || g.space == AddressSpace::Uniform,
+            })
+        })
+}
+
+/// Refuses values, textures, samplers and attribute names that the program does not know: each a misspelling.
+pub(super) fn check(material: &Material) -> Result<(), (String, Error)> {
+    let module = material.program.module();
+    let mut paths: Vec<String> = Vec::new();
+    let (mut textures, mut samplers) = (Vec::new(), Vec::new());
+    for g in globals(&material.program) {
+        match module.types[g.ty].inner {
+            _ if g.is_buffer => paths.extend(layout::paths(module, g.name, g.ty)),
+            TypeInner::Sampler { .. } => samplers.push(g.name),
+            _ => textures.push(g.name),
+        }
+    }
+    let unknown = |what: &str, name: &str, known: Vec<&str>| {
+        let text = format!(
+            "the shader of material `{}` has no {what} `{name}`",
+            material.name
+        );
+        Err((name.to_owned(), Error::new(text).suggest(name, known)))
+    };
+    for name in material.values.keys() {
+        if !paths.contains(&without_indices(name)) {
+            return unknown("variable", name, paths.iter().map(String::as_str).collect());
+        }
+    }
+    for name in material.textures.keys() {
+        if !textures.contains(&name.as_str()) {
+            return unknown("texture", name, textures);
+        }
+    }
+    for name in material.samplers.keys() {
+        if !samplers.contains(&name.as_str()) {
+            return unknown("sampler", name, samplers);
+        }
+    }
+    let inputs = material
+        .program
+        .entry_point(naga::ShaderStage::Vertex, &material.vertex)
+        .map(|(_, e)| preshade_passes::reflect::inputs(module, &e.function))
+        .unwrap_or_default();
+    let names: Vec<&str> = inputs.iter().filter_map(|i| i.name.as_deref()).collect();
+    for name in material.attributes.keys() {
+        if !names.contains(&name.as_str()) {
+            return unknown("vertex attribute", name, names);
+        }
+    }
+    Ok(())
+}
+
+/// `lights[1].color` without its indices.
+pub(super) fn without_indices(path: &str) -> String {
+    let mut depth = 0;
+    path.chars()
+        .filter(|c| {
+            match c {
+                '[' => depth += 1,
+                ']' => {
+                    depth -= 1;
+                    return false;
+                }
+                _ => {}
+            }
+            depth == 0
+        })
+        .collect()
+}
+
+/// The image a texture shows that the scene does not name: by its name a normal map, a mask, noise, or a coloured pattern.
+pub(super) fn default_texture(name: &str, dim: ImageDimension) -> Arc<Image> {
+    static COLOR: LazyLock<Arc<Image>> = LazyLock::new(|| {
+        Arc::new(
+            Recipe {
+                pattern: Some(Pattern::Bricks),
+                srgb: Some(true),
+                ..Recipe::default()
+            }
+            .generate(),
+        )
+    });
+    static NORMAL: LazyLock<Arc<Image>> = LazyLock::new(|| {
+        Arc::new(
+            Recipe {
+                pattern: Some(Pattern::Bricks),
+                normal: Some(4.0),
+                ..Recipe::default()
+            }
+            .generate(),
+        )
+    });
+    static NOISE: LazyLock<Arc<Image>> = LazyLock::new(|| {
+        Arc::new(
+            Recipe {
+                pattern: Some(Pattern::Noise),
+                ..Recipe::default()
+            }
+            .generate(),
+        )
+    });
+    static LEAF: LazyLock<Arc<Image>> = LazyLock::new(|| {
+        Arc::new(
+            Recipe {
+                pattern: Some(Pattern::Leaf),
+                srgb: Some(true),
+                ..Recipe::default()
+            }
+            .generate(),
+        )
+    });
+    static CUBE: LazyLock<Arc<Image>> = LazyLock::new(|| {
+        let mut image = NOISE.as_ref().clone();
+        image.layers = 6;
+        for level in &mut image.levels {
+            *level = level.repeat(6);
+        }
+        Arc::new(image)
+    });
+    let name = name.to_lowercase();
+    let has = |words: &[&str]| words.iter().any(|w| name.contains(w));
+    Arc::clone(if dim == ImageDimension::Cube {
+        &CUBE
+    } else if has(&["normal", "bump"]) {
+        &NORMAL
+    } else if has(&["alpha", "mask", "leaf", "foliage", "cutout", "opacity"]) {
+        &LEAF
+    } else if has(&[
+        "rough",
+        "metal",
+        "noise",
+        "height",
+        "occlusion",
+        "ao",
+        "displace",
+    ]) {
+        &NOISE
+    } else {
+        &COLOR
+    })
+}

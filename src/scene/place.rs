@@ -1,0 +1,59 @@
+//! Which files a scene may read.
+//!
+//! A path in a scene is relative to the scene's folder. It may go up, but not out of the scene's root: the nearest folder above it (its own
+//! included) that holds a `preshade.toml` or a `.git`, or else the parent of the scene's folder.
+
+use std::path::{Path, PathBuf};
+
+use super::Error;
+
+/// The folder a scene's files are looked up in, and the one they may not leave.
+pub(super) struct Folder {
+    base: PathBuf,
+    root: PathBuf,
+}
+
+impl Folder {
+    pub(super) fn of(scene: &Path) -> Result<Self, Error> {
+        let base = match scene.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p,
+            _ => Path::new("."),
+        };
+        let base = base.canonicalize().map_err(|e| Error::read(base, &e))?;
+        let root = base
+            .ancestors()
+            .find(|d| d.join("preshade.toml").exists() || d.join(".git").exists())
+            .or_else(|| base.parent())
+            .unwrap_or(&base)
+            .to_owned();
+        Ok(Self { base, root })
+    }
+
+    /// The bytes of a file the scene names, and the path to show in messages.
+    pub(super) fn read(&self, name: &str) -> Result<(String, Vec<u8>), Error> {
+        let path = self.base.join(name);
+        let real = path.canonicalize().map_err(|e| {
+            Error::new(format!("cannot read `{name}`: {e}"))
+                .help("paths are relative to the scene file's folder")
+        })?;
+        if !real.starts_with(&self.root) {
+            return Err(Error::new(format!(
+                "`{name}` lies outside of the scene's root folder"
+            ))
+            .help(
+                "the root is the nearest folder above the scene with a `preshade.toml` or a `.git`, or else the parent of its folder",
+            ));
+        }
+        let bytes = std::fs::read(&real).map_err(|e| Error::read(&real, &e))?;
+        let shown = real.strip_prefix(&self.root).unwrap_or(&real);
+        Ok((shown.display().to_string(), bytes))
+    }
+
+    /// [`Folder::read`], as text.
+    pub(super) fn read_text(&self, name: &str) -> Result<(String, String), Error> {
+        let (shown, bytes) = self.read(name)?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| Error::new(format!("`{name}` is not UTF-8 text")))?;
+        Ok((shown, text))
+    }
+}

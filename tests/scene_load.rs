@@ -1,0 +1,110 @@
+//! Every shipped scene loads, and every draw of it binds.
+#![cfg(feature = "verify")]
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::path::{Path, PathBuf};
+
+use preshade::passes::plan::Plan;
+use preshade::scene::{self, bind};
+
+fn scenes() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
+    let mut found: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .filter(|p| p.extension().is_some_and(|e| e == "toml"))
+        .collect();
+    found.sort();
+    found
+}
+
+fn load(path: &Path) -> scene::Scene {
+    scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()))
+}
+
+#[test]
+fn every_draw_of_every_scene_binds_what_its_pass_lists() {
+    let scenes = scenes();
+    assert!(!scenes.is_empty());
+    for path in scenes {
+        let scene = load(&path);
+        let plans: Vec<Plan> = scene
+            .materials
+            .iter()
+            .map(|m| {
+                Plan::original(
+                    &m.name,
+                    m.program.clone(),
+                    &m.vertex,
+                    m.fragment.as_deref(),
+                    &m.state,
+                )
+            })
+            .collect();
+        for draw in &scene.draws {
+            let material = &scene.materials[draw.material];
+            let pass = plans[draw.material].main().unwrap();
+            let frame = &scene.cameras[0].frames[0];
+            let bound = bind::draw(&scene, material, pass, draw, frame)
+                .unwrap_or_else(|e| panic!("{}: {}: {e}", path.display(), draw.name));
+            let count = bound.buffers.len() + bound.textures.len() + bound.samplers.len();
+            assert_eq!(count, pass.bindings.len(), "{}", path.display());
+            let attributes: usize = bound
+                .vertex_buffers
+                .iter()
+                .map(|b| b.attributes.len())
+                .sum();
+            assert_eq!(attributes, pass.attributes.len(), "{}", path.display());
+            for buffer in &bound.vertex_buffers {
+                let count = match buffer.step {
+                    wgpu::VertexStepMode::Vertex => scene.meshes[draw.mesh].vertex_count,
+                    wgpu::VertexStepMode::Instance => bound.instances,
+                };
+                assert_eq!(
+                    buffer.data.bytes.len() as u64,
+                    buffer.stride * u64::from(count)
+                );
+            }
+            let drawn = bound
+                .indices
+                .as_ref()
+                .map_or(bound.vertex_count, |i| i.count);
+            assert!(
+                drawn > 0 && bound.instances > 0,
+                "{}: {}",
+                path.display(),
+                draw.name
+            );
+        }
+    }
+}
+
+#[test]
+fn what_a_frame_changes_is_what_frame_buffers_returns() {
+    let scene = load(&scenes()[0]);
+    let draw = &scene.draws[0];
+    let material = &scene.materials[draw.material];
+    let plan = Plan::original(
+        &material.name,
+        material.program.clone(),
+        &material.vertex,
+        material.fragment.as_deref(),
+        &material.state,
+    );
+    let pass = plan.main().unwrap();
+    let mut moved = scene.cameras[0].frames[0];
+    let before = bind::draw(&scene, material, pass, draw, &moved).unwrap();
+    moved.view.w_axis.x += 1.0;
+    moved.eye.x -= 1.0;
+    let after = bind::draw(&scene, material, pass, draw, &moved).unwrap();
+    let changed: Vec<_> = after
+        .buffers
+        .iter()
+        .filter(|b| !before.buffers.contains(b))
+        .cloned()
+        .collect();
+    assert!(!changed.is_empty());
+    let told = bind::frame_buffers(&scene, material, pass, draw, &moved).unwrap();
+    assert!(changed.iter().all(|b| told.contains(b)));
+    assert_eq!(before.vertex_buffers, after.vertex_buffers);
+}
