@@ -1,1 +1,99 @@
-//! (being built)
+//! The renderer: draws a frame of material plans on wgpu, headlessly, and reads back colour and depth.
+//!
+//! It knows nothing about a variant but the data of its plan. Data flows through the modules in this order:
+//!
+//! 1. [`gpu`]: an adapter is chosen and opened;
+//! 2. [`shader`]: a plan goes through its JSON, its programs through the text that is emitted (or as IR);
+//! 3. [`inputs`]: what a scene's draws bind, uploaded once and shared by every variant;
+//! 4. [`state`], `layout`: a plan's pipeline state and bindings in wgpu's terms;
+//! 5. [`frame`]: targets, pipelines and bind groups of one frame, built once, encoded as often as needed;
+//! 6. [`readback`]: colour bytes and depth at full precision, as [`picture`]s.
+
+pub mod frame;
+pub mod gpu;
+pub mod inputs;
+mod layout;
+pub mod order;
+pub mod picture;
+pub mod readback;
+pub mod shader;
+pub mod state;
+mod targets;
+mod trusted;
+
+pub use frame::{FrameSettings, Prepared, Rendered};
+pub use gpu::{AdapterChoice, AdapterReport, Gpu, adapters};
+pub use inputs::SceneInputs;
+pub use picture::{ColorImage, DepthImage};
+pub use shader::{ShaderForm, Variant};
+
+/// Why nothing was drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// No adapter, or none by that name.
+    #[error("{}", no_adapter(.wanted, .found))]
+    NoAdapter {
+        /// What was asked for; `None`: anything.
+        wanted: Option<String>,
+        /// Names of the adapters there are.
+        found: Vec<String>,
+    },
+    /// The adapter would not open, or was lost while drawing. What was measured before stands.
+    #[error("the graphics device was lost: {0}")]
+    Lost(String),
+    /// The adapter cannot do what a plan or a scene asks for.
+    #[error("{what} needs {feature}, which the adapter `{adapter}` does not have")]
+    Unsupported {
+        /// What needs it.
+        what: String,
+        /// The missing feature or format.
+        feature: String,
+        /// Name of the adapter.
+        adapter: String,
+    },
+    /// wgpu or a driver refused what preshade asked of it. For an emitted shader this is always a bug in preshade.
+    #[error("{what} was refused: {message}")]
+    Refused {
+        /// What was being made.
+        what: String,
+        /// The validation message.
+        message: String,
+    },
+    /// The adapter ran out of memory.
+    #[error("out of graphics memory while making {0}")]
+    OutOfMemory(String),
+    /// A plan names something that it does not hold, or that a scene's frame has no place for.
+    #[error("the plan of material `{material}` cannot be drawn: {message}")]
+    Plan {
+        /// Material.
+        material: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The plans of a scene's materials do not fit into one frame.
+    #[error(transparent)]
+    Frame(#[from] preshade_passes::frame::FrameError),
+    /// The scene gives a draw something it cannot be drawn with.
+    #[error("draw `{draw}`: {message}")]
+    Scene {
+        /// Draw.
+        draw: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The frame has no pixels, or more than the adapter can hold.
+    #[error("cannot draw a frame of {0}x{1} pixels")]
+    Size(u32, u32),
+}
+
+fn no_adapter(wanted: &Option<String>, found: &[String]) -> String {
+    match wanted {
+        Some(wanted) if !found.is_empty() => format!(
+            "no graphics adapter's name, driver or backend contains `{wanted}`; there are: {}",
+            found.join(", ")
+        ),
+        _ => "no graphics adapter was found; on Debian and Ubuntu `apt-get install mesa-vulkan-drivers libvulkan1` \
+              installs one that needs no graphics card"
+            .to_owned(),
+    }
+}

@@ -1,0 +1,189 @@
+//! How far two pictures are apart, by the error ladder: bits first, then the largest difference, then what an eye sees.
+
+use serde::Serialize;
+
+use crate::render::{ColorImage, DepthImage, Rendered};
+
+/// The difference between an original and a variant of one view.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ErrorLadder {
+    /// Pixels where any colour target's bits differ, alpha included.
+    pub changed_pixels: u64,
+    /// Pixels where alpha alone differs.
+    pub changed_alpha: u64,
+    /// Pixels (samples, under MSAA) whose depth bits differ.
+    pub changed_depth: u64,
+    /// Largest difference of a colour channel, in the target's units (0..1 for unorm formats). Infinite where one is NaN and the other is not;
+    /// written as `null` in JSON then.
+    pub max_abs: f64,
+    /// Mean of the FLIP error map, 0..1 (Andersson et al. 2020), of colour target 0. 0 without a difference.
+    pub flip_mean: f64,
+    /// The FLIP error that 99% of the pixels stay under.
+    pub flip_p99: f64,
+    /// Pixels with a NaN or an infinity in the variant where the original has none.
+    pub nan_pixels: u64,
+    /// Largest distance of two depths, in steps between neighbouring 32-bit floats.
+    pub depth_max_ulp: u64,
+    /// Column and row of the first pixel that differs in colour or depth, row by row.
+    pub first_difference: Option<[u32; 2]>,
+}
+
+impl ErrorLadder {
+    /// Whether not one bit differs.
+    pub fn is_exact(&self) -> bool {
+        self.changed_pixels == 0 && self.changed_depth == 0
+    }
+
+    /// The worse of both, rung by rung.
+    #[must_use]
+    pub fn worst(&self, other: &Self) -> Self {
+        Self {
+            changed_pixels: self.changed_pixels.max(other.changed_pixels),
+            changed_alpha: self.changed_alpha.max(other.changed_alpha),
+            changed_depth: self.changed_depth.max(other.changed_depth),
+            max_abs: self.max_abs.max(other.max_abs),
+            flip_mean: self.flip_mean.max(other.flip_mean),
+            flip_p99: self.flip_p99.max(other.flip_p99),
+            nan_pixels: self.nan_pixels.max(other.nan_pixels),
+            depth_max_ulp: self.depth_max_ulp.max(other.depth_max_ulp),
+            first_difference: self.first_difference.or(other.first_difference),
+        }
+    }
+}
+
+/// Two results that cannot be compared: their targets differ in number, size or format.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the pictures cannot be compared: {0}")]
+pub struct Mismatch(String);
+
+/// Compares a variant's result with the original's.
+///
+/// # Errors
+/// [`Mismatch`] when the two have different targets.
+pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, Mismatch> {
+    if original.colors.len() != variant.colors.len() {
+        return Err(Mismatch(format!(
+            "{} colour targets against {}",
+            original.colors.len(),
+            variant.colors.len()
+        )));
+    }
+    let mut out = ErrorLadder::default();
+    let size = size_of(original).unwrap_or([0, 0]);
+    let pixels = size[0] as usize * size[1] as usize;
+    let mut changed = vec![false; pixels];
+    let mut alpha_only = vec![true; pixels];
+    let mut non_finite = vec![false; pixels];
+    for pair in original.colors.iter().zip(&variant.colors) {
+        let (a, b) = match pair {
+            (None, None) => continue,
+            (Some(a), Some(b)) if a.size == b.size && a.format == b.format => (a, b),
+            _ => return Err(Mismatch("a colour target differs in kind".to_owned())),
+        };
+        if a.bytes == b.bytes {
+            continue;
+        }
+        for i in 0..pixels {
+            if a.texel(i) == b.texel(i) {
+                continue;
+            }
+            changed[i] = true;
+            let (p, q) = (a.rgba(i), b.rgba(i));
+            let differs =
+                |c: usize| p[c].to_bits() != q[c].to_bits() && !(p[c].is_nan() && q[c].is_nan());
+            alpha_only[i] &= !(0..3).any(differs);
+            for c in (0..4).filter(|c| differs(*c)) {
+                let distance = f64::from((p[c] - q[c]).abs());
+                out.max_abs = out.max_abs.max(match distance.is_nan() {
+                    true => f64::INFINITY,
+                    false => distance,
+                });
+            }
+            let finite = |v: [f32; 4]| v.iter().all(|c| c.is_finite());
+            non_finite[i] |= finite(p) && !finite(q);
+        }
+    }
+    out.changed_pixels = count(&changed);
+    out.changed_alpha = changed
+        .iter()
+        .zip(&alpha_only)
+        .filter(|(c, a)| **c && **a)
+        .count() as u64;
+    out.nan_pixels = count(&non_finite);
+    match (&original.depth, &variant.depth) {
+        (None, None) => {}
+        (Some(a), Some(b)) if a.size == b.size && a.samples == b.samples => {
+            compare_depth(a, b, &mut out, &mut changed);
+        }
+        _ => return Err(Mismatch("the depth differs in kind".to_owned())),
+    }
+    out.first_difference = changed
+        .iter()
+        .position(|c| *c)
+        .map(|i| [i as u32 % size[0], i as u32 / size[0]]);
+    if out.changed_pixels > 0
+        && let (Some(Some(a)), Some(Some(b))) = (original.colors.first(), variant.colors.first())
+    {
+        (out.flip_mean, out.flip_p99) = flip(a, b);
+    }
+    Ok(out)
+}
+
+fn count(flags: &[bool]) -> u64 {
+    flags.iter().filter(|f| **f).count() as u64
+}
+
+fn size_of(rendered: &Rendered) -> Option<[u32; 2]> {
+    let color = rendered.colors.iter().flatten().next().map(|c| c.size);
+    color.or(rendered.depth.as_ref().map(|d| d.size))
+}
+
+fn compare_depth(a: &DepthImage, b: &DepthImage, out: &mut ErrorLadder, changed: &mut [bool]) {
+    for (i, (p, q)) in a.values.iter().zip(&b.values).enumerate() {
+        if p.to_bits() == q.to_bits() {
+            continue;
+        }
+        out.changed_depth += 1;
+        out.depth_max_ulp = out.depth_max_ulp.max(ulps(*p, *q));
+        if let Some(flag) = changed.get_mut(i / a.samples.max(1) as usize) {
+            *flag = true;
+        }
+    }
+}
+
+/// Floats between two floats: their distance in the order of all floats, with both zeros as one.
+pub fn ulps(a: f32, b: f32) -> u64 {
+    let key = |v: f32| {
+        let bits = i64::from(v.to_bits() & 0x7fff_ffff);
+        if v.is_sign_negative() { -bits } else { bits }
+    };
+    key(a).abs_diff(key(b))
+}
+
+/// FLIP's mean and 99th percentile at its default viewing distance (67 pixels a degree).
+fn flip(a: &ColorImage, b: &ColorImage) -> (f64, f64) {
+    let map = flip_map(a, b);
+    let mut values = map.to_vec();
+    let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
+    // The percentile is of pixels, not weighted by error.
+    let rank = (values.len() * 99 / 100).min(values.len().saturating_sub(1));
+    let p99 = match values.is_empty() {
+        true => 0.0,
+        false => f64::from(*values.select_nth_unstable_by(rank, f32::total_cmp).1),
+    };
+    (mean, p99)
+}
+
+fn flip_map(a: &ColorImage, b: &ColorImage) -> nv_flip::FlipImageFloat {
+    let rgb = |image: &ColorImage| {
+        let bytes: Vec<u8> = image
+            .to_rgba8()
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .flat_map(|[r, g, b, _]| [*r, *g, *b])
+            .collect();
+        nv_flip::FlipImageRgb8::with_data(image.size[0], image.size[1], &bytes)
+    };
+    nv_flip::flip(rgb(a), rgb(b), nv_flip::DEFAULT_PIXELS_PER_DEGREE)
+}

@@ -1,0 +1,300 @@
+//! Shaded fragments per covered pixel, counted in a way that every adapter agrees on: the frame is drawn with its own depth states, and each
+//! fragment that would have been shaded adds one to a float target. The result is also the picture of overdraw.
+//!
+//! Why not the adapter's pipeline statistics: software adapters count fragments before the early depth test.
+
+use std::sync::Arc;
+
+use naga::{Literal, ShaderStage};
+use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
+use preshade_passes::program::Program;
+use preshade_passes::state::{Blend, ColorTarget, CompareFunction};
+use serde::Serialize;
+
+use super::Error;
+use crate::render::{
+    self, DepthImage, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
+};
+use crate::scene::{DrawOrder, Frame};
+
+/// The fragment stage that stands in for a pass's own while fragments are counted.
+#[derive(Clone, Debug)]
+pub enum CountProgram {
+    /// Every fragment that passes the depth test counts. Right for a material that neither discards nor writes depth.
+    Constant,
+    /// A program whose fragment stage keeps the pass's discards and depth output and returns 1 otherwise, at location 0.
+    Sliced {
+        /// Both stages.
+        program: Program,
+        /// Vertex entry point; the same position bits as the pass's own.
+        vertex: String,
+        /// Fragment entry point.
+        fragment: String,
+    },
+}
+
+/// How often each pixel was shaded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shading {
+    /// Fragments shaded in opaque main passes. Under MSAA, samples: a fragment that covers three samples of a pixel counts three times.
+    pub fragments: u64,
+    /// Pixels (samples, under MSAA) with at least one.
+    pub covered: u64,
+    /// Count of each sample, laid out as in [`DepthImage::values`].
+    pub counts: DepthImage,
+}
+
+/// [`Shading`] as it is reported.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShadingSummary {
+    /// Fragments (samples, under MSAA).
+    pub fragments: u64,
+    /// Covered pixels (samples).
+    pub covered: u64,
+    /// Fragments a covered pixel: 1.00 is the least there can be. 0 where nothing is covered.
+    pub per_pixel: f64,
+}
+
+impl Shading {
+    fn of(counts: DepthImage) -> Self {
+        Self {
+            fragments: counts.values.iter().map(|v| f64::from(*v)).sum::<f64>() as u64,
+            covered: counts.values.iter().filter(|v| **v > 0.0).count() as u64,
+            counts,
+        }
+    }
+
+    /// The figures without the picture.
+    pub fn summary(&self) -> ShadingSummary {
+        ShadingSummary {
+            fragments: self.fragments,
+            covered: self.covered,
+            per_pixel: match self.covered {
+                0 => 0.0,
+                n => self.fragments as f64 / n as f64,
+            },
+        }
+    }
+}
+
+/// A frame prepared for counting: plans whose main passes add one instead of shading.
+#[derive(Debug)]
+pub struct Counter<'a>(Prepared<'a>);
+
+impl<'a> Counter<'a> {
+    /// Prepares counting what the opaque main passes of `plans` shade. `count` says what stands in for a pass's fragment stage. Passes
+    /// before the main ones are drawn as they are; blended draws are left out.
+    ///
+    /// # Errors
+    /// As [`Prepared::new`].
+    pub fn shaded(
+        inputs: &'a SceneInputs<'a>,
+        plans: &[Plan],
+        form: ShaderForm,
+        count: impl Fn(&Plan, &GpuPass) -> CountProgram,
+    ) -> Result<Self, Error> {
+        let format = count_format(inputs.gpu());
+        let plans = plans
+            .iter()
+            .map(|plan| counting_plan(plan, format, &count))
+            .collect::<Result<Vec<_>, _>>()?;
+        Self::prepare(inputs, &plans, form)
+    }
+
+    /// Prepares counting the surviving fragments that share the winning depth of their pixel: 2 or more are a tie. `plans` are the original
+    /// ones, drawn first with their own state, then with EQUAL.
+    ///
+    /// # Errors
+    /// As [`Prepared::new`].
+    pub fn ties(
+        inputs: &'a SceneInputs<'a>,
+        plans: &[Plan],
+        form: ShaderForm,
+        count: impl Fn(&Plan, &GpuPass) -> CountProgram,
+    ) -> Result<Self, Error> {
+        let format = count_format(inputs.gpu());
+        let plans = plans
+            .iter()
+            .map(|plan| {
+                let mut plan = counting_plan(plan, format, &count)?;
+                plan.passes = plan
+                    .passes
+                    .iter()
+                    .flat_map(|pass| {
+                        let mut depth_only = pass.clone();
+                        depth_only.phase = Phase::Depth;
+                        for target in depth_only.targets.iter_mut().flatten() {
+                            target.write_mask = 0;
+                        }
+                        let mut equal = pass.clone();
+                        if let Some(depth) = &mut equal.depth {
+                            depth.compare = CompareFunction::Equal;
+                            depth.write = false;
+                        }
+                        [depth_only, equal]
+                    })
+                    .collect();
+                Ok(plan)
+            })
+            .collect::<Result<Vec<_>, Error>>()?;
+        Self::prepare(inputs, &plans, form)
+    }
+
+    fn prepare(
+        inputs: &'a SceneInputs<'a>,
+        plans: &[Plan],
+        form: ShaderForm,
+    ) -> Result<Self, Error> {
+        let variant = Variant::new(plans, form)?;
+        let settings = FrameSettings {
+            clear_color: [0.0; 4],
+        };
+        Ok(Self(Prepared::new(inputs, &variant, &settings)?))
+    }
+
+    /// Counts in one frame. Uniforms are those last set by [`SceneInputs::set_frame`].
+    ///
+    /// # Errors
+    /// As [`Prepared::draw`].
+    pub fn count(&mut self, frame: &Frame, order: DrawOrder) -> Result<Shading, Error> {
+        self.0.aim(frame, order);
+        let counts = self.0.render_red()?.unwrap_or(DepthImage {
+            size: [0, 0],
+            samples: 1,
+            values: Vec::new(),
+        });
+        Ok(Shading::of(counts))
+    }
+
+    /// Pixels (samples) counted twice or more: for [`Counter::ties`], the number of depth ties.
+    ///
+    /// # Errors
+    /// As [`Prepared::draw`].
+    pub fn ties_in(&mut self, frame: &Frame, order: DrawOrder) -> Result<u64, Error> {
+        let shading = self.count(frame, order)?;
+        Ok(shading.counts.values.iter().filter(|v| **v >= 2.0).count() as u64)
+    }
+}
+
+/// A float format that additive blending is exact in: to 2^24 where the adapter blends 32-bit floats, else to 2^11.
+fn count_format(gpu: &Gpu) -> &'static str {
+    match gpu.require("counting", "float32-blendable") {
+        Ok(()) => "r32float",
+        Err(_) => "r16float",
+    }
+}
+
+/// The plan with every opaque main pass counting instead of shading, and no other colour.
+fn counting_plan(
+    plan: &Plan,
+    format: &str,
+    count: &impl Fn(&Plan, &GpuPass) -> CountProgram,
+) -> Result<Plan, Error> {
+    let mut out = plan.clone();
+    out.passes.clear();
+    for pass in &plan.passes {
+        if pass.phase == Phase::Blended {
+            continue;
+        }
+        let mut pass = pass.clone();
+        // A pass for coverage alone keeps no colour target: alpha to coverage has none to take its alpha from.
+        pass.multisample.alpha_to_coverage = false;
+        pass.targets.clear();
+        if pass.role == Role::Main && pass.fragment.is_some() {
+            let key = format!("count-{}", out.passes.len());
+            let (program, vertex, fragment) = match count(plan, &pass) {
+                CountProgram::Sliced {
+                    program,
+                    vertex,
+                    fragment,
+                } => (program, vertex, fragment),
+                CountProgram::Constant => {
+                    let program = plan.program(&pass).ok_or_else(|| render::Error::Plan {
+                        material: plan.material.clone(),
+                        message: format!("it has no program `{}`", pass.program),
+                    })?;
+                    let (program, fragment) = constant(plan, program)?;
+                    (program, pass.vertex.clone(), fragment)
+                }
+            };
+            pass.program = key.clone();
+            pass.vertex = vertex;
+            pass.fragment = Some(fragment);
+            pass.targets = vec![Some(ColorTarget {
+                blend: Some(Blend::ADD),
+                ..ColorTarget::opaque(format)
+            })];
+            preshade_passes::reflect::fill(&mut pass, &program);
+            out.programs.insert(key, program);
+        }
+        out.passes.push(pass);
+    }
+    Ok(out)
+}
+
+/// `program` with one more fragment stage, which returns 1.
+fn constant(plan: &Plan, program: &Program) -> Result<(Program, String), Error> {
+    let mut module = program.module().clone();
+    let scalar = naga::Scalar::F32;
+    let ty = module.types.insert(
+        naga::Type {
+            name: None,
+            inner: naga::TypeInner::Vector {
+                size: naga::VectorSize::Quad,
+                scalar,
+            },
+        },
+        naga::Span::UNDEFINED,
+    );
+    let mut name = "preshade_count".to_owned();
+    while module.entry_points.iter().any(|e| e.name == name) {
+        name.push('_');
+    }
+    let mut function = naga::Function {
+        name: Some(name.clone()),
+        result: Some(naga::FunctionResult {
+            ty,
+            binding: Some(naga::Binding::Location {
+                location: 0,
+                interpolation: None,
+                sampling: None,
+                blend_src: None,
+                per_primitive: false,
+            }),
+        }),
+        ..Default::default()
+    };
+    let span = naga::Span::UNDEFINED;
+    let one = function
+        .expressions
+        .append(naga::Expression::Literal(Literal::F32(1.0)), span);
+    let value = function.expressions.append(
+        naga::Expression::Splat {
+            size: naga::VectorSize::Quad,
+            value: one,
+        },
+        span,
+    );
+    let range = naga::Range::new_from_bounds(value, value);
+    function.body.push(naga::Statement::Emit(range), span);
+    function
+        .body
+        .push(naga::Statement::Return { value: Some(value) }, span);
+    module.entry_points.push(naga::EntryPoint {
+        name: name.clone(),
+        stage: ShaderStage::Fragment,
+        early_depth_test: None,
+        workgroup_size: [0; 3],
+        workgroup_size_overrides: None,
+        function,
+        mesh_info: None,
+        task_payload: None,
+        incoming_ray_payload: None,
+    });
+    let program = Program::new(module, Arc::clone(program.sources()), program.language())
+        .map_err(|e| render::Error::Plan {
+            material: plan.material.clone(),
+            message: format!("its counting program is invalid: {e}"),
+        })?;
+    Ok((program, name))
+}

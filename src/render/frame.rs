@@ -1,0 +1,639 @@
+//! One frame of a variant: everything built once, encoded as often as needed.
+
+use std::time::{Duration, Instant};
+
+use preshade_passes::frame::FramePass;
+use preshade_passes::plan::{Draws, GpuPass, Phase, Plan};
+use preshade_passes::state::{ColorTarget, StencilState};
+
+use super::gpu::Gpu;
+use super::inputs::{DrawInputs, SceneInputs};
+use super::picture::{ColorImage, DepthImage};
+use super::shader::Variant;
+use super::targets::Targets;
+use super::{Error, layout, order, readback, state, trusted};
+use crate::scene::{DrawOrder, Frame, Scene};
+
+/// What a frame is drawn with that is neither the scene's nor the plan's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameSettings {
+    /// What the colour attachments are cleared to, linear RGBA.
+    pub clear_color: [f64; 4],
+}
+
+impl FrameSettings {
+    /// The scene's own background.
+    pub fn of(scene: &Scene) -> Self {
+        Self {
+            clear_color: scene.clear_color,
+        }
+    }
+}
+
+/// A picture with its depth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendered {
+    /// Colour targets by location, resolved.
+    pub colors: Vec<Option<ColorImage>>,
+    /// The scene's depth, every sample of it. `None` where the frame has no such attachment.
+    pub depth: Option<DepthImage>,
+}
+
+/// A variant ready to be drawn: targets, pipelines, bind groups.
+pub struct Prepared<'a> {
+    gpu: &'a Gpu,
+    inputs: &'a SceneInputs<'a>,
+    targets: Targets,
+    passes: Vec<PreparedPass>,
+    clear_color: [f64; 4],
+    creation: Duration,
+    pipelines: usize,
+}
+
+struct PreparedPass {
+    frame: FramePass,
+    /// Some member writes the stencil aspect, so that it cannot be read-only.
+    stencil_write: bool,
+    pipelines: Vec<wgpu::RenderPipeline>,
+    /// By draw, in the scene's order; a draw may have several where its material has several members.
+    items: Vec<Item>,
+    /// Indices of `items`, in the order to draw them in.
+    sequence: Vec<usize>,
+}
+
+struct Item {
+    draw: usize,
+    pipeline: usize,
+    groups: Vec<(u32, wgpu::BindGroup)>,
+    stencil_reference: u32,
+    /// Attachment slot of each vertex buffer of the draw that the pass reads.
+    vertex_buffers: Vec<usize>,
+}
+
+impl std::fmt::Debug for Prepared<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Prepared")
+            .field("passes", &self.passes.len())
+            .field("pipelines", &self.pipelines)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'a> Prepared<'a> {
+    /// Builds all that drawing `variant` needs. It is aimed at the first frame of the first camera, in the scene's first order.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] when a shader or a pipeline does not compile (for an emitted shader: a bug of preshade), [`Error::Plan`] when a
+    /// plan asks for something the frame or the scene does not have, [`Error::Unsupported`] when the adapter lacks a feature.
+    pub fn new(
+        inputs: &'a SceneInputs<'a>,
+        variant: &Variant,
+        settings: &FrameSettings,
+    ) -> Result<Self, Error> {
+        let (gpu, scene) = (inputs.gpu(), inputs.scene());
+        let targets = Targets::new(gpu, variant, scene.size)?;
+        let start = Instant::now();
+        let shaders = variant.compile(gpu)?;
+        let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
+        let mut passes = Vec::new();
+        for frame_pass in &variant.frame().passes {
+            let mut pass = PreparedPass {
+                frame: frame_pass.clone(),
+                stencil_write: false,
+                pipelines: Vec::new(),
+                items: Vec::new(),
+                sequence: Vec::new(),
+            };
+            let mut built: Vec<(PipelineKey, usize)> = Vec::new();
+            for (index, draw) in scene.draws.iter().enumerate() {
+                let Some(material) = scene.materials.get(draw.material) else {
+                    continue;
+                };
+                for (_, member) in frame_pass
+                    .members
+                    .iter()
+                    .filter(|(name, _)| *name == material.name)
+                {
+                    let (plan, gpu_pass) = find(variant, &material.name, *member)?;
+                    if gpu_pass.draws == Draws::Opaque && material.state.is_blended() {
+                        continue;
+                    }
+                    let Some(bound) = inputs.draw(index) else {
+                        continue;
+                    };
+                    pass.stencil_write |=
+                        gpu_pass.stencil.as_ref().is_some_and(StencilState::writes);
+                    let build = Build {
+                        gpu,
+                        targets: &targets,
+                        plan,
+                        pass: gpu_pass,
+                        frame: frame_pass,
+                        draw: bound,
+                    };
+                    let module = shaders
+                        .get(&(plan.material.as_str(), gpu_pass.program.as_str()))
+                        .ok_or_else(|| {
+                            build.failed(format!("it has no program `{}`", gpu_pass.program))
+                        })?;
+                    let vertex = build.vertex_layout()?;
+                    let key = PipelineKey {
+                        material: draw.material,
+                        member: *member,
+                        vertex: vertex.clone(),
+                        strip: build.strip_format(),
+                    };
+                    let groups = build.groups()?;
+                    let pipeline = match built.iter().find(|(k, _)| *k == key) {
+                        Some((_, i)) => *i,
+                        None => {
+                            let layouts = groups.iter().map(|(g, l, _)| (*g, l)).collect::<Vec<_>>();
+                            pass.pipelines
+                                .push(build.pipeline(module, &blank, &layouts, &key)?);
+                            built.push((key, pass.pipelines.len() - 1));
+                            pass.pipelines.len() - 1
+                        }
+                    };
+                    pass.items.push(Item {
+                        draw: index,
+                        pipeline,
+                        groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
+                        stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
+                        vertex_buffers: vertex.iter().map(|v| v.source).collect(),
+                    });
+                }
+            }
+            passes.push(pass);
+        }
+        let mut prepared = Self {
+            gpu,
+            inputs,
+            targets,
+            pipelines: passes.iter().map(|p| p.pipelines.len()).sum(),
+            passes,
+            clear_color: settings.clear_color,
+            creation: start.elapsed(),
+        };
+        if let Some(frame) = scene.cameras.first().and_then(|c| c.frames.first()) {
+            prepared.aim(
+                frame,
+                scene.orders.first().copied().unwrap_or(DrawOrder::AsGiven),
+            );
+        }
+        Ok(prepared)
+    }
+
+    /// Sorts the draws for `frame`: opaque ones in `order`, blended ones back to front. Uniforms are [`SceneInputs::set_frame`]'s.
+    pub fn aim(&mut self, frame: &Frame, order: DrawOrder) {
+        let scene = self.inputs.scene();
+        let opaque = order::opaque(scene, frame, order);
+        let blended = order::blended(scene, frame);
+        for pass in &mut self.passes {
+            let draws = match pass.frame.phase {
+                Phase::Blended => &blended,
+                _ => &opaque,
+            };
+            let items = &pass.items;
+            pass.sequence = draws
+                .iter()
+                .flat_map(|draw| {
+                    let first = items.partition_point(|i| i.draw < *draw);
+                    (first..items.len()).take_while(move |i| items[*i].draw == *draw)
+                })
+                .collect();
+        }
+    }
+
+    /// Encodes the whole frame once, from clear to resolve.
+    pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        let last_color = self.passes.iter().rposition(|p| p.frame.color);
+        for (index, pass) in self.passes.iter().enumerate() {
+            let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: None,
+                color_attachments: &self.color_attachments(pass, last_color == Some(index)),
+                depth_stencil_attachment: self.depth_attachment(pass),
+                ..Default::default()
+            });
+            self.draw_all(pass, &mut render);
+        }
+    }
+
+    /// Draws the frame once and waits.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] when a command is invalid, [`Error::Lost`] when the adapter gives up.
+    pub fn draw(&self) -> Result<(), Error> {
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        self.gpu.checked("a frame", || self.encode(&mut encoder))?;
+        self.gpu.submit("a frame", encoder)
+    }
+
+    /// Draws the frame once and reads it back.
+    ///
+    /// # Errors
+    /// As [`Prepared::draw`].
+    pub fn render(&self) -> Result<Rendered, Error> {
+        self.draw()?;
+        let colors = self
+            .targets
+            .colors
+            .iter()
+            .map(|slot| {
+                let Some(target) = slot else { return Ok(None) };
+                let texture = match &target.resolved {
+                    Some((texture, _)) => texture,
+                    None if target.drawn.sample_count() == 1 => &target.drawn,
+                    // Several samples of a format that does not resolve: nothing a host would show.
+                    None => return Ok(None),
+                };
+                readback::color(self.gpu, texture).map(Some)
+            })
+            .collect::<Result<_, Error>>()?;
+        let depth = self
+            .targets
+            .depth(preshade_passes::plan::SCENE_DEPTH)
+            .map(|d| readback::depth(self.gpu, &d.texture, d.format))
+            .transpose()?;
+        Ok(Rendered { colors, depth })
+    }
+
+    /// Draws the frame once and reads the red channel of every sample of colour target 0, which must be a float format.
+    ///
+    /// # Errors
+    /// As [`Prepared::draw`].
+    pub(crate) fn render_red(&self) -> Result<Option<DepthImage>, Error> {
+        self.draw()?;
+        match self.targets.colors.first() {
+            Some(Some(target)) => readback::red(self.gpu, &target.drawn).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// Number of pipelines, and how long compiling shaders and building them took.
+    pub fn creation(&self) -> (usize, Duration) {
+        (self.pipelines, self.creation)
+    }
+
+    /// Draw calls of one frame.
+    pub fn draw_calls(&self) -> usize {
+        self.passes.iter().map(|p| p.sequence.len()).sum()
+    }
+
+    /// The device it draws on.
+    pub(crate) fn gpu(&self) -> &'a Gpu {
+        self.gpu
+    }
+
+    fn color_attachments(
+        &self,
+        pass: &PreparedPass,
+        last: bool,
+    ) -> Vec<Option<wgpu::RenderPassColorAttachment<'_>>> {
+        if !pass.frame.color {
+            return Vec::new();
+        }
+        let [r, g, b, a] = self.clear_color;
+        self.targets
+            .colors
+            .iter()
+            .map(|slot| {
+                slot.as_ref().map(|target| wgpu::RenderPassColorAttachment {
+                    view: &target.view,
+                    depth_slice: None,
+                    resolve_target: target.resolved.as_ref().filter(|_| last).map(|(_, v)| v),
+                    ops: wgpu::Operations {
+                        load: match pass.frame.clear_color {
+                            true => wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a }),
+                            false => wgpu::LoadOp::Load,
+                        },
+                        // What resolves is shown resolved: a host throws the samples away.
+                        store: match last && target.resolved.is_some() {
+                            true => wgpu::StoreOp::Discard,
+                            false => wgpu::StoreOp::Store,
+                        },
+                    },
+                })
+            })
+            .collect()
+    }
+
+    fn depth_attachment(
+        &self,
+        pass: &PreparedPass,
+    ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
+        let target = self.targets.depth(pass.frame.depth.as_deref()?)?;
+        let direction = self.inputs.scene().depth_direction;
+        let read_only = pass.frame.depth_read_only;
+        let stencil = target.format.has_stencil() && (!read_only || pass.stencil_write);
+        Some(wgpu::RenderPassDepthStencilAttachment {
+            view: &target.view,
+            depth_ops: (!read_only).then(|| wgpu::Operations {
+                load: match pass.frame.clear_depth {
+                    true => wgpu::LoadOp::Clear(direction.clear_depth()),
+                    false => wgpu::LoadOp::Load,
+                },
+                store: wgpu::StoreOp::Store,
+            }),
+            stencil_ops: stencil.then(|| wgpu::Operations {
+                load: match pass.frame.clear_depth {
+                    true => wgpu::LoadOp::Clear(0),
+                    false => wgpu::LoadOp::Load,
+                },
+                store: wgpu::StoreOp::Store,
+            }),
+        })
+    }
+
+    fn draw_all(&self, pass: &PreparedPass, render: &mut wgpu::RenderPass<'_>) {
+        if let Some([x, y, w, h]) = self.inputs.scene().viewport {
+            render.set_viewport(x as f32, y as f32, w as f32, h as f32, 0.0, 1.0);
+            render.set_scissor_rect(x, y, w, h);
+        }
+        let mut current = None;
+        for item in pass.sequence.iter().filter_map(|i| pass.items.get(*i)) {
+            let Some(draw) = self.inputs.draw(item.draw) else {
+                continue;
+            };
+            if current != Some(item.pipeline) {
+                render.set_pipeline(&pass.pipelines[item.pipeline]);
+                current = Some(item.pipeline);
+            }
+            render.set_stencil_reference(item.stencil_reference);
+            for (group, bindings) in &item.groups {
+                render.set_bind_group(*group, bindings, &[]);
+            }
+            for (slot, source) in item.vertex_buffers.iter().enumerate() {
+                let vertex = &draw.vertex_buffers[*source];
+                render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
+            }
+            match &draw.indices {
+                Some(indices) => {
+                    render.set_index_buffer(indices.buffer.slice(..), indices.format);
+                    render.draw_indexed(0..indices.count, 0, 0..draw.instances);
+                }
+                None => render.draw(0..draw.vertex_count, 0..draw.instances),
+            }
+        }
+    }
+}
+
+fn find<'v>(
+    variant: &'v Variant,
+    material: &str,
+    member: usize,
+) -> Result<(&'v Plan, &'v GpuPass), Error> {
+    variant
+        .plans()
+        .iter()
+        .find(|p| p.material == material)
+        .and_then(|plan| Some((plan, plan.passes.get(member)?)))
+        .ok_or_else(|| Error::Plan {
+            material: material.to_owned(),
+            message: format!("the frame names its pass {member}, which it does not have"),
+        })
+}
+
+/// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
+#[derive(Clone, PartialEq)]
+struct PipelineKey {
+    material: usize,
+    member: usize,
+    vertex: Vec<VertexLayout>,
+    strip: Option<wgpu::IndexFormat>,
+}
+
+#[derive(Clone, PartialEq)]
+struct VertexLayout {
+    /// Index in the draw's vertex buffers.
+    source: usize,
+    stride: u64,
+    step: wgpu::VertexStepMode,
+    attributes: Vec<wgpu::VertexAttribute>,
+}
+
+/// What one pipeline is built from.
+struct Build<'b> {
+    gpu: &'b Gpu,
+    targets: &'b Targets,
+    plan: &'b Plan,
+    pass: &'b GpuPass,
+    frame: &'b FramePass,
+    draw: &'b DrawInputs,
+}
+
+impl Build<'_> {
+    fn failed(&self, message: impl Into<String>) -> Error {
+        Error::Plan {
+            material: self.plan.material.clone(),
+            message: message.into(),
+        }
+    }
+
+    fn what(&self) -> String {
+        format!(
+            "the pipeline of pass `{}` of material `{}`",
+            self.pass.program, self.plan.material
+        )
+    }
+
+    fn strip_format(&self) -> Option<wgpu::IndexFormat> {
+        let strip = state::primitive(&self.pass.primitive).topology.is_strip();
+        self.draw
+            .indices
+            .as_ref()
+            .filter(|_| strip)
+            .map(|i| i.format)
+    }
+
+    /// The buffers and attributes the pass reads, by location, as the scene lays them out.
+    fn vertex_layout(&self) -> Result<Vec<VertexLayout>, Error> {
+        let mut layouts: Vec<VertexLayout> = Vec::new();
+        for wanted in &self.pass.attributes {
+            let (source, buffer, attribute) = self
+                .draw
+                .vertex_buffers
+                .iter()
+                .enumerate()
+                .find_map(|(i, b)| {
+                    let a = b.attributes.iter().find(|a| a.location == wanted.location)?;
+                    Some((i, b, a))
+                })
+                .ok_or_else(|| {
+                    self.failed(format!(
+                        "its attribute `{}` at location {} is not one the author's vertex stage reads",
+                        wanted.name, wanted.location
+                    ))
+                })?;
+            let at = wgpu::VertexAttribute {
+                format: attribute.format,
+                offset: attribute.offset,
+                shader_location: attribute.location,
+            };
+            match layouts.iter_mut().find(|l| l.source == source) {
+                Some(layout) => layout.attributes.push(at),
+                None => layouts.push(VertexLayout {
+                    source,
+                    stride: buffer.stride,
+                    step: buffer.step,
+                    attributes: vec![at],
+                }),
+            }
+        }
+        Ok(layouts)
+    }
+
+    /// Layout and bind group of each group the pass uses.
+    fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
+        let filled =
+            layout::fill(self.pass, self.draw, self.targets).map_err(|m| self.failed(m))?;
+        let device = &self.gpu.device;
+        self.gpu
+            .checked(&format!("the bindings of {}", self.what()), || {
+                filled
+                    .iter()
+                    .map(|(group, bindings)| {
+                        let layout = layout::layout(device, bindings);
+                        let entries: Vec<_> = bindings
+                            .iter()
+                            .map(|(b, filled)| wgpu::BindGroupEntry {
+                                binding: b.binding,
+                                resource: filled.binding(),
+                            })
+                            .collect();
+                        let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                            label: None,
+                            layout: &layout,
+                            entries: &entries,
+                        });
+                        (*group, layout, bound)
+                    })
+                    .collect()
+            })
+    }
+
+    fn depth_stencil(&self) -> Result<Option<wgpu::DepthStencilState>, Error> {
+        let Some(depth) = &self.pass.depth else {
+            return Ok(None);
+        };
+        let target = self.targets.depth(&depth.attachment).ok_or_else(|| {
+            self.failed(format!("it has no attachment `{}`", depth.attachment))
+        })?;
+        Ok(Some(state::depth_stencil(
+            target.format,
+            depth,
+            self.pass.stencil.as_ref(),
+        )))
+    }
+
+    /// The colour targets of the frame pass, with this pass's blending and masks; those it does not write are masked off.
+    fn color_targets(&self) -> Vec<Option<wgpu::ColorTargetState>> {
+        if !self.frame.color {
+            return Vec::new();
+        }
+        self.targets
+            .colors
+            .iter()
+            .enumerate()
+            .map(|(location, slot)| {
+                let format = slot.as_ref()?.format;
+                let own = self.pass.targets.get(location).and_then(Option::as_ref);
+                Some(wgpu::ColorTargetState {
+                    format,
+                    blend: own
+                        .and_then(|t: &ColorTarget| t.blend)
+                        .as_ref()
+                        .map(state::blend),
+                    write_mask: own.map_or(wgpu::ColorWrites::empty(), |t| {
+                        wgpu::ColorWrites::from_bits_truncate(u32::from(t.write_mask))
+                    }),
+                })
+            })
+            .collect()
+    }
+
+    fn pipeline(
+        &self,
+        module: &wgpu::ShaderModule,
+        blank: &wgpu::ShaderModule,
+        layouts: &[(u32, &wgpu::BindGroupLayout)],
+        key: &PipelineKey,
+    ) -> Result<wgpu::RenderPipeline, Error> {
+        let what = self.what();
+        for feature in &self.pass.features {
+            self.gpu.require(&what, feature)?;
+        }
+        if self.pass.primitive.unclipped_depth {
+            self.gpu.require(&what, "depth-clip-control")?;
+        }
+        let depth_stencil = self.depth_stencil()?;
+        let targets = self.color_targets();
+        // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
+        let fragment = match &self.pass.fragment {
+            Some(entry) => Some((module, entry.as_str())),
+            None if !targets.is_empty() => Some((blank, BLANK)),
+            None => None,
+        };
+        let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
+        let by_group: Vec<_> = (0..count)
+            .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
+            .collect();
+        let buffers: Vec<_> = key
+            .vertex
+            .iter()
+            .map(|v| {
+                Some(wgpu::VertexBufferLayout {
+                    array_stride: v.stride,
+                    step_mode: v.step,
+                    attributes: &v.attributes,
+                })
+            })
+            .collect();
+        let mut primitive = state::primitive(&self.pass.primitive);
+        primitive.strip_index_format = key.strip;
+        let device = &self.gpu.device;
+        self.gpu.checked(&what, || {
+            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: None,
+                bind_group_layouts: &by_group,
+                immediate_size: 0,
+            });
+            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(&what),
+                layout: Some(&layout),
+                vertex: wgpu::VertexState {
+                    module,
+                    entry_point: Some(&self.pass.vertex),
+                    compilation_options: compilation(),
+                    buffers: &buffers,
+                },
+                primitive,
+                depth_stencil,
+                multisample: state::multisample(&self.pass.multisample),
+                fragment: fragment.map(|(module, entry)| wgpu::FragmentState {
+                    module,
+                    entry_point: Some(entry),
+                    compilation_options: compilation(),
+                    targets: &targets,
+                }),
+                multiview_mask: None,
+                cache: None,
+            })
+        })
+    }
+}
+
+fn compilation() -> wgpu::PipelineCompilationOptions<'static> {
+    wgpu::PipelineCompilationOptions::default()
+}
+
+const BLANK: &str = "blank";
+
+fn blank_fragment(device: &wgpu::Device) -> wgpu::ShaderModule {
+    trusted::compile(
+        device,
+        wgpu::ShaderModuleDescriptor {
+            label: Some(BLANK),
+            source: wgpu::ShaderSource::Wgsl("@fragment fn blank() {}".into()),
+        },
+    )
+}

@@ -1,0 +1,353 @@
+//! Adapters, and the device that everything is drawn on.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use serde::Serialize;
+use wgpu::{Backends, DeviceType, ErrorFilter, Features};
+
+use super::Error;
+
+/// Which adapter to draw on.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum AdapterChoice {
+    /// The fastest kind there is: discrete, integrated, virtual, then software.
+    #[default]
+    Best,
+    /// The first whose name, driver or backend contains this, in any case.
+    Matching(String),
+}
+
+/// What an adapter is and what can be measured on it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct AdapterReport {
+    /// Name, as the driver gives it.
+    pub name: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// `vulkan`, `metal`, `dx12` or `gl`.
+    pub backend: String,
+    /// `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: String,
+    /// Time can be measured on the GPU's own clock.
+    pub timestamps: bool,
+    /// Vertex and fragment invocations can be counted by the adapter.
+    pub pipeline_statistics: bool,
+    /// WebGPU features it has beyond the core, in WebGPU's spelling.
+    pub features: Vec<String>,
+}
+
+/// WebGPU's names of the features a plan may ask for.
+const PLAN_FEATURES: [(&str, Features); 12] = [
+    ("clip-distances", Features::CLIP_DISTANCES),
+    ("depth-clip-control", Features::DEPTH_CLIP_CONTROL),
+    ("depth32float-stencil8", Features::DEPTH32FLOAT_STENCIL8),
+    ("dual-source-blending", Features::DUAL_SOURCE_BLENDING),
+    ("float32-blendable", Features::FLOAT32_BLENDABLE),
+    ("float32-filterable", Features::FLOAT32_FILTERABLE),
+    ("indirect-first-instance", Features::INDIRECT_FIRST_INSTANCE),
+    ("primitive-index", Features::PRIMITIVE_INDEX),
+    (
+        "rg11b10ufloat-renderable",
+        Features::RG11B10UFLOAT_RENDERABLE,
+    ),
+    ("shader-f16", Features::SHADER_F16),
+    ("subgroups", Features::SUBGROUP),
+    ("timestamp-query", Features::TIMESTAMP_QUERY),
+];
+
+/// What is switched on where the adapter has it: what plans may ask for, and what measuring needs.
+fn wanted_features() -> Features {
+    PLAN_FEATURES
+        .iter()
+        .fold(Features::empty(), |all, (_, f)| all | *f)
+        | Features::TIMESTAMP_QUERY_INSIDE_ENCODERS
+        | Features::PIPELINE_STATISTICS_QUERY
+        | Features::SHADER_EARLY_DEPTH_TEST
+        | Features::SUBGROUP_VERTEX
+        | Features::VERTEX_WRITABLE_STORAGE
+        | Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES
+}
+
+fn instance() -> wgpu::Instance {
+    // No validation layer: wgpu-core validates everything already, and a layer would be in the timings. WGPU_VALIDATION=1 and
+    // WGPU_DEBUG=1 switch it on.
+    wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: Backends::PRIMARY | Backends::SECONDARY,
+        flags: wgpu::InstanceFlags::empty().with_env(),
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    })
+}
+
+fn report(adapter: &wgpu::Adapter) -> AdapterReport {
+    let info = adapter.get_info();
+    let features = adapter.features();
+    AdapterReport {
+        name: info.name,
+        driver: [info.driver, info.driver_info]
+            .iter()
+            .filter(|s| !s.is_empty())
+            .cloned()
+            .collect::<Vec<_>>()
+            .join(" "),
+        backend: info.backend.to_str().to_owned(),
+        kind: match info.device_type {
+            DeviceType::DiscreteGpu => "discrete",
+            DeviceType::IntegratedGpu => "integrated",
+            DeviceType::VirtualGpu => "virtual",
+            DeviceType::Cpu => "software",
+            DeviceType::Other => "other",
+        }
+        .to_owned(),
+        timestamps: features.contains(TIMESTAMPS),
+        pipeline_statistics: features.contains(Features::PIPELINE_STATISTICS_QUERY),
+        features: PLAN_FEATURES
+            .iter()
+            .filter(|(_, f)| features.contains(*f))
+            .map(|(name, _)| (*name).to_owned())
+            .collect(),
+    }
+}
+
+const TIMESTAMPS: Features =
+    Features::TIMESTAMP_QUERY.union(Features::TIMESTAMP_QUERY_INSIDE_ENCODERS);
+
+fn kind_rank(kind: DeviceType) -> u32 {
+    match kind {
+        DeviceType::DiscreteGpu => 0,
+        DeviceType::IntegratedGpu => 1,
+        DeviceType::VirtualGpu => 2,
+        DeviceType::Other => 3,
+        DeviceType::Cpu => 4,
+    }
+}
+
+/// All adapters, best first. A driver that is a second way to the same hardware (OpenGL beside Vulkan) comes after the first.
+fn enumerate(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));
+    adapters.sort_by_key(|a| {
+        let info = a.get_info();
+        (
+            kind_rank(info.device_type),
+            info.backend == wgpu::Backend::Gl,
+        )
+    });
+    adapters
+}
+
+/// The adapters of this machine, best first.
+pub fn adapters() -> Vec<AdapterReport> {
+    enumerate(&instance()).iter().map(report).collect()
+}
+
+/// An open adapter.
+#[derive(Debug)]
+pub struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    report: AdapterReport,
+    trouble: Arc<Mutex<Trouble>>,
+}
+
+/// What the device reported outside of any call of ours.
+#[derive(Debug, Default)]
+struct Trouble {
+    lost: Option<String>,
+    uncaptured: Option<String>,
+}
+
+/// The longest a single submission may take before the device counts as hung. Software adapters draw full scenes in seconds.
+const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
+
+impl Gpu {
+    /// Opens an adapter with its own limits and with all features of it that plans and measurements use.
+    ///
+    /// # Errors
+    /// [`Error::NoAdapter`], or [`Error::Lost`] when the driver refuses to open it.
+    pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
+        let found = enumerate(&instance());
+        let wanted = match choice {
+            AdapterChoice::Best => None,
+            AdapterChoice::Matching(text) => Some(text.clone()),
+        };
+        let matches = |adapter: &&wgpu::Adapter| {
+            wanted.as_ref().is_none_or(|text| {
+                let r = report(adapter);
+                let text = text.to_lowercase();
+                [r.name, r.driver, r.backend]
+                    .iter()
+                    .any(|s| s.to_lowercase().contains(&text))
+            })
+        };
+        let adapter = found
+            .iter()
+            .find(matches)
+            .ok_or_else(|| Error::NoAdapter {
+                wanted: wanted.clone(),
+                found: found
+                    .iter()
+                    .map(|a| {
+                        let r = report(a);
+                        format!("{} ({})", r.name, r.backend)
+                    })
+                    .collect(),
+            })?;
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+                label: Some("preshade"),
+                required_features: adapter.features() & wanted_features(),
+                required_limits: adapter.limits(),
+                ..Default::default()
+            }))
+            .map_err(|e| Error::Lost(e.to_string()))?;
+        let trouble = Arc::new(Mutex::new(Trouble::default()));
+        let shared = Arc::clone(&trouble);
+        device.set_device_lost_callback(move |reason, message| {
+            // Dropping a device is not losing it.
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                lock(&shared).lost = Some(message);
+            }
+        });
+        let shared = Arc::clone(&trouble);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            lock(&shared)
+                .uncaptured
+                .get_or_insert_with(|| error.to_string());
+        }));
+        Ok(Self {
+            device,
+            queue,
+            report: report(adapter),
+            trouble,
+        })
+    }
+
+    /// What the adapter is.
+    pub fn adapter(&self) -> &AdapterReport {
+        &self.report
+    }
+
+    /// Whether GPU timestamps can be written between passes.
+    pub fn has_timestamps(&self) -> bool {
+        self.device.features().contains(TIMESTAMPS)
+    }
+
+    /// Whether invocations can be counted by the adapter.
+    pub fn has_pipeline_statistics(&self) -> bool {
+        self.device
+            .features()
+            .contains(Features::PIPELINE_STATISTICS_QUERY)
+    }
+
+    /// Fails unless the device has a feature of WebGPU's name `feature`.
+    pub(crate) fn require(&self, what: &str, feature: &str) -> Result<(), Error> {
+        let known = PLAN_FEATURES.iter().find(|(name, _)| *name == feature);
+        match known {
+            Some((_, f)) if self.device.features().contains(*f) => Ok(()),
+            _ => Err(self.unsupported(what, feature)),
+        }
+    }
+
+    pub(crate) fn unsupported(&self, what: &str, feature: &str) -> Error {
+        Error::Unsupported {
+            what: what.to_owned(),
+            feature: feature.to_owned(),
+            adapter: self.report.name.clone(),
+        }
+    }
+
+    /// Runs `make` and turns what wgpu says about it into an error that names `what`.
+    pub(crate) fn checked<T>(&self, what: &str, make: impl FnOnce() -> T) -> Result<T, Error> {
+        let memory = self.device.push_error_scope(ErrorFilter::OutOfMemory);
+        let internal = self.device.push_error_scope(ErrorFilter::Internal);
+        let validation = self.device.push_error_scope(ErrorFilter::Validation);
+        let made = make();
+        let errors = [
+            pollster::block_on(validation.pop()),
+            pollster::block_on(internal.pop()),
+            pollster::block_on(memory.pop()),
+        ];
+        self.check_trouble()?;
+        match errors.into_iter().flatten().next() {
+            None => Ok(made),
+            Some(wgpu::Error::OutOfMemory { .. }) => Err(Error::OutOfMemory(what.to_owned())),
+            Some(error) => Err(Error::Refused {
+                what: what.to_owned(),
+                message: chain(&error),
+            }),
+        }
+    }
+
+    /// Submits and waits until the GPU is done.
+    pub(crate) fn submit(&self, what: &str, encoder: wgpu::CommandEncoder) -> Result<(), Error> {
+        let index = self.checked(what, || self.queue.submit([encoder.finish()]))?;
+        self.device
+            .poll(wgpu::PollType::Wait {
+                submission_index: Some(index),
+                timeout: Some(SUBMISSION_TIMEOUT),
+            })
+            .map_err(|e| Error::Lost(format!("{what}: {e}")))?;
+        self.check_trouble()
+    }
+
+    /// The bytes of a buffer with `MAP_READ`.
+    pub(crate) fn read_buffer(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>, Error> {
+        let (send, receive) = std::sync::mpsc::channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+            // The receiver lives until the poll below returns.
+            let _ = send.send(result);
+        });
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|e| Error::Lost(e.to_string()))?;
+        let failed = |message: String| Error::Refused {
+            what: "reading a buffer back".to_owned(),
+            message,
+        };
+        receive
+            .recv()
+            .map_err(|e| failed(e.to_string()))?
+            .map_err(|e| failed(e.to_string()))?;
+        let bytes = buffer
+            .get_mapped_range(..)
+            .map_err(|e| failed(e.to_string()))?
+            .to_vec();
+        buffer.unmap();
+        self.check_trouble()?;
+        Ok(bytes)
+    }
+
+    fn check_trouble(&self) -> Result<(), Error> {
+        let mut trouble = lock(&self.trouble);
+        if let Some(message) = &trouble.lost {
+            return Err(Error::Lost(message.clone()));
+        }
+        match trouble.uncaptured.take() {
+            Some(message) => Err(Error::Refused {
+                what: "a command".to_owned(),
+                message,
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+fn lock(trouble: &Mutex<Trouble>) -> std::sync::MutexGuard<'_, Trouble> {
+    // Plain data: nothing can be half-written by a panicking holder.
+    trouble.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// An error's message and those of its causes, as one line each.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut message = error.to_string();
+    let mut source = error.source();
+    while let Some(e) = source {
+        let text = e.to_string();
+        if !message.contains(&text) {
+            message.push_str(": ");
+            message.push_str(&text);
+        }
+        source = e.source();
+    }
+    message
+}

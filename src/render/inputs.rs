@@ -1,0 +1,498 @@
+//! What the draws of a scene bind, on the GPU: bound once by the author's own program, and shared by every pass of every variant.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use preshade_passes::plan::{BindingKind, GpuPass, Plan};
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
+
+use super::gpu::Gpu;
+use super::{Error, state};
+use crate::scene::bind::{self, Rate, TextureContent};
+use crate::scene::{Address, Filter, Frame, Image, Scene};
+
+/// The resources of all draws of a scene.
+#[derive(Debug)]
+pub struct SceneInputs<'a> {
+    gpu: &'a Gpu,
+    scene: &'a Scene,
+    /// Each material's pass as its author wrote it, which binds everything any variant of it can.
+    authored: Vec<GpuPass>,
+    draws: Vec<DrawInputs>,
+}
+
+/// The resources of one draw.
+#[derive(Debug)]
+pub(super) struct DrawInputs {
+    /// By group and binding.
+    pub resources: BTreeMap<(u32, u32), Resource>,
+    pub vertex_buffers: Vec<VertexInput>,
+    pub indices: Option<IndexInput>,
+    pub vertex_count: u32,
+    pub instances: u32,
+}
+
+/// One bound resource and the layout entry that fits it.
+#[derive(Debug)]
+pub(super) enum Resource {
+    Buffer(wgpu::Buffer, wgpu::BindingType),
+    Texture(wgpu::TextureView, wgpu::BindingType),
+    Sampler(wgpu::Sampler, wgpu::BindingType),
+}
+
+#[derive(Debug)]
+pub(super) struct VertexInput {
+    pub buffer: wgpu::Buffer,
+    pub stride: u64,
+    pub step: wgpu::VertexStepMode,
+    pub attributes: Vec<bind::VertexAttribute>,
+}
+
+#[derive(Debug)]
+pub(super) struct IndexInput {
+    pub buffer: wgpu::Buffer,
+    pub format: wgpu::IndexFormat,
+    pub count: u32,
+}
+
+impl Resource {
+    pub fn layout(&self) -> wgpu::BindingType {
+        match self {
+            Self::Buffer(_, ty) | Self::Texture(_, ty) | Self::Sampler(_, ty) => *ty,
+        }
+    }
+
+    pub fn binding(&self) -> wgpu::BindingResource<'_> {
+        match self {
+            Self::Buffer(buffer, _) => buffer.as_entire_binding(),
+            Self::Texture(view, _) => wgpu::BindingResource::TextureView(view),
+            Self::Sampler(sampler, _) => wgpu::BindingResource::Sampler(sampler),
+        }
+    }
+}
+
+/// Uploads made so far, by content.
+#[derive(Default)]
+struct Uploads {
+    buffers: BTreeMap<(u128, u32), wgpu::Buffer>,
+    /// By the image's address (the scene keeps it alive), view dimension and format.
+    textures: Vec<(TextureKey, wgpu::TextureView)>,
+}
+
+#[derive(Clone, PartialEq)]
+struct TextureKey {
+    image: Option<*const Image>,
+    depth: Option<([u32; 2], u32)>,
+    view: wgpu::TextureViewDimension,
+    format: wgpu::TextureFormat,
+    multisampled: bool,
+}
+
+impl<'a> SceneInputs<'a> {
+    /// Binds and uploads everything the draws of `scene` need, as its first camera frame sees it.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] when a value does not fit a material, or what the adapter says.
+    pub fn new(gpu: &'a Gpu, scene: &'a Scene) -> Result<Self, Error> {
+        let mut uploads = Uploads::default();
+        let authored: Vec<GpuPass> = scene
+            .materials
+            .iter()
+            .filter_map(|m| {
+                Plan::original(
+                    &m.name,
+                    m.program.clone(),
+                    &m.vertex,
+                    m.fragment.as_deref(),
+                    &m.state,
+                )
+                .passes
+                .pop()
+            })
+            .collect();
+        let first = scene.cameras.first().and_then(|c| c.frames.first());
+        let frame = first.ok_or_else(|| Error::Scene {
+            draw: scene.name.clone(),
+            message: "the scene has no camera".to_owned(),
+        })?;
+        let draws = scene
+            .draws
+            .iter()
+            .map(|draw| {
+                let failed = |message: String| Error::Scene {
+                    draw: draw.name.clone(),
+                    message,
+                };
+                let material = scene
+                    .materials
+                    .get(draw.material)
+                    .ok_or_else(|| failed(format!("there is no material {}", draw.material)))?;
+                let pass = &authored[draw.material];
+                let bound = bind::draw(scene, material, pass, draw, frame)
+                    .map_err(|e| failed(e.to_string()))?;
+                gpu.checked(&format!("what draw `{}` binds", draw.name), || {
+                    uploads.draw(gpu, &bound)
+                })?
+                .map_err(failed)
+            })
+            .collect::<Result<_, Error>>()?;
+        Ok(Self {
+            gpu,
+            scene,
+            authored,
+            draws,
+        })
+    }
+
+    /// Writes what changes with the camera and the time.
+    ///
+    /// # Errors
+    /// As [`SceneInputs::new`].
+    pub fn set_frame(&self, frame: &Frame) -> Result<(), Error> {
+        for (draw, inputs) in self.scene.draws.iter().zip(&self.draws) {
+            let material = &self.scene.materials[draw.material];
+            let pass = &self.authored[draw.material];
+            let changed = bind::frame_buffers(self.scene, material, pass, draw, frame).map_err(
+                |e| Error::Scene {
+                    draw: draw.name.clone(),
+                    message: e.to_string(),
+                },
+            )?;
+            self.gpu.checked("writing the uniforms of a frame", || {
+                for b in changed {
+                    if let Some(Resource::Buffer(buffer, _)) =
+                        inputs.resources.get(&(b.group, b.binding))
+                    {
+                        self.gpu.queue.write_buffer(buffer, 0, &b.data.bytes);
+                    }
+                }
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// The device everything is on.
+    pub fn gpu(&self) -> &'a Gpu {
+        self.gpu
+    }
+
+    pub(super) fn draw(&self, index: usize) -> Option<&DrawInputs> {
+        self.draws.get(index)
+    }
+}
+
+impl Uploads {
+    fn draw(&mut self, gpu: &Gpu, bound: &bind::DrawBindings) -> Result<DrawInputs, String> {
+        let mut resources = BTreeMap::new();
+        for b in &bound.buffers {
+            let (usage, ty) = match b.kind {
+                BindingKind::Uniform => (
+                    wgpu::BufferUsages::UNIFORM,
+                    wgpu::BufferBindingType::Uniform,
+                ),
+                kind => (
+                    wgpu::BufferUsages::STORAGE,
+                    wgpu::BufferBindingType::Storage {
+                        read_only: kind == BindingKind::StorageRead,
+                    },
+                ),
+            };
+            // What is written, by us or by a shader, is nobody else's.
+            let shared = b.rate == Rate::Draw && b.kind != BindingKind::StorageReadWrite;
+            let buffer = if shared {
+                self.buffer(gpu, &b.data, usage)
+            } else {
+                create(gpu, &b.data, usage | wgpu::BufferUsages::COPY_DST)
+            };
+            let layout = wgpu::BindingType::Buffer {
+                ty,
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            };
+            resources.insert((b.group, b.binding), Resource::Buffer(buffer, layout));
+        }
+        for t in &bound.textures {
+            let layout = wgpu::BindingType::Texture {
+                sample_type: t.sample_type,
+                view_dimension: t.view,
+                multisampled: t.multisampled,
+            };
+            let view = self.texture(gpu, t)?;
+            resources.insert((t.group, t.binding), Resource::Texture(view, layout));
+        }
+        for s in &bound.samplers {
+            let layout = wgpu::BindingType::Sampler(match s.sampler.compare {
+                Some(_) => wgpu::SamplerBindingType::Comparison,
+                None => wgpu::SamplerBindingType::Filtering,
+            });
+            let sampler = gpu.device.create_sampler(&sampler(&s.sampler));
+            resources.insert((s.group, s.binding), Resource::Sampler(sampler, layout));
+        }
+        let vertex_buffers = bound
+            .vertex_buffers
+            .iter()
+            .map(|v| VertexInput {
+                buffer: self.buffer(gpu, &v.data, wgpu::BufferUsages::VERTEX),
+                stride: v.stride,
+                step: v.step,
+                attributes: v.attributes.clone(),
+            })
+            .collect();
+        let indices = bound.indices.as_ref().map(|i| IndexInput {
+            buffer: self.buffer(gpu, &i.data, wgpu::BufferUsages::INDEX),
+            format: i.format,
+            count: i.count,
+        });
+        Ok(DrawInputs {
+            resources,
+            vertex_buffers,
+            indices,
+            vertex_count: bound.vertex_count,
+            instances: bound.instances,
+        })
+    }
+
+    fn buffer(&mut self, gpu: &Gpu, data: &bind::Data, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.buffers
+            .entry((data.id, usage.bits()))
+            .or_insert_with(|| create(gpu, data, usage))
+            .clone()
+    }
+
+    fn texture(
+        &mut self,
+        gpu: &Gpu,
+        binding: &bind::TextureBinding,
+    ) -> Result<wgpu::TextureView, String> {
+        let format = match (&binding.content, binding.sample_type) {
+            (TextureContent::Depth { .. }, _) => wgpu::TextureFormat::Depth32Float,
+            (_, wgpu::TextureSampleType::Uint) => wgpu::TextureFormat::Rgba8Uint,
+            (_, wgpu::TextureSampleType::Sint) => wgpu::TextureFormat::Rgba8Sint,
+            (TextureContent::Image(image), _) if image.srgb => wgpu::TextureFormat::Rgba8UnormSrgb,
+            _ => wgpu::TextureFormat::Rgba8Unorm,
+        };
+        let key = TextureKey {
+            image: match &binding.content {
+                TextureContent::Image(image) => Some(Arc::as_ptr(image)),
+                _ => None,
+            },
+            depth: match &binding.content {
+                TextureContent::Depth { size, value } => Some((*size, value.to_bits())),
+                _ => None,
+            },
+            view: binding.view,
+            format,
+            multisampled: binding.multisampled,
+        };
+        if let Some((_, view)) = self.textures.iter().find(|(k, _)| *k == key) {
+            return Ok(view.clone());
+        }
+        let texture = match &binding.content {
+            TextureContent::Image(image) if !binding.multisampled => {
+                upload(gpu, image, binding.view, format)
+            }
+            TextureContent::Image(image) => {
+                cleared(gpu, image.size, binding, format, wgpu::Color::WHITE, 1.0)
+            }
+            TextureContent::Depth { size, value } => {
+                cleared(gpu, *size, binding, format, wgpu::Color::WHITE, *value)
+            }
+            TextureContent::Storage { .. } => {
+                return Err(
+                    "it binds a storage texture, which preshade's renderer does not draw with"
+                        .to_owned(),
+                );
+            }
+        };
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(binding.view),
+            ..Default::default()
+        });
+        self.textures.push((key, view.clone()));
+        Ok(view)
+    }
+}
+
+fn create(gpu: &Gpu, data: &bind::Data, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    // A binding of no bytes is not allowed; a mesh without vertices has some.
+    let empty = [0_u8; 16];
+    gpu.device.create_buffer_init(&BufferInitDescriptor {
+        label: None,
+        contents: if data.bytes.is_empty() {
+            &empty
+        } else {
+            &data.bytes
+        },
+        usage,
+    })
+}
+
+fn upload(
+    gpu: &Gpu,
+    image: &Image,
+    view: wgpu::TextureViewDimension,
+    format: wgpu::TextureFormat,
+) -> wgpu::Texture {
+    let dimension = view.compatible_texture_dimension();
+    let flat = dimension == wgpu::TextureDimension::D2;
+    // An image's levels are two-dimensional: the other dimensions have level 0 only.
+    let levels = if flat { image.levels.len() } else { 1 };
+    let layers = match view {
+        wgpu::TextureViewDimension::Cube | wgpu::TextureViewDimension::CubeArray => {
+            image.layers.next_multiple_of(6)
+        }
+        _ => image.layers,
+    };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d {
+            width: image.size[0],
+            height: if dimension == wgpu::TextureDimension::D1 {
+                1
+            } else {
+                image.size[1]
+            },
+            depth_or_array_layers: layers,
+        },
+        mip_level_count: levels as u32,
+        sample_count: 1,
+        dimension,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    for (level, texels) in image.levels.iter().take(levels).enumerate() {
+        let (w, h) = (
+            (image.size[0] >> level).max(1),
+            (texture.height() >> level).max(1),
+        );
+        let layer_bytes = (w * h * 4) as usize;
+        for layer in 0..layers {
+            // A cube made of fewer layers repeats them.
+            let from = (layer % image.layers.max(1)) as usize * layer_bytes;
+            let Some(data) = texels.get(from..from + layer_bytes) else {
+                continue;
+            };
+            gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    texture: &texture,
+                    mip_level: level as u32,
+                    origin: wgpu::Origin3d {
+                        x: 0,
+                        y: 0,
+                        z: layer,
+                    },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                data,
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(w * 4),
+                    rows_per_image: Some(h),
+                },
+                wgpu::Extent3d {
+                    width: w,
+                    height: h,
+                    depth_or_array_layers: 1,
+                },
+            );
+        }
+    }
+    texture
+}
+
+/// A texture of one value, cleared by a render pass: what cannot be uploaded (depth, several samples a texel).
+fn cleared(
+    gpu: &Gpu,
+    size: [u32; 2],
+    binding: &bind::TextureBinding,
+    format: wgpu::TextureFormat,
+    color: wgpu::Color,
+    depth: f32,
+) -> wgpu::Texture {
+    let layers = match binding.view {
+        wgpu::TextureViewDimension::Cube | wgpu::TextureViewDimension::CubeArray => 6,
+        _ => 1,
+    };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d {
+            width: size[0],
+            height: size[1],
+            depth_or_array_layers: layers,
+        },
+        mip_level_count: 1,
+        sample_count: if binding.multisampled { 4 } else { 1 },
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT,
+        view_formats: &[],
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    for layer in 0..layers {
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2),
+            base_array_layer: layer,
+            array_layer_count: Some(1),
+            ..Default::default()
+        });
+        let color = [Some(wgpu::RenderPassColorAttachment {
+            view: &view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(color),
+                store: wgpu::StoreOp::Store,
+            },
+        })];
+        let depth = wgpu::RenderPassDepthStencilAttachment {
+            view: &view,
+            depth_ops: Some(wgpu::Operations {
+                load: wgpu::LoadOp::Clear(depth),
+                store: wgpu::StoreOp::Store,
+            }),
+            stencil_ops: None,
+        };
+        let is_depth = format.is_depth_stencil_format();
+        encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: None,
+            color_attachments: if is_depth { &[] } else { &color },
+            depth_stencil_attachment: is_depth.then_some(depth),
+            ..Default::default()
+        });
+    }
+    gpu.queue.submit([encoder.finish()]);
+    texture
+}
+
+fn sampler(s: &crate::scene::Sampler) -> wgpu::SamplerDescriptor<'static> {
+    let address = match s.address {
+        Address::Repeat => wgpu::AddressMode::Repeat,
+        Address::MirrorRepeat => wgpu::AddressMode::MirrorRepeat,
+        Address::ClampToEdge => wgpu::AddressMode::ClampToEdge,
+    };
+    let (filter, mipmap_filter) = match s.filter {
+        Filter::Nearest => (wgpu::FilterMode::Nearest, wgpu::MipmapFilterMode::Nearest),
+        Filter::Linear => (wgpu::FilterMode::Linear, wgpu::MipmapFilterMode::Linear),
+    };
+    wgpu::SamplerDescriptor {
+        label: None,
+        address_mode_u: address,
+        address_mode_v: address,
+        address_mode_w: address,
+        mag_filter: filter,
+        min_filter: filter,
+        mipmap_filter,
+        compare: s.compare.map(state::compare),
+        anisotropy_clamp: match s.filter {
+            Filter::Linear => s.anisotropy.max(1),
+            Filter::Nearest => 1,
+        },
+        ..Default::default()
+    }
+}

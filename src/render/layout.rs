@@ -1,0 +1,106 @@
+//! Bind group layouts of a pass, from the bindings its plan lists and nothing else.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
+
+use super::inputs::{DrawInputs, Resource};
+use super::targets::Targets;
+
+/// What a binding is filled with.
+pub(super) enum Filled<'a> {
+    Author(&'a Resource),
+    Attachment(&'a wgpu::TextureView, wgpu::BindingType),
+}
+
+impl Filled<'_> {
+    fn layout(&self) -> wgpu::BindingType {
+        match self {
+            Self::Author(resource) => resource.layout(),
+            Self::Attachment(_, ty) => *ty,
+        }
+    }
+
+    pub fn binding(&self) -> wgpu::BindingResource<'_> {
+        match self {
+            Self::Author(resource) => resource.binding(),
+            Self::Attachment(view, _) => wgpu::BindingResource::TextureView(view),
+        }
+    }
+}
+
+/// The bindings of a pass by group, each with what fills it.
+pub(super) type Groups<'a> = BTreeMap<u32, Vec<(&'a BindingUse, Filled<'a>)>>;
+
+/// Fills the bindings of `pass`.
+///
+/// # Errors
+/// In words, when the plan names a binding that the author's program does not have, or an attachment that the frame does not have.
+pub(super) fn fill<'a>(
+    pass: &'a GpuPass,
+    draw: &'a DrawInputs,
+    targets: &'a Targets,
+) -> Result<Groups<'a>, String> {
+    let mut groups = Groups::new();
+    for b in &pass.bindings {
+        let filled = match &b.source {
+            BindingSource::Author => Filled::Author(
+                draw.resources.get(&(b.group, b.binding)).ok_or_else(|| {
+                    format!(
+                        "`{}` (group {}, binding {}) is not a binding the author's program uses",
+                        b.name, b.group, b.binding
+                    )
+                })?,
+            ),
+            BindingSource::Attachment { name } => {
+                let depth = targets
+                    .depth(name)
+                    .ok_or_else(|| format!("`{}` reads `{name}`, which is no attachment", b.name))?;
+                let view = depth.sampled_view.as_ref().ok_or_else(|| {
+                    format!("`{}` reads `{name}`, which the plan does not mark as sampled", b.name)
+                })?;
+                Filled::Attachment(
+                    view,
+                    wgpu::BindingType::Texture {
+                        sample_type: match b.kind {
+                            BindingKind::DepthTexture => wgpu::TextureSampleType::Depth,
+                            BindingKind::Texture => {
+                                wgpu::TextureSampleType::Float { filterable: false }
+                            }
+                            kind => return Err(format!("`{}` reads a depth as {kind:?}", b.name)),
+                        },
+                        view_dimension: wgpu::TextureViewDimension::D2,
+                        multisampled: depth.samples > 1,
+                    },
+                )
+            }
+        };
+        groups.entry(b.group).or_default().push((b, filled));
+    }
+    Ok(groups)
+}
+
+/// The layout of one group.
+pub(super) fn layout(
+    device: &wgpu::Device,
+    bindings: &[(&BindingUse, Filled<'_>)],
+) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = bindings
+        .iter()
+        .map(|(b, filled)| {
+            let mut visibility = wgpu::ShaderStages::NONE;
+            visibility.set(wgpu::ShaderStages::VERTEX, b.visibility.vertex);
+            visibility.set(wgpu::ShaderStages::FRAGMENT, b.visibility.fragment);
+            wgpu::BindGroupLayoutEntry {
+                binding: b.binding,
+                visibility,
+                ty: filled.layout(),
+                count: None,
+            }
+        })
+        .collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &entries,
+    })
+}

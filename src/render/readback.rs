@@ -1,0 +1,224 @@
+//! Reading textures back, exactly.
+
+use preshade_passes::state::DepthFormat;
+
+use super::gpu::Gpu;
+use super::picture::{ColorImage, DepthImage};
+use super::{Error, state};
+
+/// Reads a single-sampled colour texture.
+pub(super) fn color(gpu: &Gpu, texture: &wgpu::Texture) -> Result<ColorImage, Error> {
+    let format = texture.format();
+    let bytes = copy(gpu, texture, wgpu::TextureAspect::All, format)?;
+    Ok(ColorImage {
+        size: [texture.width(), texture.height()],
+        format,
+        bytes,
+    })
+}
+
+/// Whether a depth texture can be copied to a buffer bit by bit (WebGPU section 26.1.2), rather than read through a shader.
+pub(super) fn is_copyable(format: DepthFormat, samples: u32) -> bool {
+    samples == 1
+        && matches!(
+            format,
+            DepthFormat::Depth16unorm
+                | DepthFormat::Depth32float
+                | DepthFormat::Depth32floatStencil8
+        )
+}
+
+/// Reads a depth texture, each sample of it.
+pub(super) fn depth(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    format: DepthFormat,
+) -> Result<DepthImage, Error> {
+    let samples = texture.sample_count();
+    let values = if !is_copyable(format, samples) {
+        load(gpu, texture, Source::Depth)?
+    } else if format == DepthFormat::Depth16unorm {
+        copy(
+            gpu,
+            texture,
+            wgpu::TextureAspect::All,
+            state::depth_format(format),
+        )?
+        .as_chunks::<2>()
+        .0
+        .iter()
+        .map(|b| f32::from(u16::from_le_bytes(*b)) / 65_535.0)
+        .collect()
+    } else {
+        floats(&copy(
+            gpu,
+            texture,
+            wgpu::TextureAspect::DepthOnly,
+            wgpu::TextureFormat::Depth32Float,
+        )?)
+    };
+    Ok(DepthImage {
+        size: [texture.width(), texture.height()],
+        samples,
+        values,
+    })
+}
+
+/// Reads the red channel of each sample of a float texture with `TEXTURE_BINDING`, as [`DepthImage::values`] is laid out.
+pub(super) fn red(gpu: &Gpu, texture: &wgpu::Texture) -> Result<DepthImage, Error> {
+    Ok(DepthImage {
+        size: [texture.width(), texture.height()],
+        samples: texture.sample_count(),
+        values: load(gpu, texture, Source::Float)?,
+    })
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .map(|b| f32::from_le_bytes(*b))
+        .collect()
+}
+
+/// Copies mip 0 of a texture; returns its rows without padding. `format` is that of the aspect copied.
+fn copy(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    aspect: wgpu::TextureAspect,
+    format: wgpu::TextureFormat,
+) -> Result<Vec<u8>, Error> {
+    let (width, height) = (texture.width(), texture.height());
+    let texel = format.block_copy_size(Some(aspect)).unwrap_or(4);
+    let row = width * texel;
+    let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let what = "reading a target back";
+    let buffer = gpu.checked(what, || {
+        gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("readback"),
+            size: u64::from(padded) * u64::from(height),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        })
+    })?;
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_buffer(
+        wgpu::TexelCopyTextureInfo {
+            texture,
+            mip_level: 0,
+            origin: wgpu::Origin3d::ZERO,
+            aspect,
+        },
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(padded),
+                rows_per_image: Some(height),
+            },
+        },
+        texture.size(),
+    );
+    gpu.submit(what, encoder)?;
+    let bytes = gpu.read_buffer(&buffer)?;
+    Ok(bytes
+        .chunks(padded as usize)
+        .flat_map(|r| r.get(..row as usize).unwrap_or(&[]))
+        .copied()
+        .collect())
+}
+
+#[derive(Clone, Copy)]
+enum Source {
+    Depth,
+    Float,
+}
+
+/// Loads each sample in a compute shader.
+fn load(gpu: &Gpu, texture: &wgpu::Texture, source: Source) -> Result<Vec<f32>, Error> {
+    let (width, height, samples) = (texture.width(), texture.height(), texture.sample_count());
+    let multisampled = samples > 1;
+    let what = "reading samples back";
+    let ty = match (source, multisampled) {
+        (Source::Depth, false) => "texture_depth_2d",
+        (Source::Depth, true) => "texture_depth_multisampled_2d",
+        (Source::Float, false) => "texture_2d<f32>",
+        (Source::Float, true) => "texture_multisampled_2d<f32>",
+    };
+    let channel = match source {
+        Source::Depth => "",
+        Source::Float => ".x",
+    };
+    let level = if multisampled { "i32(sample)" } else { "0" };
+    let code = format!(
+        "@group(0) @binding(0) var source: {ty};
+@group(0) @binding(1) var<storage, read_write> values: array<f32>;
+@compute @workgroup_size(8, 8)
+fn load(@builtin(global_invocation_id) at: vec3<u32>) {{
+    let size = textureDimensions(source);
+    if (at.x >= size.x || at.y >= size.y) {{ return; }}
+    for (var sample = 0u; sample < {samples}u; sample++) {{
+        values[(at.y * size.x + at.x) * {samples}u + sample] = textureLoad(source, vec2<i32>(at.xy), {level}){channel};
+    }}
+}}"
+    );
+    let bytes = u64::from(width) * u64::from(height) * u64::from(samples) * 4;
+    let (encoder, out) = gpu.checked(what, || {
+        let device = &gpu.device;
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("readback"),
+            source: wgpu::ShaderSource::Wgsl(code.into()),
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("readback"),
+            layout: None,
+            module: &module,
+            entry_point: None,
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let buffer = |usage| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("readback"),
+                size: bytes,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let values = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
+        let out = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            aspect: match source {
+                Source::Depth => wgpu::TextureAspect::DepthOnly,
+                Source::Float => wgpu::TextureAspect::All,
+            },
+            ..Default::default()
+        });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("readback"),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &[
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&view),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: values.as_entire_binding(),
+                },
+            ],
+        });
+        let mut encoder = device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        }
+        encoder.copy_buffer_to_buffer(&values, 0, &out, 0, bytes);
+        (encoder, out)
+    })?;
+    gpu.submit(what, encoder)?;
+    Ok(floats(&gpu.read_buffer(&out)?))
+}

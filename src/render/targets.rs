@@ -1,0 +1,233 @@
+//! The textures a frame is drawn to.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::frame::FramePlan;
+use preshade_passes::plan::{GpuPass, SCENE_COLOR};
+use preshade_passes::state::DepthFormat;
+
+use super::gpu::Gpu;
+use super::shader::Variant;
+use super::{Error, readback, state};
+
+/// A depth attachment.
+pub(super) struct DepthTarget {
+    pub texture: wgpu::Texture,
+    /// All aspects: what is attached.
+    pub view: wgpu::TextureView,
+    /// The depth aspect: what is bound. Only when the plan says so.
+    pub sampled_view: Option<wgpu::TextureView>,
+    pub format: DepthFormat,
+    pub samples: u32,
+}
+
+/// A colour attachment; with several samples, also what it resolves to, where its format resolves.
+pub(super) struct ColorTarget {
+    pub format: wgpu::TextureFormat,
+    pub drawn: wgpu::Texture,
+    pub view: wgpu::TextureView,
+    pub resolved: Option<(wgpu::Texture, wgpu::TextureView)>,
+}
+
+/// All targets of a frame.
+pub(super) struct Targets {
+    pub size: [u32; 2],
+    depths: BTreeMap<String, DepthTarget>,
+    /// By location; a hole no pass writes.
+    pub colors: Vec<Option<ColorTarget>>,
+}
+
+impl Targets {
+    /// Creates what `variant`'s frame draws to.
+    pub fn new(gpu: &Gpu, variant: &Variant, size: [u32; 2]) -> Result<Self, Error> {
+        let limit = gpu.device.limits().max_texture_dimension_2d;
+        if size.iter().any(|s| *s == 0 || *s > limit) {
+            return Err(Error::Size(size[0], size[1]));
+        }
+        Ok(Self {
+            size,
+            depths: depths(gpu, variant.frame(), size)?,
+            colors: colors(gpu, variant, size)?,
+        })
+    }
+
+    pub fn depth(&self, name: &str) -> Option<&DepthTarget> {
+        self.depths.get(name)
+    }
+}
+
+fn extent(size: [u32; 2]) -> wgpu::Extent3d {
+    wgpu::Extent3d {
+        width: size[0],
+        height: size[1],
+        depth_or_array_layers: 1,
+    }
+}
+
+fn depths(
+    gpu: &Gpu,
+    frame: &FramePlan,
+    size: [u32; 2],
+) -> Result<BTreeMap<String, DepthTarget>, Error> {
+    frame
+        .attachments
+        .iter()
+        .map(|a| {
+            let what = format!("the attachment `{}`", a.name);
+            if a.format == DepthFormat::Depth32floatStencil8 {
+                gpu.require(&what, "depth32float-stencil8")?;
+            }
+            let copyable = readback::is_copyable(a.format, a.samples);
+            let mut usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+            usage.set(wgpu::TextureUsages::COPY_SRC, copyable);
+            usage.set(
+                wgpu::TextureUsages::TEXTURE_BINDING,
+                a.sampled || !copyable,
+            );
+            let texture = gpu.checked(&what, || {
+                gpu.device.create_texture(&wgpu::TextureDescriptor {
+                    label: Some(&a.name),
+                    size: extent(size),
+                    mip_level_count: 1,
+                    sample_count: a.samples,
+                    dimension: wgpu::TextureDimension::D2,
+                    format: state::depth_format(a.format),
+                    usage,
+                    view_formats: &[],
+                })
+            })?;
+            let sampled_view = a.sampled.then(|| {
+                texture.create_view(&wgpu::TextureViewDescriptor {
+                    aspect: wgpu::TextureAspect::DepthOnly,
+                    ..Default::default()
+                })
+            });
+            let target = DepthTarget {
+                view: texture.create_view(&Default::default()),
+                sampled_view,
+                texture,
+                format: a.format,
+                samples: a.samples,
+            };
+            Ok((a.name.clone(), target))
+        })
+        .collect()
+}
+
+/// The passes of a frame that have colour attachments, with the material they belong to.
+fn color_passes(variant: &Variant) -> impl Iterator<Item = (&str, &GpuPass)> {
+    let frame = variant.frame();
+    frame
+        .passes
+        .iter()
+        .filter(|p| p.color)
+        .flat_map(|p| &p.members)
+        .filter_map(|(material, index)| {
+            let plan = variant.plans().iter().find(|p| p.material == *material)?;
+            Some((plan.material.as_str(), plan.passes.get(*index)?))
+        })
+}
+
+/// One colour target a location that any pass writes: materials with fewer outputs leave the others alone.
+fn colors(
+    gpu: &Gpu,
+    variant: &Variant,
+    size: [u32; 2],
+) -> Result<Vec<Option<ColorTarget>>, Error> {
+    let mut formats: Vec<Option<(&str, &str)>> = Vec::new();
+    let mut samples = 1;
+    for (material, pass) in color_passes(variant) {
+        samples = samples.max(pass.multisample.count);
+        for (location, target) in pass.targets.iter().enumerate() {
+            if formats.len() <= location {
+                formats.resize(location + 1, None);
+            }
+            let Some(target) = target else { continue };
+            match formats[location] {
+                None => formats[location] = Some((&target.format, material)),
+                Some((format, first)) if format != target.format => {
+                    return Err(Error::Plan {
+                        material: material.to_owned(),
+                        message: format!(
+                            "its colour target {location} is {}, that of material `{first}` is {format}",
+                            target.format
+                        ),
+                    });
+                }
+                Some(_) => {}
+            }
+        }
+    }
+    formats
+        .into_iter()
+        .enumerate()
+        .map(|(location, slot)| {
+            let Some((name, material)) = slot else {
+                return Ok(None);
+            };
+            let format = state::color_format(name).ok_or_else(|| Error::Plan {
+                material: material.to_owned(),
+                message: format!("`{name}` is not a format preshade's renderer draws to"),
+            })?;
+            color(gpu, location, format, samples, size).map(Some)
+        })
+        .collect()
+}
+
+fn color(
+    gpu: &Gpu,
+    location: usize,
+    format: wgpu::TextureFormat,
+    samples: u32,
+    size: [u32; 2],
+) -> Result<ColorTarget, Error> {
+    let name = match location {
+        0 => SCENE_COLOR.to_owned(),
+        n => format!("{SCENE_COLOR}-{n}"),
+    };
+    let create = |samples: u32, usage: wgpu::TextureUsages| {
+        gpu.checked(&format!("the colour attachment `{name}`"), || {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(&name),
+                size: extent(size),
+                mip_level_count: 1,
+                sample_count: samples,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
+                view_formats: &[],
+            })
+        })
+    };
+    if samples == 1 {
+        let texture = create(
+            1,
+            wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING,
+        )?;
+        return Ok(ColorTarget {
+            format,
+            view: texture.create_view(&Default::default()),
+            resolved: None,
+            drawn: texture,
+        });
+    }
+    let resolves = format
+        .guaranteed_format_features(gpu.device.features())
+        .flags
+        .contains(wgpu::TextureFormatFeatureFlags::MULTISAMPLE_RESOLVE);
+    let drawn = create(samples, wgpu::TextureUsages::TEXTURE_BINDING)?;
+    let resolved = match resolves {
+        true => {
+            let texture = create(1, wgpu::TextureUsages::COPY_SRC)?;
+            let view = texture.create_view(&Default::default());
+            Some((texture, view))
+        }
+        false => None,
+    };
+    Ok(ColorTarget {
+        format,
+        view: drawn.create_view(&Default::default()),
+        drawn,
+        resolved,
+    })
+}
