@@ -140,13 +140,19 @@ fn a_depth_only_material_has_no_fragment_stage() {
 
 #[test]
 fn empty_files_are_refused() {
-    insta::assert_snapshot!(refused(Code::Empty, &[("a.wgsl", "// nothing\n/* at all */\n")]));
+    insta::assert_snapshot!(refused(
+        Code::Empty,
+        &[("a.wgsl", "// nothing\n/* at all */\n")]
+    ));
     refused(Code::Empty, &[]);
 }
 
 #[test]
 fn what_cannot_be_told_is_asked_for() {
-    insta::assert_snapshot!("unknown_language", refused(Code::UnknownLanguage, &[("<stdin>", "fn f() {}")]));
+    insta::assert_snapshot!(
+        "unknown_language",
+        refused(Code::UnknownLanguage, &[("<stdin>", "fn f() {}")])
+    );
     let source = Source::new("<stdin>", "void main() {}").with_language(Language::Glsl);
     let error = front::parse(&[source], &Options::default()).unwrap_err();
     assert_eq!(error.code(), Code::UnknownStage);
@@ -155,33 +161,66 @@ fn what_cannot_be_told_is_asked_for() {
 
 #[test]
 fn two_files_of_one_stage_are_refused() {
-    insta::assert_snapshot!(refused(Code::Sources, &[("a.frag", "void main() {}"), ("b.frag", "void main() {}")]));
+    insta::assert_snapshot!(refused(
+        Code::Sources,
+        &[("a.frag", "void main() {}"), ("b.frag", "void main() {}")]
+    ));
 }
 
 #[test]
 fn two_languages_are_refused() {
-    insta::assert_snapshot!(refused(Code::Sources, &[("a.vert", "void main() {}"), ("b.wgsl", FRAGMENT)]));
+    insta::assert_snapshot!(refused(
+        Code::Sources,
+        &[("a.vert", "void main() {}"), ("b.wgsl", FRAGMENT)]
+    ));
 }
 
 #[test]
 fn a_syntax_error_is_framed() {
-    insta::assert_snapshot!(refused(Code::Parse, &[("a.wgsl", &material("    let x = 1.0 +;"))]));
+    insta::assert_snapshot!(refused(
+        Code::Parse,
+        &[("a.wgsl", &material("    let x = 1.0 +;"))]
+    ));
 }
 
 #[test]
 fn an_error_in_the_second_file_names_it() {
-    insta::assert_snapshot!(refused(Code::Parse, &[("a.wgsl", VERTEX), ("b.wgsl", "@fragment\nfn fs() -> @location(0) vec4<f32> {\n    return colour;\n}\n")]));
+    insta::assert_snapshot!(refused(
+        Code::Parse,
+        &[
+            ("a.wgsl", VERTEX),
+            (
+                "b.wgsl",
+                "@fragment\nfn fs() -> @location(0) vec4<f32> {\n    return colour;\n}\n"
+            )
+        ]
+    ));
 }
 
 #[test]
 fn an_invalid_module_is_framed() {
-    insta::assert_snapshot!(refused(Code::Invalid, &[("a.wgsl", &material("    let x = 1.0;"))]));
+    insta::assert_snapshot!(refused(
+        Code::Invalid,
+        &[("a.wgsl", &material("    let x = 1.0;"))]
+    ));
 }
 
 #[test]
 fn a_glsl_error_is_framed_with_a_hint() {
-    insta::assert_snapshot!(refused(Code::Parse, &[("a.frag", "#version 450\nuniform sampler2D t;\nvoid main() {}\n")]));
-    insta::assert_snapshot!("glsl_es", refused(Code::Parse, &[("a.frag", "#version 300 es\nvoid main() {}\n")]));
+    insta::assert_snapshot!(refused(
+        Code::Parse,
+        &[(
+            "a.frag",
+            "#version 450\nuniform sampler2D t;\nvoid main() {}\n"
+        )]
+    ));
+    insta::assert_snapshot!(
+        "glsl_es",
+        refused(
+            Code::Parse,
+            &[("a.frag", "#version 300 es\nvoid main() {}\n")]
+        )
+    );
 }
 
 #[test]
@@ -191,49 +230,141 @@ fn a_missing_entry_point_is_told() {
 
 #[test]
 fn two_fragment_entry_points_need_a_choice() {
-    let text = format!("{}@fragment fn other() {{}}\n", material("return vec4(0.0);"));
+    let text = format!(
+        "{}@fragment fn other() {{}}\n",
+        material("return vec4(0.0);")
+    );
     insta::assert_snapshot!(refused(Code::AmbiguousEntryPoint, &[("a.wgsl", &text)]));
-    let options = Options { fragment: Some("other".to_owned()), ..Options::default() };
+    let options = Options {
+        fragment: Some("other".to_owned()),
+        ..Options::default()
+    };
     let parsed = parse_with(&[("a.wgsl", &text)], &options).unwrap();
     assert_eq!(parsed.fragment.as_deref(), Some("other"));
 }
 
 #[test]
 fn a_misspelt_entry_point_is_guessed() {
-    let options = Options { fragment: Some("sf".to_owned()), ..Options::default() };
-    insta::assert_snapshot!(refused_with(Code::UnknownEntryPoint, &[("a.wgsl", &material("return vec4(0.0);"))], &options));
+    let options = Options {
+        fragment: Some("sf".to_owned()),
+        ..Options::default()
+    };
+    insta::assert_snapshot!(refused_with(
+        Code::UnknownEntryPoint,
+        &[("a.wgsl", &material("return vec4(0.0);"))],
+        &options
+    ));
 }
 
 #[test]
 fn one_binding_with_two_types_is_refused() {
-    let other = FRAGMENT.replace("struct View { matrix: mat4x4<f32>, eye: vec3<f32> }", "struct View { eye: vec3<f32> }");
-    insta::assert_snapshot!(refused(Code::Link, &[("a.wgsl", VERTEX), ("b.wgsl", &other)]));
+    let other = FRAGMENT.replace(
+        "struct View { matrix: mat4x4<f32>, eye: vec3<f32> }",
+        "struct View { eye: vec3<f32> }",
+    );
+    insta::assert_snapshot!(refused(
+        Code::Link,
+        &[("a.wgsl", VERTEX), ("b.wgsl", &other)]
+    ));
 }
 
 #[test]
 fn stages_that_do_not_fit_are_refused() {
     let other = |with: &str| FRAGMENT.replace("@location(0) uv: vec2<f32>", with);
-    insta::assert_snapshot!("interface_location", refused(Code::Interface, &[("a.wgsl", VERTEX), ("b.wgsl", &other("@location(3) uv: vec2<f32>"))]));
-    insta::assert_snapshot!("interface_type", refused(Code::Interface, &[("a.wgsl", VERTEX), ("b.wgsl", &other("@location(0) uv: vec4<f32>"))]));
-    insta::assert_snapshot!("interface_interpolation", refused(Code::Interface, &[("a.wgsl", VERTEX), ("b.wgsl", &other("@location(0) @interpolate(linear) uv: vec2<f32>"))]));
+    insta::assert_snapshot!(
+        "interface_location",
+        refused(
+            Code::Interface,
+            &[
+                ("a.wgsl", VERTEX),
+                ("b.wgsl", &other("@location(3) uv: vec2<f32>"))
+            ]
+        )
+    );
+    insta::assert_snapshot!(
+        "interface_type",
+        refused(
+            Code::Interface,
+            &[
+                ("a.wgsl", VERTEX),
+                ("b.wgsl", &other("@location(0) uv: vec4<f32>"))
+            ]
+        )
+    );
+    insta::assert_snapshot!(
+        "interface_interpolation",
+        refused(
+            Code::Interface,
+            &[
+                ("a.wgsl", VERTEX),
+                (
+                    "b.wgsl",
+                    &other("@location(0) @interpolate(linear) uv: vec2<f32>")
+                )
+            ]
+        )
+    );
 }
 
 #[test]
 fn what_would_exhaust_the_stack_is_refused_quickly() {
     let n = 100_000;
-    let glsl = |body: &str| format!("#version 450\nlayout(location=0) out vec4 c;\nvoid main() {{ {body} }}\n");
+    let glsl = |body: &str| {
+        format!("#version 450\nlayout(location=0) out vec4 c;\nvoid main() {{ {body} }}\n")
+    };
     let cases = [
-        ("a.wgsl", material(&format!("return vec4({}1.0{});", "(".repeat(n), ")".repeat(n)))),
-        ("a.wgsl", material(&format!("return vec4(1.0{});", " + 1.0".repeat(n)))),
-        ("a.wgsl", material(&format!("let b = {}true; return vec4(0.0);", "!".repeat(n)))),
-        ("a.wgsl", material(&format!("{}{}", "{".repeat(n), "}".repeat(n)))),
-        ("a.wgsl", material(&format!("if false {{}} {}", "else if false {}".repeat(n)))),
-        ("a.wgsl", format!("fn f() -> array<{}i32{}> {{}}", "array<".repeat(n), ",1>".repeat(n))),
-        ("a.frag", glsl(&format!("c = vec4({}1.0{});", "(".repeat(n), ")".repeat(n)))),
+        (
+            "a.wgsl",
+            material(&format!(
+                "return vec4({}1.0{});",
+                "(".repeat(n),
+                ")".repeat(n)
+            )),
+        ),
+        (
+            "a.wgsl",
+            material(&format!("return vec4(1.0{});", " + 1.0".repeat(n))),
+        ),
+        (
+            "a.wgsl",
+            material(&format!("let b = {}true; return vec4(0.0);", "!".repeat(n))),
+        ),
+        (
+            "a.wgsl",
+            material(&format!("{}{}", "{".repeat(n), "}".repeat(n))),
+        ),
+        (
+            "a.wgsl",
+            material(&format!("if false {{}} {}", "else if false {}".repeat(n))),
+        ),
+        (
+            "a.wgsl",
+            format!(
+                "fn f() -> array<{}i32{}> {{}}",
+                "array<".repeat(n),
+                ",1>".repeat(n)
+            ),
+        ),
+        (
+            "a.frag",
+            glsl(&format!("c = vec4({}1.0{});", "(".repeat(n), ")".repeat(n))),
+        ),
         ("a.frag", glsl(&format!("c = vec4({}1.0);", "- ".repeat(n)))),
-        ("a.frag", glsl(&format!("if (false) {{}} {}", "else if (false) {}".repeat(n)))),
-        ("a.frag", glsl(&format!("{} c = vec4(0.0);", "if (true) ".repeat(n)))),
-        ("a.frag", glsl(&format!("c = {} vec4(0.0);", "c = ".repeat(n)))),
+        (
+            "a.frag",
+            glsl(&format!(
+                "if (false) {{}} {}",
+                "else if (false) {}".repeat(n)
+            )),
+        ),
+        (
+            "a.frag",
+            glsl(&format!("{} c = vec4(0.0);", "if (true) ".repeat(n))),
+        ),
+        (
+            "a.frag",
+            glsl(&format!("c = {} vec4(0.0);", "c = ".repeat(n))),
+        ),
     ];
     for (i, (name, text)) in cases.iter().enumerate() {
         let start = Instant::now();
@@ -242,7 +373,17 @@ fn what_would_exhaust_the_stack_is_refused_quickly() {
         // Not a timing assertion: a bound that only a hang or a quadratic blow-up breaks.
         assert!(start.elapsed() < Duration::from_secs(10), "case {i}");
     }
-    insta::assert_snapshot!(refused(Code::TooDeep, &[("a.wgsl", &material(&format!("let x = {}1.0{};", "(".repeat(200), ")".repeat(200))))]));
+    insta::assert_snapshot!(refused(
+        Code::TooDeep,
+        &[(
+            "a.wgsl",
+            &material(&format!(
+                "let x = {}1.0{};",
+                "(".repeat(200),
+                ")".repeat(200)
+            ))
+        )]
+    ));
 }
 
 #[test]
