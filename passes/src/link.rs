@@ -390,11 +390,10 @@ impl Linker<'_> {
     fn functions(&mut self) -> Result<(), Box<Error>> {
         for (handle, function) in self.second.functions.iter() {
             let mut mapped = self.function(function)?;
-            // naga's IR has no equality; its debug form shows everything but spans.
-            let text = format!("{mapped:?}");
+            let text = content(&mapped);
             let twin = self.shared.iter().copied().find(|h| {
                 let ours = &self.module.functions[*h];
-                ours.name == mapped.name && format!("{ours:?}") == text
+                ours.name == mapped.name && content(ours) == text
             });
             let new = match twin {
                 Some(twin) => twin,
@@ -542,6 +541,37 @@ impl Linker<'_> {
         }
         unique
     }
+}
+
+/// All of a function but its spans. naga's IR has no equality; its debug form shows everything.
+fn content(function: &Function) -> String {
+    fn forget_spans(block: &mut Block) {
+        for (statement, span) in block.span_iter_mut() {
+            if let Some(span) = span {
+                *span = Span::UNDEFINED;
+            }
+            match statement {
+                Statement::Block(inner) => forget_spans(inner),
+                Statement::If { accept, reject, .. } => {
+                    forget_spans(accept);
+                    forget_spans(reject);
+                }
+                Statement::Switch { cases, .. } => {
+                    cases.iter_mut().for_each(|c| forget_spans(&mut c.body));
+                }
+                Statement::Loop {
+                    body, continuing, ..
+                } => {
+                    forget_spans(body);
+                    forget_spans(continuing);
+                }
+                _ => {}
+            }
+        }
+    }
+    let mut function = function.clone();
+    forget_spans(&mut function.body);
+    format!("{function:?}")
 }
 
 /// A front end of naga built a module that refers to what comes later, which it promises not to.

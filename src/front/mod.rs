@@ -154,10 +154,11 @@ fn parse_mapped(
         if let (Some(second), Some(base)) = (modules.next(), bases.get(1)) {
             module = link(module, &second, *base)?;
         }
-        let entries = entry::choose(&module, options)?;
-        entry::check_interface(&module, &entries)?;
+        let entries = entry::choose(&module, options, map)?;
+        entry::check_interface(&module, &entries, map)?;
+        let names = entry::names(&module);
         let program = Program::new(module, Arc::clone(map), language)
-            .map_err(|invalid| Error::invalid(&invalid))?;
+            .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
         Ok(Parsed {
             program,
             vertex: entries.vertex,
