@@ -14,9 +14,8 @@ use super::file::{
     BlendName, CameraEntry, DrawEntry, MaterialEntry, MeshEntry, RawValue, Scale, SceneFile,
 };
 use super::place::Folder;
-use super::{
-    Camera, Draw, DrawOrder, Error, Material, Mesh, Scene, Value, error, material, shader,
-};
+use super::{Camera, Draw, DrawOrder, Error, Material, Mesh, Scene, Value, error, material};
+use crate::front;
 
 /// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
 const MAX_SIZE: u32 = 8192;
@@ -208,14 +207,23 @@ impl Loader<'_> {
                 .folder
                 .read_text(file.get_ref())
                 .map_err(|e| self.source.at(e, file.span()))?;
-            texts.push(shader::Text { name: shown, text });
+            texts.push(front::Source::new(shown, text));
         }
-        let parsed = shader::parse(
-            &texts,
-            entry.entry.vertex.as_deref(),
-            entry.entry.fragment.as_deref(),
-        )
-        .map_err(|e| self.source.at(e, files[0].span()))?;
+        if let ([_, _], Some(source)) = (files.as_slice(), texts.first_mut())
+            && source.stage.is_none()
+        {
+            source.stage = Some(naga::ShaderStage::Vertex);
+        }
+        let options = front::Options {
+            vertex: entry.entry.vertex.clone(),
+            fragment: entry.entry.fragment.clone(),
+            defines: Vec::new(),
+        };
+        let parsed = front::parse(&texts, &options).map_err(|e| {
+            let what = Error::new(format!("the shader of material `{name}`: {e}"))
+                .detail(e.render(front::Color::Never));
+            self.source.at(what, files[0].span())
+        })?;
         let mut material = Material {
             name: name.to_owned(),
             program: parsed.program,

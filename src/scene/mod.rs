@@ -11,7 +11,6 @@ mod material;
 mod noise;
 mod place;
 mod semantic;
-mod shader;
 
 pub mod bind;
 pub mod camera;
