@@ -51,10 +51,13 @@ pub struct Params {
     /// How the main pass knows the nearest fragment.
     pub form: Form,
     /// Vertex stage of the pre-pass; default: `sliced` for `biased`, `same` for `equal`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
     /// `form=biased`: constant bias in steps of the depth format, at least 1; default by format.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub bias_constant: Option<u32>,
     /// `form=biased`: slope-scaled bias, at least 0; default 2.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub bias_slope: Option<f32>,
 }
 

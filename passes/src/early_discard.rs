@@ -96,12 +96,16 @@ pub struct Params {
     /// Drop hidden fragments, or show them.
     pub mode: Mode,
     /// A fixed tolerance in units of depth, at least 0, in place of the derived one.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f32>,
     /// `@group` of the depth texture; default: the highest group that the fragment stage already uses.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<u32>,
     /// `@binding` of the depth texture; default: the first free one.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub binding: Option<u32>,
     /// Vertex stage of the depth pass; default: `sliced`, or `same` with `attachment=readonly`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
 }
 

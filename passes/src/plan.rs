@@ -202,6 +202,22 @@ pub struct Step {
     pub contract: Contract,
 }
 
+impl std::fmt::Display for Step {
+    /// As on the command line: `NAME:key=value,key=value`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.pass)?;
+        let params = self.params.as_object().into_iter().flatten();
+        for (i, (key, value)) in params.filter(|(_, v)| !v.is_null()).enumerate() {
+            let separator = if i == 0 { ':' } else { ',' };
+            match value.as_str() {
+                Some(word) => write!(f, "{separator}{key}={word}")?,
+                None => write!(f, "{separator}{key}={value}")?,
+            }
+        }
+        Ok(())
+    }
+}
+
 /// A draw of both programs that a host can run when it loads the variant: invariance is a promise of the driver that no source can prove.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTest {

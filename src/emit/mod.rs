@@ -269,7 +269,10 @@ fn write_program(
     match target {
         Target::Wgsl => {
             let name = format!("{}.{key}.wgsl", plan.material);
-            let text = wgsl::write(program, &name, &wgsl::header(plan, program))?;
+            let text = match wgsl::author_text(plan, key) {
+                Some(text) => text,
+                None => wgsl::write(program, &name, &wgsl::header(plan, program))?,
+            };
             let said = stages
                 .iter()
                 .map(|s| {
