@@ -32,6 +32,7 @@ fn original(path: &Path) -> Plan {
 
 /// The variant as a reviewer wants it: the passes of the plan in a few lines, then the text of each program; or the refusal.
 fn describe(plan: &Plan, recipe: &str) -> String {
+    let author = plan.programs["main"].author_text().unwrap().to_owned();
     let recipe = Recipe::parse([recipe]).unwrap();
     let plan = match recipe.apply(plan, &Facts::default()) {
         Err(refusal) => return format!("refused: {refusal}\nremedy: {}\n", refusal.remedy),
@@ -70,7 +71,9 @@ fn describe(plan: &Plan, recipe: &str) -> String {
     writeln!(out, "contract {:?}", plan.contract).unwrap();
     for file in emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap() {
         if file.name.ends_with(".wgsl") {
-            writeln!(out, "\n==== {}\n{}", file.name, String::from_utf8(file.bytes).unwrap()).unwrap();
+            let text = String::from_utf8(file.bytes).unwrap();
+            let text = if text == author { "as written" } else { text.as_str() };
+            writeln!(out, "\n==== {}\n{text}", file.name).unwrap();
         }
     }
     out
