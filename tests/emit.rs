@@ -203,3 +203,9 @@ fn other_compilers_take_every_target() {
     let judged = accept::accept(&sets);
     assert_eq!((judged.wgsl, judged.spirv, judged.glsl), (2, 4, 8));
 }
+
+#[test]
+fn text_reads_like_an_authors() {
+    let files = emit_all(&plan("everything.wgsl", EVERYTHING));
+    insta::assert_snapshot!("everything_wgsl", text(&files, "material.main.wgsl"));
+}

@@ -26,6 +26,7 @@ mod repair;
 #[cfg(feature = "spirv")]
 mod spirv;
 mod text;
+mod tidy;
 mod wgsl;
 
 use std::collections::BTreeMap;

@@ -5,7 +5,7 @@ use preshade_passes::contract::Contract;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 
-use super::{Error, Target, fingerprint, repair};
+use super::{Error, Target, fingerprint, repair, tidy};
 
 /// Writes a reduced program; `name` is the file's, for errors, and `header` its first lines.
 pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
@@ -26,7 +26,8 @@ pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<Strin
             what,
             remedy: "emit SPIR-V or GLSL, or lay the struct out as WGSL does".to_owned(),
         })?;
-    let text = format!("{header}{repaired}");
+    let tidied = tidy::tidy(program.module(), &repaired);
+    let text = format!("{header}{tidied}");
     check(program, &text, name)?;
     Ok(text)
 }
