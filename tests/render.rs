@@ -38,7 +38,11 @@ fn a_square_covers_exactly_its_pixels() {
     for y in 0..48 {
         for x in 0..64 {
             let inside = x < 32;
-            let expected = if inside { [255, 51, 0, 153] } else { [0, 0, 0, 255] };
+            let expected = if inside {
+                [255, 51, 0, 153]
+            } else {
+                [0, 0, 0, 255]
+            };
             assert_eq!(texel(color, x, y), expected, "at {x}, {y}");
             assert_eq!(depth.at(x, y, 0), Some(if inside { 0.25 } else { 1.0 }));
         }
@@ -53,7 +57,10 @@ fn both_roads_to_the_driver_draw_the_same_bits() {
     let text = render_as(&gpu, &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text);
     let ir = render_as(&gpu, &scene, &plans, DrawOrder::AsGiven, ShaderForm::Ir);
     assert_eq!(text, ir);
-    assert_eq!(texel(text.colors[0].as_ref().unwrap(), 5, 5), [1, 1, 1, 255]);
+    assert_eq!(
+        texel(text.colors[0].as_ref().unwrap(), 5, 5),
+        [1, 1, 1, 255]
+    );
 }
 
 /// Depths that every format under test stores to within its own step.
@@ -108,7 +115,11 @@ fn every_sample_has_its_own_depth() {
         let out = render(&gpu, &scene);
         let depth = out.depth.unwrap();
         assert_eq!((depth.samples, depth.values.len()), (4, 16 * 16 * 4));
-        let at = |x: u32, y: u32| (0..4).map(|s| depth.at(x, y, s).unwrap()).collect::<Vec<_>>();
+        let at = |x: u32, y: u32| {
+            (0..4)
+                .map(|s| depth.at(x, y, s).unwrap())
+                .collect::<Vec<_>>()
+        };
         assert!(at(2, 2).iter().all(|d| (d - 0.5).abs() < 1e-6));
         assert_eq!(at(13, 13)[0], 1.0);
         // On the diagonal some samples are covered and some are not, and the colour is their mean.
@@ -129,7 +140,11 @@ fn a_viewport_confines_the_picture() {
     for y in 0..32 {
         for x in 0..32 {
             let inside = (8..24).contains(&x) && (4..24).contains(&y);
-            let expected = if inside { [1, 1, 1, 255] } else { [0, 0, 0, 255] };
+            let expected = if inside {
+                [1, 1, 1, 255]
+            } else {
+                [0, 0, 0, 255]
+            };
             assert_eq!(texel(color, x, y), expected, "at {x}, {y}");
         }
     }
@@ -181,8 +196,14 @@ fn materials_with_fewer_targets_leave_the_others_alone() {
     near.material = 1;
     let scene = scene([8, 8], vec![both, one], vec![far, near]);
     let out = render(&gpu, &scene);
-    assert_eq!(texel(out.colors[0].as_ref().unwrap(), 0, 0), [255, 0, 0, 255]);
-    assert_eq!(out.colors[1].as_ref().unwrap().rgba(0), [0.0, 2.5, 0.0, 1.0]);
+    assert_eq!(
+        texel(out.colors[0].as_ref().unwrap(), 0, 0),
+        [255, 0, 0, 255]
+    );
+    assert_eq!(
+        out.colors[1].as_ref().unwrap().rgba(0),
+        [0.0, 2.5, 0.0, 1.0]
+    );
 }
 
 #[test]
@@ -199,8 +220,14 @@ fn strips_and_unindexed_meshes_draw() {
     scene.meshes[0].indices = None;
     scene.meshes[0].vertex_count = 3;
     let corner = render(&gpu, &scene);
-    assert_eq!(texel(corner.colors[0].as_ref().unwrap(), 7, 7), [1, 1, 1, 255]);
-    assert_eq!(texel(corner.colors[0].as_ref().unwrap(), 0, 0), [0, 0, 0, 255]);
+    assert_eq!(
+        texel(corner.colors[0].as_ref().unwrap(), 7, 7),
+        [1, 1, 1, 255]
+    );
+    assert_eq!(
+        texel(corner.colors[0].as_ref().unwrap(), 0, 0),
+        [0, 0, 0, 255]
+    );
 }
 
 /// A pre-pass by hand: depth only, then EQUAL without depth write.
@@ -307,7 +334,9 @@ fn a_forgotten_requirement_is_an_error() {
     let prepare = |plan: Plan| {
         let variant = Variant::new(&[plan], ShaderForm::Text).unwrap();
         let settings = render::FrameSettings::of(&scene);
-        render::Prepared::new(&inputs, &variant, &settings).unwrap_err().to_string()
+        render::Prepared::new(&inputs, &variant, &settings)
+            .unwrap_err()
+            .to_string()
     };
     let plan = reading_depth(&originals(&scene)[0], BindingKind::DepthTexture, 1);
     // The attachment is not marked as sampled.
@@ -319,12 +348,18 @@ fn a_forgotten_requirement_is_an_error() {
     let mut wrong = plan.clone();
     wrong.passes[1].bindings.retain(|b| b.group != 2);
     let message = prepare(wrong);
-    assert!(message.contains("the pipeline of pass `reading` of material `flat`"), "{message}");
+    assert!(
+        message.contains("the pipeline of pass `reading` of material `flat`"),
+        "{message}"
+    );
     // A binding is not visible to the stage that uses it.
     let mut wrong = plan.clone();
     wrong.passes[1].bindings[1].visibility.vertex = false;
     let message = prepare(wrong);
-    assert!(message.contains("the pipeline of pass `reading`"), "{message}");
+    assert!(
+        message.contains("the pipeline of pass `reading`"),
+        "{message}"
+    );
     // A feature nobody has.
     let mut wrong = plan;
     wrong.passes[1].features.push("time-travel".to_owned());
@@ -347,7 +382,10 @@ fn a_frame_without_pixels_is_an_error() {
 fn an_adapter_that_is_not_there_is_named() {
     let error = Gpu::new(&AdapterChoice::Matching("Voodoo 5 6000".to_owned())).unwrap_err();
     let message = error.to_string();
-    assert!(message.contains("`Voodoo 5 6000`") && message.contains("there are:"), "{message}");
+    assert!(
+        message.contains("`Voodoo 5 6000`") && message.contains("there are:"),
+        "{message}"
+    );
     let none = render::Error::NoAdapter {
         wanted: None,
         found: Vec::new(),

@@ -7,7 +7,7 @@ pub mod shading;
 pub mod timing;
 
 pub use error::{ErrorLadder, compare};
-pub use shading::{CountProgram, Counter, Shading, ShadingSummary};
+pub use shading::{CountProgram, Counter, Shading, ShadingSummary, facts};
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
 
 /// Why something was not measured.
@@ -22,4 +22,21 @@ pub enum Error {
     /// The adapter's clock gave no positive time.
     #[error("the adapter's clock gave only zero or negative times")]
     Clock,
+}
+
+/// The plans that draw a scene's materials as their authors wrote them.
+pub fn originals(scene: &crate::scene::Scene) -> Vec<preshade_passes::plan::Plan> {
+    scene
+        .materials
+        .iter()
+        .map(|m| {
+            preshade_passes::plan::Plan::original(
+                &m.name,
+                m.program.clone(),
+                &m.vertex,
+                m.fragment.as_deref(),
+                &m.state,
+            )
+        })
+        .collect()
 }

@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use naga::{Literal, ShaderStage};
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction};
@@ -15,7 +16,7 @@ use super::Error;
 use crate::render::{
     self, DepthImage, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
 };
-use crate::scene::{DrawOrder, Frame};
+use crate::scene::{DrawOrder, Frame, Scene};
 
 /// The fragment stage that stands in for a pass's own while fragments are counted.
 #[derive(Clone, Debug)]
@@ -176,6 +177,29 @@ impl<'a> Counter<'a> {
     }
 }
 
+/// Counts the depth ties of a scene over every frame of every camera: what `equal` forms of a pre-pass must know.
+///
+/// # Errors
+/// As [`Prepared::new`].
+pub fn facts(
+    gpu: &Gpu,
+    scene: &Scene,
+    form: ShaderForm,
+    count: impl Fn(&Plan, &GpuPass) -> CountProgram,
+) -> Result<Facts, Error> {
+    let inputs = SceneInputs::new(gpu, scene)?;
+    let plans = super::originals(scene);
+    let mut counter = Counter::ties(&inputs, &plans, form, count)?;
+    let mut ties = 0;
+    for (_, frame) in scene.frames() {
+        inputs.set_frame(frame)?;
+        ties += counter.ties_in(frame, DrawOrder::AsGiven)?;
+    }
+    Ok(Facts {
+        depth_ties: Some(ties),
+    })
+}
+
 /// A float format that additive blending is exact in: to 2^24 where the adapter blends 32-bit floats, else to 2^11.
 fn count_format(gpu: &Gpu) -> &'static str {
     match gpu.require("counting", "float32-blendable") {
@@ -291,10 +315,12 @@ fn constant(plan: &Plan, program: &Program) -> Result<(Program, String), Error> 
         task_payload: None,
         incoming_ray_payload: None,
     });
-    let program = Program::new(module, Arc::clone(program.sources()), program.language())
-        .map_err(|e| render::Error::Plan {
-            material: plan.material.clone(),
-            message: format!("its counting program is invalid: {e}"),
+    let program =
+        Program::new(module, Arc::clone(program.sources()), program.language()).map_err(|e| {
+            render::Error::Plan {
+                material: plan.material.clone(),
+                message: format!("its counting program is invalid: {e}"),
+            }
         })?;
     Ok((program, name))
 }

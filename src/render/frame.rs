@@ -1,5 +1,6 @@
 //! One frame of a variant: everything built once, encoded as often as needed.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use preshade_passes::frame::FramePass;
@@ -9,7 +10,7 @@ use preshade_passes::state::{ColorTarget, StencilState};
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, SceneInputs};
 use super::picture::{ColorImage, DepthImage};
-use super::shader::Variant;
+use super::shader::{Stage, Variant};
 use super::targets::Targets;
 use super::{Error, layout, order, readback, state, trusted};
 use crate::scene::{DrawOrder, Frame, Scene};
@@ -114,7 +115,8 @@ impl<'a> Prepared<'a> {
                     .iter()
                     .filter(|(name, _)| *name == material.name)
                 {
-                    let (plan, gpu_pass) = find(variant, &material.name, *member)?;
+                    let found = variant.member(&material.name, *member)?;
+                    let gpu_pass = found.pass;
                     if gpu_pass.draws == Draws::Opaque && material.state.is_blended() {
                         continue;
                     }
@@ -126,16 +128,13 @@ impl<'a> Prepared<'a> {
                     let build = Build {
                         gpu,
                         targets: &targets,
-                        plan,
+                        shaders: &shaders,
+                        plan: found.plan,
                         pass: gpu_pass,
+                        stages: found.stages,
                         frame: frame_pass,
                         draw: bound,
                     };
-                    let module = shaders
-                        .get(&(plan.material.as_str(), gpu_pass.program.as_str()))
-                        .ok_or_else(|| {
-                            build.failed(format!("it has no program `{}`", gpu_pass.program))
-                        })?;
                     let vertex = build.vertex_layout()?;
                     let key = PipelineKey {
                         material: draw.material,
@@ -147,9 +146,9 @@ impl<'a> Prepared<'a> {
                     let pipeline = match built.iter().find(|(k, _)| *k == key) {
                         Some((_, i)) => *i,
                         None => {
-                            let layouts = groups.iter().map(|(g, l, _)| (*g, l)).collect::<Vec<_>>();
-                            pass.pipelines
-                                .push(build.pipeline(module, &blank, &layouts, &key)?);
+                            let layouts =
+                                groups.iter().map(|(g, l, _)| (*g, l)).collect::<Vec<_>>();
+                            pass.pipelines.push(build.pipeline(&blank, &layouts, &key)?);
                             built.push((key, pass.pipelines.len() - 1));
                             pass.pipelines.len() - 1
                         }
@@ -279,11 +278,6 @@ impl<'a> Prepared<'a> {
         self.passes.iter().map(|p| p.sequence.len()).sum()
     }
 
-    /// The device it draws on.
-    pub(crate) fn gpu(&self) -> &'a Gpu {
-        self.gpu
-    }
-
     fn color_attachments(
         &self,
         pass: &PreparedPass,
@@ -377,22 +371,6 @@ impl<'a> Prepared<'a> {
     }
 }
 
-fn find<'v>(
-    variant: &'v Variant,
-    material: &str,
-    member: usize,
-) -> Result<(&'v Plan, &'v GpuPass), Error> {
-    variant
-        .plans()
-        .iter()
-        .find(|p| p.material == material)
-        .and_then(|plan| Some((plan, plan.passes.get(member)?)))
-        .ok_or_else(|| Error::Plan {
-            material: material.to_owned(),
-            message: format!("the frame names its pass {member}, which it does not have"),
-        })
-}
-
 /// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
 #[derive(Clone, PartialEq)]
 struct PipelineKey {
@@ -415,8 +393,10 @@ struct VertexLayout {
 struct Build<'b> {
     gpu: &'b Gpu,
     targets: &'b Targets,
+    shaders: &'b BTreeMap<&'b str, wgpu::ShaderModule>,
     plan: &'b Plan,
     pass: &'b GpuPass,
+    stages: &'b (Stage, Option<Stage>),
     frame: &'b FramePass,
     draw: &'b DrawInputs,
 }
@@ -434,6 +414,12 @@ impl Build<'_> {
             "the pipeline of pass `{}` of material `{}`",
             self.pass.program, self.plan.material
         )
+    }
+
+    fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
+        self.shaders
+            .get(stage.shader.as_str())
+            .ok_or_else(|| self.failed(format!("there is no shader `{}`", stage.shader)))
     }
 
     fn strip_format(&self) -> Option<wgpu::IndexFormat> {
@@ -515,9 +501,10 @@ impl Build<'_> {
         let Some(depth) = &self.pass.depth else {
             return Ok(None);
         };
-        let target = self.targets.depth(&depth.attachment).ok_or_else(|| {
-            self.failed(format!("it has no attachment `{}`", depth.attachment))
-        })?;
+        let target = self
+            .targets
+            .depth(&depth.attachment)
+            .ok_or_else(|| self.failed(format!("it has no attachment `{}`", depth.attachment)))?;
         Ok(Some(state::depth_stencil(
             target.format,
             depth,
@@ -553,7 +540,6 @@ impl Build<'_> {
 
     fn pipeline(
         &self,
-        module: &wgpu::ShaderModule,
         blank: &wgpu::ShaderModule,
         layouts: &[(u32, &wgpu::BindGroupLayout)],
         key: &PipelineKey,
@@ -568,8 +554,10 @@ impl Build<'_> {
         let depth_stencil = self.depth_stencil()?;
         let targets = self.color_targets();
         // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
-        let fragment = match &self.pass.fragment {
-            Some(entry) => Some((module, entry.as_str())),
+        let (vertex, fragment) = self.stages;
+        let vertex = (self.shader(vertex)?, vertex.entry_point.as_str());
+        let fragment = match fragment {
+            Some(stage) => Some((self.shader(stage)?, stage.entry_point.as_str())),
             None if !targets.is_empty() => Some((blank, BLANK)),
             None => None,
         };
@@ -601,8 +589,8 @@ impl Build<'_> {
                 label: Some(&what),
                 layout: Some(&layout),
                 vertex: wgpu::VertexState {
-                    module,
-                    entry_point: Some(&self.pass.vertex),
+                    module: vertex.0,
+                    entry_point: Some(vertex.1),
                     compilation_options: compilation(),
                     buffers: &buffers,
                 },

@@ -69,11 +69,11 @@ fn wanted_features() -> Features {
         | Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES
 }
 
-fn instance() -> wgpu::Instance {
+fn instance(backends: Backends) -> wgpu::Instance {
     // No validation layer: wgpu-core validates everything already, and a layer would be in the timings. WGPU_VALIDATION=1 and
     // WGPU_DEBUG=1 switch it on.
     wgpu::Instance::new(wgpu::InstanceDescriptor {
-        backends: Backends::PRIMARY | Backends::SECONDARY,
+        backends,
         flags: wgpu::InstanceFlags::empty().with_env(),
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     })
@@ -122,22 +122,41 @@ fn kind_rank(kind: DeviceType) -> u32 {
     }
 }
 
-/// All adapters, best first. A driver that is a second way to the same hardware (OpenGL beside Vulkan) comes after the first.
-fn enumerate(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
-    let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));
-    adapters.sort_by_key(|a| {
-        let info = a.get_info();
-        (
-            kind_rank(info.device_type),
-            info.backend == wgpu::Backend::Gl,
-        )
-    });
+/// The adapters behind Vulkan, Metal or Direct3D 12, best first; those behind OpenGL only where there are no others, or none that
+/// `suits`. Asking OpenGL for its adapters makes some drivers write to stderr.
+fn enumerate(suits: impl Fn(&wgpu::Adapter) -> bool) -> Vec<wgpu::Adapter> {
+    let of = |backends| {
+        let mut adapters = pollster::block_on(instance(backends).enumerate_adapters(backends));
+        adapters.sort_by_key(|a| kind_rank(a.get_info().device_type));
+        adapters
+    };
+    let mut adapters = of(Backends::PRIMARY);
+    if !adapters.iter().any(suits) {
+        adapters.extend(of(Backends::SECONDARY));
+    }
     adapters
 }
 
-/// The adapters of this machine, best first.
+/// The adapters of this machine, best first. OpenGL's are listed only where there are no others.
 pub fn adapters() -> Vec<AdapterReport> {
-    enumerate(&instance()).iter().map(report).collect()
+    enumerate(|_| true).iter().map(report).collect()
+}
+
+impl std::fmt::Display for AdapterReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let has = |yes: bool| if yes { "yes" } else { "no" };
+        write!(
+            f,
+            "{} ({}, {}, {})\n  GPU timestamps: {}\n  pipeline statistics: {}\n  features: {}",
+            self.name,
+            self.backend,
+            self.kind,
+            self.driver,
+            has(self.timestamps),
+            has(self.pipeline_statistics),
+            self.features.join(", ")
+        )
+    }
 }
 
 /// An open adapter.
@@ -165,12 +184,11 @@ impl Gpu {
     /// # Errors
     /// [`Error::NoAdapter`], or [`Error::Lost`] when the driver refuses to open it.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
-        let found = enumerate(&instance());
         let wanted = match choice {
             AdapterChoice::Best => None,
             AdapterChoice::Matching(text) => Some(text.clone()),
         };
-        let matches = |adapter: &&wgpu::Adapter| {
+        let matches = |adapter: &wgpu::Adapter| {
             wanted.as_ref().is_none_or(|text| {
                 let r = report(adapter);
                 let text = text.to_lowercase();
@@ -179,9 +197,10 @@ impl Gpu {
                     .any(|s| s.to_lowercase().contains(&text))
             })
         };
+        let found = enumerate(matches);
         let adapter = found
             .iter()
-            .find(matches)
+            .find(|a| matches(a))
             .ok_or_else(|| Error::NoAdapter {
                 wanted: wanted.clone(),
                 found: found
@@ -192,14 +211,13 @@ impl Gpu {
                     })
                     .collect(),
             })?;
-        let (device, queue) =
-            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-                label: Some("preshade"),
-                required_features: adapter.features() & wanted_features(),
-                required_limits: adapter.limits(),
-                ..Default::default()
-            }))
-            .map_err(|e| Error::Lost(e.to_string()))?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("preshade"),
+            required_features: adapter.features() & wanted_features(),
+            required_limits: adapter.limits(),
+            ..Default::default()
+        }))
+        .map_err(|e| Error::Lost(e.to_string()))?;
         let trouble = Arc::new(Mutex::new(Trouble::default()));
         let shared = Arc::clone(&trouble);
         device.set_device_lost_callback(move |reason, message| {

@@ -152,12 +152,13 @@ impl<'a> SceneInputs<'a> {
         for (draw, inputs) in self.scene.draws.iter().zip(&self.draws) {
             let material = &self.scene.materials[draw.material];
             let pass = &self.authored[draw.material];
-            let changed = bind::frame_buffers(self.scene, material, pass, draw, frame).map_err(
-                |e| Error::Scene {
-                    draw: draw.name.clone(),
-                    message: e.to_string(),
-                },
-            )?;
+            let changed =
+                bind::frame_buffers(self.scene, material, pass, draw, frame).map_err(|e| {
+                    Error::Scene {
+                        draw: draw.name.clone(),
+                        message: e.to_string(),
+                    }
+                })?;
             self.gpu.checked("writing the uniforms of a frame", || {
                 for b in changed {
                     if let Some(Resource::Buffer(buffer, _)) =

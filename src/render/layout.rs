@@ -44,20 +44,23 @@ pub(super) fn fill<'a>(
     let mut groups = Groups::new();
     for b in &pass.bindings {
         let filled = match &b.source {
-            BindingSource::Author => Filled::Author(
-                draw.resources.get(&(b.group, b.binding)).ok_or_else(|| {
+            BindingSource::Author => {
+                Filled::Author(draw.resources.get(&(b.group, b.binding)).ok_or_else(|| {
                     format!(
                         "`{}` (group {}, binding {}) is not a binding the author's program uses",
                         b.name, b.group, b.binding
                     )
-                })?,
-            ),
+                })?)
+            }
             BindingSource::Attachment { name } => {
-                let depth = targets
-                    .depth(name)
-                    .ok_or_else(|| format!("`{}` reads `{name}`, which is no attachment", b.name))?;
+                let depth = targets.depth(name).ok_or_else(|| {
+                    format!("`{}` reads `{name}`, which is no attachment", b.name)
+                })?;
                 let view = depth.sampled_view.as_ref().ok_or_else(|| {
-                    format!("`{}` reads `{name}`, which the plan does not mark as sampled", b.name)
+                    format!(
+                        "`{}` reads `{name}`, which the plan does not mark as sampled",
+                        b.name
+                    )
                 })?;
                 Filled::Attachment(
                     view,

@@ -11,14 +11,10 @@ pub fn opaque(scene: &Scene, frame: &Frame, order: DrawOrder) -> Vec<usize> {
         DrawOrder::AsGiven => {}
         DrawOrder::Shuffled => draws.sort_by_key(|&i| mix(i as u64)),
         DrawOrder::FrontToBack => {
-            draws.sort_by(|&a, &b| {
-                distance(scene, frame, a).total_cmp(&distance(scene, frame, b))
-            });
+            draws.sort_by(|&a, &b| distance(scene, frame, a).total_cmp(&distance(scene, frame, b)));
         }
         DrawOrder::BackToFront => {
-            draws.sort_by(|&a, &b| {
-                distance(scene, frame, b).total_cmp(&distance(scene, frame, a))
-            });
+            draws.sort_by(|&a, &b| distance(scene, frame, b).total_cmp(&distance(scene, frame, a)));
         }
     }
     draws

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::frame::FramePlan;
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use preshade_passes::plan::{GpuPass, Plan};
 
 use super::gpu::Gpu;
 use super::{Error, trusted};
+use crate::emit;
 
 /// The road a shader takes to the driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,49 +25,119 @@ enum Shader {
     Ir(Box<naga::Module>),
 }
 
+/// Where a stage of a pass is: the name of a shader and an entry point in it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Stage {
+    pub shader: String,
+    pub entry_point: String,
+}
+
 /// The plans of all materials of a scene, as a host holds them: data from JSON, and shaders by name.
 #[derive(Clone, Debug)]
 pub struct Variant {
     plans: Vec<Plan>,
     frame: FramePlan,
-    /// By material and program key.
-    shaders: BTreeMap<(String, String), Shader>,
+    /// By name: that of the emitted file, or `MATERIAL.KEY` for IR.
+    shaders: BTreeMap<String, Shader>,
+    /// Vertex and fragment stage of each plan's passes.
+    stages: Vec<Vec<(Stage, Option<Stage>)>>,
 }
 
 impl Variant {
     /// Sends `plans` through JSON and their programs through `form`.
     ///
     /// # Errors
-    /// [`Error::Plan`] when a plan does not survive its JSON or a program cannot be written as text (bugs of preshade), [`Error::Frame`] when the
+    /// [`Error::Plan`] when a plan cannot be emitted or does not survive its JSON (bugs of preshade), [`Error::Frame`] when the
     /// plans do not fit into one frame.
     pub fn new(plans: &[Plan], form: ShaderForm) -> Result<Self, Error> {
-        let mut out = Vec::new();
-        let mut shaders = BTreeMap::new();
+        let mut out = Self {
+            plans: Vec::new(),
+            frame: FramePlan {
+                attachments: Vec::new(),
+                passes: Vec::new(),
+            },
+            shaders: BTreeMap::new(),
+            stages: Vec::new(),
+        };
         for plan in plans {
-            let failed = |message: String| Error::Plan {
-                material: plan.material.clone(),
-                message,
-            };
-            let json = serde_json::to_string(plan).map_err(|e| failed(e.to_string()))?;
-            let host: Plan =
-                serde_json::from_str(&json).map_err(|e| failed(format!("plan.json: {e}")))?;
-            for (key, program) in &plan.programs {
-                let shader = match form {
-                    ShaderForm::Text => Shader::Wgsl(wgsl(program).map_err(|e| {
-                        failed(format!("its program `{key}` cannot be written as WGSL: {e}"))
-                    })?),
-                    ShaderForm::Ir => Shader::Ir(Box::new(program.module().clone())),
-                };
-                shaders.insert((plan.material.clone(), key.clone()), shader);
+            match form {
+                ShaderForm::Text => out.add_emitted(plan)?,
+                ShaderForm::Ir => out.add_ir(plan)?,
             }
-            out.push(host);
         }
-        let frame = FramePlan::merge(&out)?;
-        Ok(Self {
-            plans: out,
-            frame,
-            shaders,
-        })
+        out.frame = FramePlan::merge(&out.plans)?;
+        Ok(out)
+    }
+
+    /// Takes the files that are emitted for a host: `MATERIAL.plan.json` and the WGSL that it names.
+    fn add_emitted(&mut self, plan: &Plan) -> Result<(), Error> {
+        let failed = |message: String| Error::Plan {
+            material: plan.material.clone(),
+            message,
+        };
+        let files = emit::emit(plan, &[emit::Target::Wgsl], &emit::Options::default())
+            .map_err(|e| failed(e.to_string()))?;
+        let mut described = None;
+        for file in files {
+            let text = String::from_utf8(file.bytes).map_err(|e| failed(e.to_string()))?;
+            if file.name.ends_with(".json") {
+                let json: emit::PlanFile = serde_json::from_str(&text)
+                    .map_err(|e| failed(format!("{}: {e}", file.name)))?;
+                described = Some(json);
+            } else {
+                self.shaders.insert(file.name, Shader::Wgsl(text));
+            }
+        }
+        let described = described.ok_or_else(|| failed("no plan.json was emitted".to_owned()))?;
+        let stage = |at: &BTreeMap<emit::Target, emit::StageFile>| {
+            at.get(&emit::Target::Wgsl).map(|s| Stage {
+                shader: s.file.clone(),
+                entry_point: s.entry_point.clone(),
+            })
+        };
+        let stages = described
+            .files
+            .iter()
+            .map(|f| {
+                let vertex = stage(&f.vertex)
+                    .ok_or_else(|| failed(format!("pass `{}` has no vertex stage", f.role)))?;
+                Ok((vertex, stage(&f.fragment)))
+            })
+            .collect::<Result<Vec<_>, Error>>()?;
+        self.stages.push(stages);
+        self.plans.push(described.plan);
+        Ok(())
+    }
+
+    fn add_ir(&mut self, plan: &Plan) -> Result<(), Error> {
+        let failed = |e: serde_json::Error| Error::Plan {
+            material: plan.material.clone(),
+            message: format!("plan.json: {e}"),
+        };
+        let name = |key: &str| format!("{}.{key}", plan.material);
+        let json = serde_json::to_string(plan).map_err(failed)?;
+        let host: Plan = serde_json::from_str(&json).map_err(failed)?;
+        for (key, program) in &plan.programs {
+            let module = Shader::Ir(Box::new(program.module().clone()));
+            self.shaders.insert(name(key), module);
+        }
+        let stage = |pass: &GpuPass, entry_point: &str| Stage {
+            shader: name(&pass.program),
+            entry_point: entry_point.to_owned(),
+        };
+        self.stages.push(
+            host.passes
+                .iter()
+                .map(|p| {
+                    (
+                        stage(p, &p.vertex),
+                        p.fragment.as_deref().map(|f| stage(p, f)),
+                    )
+                })
+                .collect(),
+        );
+        self.plans.push(host);
+        Ok(())
     }
 
     /// The plans, without programs.
@@ -80,40 +150,53 @@ impl Variant {
         &self.frame
     }
 
+    /// Plan, pass and stages of a member of the frame.
+    pub(super) fn member(&self, material: &str, index: usize) -> Result<Member<'_>, Error> {
+        let plan = self.plans.iter().position(|p| p.material == material);
+        plan.and_then(|at| {
+            let plan = &self.plans[at];
+            Some(Member {
+                plan,
+                pass: plan.passes.get(index)?,
+                stages: self.stages[at].get(index)?,
+            })
+        })
+        .ok_or_else(|| Error::Plan {
+            material: material.to_owned(),
+            message: format!("the frame names its pass {index}, which it does not have"),
+        })
+    }
+
     /// Compiles every shader.
-    pub(super) fn compile(
-        &self,
-        gpu: &Gpu,
-    ) -> Result<BTreeMap<(&str, &str), wgpu::ShaderModule>, Error> {
+    pub(super) fn compile(&self, gpu: &Gpu) -> Result<BTreeMap<&str, wgpu::ShaderModule>, Error> {
         self.shaders
             .iter()
-            .map(|((material, key), shader)| {
-                let label = format!("{material}.{key}");
+            .map(|(name, shader)| {
                 let source = match shader {
                     Shader::Wgsl(text) => wgpu::ShaderSource::Wgsl(text.as_str().into()),
                     Shader::Ir(module) => {
                         wgpu::ShaderSource::Naga(std::borrow::Cow::Owned((**module).clone()))
                     }
                 };
-                let module = gpu.checked(&format!("the shader {label}"), || {
+                let module = gpu.checked(&format!("the shader `{name}`"), || {
                     trusted::compile(
                         &gpu.device,
                         wgpu::ShaderModuleDescriptor {
-                            label: Some(&label),
+                            label: Some(name),
                             source,
                         },
                     )
                 })?;
-                Ok(((material.as_str(), key.as_str()), module))
+                Ok((name.as_str(), module))
             })
             .collect()
     }
 }
 
-fn wgsl(program: &Program) -> Result<String, naga::back::wgsl::Error> {
-    naga::back::wgsl::write_string(
-        program.module(),
-        program.info(),
-        naga::back::wgsl::WriterFlags::empty(),
-    )
+/// A pass of a frame.
+#[derive(Clone, Copy)]
+pub(super) struct Member<'v> {
+    pub plan: &'v Plan,
+    pub pass: &'v GpuPass,
+    pub stages: &'v (Stage, Option<Stage>),
 }

@@ -31,7 +31,6 @@ pub(super) struct ColorTarget {
 
 /// All targets of a frame.
 pub(super) struct Targets {
-    pub size: [u32; 2],
     depths: BTreeMap<String, DepthTarget>,
     /// By location; a hole no pass writes.
     pub colors: Vec<Option<ColorTarget>>,
@@ -45,7 +44,6 @@ impl Targets {
             return Err(Error::Size(size[0], size[1]));
         }
         Ok(Self {
-            size,
             depths: depths(gpu, variant.frame(), size)?,
             colors: colors(gpu, variant, size)?,
         })
@@ -80,10 +78,7 @@ fn depths(
             let copyable = readback::is_copyable(a.format, a.samples);
             let mut usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
             usage.set(wgpu::TextureUsages::COPY_SRC, copyable);
-            usage.set(
-                wgpu::TextureUsages::TEXTURE_BINDING,
-                a.sampled || !copyable,
-            );
+            usage.set(wgpu::TextureUsages::TEXTURE_BINDING, a.sampled || !copyable);
             let texture = gpu.checked(&what, || {
                 gpu.device.create_texture(&wgpu::TextureDescriptor {
                     label: Some(&a.name),
@@ -129,11 +124,7 @@ fn color_passes(variant: &Variant) -> impl Iterator<Item = (&str, &GpuPass)> {
 }
 
 /// One colour target a location that any pass writes: materials with fewer outputs leave the others alone.
-fn colors(
-    gpu: &Gpu,
-    variant: &Variant,
-    size: [u32; 2],
-) -> Result<Vec<Option<ColorTarget>>, Error> {
+fn colors(gpu: &Gpu, variant: &Variant, size: [u32; 2]) -> Result<Vec<Option<ColorTarget>>, Error> {
     let mut formats: Vec<Option<(&str, &str)>> = Vec::new();
     let mut samples = 1;
     for (material, pass) in color_passes(variant) {

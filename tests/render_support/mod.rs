@@ -140,8 +140,8 @@ pub fn with_depth(mut scene: Scene, format: DepthFormat, direction: DepthDirecti
     }
     if direction == DepthDirection::Reversed {
         for frame in scene.cameras.iter_mut().flat_map(|c| &mut c.frames) {
-            frame.projection = Mat4::from_translation(Vec3::Z)
-                * Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0));
+            frame.projection =
+                Mat4::from_translation(Vec3::Z) * Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0));
         }
     }
     scene
@@ -155,21 +155,7 @@ pub fn with_samples(mut scene: Scene, samples: u32) -> Scene {
     scene
 }
 
-pub fn originals(scene: &Scene) -> Vec<Plan> {
-    scene
-        .materials
-        .iter()
-        .map(|m| {
-            Plan::original(
-                &m.name,
-                m.program.clone(),
-                &m.vertex,
-                m.fragment.as_deref(),
-                &m.state,
-            )
-        })
-        .collect()
-}
+pub use preshade::measure::originals;
 
 /// Draws `plans` as the scene's first camera sees them.
 pub fn render_as(
