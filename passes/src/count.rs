@@ -9,7 +9,7 @@ use naga::{
 };
 
 use crate::graph::Graph;
-use crate::place::{self, Placement, PositionInvariance};
+use crate::place::{self, PositionInvariance};
 use crate::plan::{GpuPass, Plan};
 use crate::program::{Invalid, Program};
 use crate::reflect;
@@ -41,7 +41,7 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         Some(entry) => {
             let graph = Graph::build(program);
             let slice = slice::backward(&graph, entry, &[Criterion::Discard, Criterion::Output(OutputFilter::FragDepth)]);
-            module = place::entry_point(&graph, &slice, &Placement { name: ENTRY, suffix: "count", position: PositionInvariance::AsWritten });
+            module = place::entry_point(&graph, &slice, &module, ENTRY, "count", PositionInvariance::AsWritten);
         }
         None => module.entry_points.push(EntryPoint {
             name: ENTRY.to_owned(),

@@ -6,10 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
-use crate::graph::Graph;
 use crate::opaque::Opaque;
 use crate::pass::{Refusal, Site, SiteCost, SiteKey};
-use crate::place::{self, Placement, PositionInvariance};
+use crate::place::{self, PositionInvariance};
 use crate::plan::{Draws, GpuPass, Phase, Plan, Role};
 use crate::reflect;
 use crate::returns;
@@ -50,9 +49,9 @@ pub struct Placed {
 
 /// Slices a material.
 pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
-    let graph = Graph::build(opaque.program);
+    let graph = &opaque.graph;
     let fragment = opaque.fragment.filter(|_| opaque.decides_depth()).map(|entry| {
-        slice::backward(&graph, entry, &[Criterion::Discard, Criterion::Output(OutputFilter::FragDepth)])
+        slice::backward(graph, entry, &[Criterion::Discard, Criterion::Output(OutputFilter::FragDepth)])
     });
     let vertex = match stage {
         VertexStage::Same => None,
@@ -66,10 +65,14 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
                     _ => None,
                 }));
             }
-            Some(slice::backward(&graph, opaque.vertex, &criteria))
+            Some(slice::backward(graph, opaque.vertex, &criteria))
         }
     };
-    let cost = SiteCost::default();
+    let whole_vertex = graph.entry_cost(opaque.vertex);
+    let cost = SiteCost {
+        slice: vertex.as_ref().map_or(whole_vertex, |s| s.cost) + fragment.as_ref().map_or(0.0, |s| s.cost),
+        whole: whole_vertex + opaque.fragment.map_or(0.0, |f| graph.entry_cost(f)),
+    };
     let span = [&fragment, &vertex].into_iter().flatten().find_map(|s| s.spans.first().copied());
     DepthOnly { vertex, fragment, cost, span }
 }
@@ -115,11 +118,11 @@ impl DepthOnly {
     /// Places the slices beside the author's entry points. `suffix` ends the names of what is new. `shader_bias` is added to a depth that the fragment stage writes.
     pub fn place(&self, opaque: &Opaque, suffix: &str, invariance: PositionInvariance, shader_bias: Option<f32>) -> Placed {
         let program = opaque.program;
-        let graph = Graph::build(program);
+        let graph = &opaque.graph;
         let mut module = program.module().clone();
         let fragment = self.fragment.as_ref().map(|slice| {
             let name = format!("{}_{suffix}", program.module().entry_points[slice.entry].name);
-            module = place::add_entry_point(std::mem::take(&mut module), &graph, slice, &Placement { name: &name, suffix, position: PositionInvariance::AsWritten });
+            module = place::entry_point(graph, slice, &module, &name, suffix, PositionInvariance::AsWritten);
             if let (Some(bias), true, Some(entry)) = (shader_bias, opaque.writes_depth, module.entry_points.last_mut()) {
                 bias_depth(&mut entry.function, bias);
             }
@@ -132,7 +135,7 @@ impl DepthOnly {
             return Placed { module, vertex: opaque.pass.vertex.clone(), fragment };
         };
         let vertex = format!("{}_{suffix}", opaque.pass.vertex);
-        module = place::add_entry_point(module, &graph, slice, &Placement { name: &vertex, suffix, position: invariance });
+        module = place::entry_point(graph, slice, &module, &vertex, suffix, invariance);
         Placed { module, vertex, fragment }
     }
 
@@ -142,12 +145,12 @@ impl DepthOnly {
     }
 
     /// Adds to `module` a plain function that computes the depth the material writes, from the fragment stage's inputs.
-    pub fn depth_function(&self, opaque: &Opaque, module: Module) -> Option<(Module, DepthFunction)> {
-        let graph = Graph::build(opaque.program);
+    pub fn depth_function(&self, opaque: &Opaque, module: &Module) -> Option<(Module, DepthFunction)> {
+        let graph = &opaque.graph;
         // Only the depth: discarding is still to come, in the author's own code.
-        let slice = slice::backward(&graph, self.fragment.as_ref()?.entry, &[Criterion::Output(OutputFilter::FragDepth)]);
-        let placement = Placement { name: "prepass_own_depth", suffix: "own_depth", position: PositionInvariance::AsWritten };
-        let mut module = place::add_entry_point(module, &graph, &slice, &placement);
+        let slice = slice::backward(graph, self.fragment.as_ref()?.entry, &[Criterion::Output(OutputFilter::FragDepth)]);
+        let name = "prepass_own_depth";
+        let mut module = place::entry_point(graph, &slice, module, name, "own_depth", PositionInvariance::AsWritten);
         let mut function = module.entry_points.pop()?.function;
         let mut arguments = Vec::new();
         for argument in &mut function.arguments {
@@ -159,7 +162,7 @@ impl DepthOnly {
         if let Some(result) = &mut function.result {
             result.binding = None;
         }
-        function.name = Some(placement.name.to_owned());
+        function.name = Some(name.to_owned());
         let function = module.functions.append(function, Span::UNDEFINED);
         Some((module, DepthFunction { function, arguments }))
     }

@@ -207,7 +207,7 @@ fn equal(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params, facts
     };
     let drop_discard = opaque.discards && facts.depth_ties == Some(0);
     if let (true, Some(fragment)) = (drop_discard, opaque.fragment) {
-        main = place::without_discard(&main, fragment, "kept");
+        main = place::without_discard(&main, fragment);
         next.notes.push("no depth ties were measured: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
     }
     let main = opaque.program.with_module(main).map_err(|e| Refusal::bug(name, e))?;

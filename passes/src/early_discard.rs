@@ -161,7 +161,7 @@ fn check<'a>(plan: &'a Plan, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>
     }
     if params.quad == Quad::Lane
         && let Some(fragment) = opaque.fragment
-        && let Some(span) = opaque::derivative(opaque.program, fragment)
+        && let Some(span) = opaque::derivative(&opaque.graph, fragment)
     {
         refusals.push(
             Refusal::new(
@@ -227,7 +227,7 @@ fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -
     };
     let mut own_depth = None;
     if opaque.writes_depth
-        && let Some((module, function)) = slice.depth_function(opaque, main.clone())
+        && let Some((module, function)) = slice.depth_function(opaque, &main)
     {
         main = module;
         own_depth = Some(function);

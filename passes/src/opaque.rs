@@ -3,9 +3,10 @@
 //! Each is a hazard that some engine has shipped: blended objects in a pre-pass (seed 1's portal), an alpha test in one pass only,
 //! stores that run twice, a forced early test on an alpha-tested draw.
 
-use naga::valid::GlobalUse;
-use naga::{AddressSpace, Binding, BuiltIn, EarlyDepthTest, Expression, SampleLevel, ShaderStage};
+use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
 
+use crate::graph::effect::{self, Effect};
+use crate::graph::{FunctionId, Graph};
 use crate::pass::{Facts, Refusal, Sites};
 use crate::plan::{GpuPass, Phase, Plan, Role};
 use crate::program::Program;
@@ -13,12 +14,14 @@ use crate::reflect;
 use crate::state::{CompareFunction, DepthDirection, DepthState};
 
 /// The main pass of a material that may have its depth drawn ahead, with what the transforms ask of it.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Opaque<'a> {
     /// The main pass.
     pub pass: &'a GpuPass,
     /// Its program.
     pub program: &'a Program,
+    /// The program's dataflow graph.
+    pub graph: Graph<'a>,
     /// Its depth state.
     pub depth: &'a DepthState,
     /// Which way depth grows.
@@ -108,8 +111,9 @@ impl<'a> Opaque<'a> {
         }
         let vertex = program.entry_point(ShaderStage::Vertex, &pass.vertex);
         let fragment = pass.fragment.as_deref().and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+        let graph = Graph::build(program);
         if let Some((index, _)) = vertex
-            && let Some(span) = stored_global(program, index)
+            && let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES)
         {
             refusals.push(
                 refuse("vertex-store", "the vertex stage stores to memory, which drawing it twice would do twice", "move the store to a compute pass")
@@ -119,7 +123,7 @@ impl<'a> Opaque<'a> {
         let mut discards = false;
         let mut writes_depth = false;
         if let Some((index, entry)) = fragment {
-            if let Some(span) = stored_global(program, index) {
+            if let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES) {
                 refusals.push(
                     refuse(
                         "fragment-store",
@@ -129,7 +133,7 @@ impl<'a> Opaque<'a> {
                     .at(program.sources(), span),
                 );
             }
-            discards = program.info().get_entry_point(index).may_kill;
+            discards = graph.may_discard(FunctionId::EntryPoint(index));
             let outputs = reflect::outputs(program.module(), &entry.function);
             writes_depth = outputs.iter().any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::FragDepth)));
             if outputs.iter().any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::SampleMask))) {
@@ -158,6 +162,7 @@ impl<'a> Opaque<'a> {
             (Some((depth, direction)), Some((vertex, _))) if refusals.is_empty() => Ok(Self {
                 pass,
                 program,
+                graph,
                 depth,
                 direction,
                 vertex,
@@ -174,18 +179,41 @@ impl<'a> Opaque<'a> {
     }
 }
 
-/// Where an entry point's module declares a resource that it (or a function it calls) writes.
-fn stored_global(program: &Program, entry: usize) -> Option<naga::Span> {
-    let module = program.module();
-    let info = program.info().get_entry_point(entry);
-    module
-        .global_variables
-        .iter()
-        .find(|(handle, global)| {
-            matches!(global.space, AddressSpace::Storage { .. } | AddressSpace::Handle | AddressSpace::WorkGroup)
-                && info[*handle].intersects(GlobalUse::WRITE | GlobalUse::ATOMIC)
-        })
-        .map(|(handle, _)| module.global_variables.get_span(handle))
+/// Effects that drawing a surface twice, or not at all where it is hidden, would change.
+const STORES: [Effect; 3] = [Effect::Store, Effect::ImageStore, Effect::Atomic];
+
+/// Effects that read the neighbours in the quad.
+const DERIVATIVES: [Effect; 2] = [Effect::Derivative, Effect::ImplicitLod];
+
+/// Where an entry point, or a function it calls, first takes a derivative: by name, or by an implicit level of detail.
+pub fn derivative(graph: &Graph, entry: usize) -> Option<Span> {
+    find(graph, FunctionId::EntryPoint(entry), &DERIVATIVES)
+}
+
+/// The first node of a function with one of these effects; a call stands for what it calls where that has no place of its own.
+fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
+    if graph.effects(id).iter().all(|e| !wanted.contains(e)) {
+        return None;
+    }
+    let f = graph.function(id);
+    let is_wanted = |e: Option<Effect>| e.is_some_and(|e| wanted.contains(&e));
+    for (at, node) in f.statements.iter() {
+        if is_wanted(effect::of_statement(graph.module(), f, at)) {
+            return Some(node.span);
+        }
+        let found = match node.statement {
+            Statement::Emit(range) => range
+                .clone()
+                .find(|e| is_wanted(effect::of_expression(&f.function.expressions[*e])))
+                .map(|e| f.function.expressions.get_span(e)),
+            Statement::Call { function, .. } => find(graph, FunctionId::Function(*function), wanted),
+            _ => None,
+        };
+        if found.is_some() {
+            return found;
+        }
+    }
+    None
 }
 
 /// The refusal of a form that needs the absence of ties, if ties were measured.
@@ -203,32 +231,4 @@ pub fn refuse_ties(name: &'static str, facts: &Facts) -> Option<Refusal> {
 /// Sites of a transform that does not apply.
 pub fn refused(refusals: Vec<Refusal>) -> Sites {
     Sites { sites: Vec::new(), refusals }
-}
-
-/// Where an entry point, or a function it calls, first takes a derivative: by name, or by an implicit level of detail.
-pub fn derivative(program: &Program, entry: usize) -> Option<naga::Span> {
-    let module = program.module();
-    let takes = |f: &naga::Function| {
-        let found = f.expressions.iter().find(|(_, e)| match e {
-            Expression::Derivative { .. } => true,
-            Expression::ImageSample { level, .. } => matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)),
-            _ => false,
-        });
-        found.map(|(handle, _)| f.expressions.get_span(handle))
-    };
-    takes(&module.entry_points[entry].function).or_else(|| {
-        module
-            .functions
-            .iter()
-            .filter(|(handle, _)| calls(module, &module.entry_points[entry].function, *handle))
-            .find_map(|(_, f)| takes(f))
-    })
-}
-
-/// Whether a function calls another, directly or further down.
-fn calls(module: &naga::Module, from: &naga::Function, to: naga::Handle<naga::Function>) -> bool {
-    from.expressions.iter().any(|(_, e)| match e {
-        Expression::CallResult(f) => *f == to || calls(module, &module.functions[*f], to),
-        _ => false,
-    })
 }

@@ -27,11 +27,13 @@ impl<'e> Emitter<'e> {
     }
 }
 
-/// Rewrites what a function returns, at each of its returns. `f` gets the value returned (`None` for a bare return) and gives the new one; a body that runs
-/// off its end is given a return first.
+/// Gets the value a return gives (`None` for a bare one) and makes the new one of it.
+pub type Rewrite<'a> = dyn FnMut(&mut Emitter, Option<Handle<Expression>>) -> Option<Handle<Expression>> + 'a;
+
+/// Rewrites what a function returns, at each of its returns. A body that runs off its end is given a return first.
 pub fn rewrite(
     function: &mut Function,
-    f: &mut dyn FnMut(&mut Emitter, Option<Handle<Expression>>) -> Option<Handle<Expression>>,
+    f: &mut Rewrite<'_>,
 ) {
     if !function.body.last().is_some_and(ends) {
         function.body.push(Statement::Return { value: None }, Span::UNDEFINED);
@@ -53,7 +55,7 @@ fn ends(statement: &Statement) -> bool {
 fn returns_in(
     expressions: &mut Arena<Expression>,
     block: Block,
-    f: &mut dyn FnMut(&mut Emitter, Option<Handle<Expression>>) -> Option<Handle<Expression>>,
+    f: &mut Rewrite<'_>,
 ) -> Block {
     let mut rebuilt = Block::with_capacity(block.len());
     for (mut statement, span) in block.span_into_iter() {

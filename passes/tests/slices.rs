@@ -5,21 +5,22 @@ mod common;
 
 use naga::ShaderStage;
 use preshade_passes::graph::Graph;
-use preshade_passes::place::{self, Placement, PositionInvariance};
+use preshade_passes::place::{self, PositionInvariance};
 use preshade_passes::program::Program;
 use preshade_passes::slice::{self, Criterion, OutputFilter};
-
-const DEPTH: Placement<'static> = Placement {
-    name: "sliced",
-    suffix: "depth",
-    position: PositionInvariance::AsWritten,
-};
 
 fn sliced(program: &Program, stage: ShaderStage, name: &str, criteria: &[Criterion]) -> Program {
     let graph = Graph::build(program);
     let (entry, _) = program.entry_point(stage, name).unwrap();
     let slice = slice::backward(&graph, entry, criteria);
-    let placed = place::entry_point(&graph, &slice, &DEPTH);
+    let placed = place::entry_point(
+        &graph,
+        &slice,
+        program.module(),
+        "sliced",
+        "depth",
+        PositionInvariance::AsWritten,
+    );
     common::validated(program, placed.clone());
     common::validated(program, place::retain(&placed, &[(stage, "sliced")]))
 }

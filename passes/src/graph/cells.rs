@@ -147,7 +147,7 @@ impl Splitter {
                 },
                 Root::Global(g) => Some(module.global_variables[g].ty),
             };
-            let shape = ty.map_or(Shape::Leaf, |ty| Shape::Type(ty));
+            let shape = ty.map_or(Shape::Leaf, Shape::Type);
             list(module, root, split, shape, &mut Vec::new(), &mut cells);
         }
         cells

@@ -15,11 +15,14 @@ use crate::program::Program;
 
 pub mod cells;
 pub mod control;
+pub mod cost;
+pub mod effect;
 pub mod memory;
 pub mod operands;
 pub mod statements;
 
 pub use cells::{Cell, Path, Place, Root};
+pub use effect::{Effect, Effects};
 pub use memory::{Memory, Origin, VersionId};
 pub use statements::{StatementNode, StmtId};
 
@@ -47,6 +50,8 @@ pub struct FunctionGraph<'p> {
     pub control: control::ControlDependence,
     /// Which versions of memory each reads and writes.
     pub memory: Memory,
+    /// How often each statement runs for one run of the function, as far as that can be told.
+    pub times: Vec<f64>,
 }
 
 /// The dataflow graph of a program.
@@ -61,8 +66,9 @@ pub struct Graph<'p> {
 #[derive(Clone, Debug, Default)]
 struct Reach {
     functions: BTreeSet<FunctionId>,
-    discards: bool,
+    effects: Effects,
     loops: bool,
+    cost: f64,
 }
 
 impl<'p> Graph<'p> {
@@ -88,14 +94,17 @@ impl<'p> Graph<'p> {
             let memory = Memory::new(module, function, &statements, &|h: Handle<Function>| {
                 &functions[h.index()].memory.footprint
             });
-            functions.push(FunctionGraph {
+            let mut f = FunctionGraph {
                 id,
                 function,
                 info,
                 statements,
                 control,
                 memory,
-            });
+                times: Vec::new(),
+            };
+            f.times = cost::multiplicity(module, &f);
+            functions.push(f);
         }
         let mut reach: Vec<Reach> = Vec::new();
         for f in &functions {
@@ -105,16 +114,18 @@ impl<'p> Graph<'p> {
             };
             for (id, node) in f.statements.iter() {
                 if f.control.is_reachable(id) {
-                    below.discards |= matches!(node.statement, Statement::Kill);
                     below.loops |= matches!(node.statement, Statement::Loop { .. });
                 }
             }
-            for (_, callee) in f.calls() {
+            below.effects = effect::own(module, f);
+            for (at, callee) in f.calls() {
                 let of: &Reach = &reach[callee.index()];
                 below.functions.extend(&of.functions);
-                below.discards |= of.discards;
+                below.effects.extend(&of.effects);
                 below.loops |= of.loops;
+                below.cost += of.cost * f.times[at.index()];
             }
+            below.cost += f.own_cost(module, |_| true, |_| true);
             reach.push(below);
         }
         Self {
@@ -153,7 +164,30 @@ impl<'p> Graph<'p> {
 
     /// Whether a function, or something it calls, can discard the fragment.
     pub fn may_discard(&self, function: FunctionId) -> bool {
-        self.reach[self.index(function)].discards
+        self.effects(function).contains(&Effect::Discard)
+    }
+
+    /// The effects of a function and of what it calls.
+    pub fn effects(&self, function: FunctionId) -> &Effects {
+        &self.reach[self.index(function)].effects
+    }
+
+    /// The static cost of running a function once, calls included: [`cost`] has the model.
+    pub fn cost(&self, function: FunctionId) -> f64 {
+        self.reach[self.index(function)].cost
+    }
+
+    /// The static cost of an entry point.
+    pub fn entry_cost(&self, entry: usize) -> f64 {
+        self.cost(FunctionId::EntryPoint(entry))
+    }
+
+    /// The names of an entry point's effects, in the order of [`Effect`].
+    pub fn entry_effects(&self, entry: usize) -> Vec<String> {
+        self.effects(FunctionId::EntryPoint(entry))
+            .iter()
+            .map(|e| e.name().to_owned())
+            .collect()
     }
 
     /// Whether a function, or something it calls, loops.
@@ -171,6 +205,31 @@ impl<'p> FunctionGraph<'p> {
     /// The type of an expression.
     pub fn ty<'a>(&'a self, module: &'a Module, expression: Handle<Expression>) -> &'a TypeInner {
         self.info[expression].ty.inner_with(&module.types)
+    }
+
+    /// The static cost of the chosen nodes, each as often as it runs, calls apart.
+    pub fn own_cost(
+        &self,
+        module: &Module,
+        statement: impl Fn(StmtId) -> bool,
+        expression: impl Fn(Handle<Expression>) -> bool,
+    ) -> f64 {
+        let mut sum = 0.0;
+        for (id, node) in self.statements.iter() {
+            if !self.control.is_reachable(id) || !statement(id) {
+                continue;
+            }
+            let mut each = cost::of_statement(module, self, id);
+            if let Statement::Emit(range) = node.statement {
+                each += range
+                    .clone()
+                    .filter(|e| expression(*e))
+                    .map(|e| cost::of_expression(module, self, e))
+                    .sum::<f64>();
+            }
+            sum += each * self.times[id.index()];
+        }
+        sum
     }
 
     /// The calls of the function that control can reach.

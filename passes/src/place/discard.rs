@@ -6,9 +6,12 @@ use naga::{Block, Expression, Function, Handle, Module, Statement};
 
 use super::is_idle;
 
+/// What is added to the names of functions copied without their discards.
+const SUFFIX: &str = "undiscarded";
+
 /// The module with every `discard` taken out of an entry point. Functions it calls that discard, directly or further down, are
-/// copied as `{name}_{suffix}` without; the originals stay for others. An `if` left with nothing in it goes too.
-pub fn without_discard(module: &Module, entry: usize, suffix: &str) -> Module {
+/// copied as `{name}_undiscarded` without; the originals stay for others. An `if` left with nothing in it goes too.
+pub fn without_discard(module: &Module, entry: usize) -> Module {
     let mut out = module.clone();
     let mut copies: BTreeMap<Handle<Function>, Handle<Function>> = BTreeMap::new();
     let reached = reached(module, &module.entry_points[entry].function);
@@ -19,7 +22,7 @@ pub fn without_discard(module: &Module, entry: usize, suffix: &str) -> Module {
         }
         let mut copy = original.clone();
         rewrite(&mut copy, &copies);
-        copy.name = original.name.as_ref().map(|n| format!("{n}_{suffix}"));
+        copy.name = original.name.as_ref().map(|n| format!("{n}_{SUFFIX}"));
         let new = out
             .functions
             .append(copy, module.functions.get_span(handle));

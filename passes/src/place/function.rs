@@ -11,12 +11,8 @@ use super::interface::{self, Narrowed, Placement, Returned};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
 use crate::slice::{Coverage, Part, Slice};
 
-pub fn place(
-    mut module: Module,
-    graph: &Graph<'_>,
-    slice: &Slice,
-    placement: &Placement<'_>,
-) -> Module {
+pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placement<'_>) -> Module {
+    let mut module = onto.clone();
     // The function each part became.
     let mut placed: Vec<Option<Handle<Function>>> = Vec::new();
     for part in &slice.parts {

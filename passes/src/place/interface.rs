@@ -184,3 +184,46 @@ pub fn result(
         Returned::Members(kept, ty),
     )
 }
+
+/// The module with an entry point's position marked `@invariant`. A struct result is marked in its type, and so for every entry point that
+/// returns it, and every fragment stage that takes it: there the mark means nothing.
+pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
+    let mut module = module.clone();
+    let Some(result) = module.entry_points[entry].function.result.clone() else {
+        return module;
+    };
+    let marked = mark(result.binding.clone(), PositionInvariance::Invariant);
+    if marked != result.binding {
+        if let Some(result) = &mut module.entry_points[entry].function.result {
+            result.binding = marked;
+        }
+        return module;
+    }
+    let Type { name, inner } = module.types[result.ty].clone();
+    let TypeInner::Struct { members, span } = inner else {
+        return module;
+    };
+    let members_marked: Vec<StructMember> = members
+        .iter()
+        .map(|m| StructMember {
+            binding: mark(m.binding.clone(), PositionInvariance::Invariant),
+            ..m.clone()
+        })
+        .collect();
+    if members_marked == members {
+        return module;
+    }
+    // The mark is part of the type, and the type may stand in functions, variables and other types: it is changed where it is, for all.
+    let mut replaced = Type {
+        name,
+        inner: TypeInner::Struct {
+            members: members_marked,
+            span,
+        },
+    };
+    while module.types.get(&replaced).is_some() {
+        replaced.name = Some(format!("{}_invariant", replaced.name.unwrap_or_default()));
+    }
+    module.types.replace(result.ty, replaced);
+    module
+}

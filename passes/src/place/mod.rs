@@ -10,35 +10,39 @@ mod builder;
 mod discard;
 mod function;
 mod interface;
-mod invariant;
 
 pub use builder::{Builder, prologue};
 pub use discard::without_discard;
-pub use interface::{Placement, PositionInvariance};
+use interface::Placement;
+pub use interface::PositionInvariance;
 
 use crate::graph::Graph;
 use crate::slice::Slice;
 
-/// The module of `graph` with a slice of one of its entry points as a further entry point of the same stage. Functions of which the slice
-/// keeps everything are used as they are, of others it gets `{name}_{suffix}`; the entry's arguments and results are narrowed to what
-/// the slice reads and decides, structs to new types `{name}_{suffix}`.
-pub fn entry_point(graph: &Graph<'_>, slice: &Slice, placement: &Placement<'_>) -> Module {
-    add_entry_point(graph.module().clone(), graph, slice, placement)
-}
-
-/// As [`entry_point`], added to `module`: the module of `graph`, with other entry points placed in it already.
-pub fn add_entry_point(
-    module: Module,
+/// The module `onto` with a slice of one of its entry points as a further entry point `name` of the same stage. `onto` is the module of
+/// `graph`, or one that other slices of it have been placed on: handles into the one must be good in the other.
+///
+/// Functions of which the slice keeps everything are used as they are, of others it gets `{name}_{suffix}`; the entry's arguments and
+/// results are narrowed to what the slice reads and decides, structs to new types `{name}_{suffix}`.
+pub fn entry_point(
     graph: &Graph<'_>,
     slice: &Slice,
-    placement: &Placement<'_>,
+    onto: &Module,
+    name: &str,
+    suffix: &str,
+    position: PositionInvariance,
 ) -> Module {
-    function::place(module, graph, slice, placement)
+    let placement = Placement {
+        name,
+        suffix,
+        position,
+    };
+    function::place(graph, slice, onto, &placement)
 }
 
-/// The module with the position of a vertex entry point marked `@invariant`.
+/// The module with an entry point's position marked `@invariant`.
 pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
-    invariant::mark(module.clone(), entry)
+    interface::with_invariant_position(module, entry)
 }
 
 /// The module with these entry points only, and with what they use: unused functions, globals, types, constants and dead `let`s are gone.

@@ -146,6 +146,8 @@ pub struct Slice {
     pub globals: Vec<Handle<GlobalVariable>>,
     /// Spans of the kept statements and expressions, in source order, each once.
     pub spans: Vec<Span>,
+    /// Static cost, in the units of [`crate::graph::cost`].
+    pub cost: f64,
     /// Hash of its canonical form, 16 hex digits: the same for the same computation whatever the handles, and the names, are.
     pub hash: String,
 }
@@ -243,12 +245,14 @@ pub fn backward_with(
         outputs: outputs.into_iter().collect(),
         globals: Vec::new(),
         spans: Vec::new(),
+        cost: 0.0,
         hash: String::new(),
         parts,
     };
     slice.inputs = inputs(graph, slice.root());
     slice.globals = globals(graph, &slice.parts);
     slice.spans = spans(graph, &slice.parts);
+    slice.cost = cost(graph, &slice.parts);
     slice.hash = hash::canonical(graph, &slice);
     slice
 }
@@ -400,6 +404,25 @@ fn inputs(graph: &Graph<'_>, root: &Part) -> Vec<usize> {
         }
     }
     inputs
+}
+
+fn cost(graph: &Graph<'_>, parts: &[Part]) -> f64 {
+    let mut costs: Vec<f64> = Vec::new();
+    for part in parts {
+        let f = graph.function(part.function);
+        let own = f.own_cost(
+            graph.module(),
+            |id| part.kept.statements[id.index()],
+            |e| part.kept.expressions[e.index()].is_some(),
+        );
+        let calls: f64 = part
+            .calls
+            .iter()
+            .map(|(at, callee)| costs[*callee] * f.times[at.index()])
+            .sum();
+        costs.push(own + calls);
+    }
+    costs.last().copied().unwrap_or_default()
 }
 
 fn globals(graph: &Graph<'_>, parts: &[Part]) -> Vec<Handle<GlobalVariable>> {

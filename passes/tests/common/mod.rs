@@ -1,5 +1,5 @@
 //! What every test of this crate needs: WGSL in, WGSL out.
-#![allow(dead_code)]
+#![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
 use std::sync::Arc;
 
