@@ -2,33 +2,14 @@
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use preshade::emit::{self, Target};
-use preshade::front::{self, Options, Source};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
 
-/// The recipes whose output is kept, one snapshot each.
-const RECIPES: [&str; 6] = [
-    "depth-prepass",
-    "depth-prepass:form=equal",
-    "depth-prepass:form=equal,vertex=sliced",
-    "shadow",
-    "early-discard",
-    "early-discard:texture=float,attachment=readonly",
-];
-
-fn original(path: &Path) -> Plan {
-    let text = std::fs::read_to_string(path).unwrap();
-    let name = path.file_name().unwrap().to_string_lossy().into_owned();
-    let source = Source { name: name.clone(), text, language: None, stage: None };
-    let parsed = front::parse(&[source], &Options::default()).unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
-    let material = path.file_stem().unwrap().to_string_lossy().into_owned();
-    Plan::original(&material, parsed.program, &parsed.vertex, parsed.fragment.as_deref(), &MaterialState::default())
-}
+mod fixtures_support;
+use fixtures_support::{RECIPES, original};
 
 /// The variant as a reviewer wants it: the passes of the plan in a few lines, then the text of each program; or the refusal.
 fn describe(plan: &Plan, recipe: &str) -> String {
@@ -82,7 +63,7 @@ fn describe(plan: &Plan, recipe: &str) -> String {
 #[test]
 fn every_fixture_through_every_pass() {
     insta::glob!("../fixtures/shaders", "*.wgsl", |path| {
-        let plan = original(path);
+        let plan = original(&[path]);
         for recipe in RECIPES {
             let name = recipe.replace([':', '=', ','], "-");
             insta::with_settings!({ description => recipe, omit_expression => true }, {
