@@ -4,6 +4,7 @@ use naga::ShaderStage;
 use naga::front::glsl::{Frontend, Options};
 
 use super::error::{Code, Error};
+use super::switch;
 use super::wgsl::offset;
 
 /// Parses `text` as GLSL 440 to 460 (all that naga reads). Error labels are offset by `base`; the module's own spans are not. The entry point
@@ -40,6 +41,7 @@ pub(super) fn parse(
     for entry in &mut module.entry_points {
         entry.name = name.to_owned();
     }
+    switch::write_out_fall_through(&mut module);
     Ok(module)
 }
 

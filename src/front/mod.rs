@@ -13,6 +13,9 @@ mod glsl;
 pub(crate) mod guard;
 mod link;
 mod nesting;
+pub(crate) mod operands;
+#[cfg(feature = "glsl")]
+mod switch;
 pub(crate) mod varying;
 mod wgsl;
 
