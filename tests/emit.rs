@@ -416,3 +416,62 @@ fn writing_is_atomic_and_leaves_equal_files_alone() {
     assert_eq!(names, ["a", "b", "c"]);
     std::fs::remove_dir_all(&dir).unwrap();
 }
+
+/// Inputs, outputs, a global that a helper shares, an early return, a discard, a matrix output through a struct.
+const GLSL_VERTEX: &str = "#version 450
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec2 texcoord;
+layout(location = 0) out vec2 uv;
+layout(location = 1) flat out int kind;
+layout(set = 0, binding = 0) uniform Camera { mat4 view_proj; vec4 tint; } camera;
+void main() {
+    uv = texcoord;
+    kind = 3;
+    gl_Position = camera.view_proj * vec4(position, 1.0);
+}
+";
+const GLSL_FRAGMENT: &str = "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 1) flat in int kind;
+layout(location = 0) out vec4 color;
+layout(location = 1) out vec4 normal;
+layout(set = 1, binding = 0) uniform texture2D albedo;
+layout(set = 1, binding = 1) uniform sampler filtering;
+float shared_state = 0.5;
+float own_state = 2.0;
+float helper(float x) { shared_state += x; return shared_state; }
+void main() {
+    normal = vec4(0.0);
+    vec4 texel = texture(sampler2D(albedo, filtering), uv);
+    if (texel.a < 0.5) discard;
+    if (kind == 1) {
+        color = vec4(1.0);
+        return;
+    }
+    own_state *= helper(uv.x);
+    for (int i = 0; i < 4; i++) {
+        if (texel.r > float(i)) { color = vec4(own_state); return; }
+    }
+    color = texel * gl_FragCoord.z;
+}
+";
+
+#[test]
+fn glsl_reads_like_an_authors_wgsl() {
+    let sources = [
+        Source::new("m.vert", GLSL_VERTEX),
+        Source::new("m.frag", GLSL_FRAGMENT),
+    ];
+    let parsed = front::parse(&sources, &front::Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    let plan = Plan::original(
+        "material",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let files = emit_all(&plan);
+    insta::assert_snapshot!("glsl_wgsl", text(&files, "material.main.wgsl"));
+    accept::accept(&[("glsl".to_owned(), files)]);
+}

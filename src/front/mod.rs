@@ -15,6 +15,8 @@ mod link;
 mod nesting;
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]
+mod promote;
+#[cfg(feature = "glsl")]
 mod switch;
 pub(crate) mod varying;
 mod wgsl;

@@ -87,7 +87,7 @@ fn copy(
 }
 
 /// The expression that a statement evaluates by itself.
-fn result(statement: &Statement) -> Option<Handle<Expression>> {
+pub(super) fn result(statement: &Statement) -> Option<Handle<Expression>> {
     match statement {
         Statement::Call { result, .. } | Statement::Atomic { result, .. } => *result,
         Statement::WorkGroupUniformLoad { result, .. }
