@@ -8,8 +8,10 @@ use std::collections::{HashMap, HashSet};
 
 use naga::{
     AddressSpace, ArraySize, Block, Constant, EntryPoint, Expression, Function, GlobalVariable,
-    Handle, Module, Override, RayPipelineFunction, ShaderStage, Span, Statement, Type, TypeInner,
+    Handle, Module, Override, ShaderStage, Span, Statement, Type, TypeInner,
 };
+
+use crate::graph::operands;
 
 /// Two modules that cannot be one.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -212,48 +214,13 @@ impl Linker<'_> {
             return Ok(*done);
         }
         let mut expression = self.second.global_expressions[handle].clone();
-        match &mut expression {
-            Expression::Compose { components, .. } => {
-                for component in components {
-                    *component = self.expression(*component)?;
-                }
-            }
-            Expression::Access { base, index } => {
-                *base = self.expression(*base)?;
-                *index = self.expression(*index)?;
-            }
-            Expression::AccessIndex { base: e, .. }
-            | Expression::Splat { value: e, .. }
-            | Expression::Swizzle { vector: e, .. }
-            | Expression::Unary { expr: e, .. }
-            | Expression::Relational { argument: e, .. }
-            | Expression::As { expr: e, .. } => *e = self.expression(*e)?,
-            Expression::Binary { left, right, .. } => {
-                *left = self.expression(*left)?;
-                *right = self.expression(*right)?;
-            }
-            Expression::Select {
-                condition,
-                accept,
-                reject,
-            } => {
-                *condition = self.expression(*condition)?;
-                *accept = self.expression(*accept)?;
-                *reject = self.expression(*reject)?;
-            }
-            Expression::Math {
-                arg,
-                arg1,
-                arg2,
-                arg3,
-                ..
-            } => {
-                *arg = self.expression(*arg)?;
-                for arg in [arg1, arg2, arg3].into_iter().flatten() {
-                    *arg = self.expression(*arg)?;
-                }
-            }
-            _ => {}
+        let mut failed = None;
+        operands::map_expression(&mut expression, &mut |operand| match self.expression(*operand) {
+            Ok(mapped) => *operand = mapped,
+            Err(e) => failed = Some(e),
+        });
+        if let Some(error) = failed {
+            return Err(error);
         }
         self.module_handles(&mut expression)?;
         let span = self.span(self.second.global_expressions.get_span(handle));
@@ -484,42 +451,11 @@ impl Linker<'_> {
             if let Some(span) = span {
                 *span = offset(*span, base);
             }
-            match statement {
-                Statement::Block(inner) => self.block(inner)?,
-                Statement::If { accept, reject, .. } => {
-                    self.block(accept)?;
-                    self.block(reject)?;
-                }
-                Statement::Switch { cases, .. } => {
-                    for case in cases {
-                        self.block(&mut case.body)?;
-                    }
-                }
-                Statement::Loop {
-                    body, continuing, ..
-                } => {
-                    self.block(body)?;
-                    self.block(continuing)?;
-                }
-                Statement::Call { function, .. } => *function = self.callee(*function)?,
-                Statement::RayPipelineFunction(RayPipelineFunction::TraceRay { .. })
-                | Statement::Emit(_)
-                | Statement::Break
-                | Statement::Continue
-                | Statement::Return { .. }
-                | Statement::Kill
-                | Statement::ControlBarrier(_)
-                | Statement::MemoryBarrier(_)
-                | Statement::Store { .. }
-                | Statement::ImageStore { .. }
-                | Statement::Atomic { .. }
-                | Statement::ImageAtomic { .. }
-                | Statement::WorkGroupUniformLoad { .. }
-                | Statement::RayQuery { .. }
-                | Statement::SubgroupBallot { .. }
-                | Statement::SubgroupGather { .. }
-                | Statement::SubgroupCollectiveOperation { .. }
-                | Statement::CooperativeStore { .. } => {}
+            if let Statement::Call { function, .. } = statement {
+                *function = self.callee(*function)?;
+            }
+            for block in operands::blocks_mut(statement) {
+                self.block(block)?;
             }
         }
         Ok(())
@@ -550,23 +486,9 @@ fn content(function: &Function) -> String {
             if let Some(span) = span {
                 *span = Span::UNDEFINED;
             }
-            match statement {
-                Statement::Block(inner) => forget_spans(inner),
-                Statement::If { accept, reject, .. } => {
-                    forget_spans(accept);
-                    forget_spans(reject);
-                }
-                Statement::Switch { cases, .. } => {
-                    cases.iter_mut().for_each(|c| forget_spans(&mut c.body));
-                }
-                Statement::Loop {
-                    body, continuing, ..
-                } => {
-                    forget_spans(body);
-                    forget_spans(continuing);
-                }
-                _ => {}
-            }
+            operands::blocks_mut(statement)
+                .into_iter()
+                .for_each(forget_spans);
         }
     }
     let mut function = function.clone();

@@ -21,6 +21,7 @@ mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod overrides;
 mod plan_json;
+mod prepare;
 mod reduce;
 mod repair;
 #[cfg(feature = "spirv")]

@@ -5,7 +5,7 @@ use preshade_passes::contract::Contract;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 
-use super::{Error, Target, fingerprint, repair, tidy};
+use super::{Error, Target, fingerprint, prepare, repair, tidy};
 
 /// Writes a reduced program; `name` is the file's, for errors, and `header` its first lines.
 pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
@@ -14,19 +14,25 @@ pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<Strin
         target: Target::Wgsl,
         message,
     };
+    let prepared = match prepare::prepare(program) {
+        Some(module) => &program
+            .with_module(module)
+            .map_err(|invalid| failed(format!("preparing it broke it: {invalid}")))?,
+        None => program,
+    };
     let mut writer = Writer::new(String::new(), WriterFlags::empty());
     writer
-        .write(program.module(), program.info())
+        .write(prepared.module(), prepared.info())
         .map_err(|e| failed(e.to_string()))?;
     let written = writer.finish();
     let repaired =
-        repair::repair(program.module(), &written).map_err(|what| Error::Inexpressible {
+        repair::repair(prepared.module(), &written).map_err(|what| Error::Inexpressible {
             file: name.to_owned(),
             target: Target::Wgsl,
             what,
             remedy: "emit SPIR-V or GLSL, or lay the struct out as WGSL does".to_owned(),
         })?;
-    let tidied = tidy::tidy(program.module(), &repaired);
+    let tidied = tidy::tidy(prepared.module(), &repaired);
     let text = format!("{header}{tidied}");
     check(program, &text, name)?;
     Ok(text)

@@ -12,6 +12,11 @@ mod error;
 mod glsl;
 pub(crate) mod guard;
 mod nesting;
+pub(crate) mod operands;
+#[cfg(feature = "glsl")]
+mod promote;
+#[cfg(feature = "glsl")]
+mod switch;
 pub(crate) mod varying;
 mod wgsl;
 

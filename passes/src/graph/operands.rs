@@ -308,6 +308,19 @@ pub fn blocks(statement: &Statement) -> Vec<&naga::Block> {
     }
 }
 
+/// As [`blocks`], to change them.
+pub fn blocks_mut(statement: &mut Statement) -> Vec<&mut naga::Block> {
+    match statement {
+        Statement::Block(b) => vec![b],
+        Statement::If { accept, reject, .. } => vec![accept, reject],
+        Statement::Switch { cases, .. } => cases.iter_mut().map(|c| &mut c.body).collect(),
+        Statement::Loop {
+            body, continuing, ..
+        } => vec![body, continuing],
+        _ => Vec::new(),
+    }
+}
+
 /// The integer an index expression is known to be without evaluating anything.
 pub fn constant_index(
     module: &naga::Module,
