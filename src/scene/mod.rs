@@ -8,6 +8,7 @@ mod file;
 mod layout;
 mod load;
 mod material;
+mod meshes;
 mod noise;
 mod place;
 mod semantic;
