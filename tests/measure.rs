@@ -247,6 +247,26 @@ fn timing_is_interleaved_positive_and_told_with_its_samples() {
 }
 
 #[test]
+fn invocations_are_the_adapters_own_count() {
+    let gpu = gpu();
+    let scene = planes([64, 64], 3);
+    let inputs = SceneInputs::new(&gpu, &scene).unwrap();
+    let plans: Vec<Plan> = originals(&scene).iter().map(with_prepass).collect();
+    let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+    let prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap();
+    let counted = measure::statistics::invocations(&gpu, &prepared).unwrap();
+    match counted {
+        None => assert!(!gpu.has_pipeline_statistics()),
+        Some(n) => {
+            // Two passes of three squares: four vertices each where all reuse is found, six where none is.
+            assert!((24..=36).contains(&n.vertex), "{n:?}");
+            // One main pass under EQUAL shades each pixel once; a quad's helper lanes are none here.
+            assert!(n.fragment.is_none_or(|f| f >= 64 * 64), "{n:?}");
+        }
+    }
+}
+
+#[test]
 fn the_bootstrap_is_seeded_and_holds_the_median() {
     let values: Vec<f64> = (1..=41).map(f64::from).collect();
     let e = estimate(&values, 7);

@@ -258,7 +258,11 @@ fn compare_view(subjects: &mut [Subject<'_>], view: &View<'_>) -> Result<(), Err
     }
     for variant in variants {
         match variant.draw(view) {
-            Ok(Some(picture)) => variant.compare(view, &reference, &picture)?,
+            Ok(Some(picture)) => {
+                if let Err(error) = variant.compare(view, &reference, &picture) {
+                    variant.give_up(&error);
+                }
+            }
             Ok(None) => {}
             Err(error @ Error::Render(crate::render::Error::Lost(_))) => return Err(error),
             Err(error) => variant.give_up(&error),
@@ -490,7 +494,9 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
                 "flip_p99" => error.flip_p99,
                 _ => error.max_abs,
             };
-            (!(value <= *budget)).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+            // A NaN keeps no budget.
+            let kept = value <= *budget;
+            (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
         }
     }
 }

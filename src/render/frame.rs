@@ -387,7 +387,7 @@ impl<'a> Prepared<'a> {
                 },
                 store: wgpu::StoreOp::Store,
             }),
-            stencil_ops: stencil.then(|| wgpu::Operations {
+            stencil_ops: stencil.then_some(wgpu::Operations {
                 load: match pass.frame.clear_depth {
                     true => wgpu::LoadOp::Clear(0),
                     false => wgpu::LoadOp::Load,
