@@ -10,8 +10,8 @@ use glam::{Mat4, Vec3};
 use preshade::measure::error::ulps;
 use preshade::measure::timing::estimate;
 use preshade::measure::{self, CountProgram, Counter, TimingSettings};
-use preshade::passes::plan::{GpuPass, Phase, Plan, Role};
-use preshade::passes::state::{ColorTarget, CompareFunction, DepthDirection, DepthFormat};
+use preshade::passes::plan::{GpuPass, Plan};
+use preshade::passes::state::{ColorTarget, DepthDirection, DepthFormat};
 use preshade::render::{FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
 use preshade::scene::{DrawOrder, Scene, Value};
 use render_support::*;
@@ -79,19 +79,7 @@ fn counting_knows_how_much_is_covered() {
 #[test]
 fn a_prepass_shades_each_pixel_once_in_any_order() {
     let scene = planes([32, 32], 6);
-    let mut plans = originals(&scene);
-    for plan in &mut plans {
-        let mut prepass = plan.passes[0].clone();
-        prepass.role = Role::Prepass;
-        prepass.phase = Phase::Depth;
-        prepass.fragment = None;
-        prepass.targets.clear();
-        preshade::passes::reflect::fill(&mut prepass, &plan.programs["main"]);
-        let depth = plan.passes[0].depth.as_mut().unwrap();
-        depth.compare = CompareFunction::Equal;
-        depth.write = false;
-        plan.passes.insert(0, prepass);
-    }
+    let plans: Vec<Plan> = originals(&scene).iter().map(with_prepass).collect();
     for order in [DrawOrder::BackToFront, DrawOrder::Shuffled] {
         assert_eq!(shaded(&scene, &plans, order), 1.0);
     }
@@ -256,6 +244,26 @@ fn timing_is_interleaved_positive_and_told_with_its_samples() {
     }
     assert_eq!(times[0].time.samples.len() % 2, 0);
     assert_eq!(times[0].speedup.median, 1.0);
+}
+
+#[test]
+fn invocations_are_the_adapters_own_count() {
+    let gpu = gpu();
+    let scene = planes([64, 64], 3);
+    let inputs = SceneInputs::new(&gpu, &scene).unwrap();
+    let plans: Vec<Plan> = originals(&scene).iter().map(with_prepass).collect();
+    let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+    let prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap();
+    let counted = measure::statistics::invocations(&gpu, &prepared).unwrap();
+    match counted {
+        None => assert!(!gpu.has_pipeline_statistics()),
+        Some(n) => {
+            // Two passes of three squares: four vertices each where all reuse is found, six where none is.
+            assert!((24..=36).contains(&n.vertex), "{n:?}");
+            // One main pass under EQUAL shades each pixel once; a quad's helper lanes are none here.
+            assert!(n.fragment.is_none_or(|f| f >= 64 * 64), "{n:?}");
+        }
+    }
 }
 
 #[test]

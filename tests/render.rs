@@ -6,7 +6,7 @@ mod render_support;
 
 use glam::{Mat4, Vec3};
 use preshade::passes::plan::{
-    BindingKind, BindingSource, BindingUse, GpuPass, Phase, Plan, Role, SCENE_DEPTH, Visibility,
+    BindingKind, BindingSource, BindingUse, GpuPass, Plan, SCENE_DEPTH, Visibility,
 };
 use preshade::passes::state::{
     Blend, ColorTarget, CompareFunction, DepthDirection, DepthFormat, Topology,
@@ -228,23 +228,6 @@ fn strips_and_unindexed_meshes_draw() {
         texel(corner.colors[0].as_ref().unwrap(), 0, 0),
         [0, 0, 0, 255]
     );
-}
-
-/// A pre-pass by hand: depth only, then EQUAL without depth write.
-fn with_prepass(plan: &Plan) -> Plan {
-    let mut plan = plan.clone();
-    let mut prepass = plan.passes[0].clone();
-    prepass.role = Role::Prepass;
-    prepass.phase = Phase::Depth;
-    prepass.fragment = None;
-    prepass.targets.clear();
-    preshade::passes::reflect::fill(&mut prepass, &plan.programs["main"]);
-    let main = &mut plan.passes[0];
-    let depth = main.depth.as_mut().unwrap();
-    depth.compare = CompareFunction::Equal;
-    depth.write = false;
-    plan.passes.insert(0, prepass);
-    plan
 }
 
 #[test]

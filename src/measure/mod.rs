@@ -1,14 +1,18 @@
 //! What a variant costs in accuracy and gains in time, measured beside the original.
 //!
-//! [`error`] compares two pictures, [`shading`] counts fragments and depth ties, [`timing`] times frames.
+//! [`error`] compares two pictures, [`shading`] counts fragments and depth ties, [`timing`] times frames, [`statistics`] asks the adapter what it
+//! invoked; [`mod@verify`] does all of it for every view of a scene.
 
 pub mod error;
 pub mod shading;
+pub mod statistics;
 pub mod timing;
+pub mod verify;
 
 pub use error::{ErrorLadder, compare};
 pub use shading::{CountProgram, Counter, Shading, ShadingSummary, facts};
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
+pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
 
 /// Why something was not measured.
 #[derive(Debug, thiserror::Error)]

@@ -205,6 +205,11 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the whole frame once, from clear to resolve.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.encode_with(encoder, None);
+    }
+
+    /// Encodes the frame; each render pass is one query of `statistics`.
+    fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, statistics: Option<&wgpu::QuerySet>) {
         let last_color = self.passes.iter().rposition(|p| p.frame.color);
         for (index, pass) in self.passes.iter().enumerate() {
             let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -213,8 +218,57 @@ impl<'a> Prepared<'a> {
                 depth_stencil_attachment: self.depth_attachment(pass),
                 ..Default::default()
             });
+            if let Some(queries) = statistics {
+                render.begin_pipeline_statistics_query(queries, index as u32);
+            }
             self.draw_all(pass, &mut render);
+            if statistics.is_some() {
+                render.end_pipeline_statistics_query();
+            }
         }
+    }
+
+    /// Draws the frame once and returns vertex and fragment invocations of each render pass, one pair after the other. The device must have
+    /// pipeline statistics.
+    ///
+    /// # Errors
+    /// As [`Prepared::draw`].
+    pub(crate) fn draw_counted(&self) -> Result<Vec<u64>, Error> {
+        let types = wgpu::PipelineStatisticsTypes::VERTEX_SHADER_INVOCATIONS
+            | wgpu::PipelineStatisticsTypes::FRAGMENT_SHADER_INVOCATIONS;
+        let count = self.passes.len() as u32;
+        let bytes = u64::from(count) * 16;
+        let device = &self.gpu.device;
+        let (encoder, read) = self.gpu.checked("pipeline statistics", || {
+            let set = device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("invocations"),
+                ty: wgpu::QueryType::PipelineStatistics(types),
+                count,
+            });
+            let buffer = |usage| {
+                device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("invocations"),
+                    size: bytes,
+                    usage,
+                    mapped_at_creation: false,
+                })
+            };
+            let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
+            let read = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+            let mut encoder = device.create_command_encoder(&Default::default());
+            self.encode_with(&mut encoder, Some(&set));
+            encoder.resolve_query_set(&set, 0..count, &resolved, 0);
+            encoder.copy_buffer_to_buffer(&resolved, 0, &read, 0, bytes);
+            (encoder, read)
+        })?;
+        self.gpu.submit("pipeline statistics", encoder)?;
+        let bytes = self.gpu.read_buffer(&read)?;
+        Ok(bytes
+            .as_chunks::<8>()
+            .0
+            .iter()
+            .map(|b| u64::from_le_bytes(*b))
+            .collect())
     }
 
     /// Draws the frame once and waits.
@@ -278,6 +332,11 @@ impl<'a> Prepared<'a> {
         self.passes.iter().map(|p| p.sequence.len()).sum()
     }
 
+    /// Bytes of all attachments.
+    pub fn target_bytes(&self) -> u64 {
+        self.targets.bytes()
+    }
+
     fn color_attachments(
         &self,
         pass: &PreparedPass,
@@ -328,7 +387,7 @@ impl<'a> Prepared<'a> {
                 },
                 store: wgpu::StoreOp::Store,
             }),
-            stencil_ops: stencil.then(|| wgpu::Operations {
+            stencil_ops: stencil.then_some(wgpu::Operations {
                 load: match pass.frame.clear_depth {
                     true => wgpu::LoadOp::Clear(0),
                     false => wgpu::LoadOp::Load,

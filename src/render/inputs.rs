@@ -149,27 +149,29 @@ impl<'a> SceneInputs<'a> {
     /// # Errors
     /// As [`SceneInputs::new`].
     pub fn set_frame(&self, frame: &Frame) -> Result<(), Error> {
+        let mut writes = Vec::new();
         for (draw, inputs) in self.scene.draws.iter().zip(&self.draws) {
             let material = &self.scene.materials[draw.material];
             let pass = &self.authored[draw.material];
-            let changed =
-                bind::frame_buffers(self.scene, material, pass, draw, frame).map_err(|e| {
-                    Error::Scene {
-                        draw: draw.name.clone(),
-                        message: e.to_string(),
-                    }
-                })?;
-            self.gpu.checked("writing the uniforms of a frame", || {
-                for b in changed {
-                    if let Some(Resource::Buffer(buffer, _)) =
-                        inputs.resources.get(&(b.group, b.binding))
-                    {
-                        self.gpu.queue.write_buffer(buffer, 0, &b.data.bytes);
-                    }
+            let changed = bind::frame_buffers(self.scene, material, pass, draw, frame).map_err(
+                |e| Error::Scene {
+                    draw: draw.name.clone(),
+                    message: e.to_string(),
+                },
+            )?;
+            for b in changed {
+                if let Some(Resource::Buffer(buffer, _)) =
+                    inputs.resources.get(&(b.group, b.binding))
+                {
+                    writes.push((buffer, b.data.bytes));
                 }
-            })?;
+            }
         }
-        Ok(())
+        self.gpu.checked("writing the uniforms of a frame", || {
+            for (buffer, bytes) in &writes {
+                self.gpu.queue.write_buffer(buffer, 0, bytes);
+            }
+        })
     }
 
     /// The scene.

@@ -25,6 +25,16 @@ pub fn blended(scene: &Scene, frame: &Frame) -> Vec<usize> {
     opaque(scene, frame, DrawOrder::BackToFront)
 }
 
+/// The order in words.
+pub fn name(order: DrawOrder) -> &'static str {
+    match order {
+        DrawOrder::FrontToBack => "front to back",
+        DrawOrder::BackToFront => "back to front",
+        DrawOrder::Shuffled => "shuffled",
+        DrawOrder::AsGiven => "as given",
+    }
+}
+
 fn distance(scene: &Scene, frame: &Frame, draw: usize) -> f32 {
     let draw = &scene.draws[draw];
     let [low, high] = scene.meshes[draw.mesh].bounds;

@@ -49,6 +49,23 @@ impl Targets {
         })
     }
 
+    /// Bytes of all attachments, samples included, as their formats count them (a `depth24plus` as 4 a sample).
+    pub fn bytes(&self) -> u64 {
+        let bytes = |texture: &wgpu::Texture| {
+            let texel = texture.format().block_copy_size(None).unwrap_or(4);
+            u64::from(texture.width())
+                * u64::from(texture.height())
+                * u64::from(texture.sample_count())
+                * u64::from(texel)
+        };
+        let depths = self.depths.values().map(|d| bytes(&d.texture));
+        let colors = self.colors.iter().flatten();
+        depths.sum::<u64>()
+            + colors
+                .map(|c| bytes(&c.drawn) + c.resolved.as_ref().map_or(0, |(t, _)| bytes(t)))
+                .sum::<u64>()
+    }
+
     pub fn depth(&self, name: &str) -> Option<&DepthTarget> {
         self.depths.get(name)
     }

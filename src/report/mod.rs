@@ -1,1 +1,133 @@
-//! (being built)
+//! What was measured, as data: the JSON of record, the table on a terminal, the pictures.
+
+pub mod picture;
+pub mod sheet;
+pub mod table;
+
+use preshade_passes::contract::{Contract, Verdict};
+use serde::Serialize;
+
+use crate::measure::statistics::Invocations;
+use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime};
+use crate::render::AdapterReport;
+use crate::scene::DrawOrder;
+
+pub use picture::Pictures;
+
+/// Version of the JSON that [`Report`] serialises to.
+pub const SCHEMA: &str = "preshade.verify.v1";
+
+/// Name of the first variant: the scene as its author wrote it.
+pub const ORIGINAL: &str = "original";
+
+/// What `verify` measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Always [`SCHEMA`].
+    pub schema: String,
+    /// Scene's name.
+    pub scene: String,
+    /// Width and height, in pixels.
+    pub resolution: [u32; 2],
+    /// Samples a pixel.
+    pub samples: u32,
+    /// The command that measured it.
+    pub command: String,
+    /// Where it was measured.
+    pub adapter: AdapterReport,
+    /// Whose clock the times are of; `None`: nothing was timed.
+    pub clock: Option<Clock>,
+    /// Pixels (samples) at which surviving fragments share the winning depth, over every view; `None`: not measured.
+    pub depth_ties: Option<u64>,
+    /// The original first, named [`ORIGINAL`].
+    pub variants: Vec<VariantReport>,
+}
+
+/// One variant.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct VariantReport {
+    /// Name.
+    pub name: String,
+    /// The recipe that made it, as it is written on a command line.
+    pub recipe: String,
+    /// What it promises.
+    pub contract: Contract,
+    /// What measurement says of the promise.
+    pub verdict: Verdict,
+    /// The worst of every view, rung by rung. `None`: nothing was compared.
+    pub error: Option<ErrorLadder>,
+    /// Milliseconds a frame in the headline view: first camera, first order.
+    pub time_ms: Option<FrameTime>,
+    /// The original's time over this one's, in the headline view.
+    pub speedup: Option<Estimate>,
+    /// Shaded fragments a covered pixel in the headline view; 1.00 is the least there can be.
+    pub shaded_per_pixel: Option<f64>,
+    /// What else it takes.
+    pub cost: Option<Cost>,
+    /// Materials of the scene that this variant draws as their author wrote them, and why.
+    pub kept: Vec<Kept>,
+    /// Each camera, frame and order.
+    pub by_view: Vec<ViewReport>,
+}
+
+/// A material that a variant leaves alone.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Kept {
+    /// Material.
+    pub material: String,
+    /// Why.
+    pub why: String,
+}
+
+/// What a variant takes beside time on the GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// Pipelines.
+    pub pipelines: usize,
+    /// Milliseconds to compile its shaders and build its pipelines.
+    pub creation_ms: f64,
+    /// Draw calls of one frame.
+    pub draw_calls: usize,
+    /// Bytes of its depth and colour attachments.
+    pub target_bytes: u64,
+    /// Milliseconds the CPU takes to encode one frame; `None`: not timed.
+    pub encode_ms: Option<f64>,
+    /// Invocations of one frame in the headline view, where the adapter counts them.
+    pub invocations: Option<Invocations>,
+}
+
+/// One variant in one view.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewReport {
+    /// Camera.
+    pub camera: String,
+    /// Frame of the camera, from 0.
+    pub frame: usize,
+    /// Draw order.
+    pub order: DrawOrder,
+    /// Against the original.
+    pub error: ErrorLadder,
+    /// Milliseconds a frame, where this view was timed.
+    pub time_ms: Option<FrameTime>,
+    /// The original's time over this one's.
+    pub speedup: Option<Estimate>,
+    /// Shaded fragments a covered pixel, where they were counted.
+    pub shaded_per_pixel: Option<f64>,
+}
+
+impl Report {
+    /// Whether any variant broke its contract.
+    pub fn is_broken(&self) -> bool {
+        self.variants
+            .iter()
+            .any(|v| matches!(v.verdict, Verdict::Broken { .. }))
+    }
+
+    /// The JSON of record, indented, with a newline at its end.
+    ///
+    /// # Errors
+    /// None that these types can give.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+}

@@ -1,4 +1,5 @@
 //! Small scenes made by hand, whose pictures are known without drawing them.
+#![allow(dead_code)] // Each test binary uses its own part.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -182,4 +183,21 @@ pub fn render(gpu: &Gpu, scene: &Scene) -> Rendered {
         DrawOrder::BackToFront,
         ShaderForm::Text,
     )
+}
+
+/// A pre-pass by hand: depth only, then EQUAL without depth write.
+pub fn with_prepass(plan: &Plan) -> Plan {
+    use preshade::passes::plan::{Phase, Role};
+    let mut plan = plan.clone();
+    let mut prepass = plan.passes[0].clone();
+    prepass.role = Role::Prepass;
+    prepass.phase = Phase::Depth;
+    prepass.fragment = None;
+    prepass.targets.clear();
+    preshade::passes::reflect::fill(&mut prepass, &plan.programs["main"]);
+    let depth = plan.passes[0].depth.as_mut().unwrap();
+    depth.compare = preshade::passes::state::CompareFunction::Equal;
+    depth.write = false;
+    plan.passes.insert(0, prepass);
+    plan
 }

@@ -1,0 +1,33 @@
+//! Invocations as the adapter counts them.
+
+use serde::Serialize;
+
+use super::Error;
+use crate::render::{Gpu, Prepared};
+
+/// What one frame invoked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Invocations {
+    /// Vertex stage; the adapter's reuse of vertices is accounted for.
+    pub vertex: u64,
+    /// Fragment stage, helper lanes of partly covered 2x2 quads included where the adapter does. `None` on software adapters, which count before
+    /// the early depth test.
+    pub fragment: Option<u64>,
+}
+
+/// Draws one frame and returns what it invoked; `None` where the adapter cannot say.
+///
+/// # Errors
+/// As [`Prepared::draw`].
+pub fn invocations(gpu: &Gpu, prepared: &Prepared<'_>) -> Result<Option<Invocations>, Error> {
+    if !gpu.has_pipeline_statistics() {
+        return Ok(None);
+    }
+    let counts = prepared.draw_counted()?;
+    let sum = |which: usize| counts.iter().skip(which).step_by(2).sum::<u64>();
+    // Two counters a pass, in the order of their bits: vertex, then fragment.
+    Ok(Some(Invocations {
+        vertex: sum(0),
+        fragment: (gpu.adapter().kind != "software").then(|| sum(1)),
+    }))
+}

@@ -1,0 +1,502 @@
+//! A scene drawn with the original and its variants, view by view.
+
+use preshade_passes::contract::{Contract, Verdict};
+use preshade_passes::plan::{GpuPass, Plan};
+
+use super::shading::{CountProgram, Counter, Shading};
+use super::statistics::invocations;
+use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, time};
+use crate::render::{
+    FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant, order,
+};
+use crate::report::{Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, VariantReport, ViewReport};
+use crate::scene::{DrawOrder, Frame, Scene};
+
+/// A variant to measure.
+#[derive(Clone, Debug)]
+pub struct Variant {
+    /// Name, for the table and for files.
+    pub name: String,
+    /// The recipe, as it is written on a command line.
+    pub recipe: String,
+    /// One plan a material, in the scene's order.
+    pub plans: Vec<Plan>,
+    /// Materials it leaves alone.
+    pub kept: Vec<Kept>,
+}
+
+/// Which views are timed. All views are compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Timed {
+    /// None.
+    No,
+    /// The first frame of the first camera, in the first order.
+    #[default]
+    Headline,
+    /// The first frame of every camera, in every order.
+    FirstFrames,
+    /// Every frame of every camera, in every order.
+    Everything,
+}
+
+/// How to measure.
+pub struct Settings<'a> {
+    /// The road shaders take to the driver.
+    pub form: ShaderForm,
+    /// Views to time.
+    pub timed: Timed,
+    /// How long and how often, for each timed view.
+    pub timing: TimingSettings,
+    /// At most so many frames of each camera are compared, evenly spaced from its first. A path has dozens.
+    pub frames_per_camera: usize,
+    /// What stands in for a pass's fragment stage while fragments are counted.
+    pub count: &'a dyn Fn(&Plan, &GpuPass) -> CountProgram,
+    /// The command to put into the report.
+    pub command: String,
+}
+
+/// How far a measurement is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// Part done, 0 to 1.
+    pub done: f64,
+    /// What is being done.
+    pub what: String,
+}
+
+/// What was measured, and the pictures of the headline view.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The figures.
+    pub report: Report,
+    /// Pictures of the variants that were drawn, without the original.
+    pub pictures: Vec<Pictures>,
+}
+
+/// A camera's frame in one order.
+#[derive(Clone, Copy)]
+struct View<'s> {
+    camera: &'s str,
+    index: usize,
+    frame: &'s Frame,
+    order: DrawOrder,
+    first_frame: bool,
+    headline: bool,
+}
+
+/// A variant on its way.
+struct Subject<'a> {
+    prepared: Option<Prepared<'a>>,
+    counter: Option<Counter<'a>>,
+    report: VariantReport,
+    pictures: Option<Pictures>,
+    /// First view that broke the contract.
+    broken: Option<String>,
+}
+
+/// Draws every view of `scene` with the original and with `variants`, compares, counts and times them.
+///
+/// A variant that does not compile, or with which the adapter is lost, is [`Verdict::NotMeasured`]; what was measured of the others stands.
+///
+/// # Errors
+/// When the original itself cannot be drawn.
+pub fn verify(
+    gpu: &Gpu,
+    scene: &Scene,
+    variants: &[Variant],
+    settings: &Settings<'_>,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Outcome, Error> {
+    progress(Progress {
+        done: 0.0,
+        what: "uploading the scene".to_owned(),
+    });
+    let inputs = SceneInputs::new(gpu, scene)?;
+    let original = Variant {
+        name: ORIGINAL.to_owned(),
+        recipe: String::new(),
+        plans: originals(scene),
+        kept: Vec::new(),
+    };
+    let mut subjects = Vec::new();
+    for (i, variant) in std::iter::once(&original).chain(variants).enumerate() {
+        progress(Progress {
+            done: 0.1 * i as f64 / (variants.len() + 1) as f64,
+            what: format!("compiling `{}`", variant.name),
+        });
+        subjects.push(Subject::new(&inputs, variant, settings, i == 0)?);
+    }
+    let mut ties = Counter::ties(&inputs, &original.plans, settings.form, settings.count)?;
+    let views = views(scene, settings);
+    let mut clock = None;
+    let mut depth_ties = Some(0);
+    let mut lost = None;
+    for (i, view) in views.iter().enumerate() {
+        let at = |part: f64, what: String| Progress {
+            done: 0.1 + 0.9 * (i as f64 + part) / views.len() as f64,
+            what,
+        };
+        progress(at(0.0, view.to_string()));
+        let mut measure = || -> Result<(), Error> {
+            if view.order == views[0].order {
+                inputs.set_frame(view.frame)?;
+                let n = ties.ties_in(view.frame, view.order)?;
+                depth_ties = depth_ties.map(|sum| sum + n);
+            }
+            inputs.set_frame(view.frame)?;
+            compare_view(&mut subjects, view)?;
+            if view.first_frame {
+                count_view(&mut subjects, view)?;
+            }
+            if view.headline {
+                for subject in &mut subjects {
+                    subject.count_invocations(gpu)?;
+                }
+            }
+            if settings.timed.includes(view) {
+                let tick = |part: f64| {
+                    progress(at(0.5 + 0.5 * part, format!("timing {view}")));
+                };
+                clock = Some(time_view(gpu, &mut subjects, view, &settings.timing, tick)?);
+            }
+            Ok(())
+        };
+        if let Err(error) = measure() {
+            // Without the original there is nothing to compare with, and a lost adapter draws no more.
+            lost = Some(error.to_string());
+            break;
+        }
+    }
+    let mut report = Report {
+        schema: SCHEMA.to_owned(),
+        scene: scene.name.clone(),
+        resolution: scene.size,
+        samples: scene.samples,
+        command: settings.command.clone(),
+        adapter: gpu.adapter().clone(),
+        clock,
+        depth_ties: depth_ties.filter(|_| lost.is_none()),
+        variants: Vec::new(),
+    };
+    let mut pictures = Vec::new();
+    for subject in subjects {
+        let (variant, picture) = subject.finish(lost.as_deref());
+        report.variants.push(variant);
+        pictures.extend(picture);
+    }
+    progress(Progress {
+        done: 1.0,
+        what: "done".to_owned(),
+    });
+    Ok(Outcome { report, pictures })
+}
+
+fn views<'s>(scene: &'s Scene, settings: &Settings<'_>) -> Vec<View<'s>> {
+    let orders = match scene.orders.as_slice() {
+        [] => &[DrawOrder::AsGiven],
+        orders => orders,
+    };
+    let mut views = Vec::new();
+    for camera in &scene.cameras {
+        let frames = camera.frames.len();
+        let taken = frames.min(settings.frames_per_camera.max(1));
+        for i in 0..taken {
+            let index = i * frames / taken;
+            for order in orders {
+                views.push(View {
+                    camera: &camera.name,
+                    index,
+                    frame: &camera.frames[index],
+                    order: *order,
+                    first_frame: i == 0,
+                    headline: views.is_empty(),
+                });
+            }
+        }
+    }
+    views
+}
+
+impl std::fmt::Display for View<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "camera `{}` frame {} {}",
+            self.camera,
+            self.index,
+            order::name(self.order)
+        )
+    }
+}
+
+impl Timed {
+    fn includes(self, view: &View<'_>) -> bool {
+        match self {
+            Self::No => false,
+            Self::Headline => view.headline,
+            Self::FirstFrames => view.first_frame,
+            Self::Everything => true,
+        }
+    }
+}
+
+/// Draws the view with every subject and compares each with the first.
+fn compare_view(subjects: &mut [Subject<'_>], view: &View<'_>) -> Result<(), Error> {
+    let [original, variants @ ..] = subjects else {
+        return Ok(());
+    };
+    let Some(reference) = original.draw(view)? else {
+        return Ok(());
+    };
+    // The original again: an adapter that does not repeat itself proves nothing.
+    if view.headline
+        && let Some(again) = original.draw(view)?
+    {
+        original.compare(view, &reference, &again)?;
+    } else {
+        original.add_view(view, ErrorLadder::default());
+    }
+    for variant in variants {
+        match variant.draw(view) {
+            Ok(Some(picture)) => {
+                if let Err(error) = variant.compare(view, &reference, &picture) {
+                    variant.give_up(&error);
+                }
+            }
+            Ok(None) => {}
+            Err(error @ Error::Render(crate::render::Error::Lost(_))) => return Err(error),
+            Err(error) => variant.give_up(&error),
+        }
+    }
+    Ok(())
+}
+
+/// Counts what every subject shades in this view.
+fn count_view(subjects: &mut [Subject<'_>], view: &View<'_>) -> Result<(), Error> {
+    let mut before: Option<Shading> = None;
+    for subject in subjects {
+        let Some(counter) = &mut subject.counter else {
+            continue;
+        };
+        let shading = counter.count(view.frame, view.order)?;
+        let per_pixel = Some(shading.summary().per_pixel);
+        if let Some(row) = subject.report.by_view.last_mut() {
+            row.shaded_per_pixel = per_pixel;
+        }
+        if view.headline {
+            subject.report.shaded_per_pixel = per_pixel;
+            if let Some(pictures) = &mut subject.pictures {
+                pictures.overdraw_before = before.clone();
+                pictures.overdraw_after = Some(shading.clone());
+            }
+        }
+        before.get_or_insert(shading);
+    }
+    Ok(())
+}
+
+fn time_view(
+    gpu: &Gpu,
+    subjects: &mut [Subject<'_>],
+    view: &View<'_>,
+    settings: &TimingSettings,
+    tick: impl FnMut(f64),
+) -> Result<Clock, Error> {
+    let mut ready = Vec::new();
+    let mut rows = Vec::new();
+    for subject in subjects {
+        if let Some(prepared) = &mut subject.prepared {
+            prepared.aim(view.frame, view.order);
+            ready.push(&*prepared);
+            rows.push(&mut subject.report);
+        }
+    }
+    let (clock, timings) = time(gpu, &ready, settings, tick)?;
+    for (report, timing) in rows.into_iter().zip(timings) {
+        if let Some(row) = report.by_view.last_mut() {
+            row.time_ms = Some(timing.time.clone());
+            row.speedup = Some(timing.speedup);
+        }
+        if view.headline {
+            report.time_ms = Some(timing.time);
+            report.speedup = Some(timing.speedup);
+            if let Some(cost) = &mut report.cost {
+                cost.encode_ms = Some(timing.encode_ms);
+            }
+        }
+    }
+    Ok(clock)
+}
+
+impl<'a> Subject<'a> {
+    /// Builds the pipelines of a variant. A failure is its verdict, or the error of all when it is the original.
+    fn new(
+        inputs: &'a SceneInputs<'a>,
+        variant: &Variant,
+        settings: &Settings<'_>,
+        is_original: bool,
+    ) -> Result<Self, Error> {
+        let contract = variant
+            .plans
+            .iter()
+            .fold(Contract::exact(), |c, plan| c.and(plan.contract.clone()));
+        let mut subject = Self {
+            prepared: None,
+            counter: None,
+            report: VariantReport {
+                name: variant.name.clone(),
+                recipe: variant.recipe.clone(),
+                contract,
+                verdict: Verdict::NotMeasured {
+                    why: "nothing was drawn".to_owned(),
+                },
+                error: None,
+                time_ms: None,
+                speedup: None,
+                shaded_per_pixel: None,
+                cost: None,
+                kept: variant.kept.clone(),
+                by_view: Vec::new(),
+            },
+            pictures: None,
+            broken: None,
+        };
+        let built = || -> Result<_, Error> {
+            let host = HostVariant::new(&variant.plans, settings.form)?;
+            let frame = FrameSettings::of(inputs.scene());
+            let prepared = Prepared::new(inputs, &host, &frame)?;
+            let counter = Counter::shaded(inputs, &variant.plans, settings.form, settings.count)?;
+            Ok((prepared, counter))
+        };
+        match built() {
+            Ok((prepared, counter)) => {
+                let (pipelines, creation) = prepared.creation();
+                subject.report.cost = Some(Cost {
+                    pipelines,
+                    creation_ms: creation.as_secs_f64() * 1e3,
+                    draw_calls: prepared.draw_calls(),
+                    target_bytes: prepared.target_bytes(),
+                    encode_ms: None,
+                    invocations: None,
+                });
+                subject.prepared = Some(prepared);
+                subject.counter = Some(counter);
+            }
+            Err(error) if is_original => return Err(error),
+            Err(error) => subject.give_up(&error),
+        }
+        Ok(subject)
+    }
+
+    fn draw(&mut self, view: &View<'_>) -> Result<Option<Rendered>, Error> {
+        let Some(prepared) = &mut self.prepared else {
+            return Ok(None);
+        };
+        prepared.aim(view.frame, view.order);
+        Ok(Some(prepared.render()?))
+    }
+
+    fn compare(
+        &mut self,
+        view: &View<'_>,
+        reference: &Rendered,
+        picture: &Rendered,
+    ) -> Result<(), Error> {
+        let error = compare(reference, picture)?;
+        if self.broken.is_none() {
+            self.broken = breaks(&self.report.contract, &error).map(|how| format!("{view}: {how}"));
+        }
+        if view.headline {
+            self.pictures = Pictures::new(&self.report.name, reference, picture);
+        }
+        self.add_view(view, error);
+        Ok(())
+    }
+
+    fn add_view(&mut self, view: &View<'_>, error: ErrorLadder) {
+        let worst = match &self.report.error {
+            Some(worst) => worst.worst(&error),
+            None => error.clone(),
+        };
+        self.report.error = Some(worst);
+        self.report.by_view.push(ViewReport {
+            camera: view.camera.to_owned(),
+            frame: view.index,
+            order: view.order,
+            error,
+            time_ms: None,
+            speedup: None,
+            shaded_per_pixel: None,
+        });
+    }
+
+    fn count_invocations(&mut self, gpu: &Gpu) -> Result<(), Error> {
+        if let (Some(prepared), Some(cost)) = (&self.prepared, &mut self.report.cost) {
+            cost.invocations = invocations(gpu, prepared)?;
+        }
+        Ok(())
+    }
+
+    /// Draws it no more.
+    fn give_up(&mut self, error: &Error) {
+        self.prepared = None;
+        self.counter = None;
+        self.report.verdict = Verdict::NotMeasured {
+            why: error.to_string(),
+        };
+    }
+
+    /// The verdict. `lost` says why measuring ended early.
+    fn finish(mut self, lost: Option<&str>) -> (VariantReport, Option<Pictures>) {
+        let drawn = self.prepared.is_some() && self.report.error.is_some();
+        match (self.broken, lost) {
+            (Some(r#where), _) => self.report.verdict = Verdict::Broken { r#where },
+            (None, Some(why)) => {
+                self.report.verdict = Verdict::NotMeasured {
+                    why: why.to_owned(),
+                };
+            }
+            (None, None) if drawn => self.report.verdict = Verdict::Holds,
+            (None, None) => {}
+        }
+        let is_original = self.report.name == ORIGINAL;
+        (self.report, self.pictures.filter(|_| !is_original))
+    }
+}
+
+/// How a difference breaks a contract; `None` where it does not.
+pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
+    match contract {
+        Contract::Exact { .. } if error.is_exact() => None,
+        Contract::Exact { .. } => {
+            let [x, y] = error.first_difference.unwrap_or_default();
+            Some(format!(
+                "{} pixels and {} depths differ, the first at {x}, {y}",
+                error.changed_pixels, error.changed_depth
+            ))
+        }
+        Contract::Rounding { k } => {
+            // What a rounding can do to a stored 8-bit channel is one step of it; depth is not shaded, so its bits stay.
+            let allowed = 1.0 / 255.0 + f64::from(*k) * f64::from(f32::EPSILON) / 2.0;
+            let holds = error.max_abs <= allowed + 1e-9
+                && error.nan_pixels == 0
+                && error.changed_depth == 0;
+            (!holds).then(|| {
+                format!(
+                    "a channel differs by {} where rounding allows {allowed:.6}, {} depths differ",
+                    error.max_abs, error.changed_depth
+                )
+            })
+        }
+        Contract::Approximate { metric, budget } => {
+            let value = match metric.as_str() {
+                "flip_mean" => error.flip_mean,
+                "flip_p99" => error.flip_p99,
+                _ => error.max_abs,
+            };
+            // A NaN keeps no budget.
+            let kept = value <= *budget;
+            (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+        }
+    }
+}
