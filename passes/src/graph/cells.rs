@@ -216,3 +216,34 @@ fn list(
         path.pop();
     }
 }
+
+/// The steps of a cell's path as an author writes them: `.uv`, `.x`, `[3]`.
+pub fn path_names(module: &Module, function: &Function, cell: &Cell) -> Vec<String> {
+    let mut ty = match cell.root {
+        Root::Local(v) => Some(function.local_variables[v].ty),
+        Root::Argument(i) => match module.types[function.arguments[i as usize].ty].inner {
+            TypeInner::Pointer { base, .. } => Some(base),
+            _ => None,
+        },
+        Root::Global(g) => Some(module.global_variables[g].ty),
+    };
+    let mut names = Vec::new();
+    for step in &cell.path {
+        let (name, next) = match ty.map(|ty| &module.types[ty].inner) {
+            Some(TypeInner::Struct { members, .. }) => {
+                let member = &members[*step as usize];
+                let name = member.name.clone().unwrap_or_else(|| step.to_string());
+                (format!(".{name}"), Some(member.ty))
+            }
+            Some(TypeInner::Array { base, .. }) => (format!("[{step}]"), Some(*base)),
+            Some(TypeInner::Vector { .. }) => {
+                let letter = "xyzw".chars().nth(*step as usize).unwrap_or('?');
+                (format!(".{letter}"), None)
+            }
+            _ => (format!("[{step}]"), None),
+        };
+        names.push(name);
+        ty = next;
+    }
+    names
+}

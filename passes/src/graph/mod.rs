@@ -17,13 +17,18 @@ pub mod cells;
 pub mod control;
 pub mod cost;
 pub mod effect;
+pub mod export;
 pub mod memory;
 pub mod operands;
+pub mod rate;
 pub mod statements;
+pub mod text;
 
 pub use cells::{Cell, Path, Place, Root};
 pub use effect::{Effect, Effects};
+pub use export::{EdgeKind, GraphData, NodeKind};
 pub use memory::{Memory, Origin, VersionId};
+pub use rate::{Fact, Rate, Stages};
 pub use statements::{StatementNode, StmtId};
 
 /// A function or an entry point of a module.
@@ -60,6 +65,7 @@ pub struct Graph<'p> {
     program: &'p Program,
     functions: Vec<FunctionGraph<'p>>,
     reach: Vec<Reach>,
+    rates: rate::Rates,
 }
 
 /// What lies below a function, itself included.
@@ -130,6 +136,7 @@ impl<'p> Graph<'p> {
         }
         Self {
             program,
+            rates: rate::Rates::new(module, &functions),
             functions,
             reach,
         }
@@ -155,6 +162,46 @@ impl<'p> Graph<'p> {
             FunctionId::Function(h) => h.index(),
             FunctionId::EntryPoint(i) => self.module().functions.len() + i,
         }
+    }
+
+    /// The name of a function or entry point; empty for an unnamed one.
+    pub fn name(&self, id: FunctionId) -> String {
+        match id {
+            FunctionId::Function(h) => self.module().functions[h].name.clone().unwrap_or_default(),
+            FunctionId::EntryPoint(i) => self.module().entry_points[i].name.clone(),
+        }
+    }
+
+    /// Rate and stages of an expression's value: what it is made of, and what decides whether it is evaluated. In a function that several
+    /// calls reach, the join over them.
+    pub fn fact(&self, function: FunctionId, expression: Handle<Expression>) -> Fact {
+        self.rates.expression(self.index(function), expression)
+    }
+
+    /// The rate of an expression's value: see [`Graph::fact`].
+    pub fn rate(&self, function: FunctionId, expression: Handle<Expression>) -> Rate {
+        self.fact(function, expression).rate
+    }
+
+    /// Rate and stages of what decides whether a statement runs.
+    pub fn statement_fact(&self, function: FunctionId, statement: StmtId) -> Fact {
+        self.rates.statement(self.index(function), statement)
+    }
+
+    /// Rate and stages of an argument, or a member of a struct argument, of the n-th function.
+    fn input_fact(&self, function: usize, argument: u32, member: Option<u32>) -> Fact {
+        self.rates.argument(function, argument, member)
+    }
+
+    /// Rate and stages of a version of a cell of the n-th function.
+    fn version_fact(&self, function: usize, version: VersionId) -> Fact {
+        self.rates.version(function, version)
+    }
+
+    /// Rate and stages of each output of an entry point, in the order of [`crate::reflect::outputs`].
+    pub fn output_facts(&self, entry: usize) -> &[Fact] {
+        self.rates
+            .outputs(self.index(FunctionId::EntryPoint(entry)))
     }
 
     /// Whether `within` is a function or something it calls, directly or not.
