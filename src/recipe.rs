@@ -106,6 +106,25 @@ impl Recipe {
         Ok(Self { steps: steps.into_iter().map(|s| Step::parse(s.as_ref())).collect::<Result<_, _>>()? })
     }
 
+    /// Reads steps separated by commas, `depth-prepass:form=equal,vertex=sliced,early-discard`: a part with an equals sign and no colon belongs to the step
+    /// before it.
+    ///
+    /// # Errors
+    /// As [`Step::parse`].
+    pub fn parse_list(text: &str) -> Result<Self, RecipeError> {
+        let mut steps: Vec<String> = Vec::new();
+        for part in text.split(',') {
+            match steps.last_mut() {
+                Some(step) if part.contains('=') && !part.contains(':') => {
+                    step.push(if step.contains(':') { ',' } else { ':' });
+                    step.push_str(part);
+                }
+                _ => steps.push(part.to_owned()),
+            }
+        }
+        Self::parse(steps)
+    }
+
     /// Applies every step. `plan` is untouched.
     ///
     /// # Errors

@@ -7,10 +7,12 @@ pub mod error;
 pub mod shading;
 pub mod statistics;
 pub mod timing;
+pub mod variant;
 pub mod verify;
 
 pub use error::{ErrorLadder, compare};
 pub use shading::{CountProgram, Counter, Shading, ShadingSummary, facts};
+pub use variant::{counting, variant};
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
 

@@ -12,6 +12,7 @@ mod meshes;
 mod noise;
 mod place;
 mod semantic;
+mod setup;
 
 pub mod bind;
 pub mod camera;
