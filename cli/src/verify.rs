@@ -83,7 +83,8 @@ enum FormArg {
     Ir,
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
+/// Reads `WxH`.
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let (w, h) = text.split_once(['x', 'X']).ok_or("expected WxH, 1920x1080 say")?;
     let side = |s: &str| match s.trim().parse::<u32>() {
         Ok(n @ 1..=8192) => Ok(n),
