@@ -17,6 +17,7 @@
 mod fingerprint;
 #[cfg(feature = "glsl")]
 mod glsl;
+mod loops;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod overrides;
