@@ -106,6 +106,20 @@ struct Body<'a> {
     impure: &'a HashSet<String>,
 }
 
+/// Whether the text is a name with members and indices; whatever stands in an index is bracketed already.
+fn is_place(text: &str) -> bool {
+    let mut depth = 0usize;
+    text::tokens(text).all(|(kind, range)| {
+        match &text[range] {
+            "[" => depth += 1,
+            "]" => depth = depth.saturating_sub(1),
+            "." => {}
+            _ => return kind != Kind::Mark || depth > 0,
+        }
+        true
+    })
+}
+
 /// What a value depends on that statements may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reads {
@@ -192,10 +206,7 @@ impl<'a> Body<'a> {
         let right = right.strip_suffix(';')?;
         let reads = match self.function.expressions[handle] {
             Expression::Load { pointer } => {
-                let simple = text::tokens(right).all(|(kind, range)| {
-                    kind != Kind::Mark || matches!(&right[range], "." | "[" | "]")
-                });
-                match (simple, self.is_constant_memory(pointer)) {
+                match (is_place(right), self.is_constant_memory(pointer)) {
                     (false, _) => return None,
                     (true, true) => Reads::Constant,
                     (true, false) => Reads::Variable,
