@@ -103,6 +103,10 @@ pub(crate) fn of_expression(
 }
 
 /// Calls `f` on every expression that `statement` itself names, results included; not on those of `Emit`s nor of nested blocks.
+#[cfg_attr(
+    not(any(test, feature = "glsl")),
+    allow(dead_code, reason = "only GLSL's rewrites rebuild statements")
+)]
 pub(crate) fn of_statement(statement: &mut Statement, mut f: impl FnMut(&mut Handle<Expression>)) {
     match statement {
         Statement::Emit(_)
