@@ -14,9 +14,12 @@
 //! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
 //! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`.
 
+#[cfg(test)]
+mod equivalence;
 mod fingerprint;
 #[cfg(feature = "glsl")]
 mod glsl;
+mod loops;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod overrides;

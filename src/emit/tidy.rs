@@ -2,9 +2,10 @@
 //!
 //! naga's writer gives every load, call result and texture sample a `let _e12 = ..;`. Here, function by function:
 //!
-//! - a load that is used once is written where it is used, if nothing in between could change what it reads;
+//! - a load or a texture read that is used once is written where it is used, if nothing in between could change what it reads;
 //! - a call's result gets the author's `let` name back, which the writer drops; other results are named after what they read or call;
-//! - the parentheses around a whole right-hand side go.
+//! - names that the writer numbered because another function has them too lose their number;
+//! - the parentheses around a whole right-hand side go, and loops become `for` and `while` again.
 //!
 //! before
 //! ```wgsl
@@ -20,14 +21,17 @@
 
 use std::collections::{HashMap, HashSet};
 
-use naga::{AddressSpace, Expression, Function, GlobalVariable, Handle, Module, StorageAccess};
+use naga::{
+    AddressSpace, Expression, Function, Handle, ImageClass, Module, StorageAccess, TypeInner,
+};
 
-use super::text::{self, Kind};
+use super::loops;
+use super::text::{self, Kind, Words};
 
 /// The text of `module` as the writer (and `repair`) left it, tidied.
 pub(super) fn tidy(module: &Module, text: &str) -> String {
     let module_words = module_words(text);
-    let impure: HashSet<String> = called_names(module, text);
+    let impure = declared_functions(module, text);
     let mut functions = module
         .functions
         .iter()
@@ -36,30 +40,27 @@ pub(super) fn tidy(module: &Module, text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut lines = text.lines();
     while let Some(line) = lines.next() {
-        out.push_str(line);
-        out.push('\n');
-        if !line.starts_with("fn ") {
+        if line.starts_with("@group(") {
+            // The variable follows on a line of its own.
+            out.push_str(line.trim_end());
+            out.push(' ');
             continue;
         }
-        let body: Vec<&str> = lines.by_ref().take_while(|l| *l != "}").collect();
-        match functions.next() {
-            Some(function) => {
-                let mut words = module_words.clone();
-                words.extend(
-                    std::iter::once(&line)
-                        .chain(&body)
-                        .flat_map(|l| free_words(l)),
-                );
-                for line in Body::new(module, function, &impure).tidy(&body, words) {
-                    out.push_str(&line);
-                    out.push('\n');
-                }
-            }
+        if !line.starts_with("fn ") {
+            out.push_str(line);
+            out.push('\n');
+            continue;
+        }
+        let mut whole = vec![line];
+        whole.extend(lines.by_ref().take_while(|l| *l != "}"));
+        let tidied = match functions.next() {
+            Some(function) => Body::new(module, function, &impure).tidy(&whole, &module_words),
             // A polyfill of the writer's own.
-            None => body.iter().for_each(|line| {
-                out.push_str(line);
-                out.push('\n');
-            }),
+            None => whole.iter().map(|l| (*l).to_owned()).collect(),
+        };
+        for line in tidied {
+            out.push_str(&line);
+            out.push('\n');
         }
         out.push_str("}\n");
     }
@@ -67,7 +68,7 @@ pub(super) fn tidy(module: &Module, text: &str) -> String {
 }
 
 /// Names of the functions the text declares: a call of one may store to anything.
-fn called_names(module: &Module, text: &str) -> HashSet<String> {
+fn declared_functions(module: &Module, text: &str) -> HashSet<String> {
     let count = module.functions.len() + module.entry_points.len();
     text.lines()
         .filter_map(|l| l.strip_prefix("fn "))
@@ -105,9 +106,35 @@ struct Body<'a> {
     impure: &'a HashSet<String>,
 }
 
-/// A `let _e12 = ..;` line.
-struct Let {
-    expression: usize,
+/// Whether the text is a name with members and indices; whatever stands in an index is bracketed already.
+fn is_place(text: &str) -> bool {
+    let mut depth = 0usize;
+    text::tokens(text).all(|(kind, range)| {
+        match &text[range] {
+            "[" => depth += 1,
+            "]" => depth = depth.saturating_sub(1),
+            "." => {}
+            _ => return kind != Kind::Mark || depth > 0,
+        }
+        true
+    })
+}
+
+/// What a value depends on that statements may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reads {
+    /// Nothing: it may move anywhere in its scope.
+    Constant,
+    /// A texture: it may move where control flow is the same.
+    Texture,
+    /// A variable.
+    Variable,
+}
+
+/// The right-hand side of a `let` that may be written where it is used.
+struct Value {
+    text: String,
+    reads: Reads,
 }
 
 impl<'a> Body<'a> {
@@ -120,81 +147,110 @@ impl<'a> Body<'a> {
         }
     }
 
-    fn tidy(&self, body: &[&str], words: HashSet<&str>) -> Vec<String> {
-        let mut lines: Vec<Option<String>> = body.iter().map(|l| Some((*l).to_owned())).collect();
-        let uses = uses(body);
-        let mut mutable: HashSet<usize> = HashSet::new();
-        let mut kept: Vec<Let> = Vec::new();
-        for line in 0..lines.len() {
-            let Some(found) = lines[line].as_deref().and_then(baked) else {
-                continue;
-            };
-            let place = self.place(&found, lines[line].as_deref());
-            let target = place
-                .as_ref()
-                .and_then(|_| uses.get(&found.expression))
-                .filter(|lines| lines.len() == 2)
-                .map(|lines| lines[1]);
-            if let (Some(place), Some(target)) = (place, target) {
-                let reads_variable =
-                    !self.is_constant_memory(found.expression) || mutable.contains(&line);
-                let free = !reads_variable || self.nothing_stores(&lines[line + 1..target]);
-                if free {
-                    let name = format!("_e{}", found.expression);
-                    if let Some(text) = &mut lines[target] {
-                        *text = text::rename_words(text, |w| (w == name).then_some(place.as_str()));
-                    }
-                    lines[line] = None;
-                    if reads_variable {
-                        mutable.insert(target);
-                    }
-                    continue;
-                }
-            }
-            kept.push(found);
+    /// A whole function's lines but for its last brace.
+    fn tidy(&self, whole: &[&str], module_words: &HashSet<&str>) -> Vec<String> {
+        let mut lines = self.write_where_used(whole);
+        let mut words: HashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
+        words.extend(module_words);
+        let mut names = self.result_names(&lines, &words);
+        self.shorten(whole, module_words, &mut names);
+        for line in &mut lines {
+            let renamed =
+                text::rename_words(line, Words::Free, |w| names.get(w).map(String::as_str));
+            *line = without_outer_parentheses(&renamed);
         }
-        let names = self.names(&kept, &words);
-        lines
-            .into_iter()
-            .flatten()
-            .map(|line| {
-                let renamed = text::rename_words(&line, |w| names.get(w).map(String::as_str));
-                without_outer_parentheses(&renamed)
-            })
-            .collect()
+        loops::structured(lines)
     }
 
-    /// The right-hand side of a load, if it is only names, members and indices, which bind tighter than any operator.
-    fn place(&self, found: &Let, line: Option<&str>) -> Option<String> {
-        let handle = self.handle(found.expression)?;
-        if !matches!(self.function.expressions[handle], Expression::Load { .. }) {
-            return None;
+    /// The lines with what is used once written where it is used, as far as that changes nothing.
+    fn write_where_used(&self, whole: &[&str]) -> Vec<String> {
+        let mut lines: Vec<Option<String>> = whole.iter().map(|l| Some((*l).to_owned())).collect();
+        let uses = uses(whole);
+        // Lines that now read a variable themselves.
+        let mut reading: HashSet<usize> = HashSet::new();
+        for line in 0..lines.len() {
+            let Some(expression) = lines[line].as_deref().and_then(baked) else {
+                continue;
+            };
+            let (Some(value), Some([_, target])) = (
+                self.movable(expression, lines[line].as_deref()),
+                uses.get(&expression).map(Vec::as_slice),
+            ) else {
+                continue;
+            };
+            let reads = value.reads == Reads::Variable || reading.contains(&line);
+            if (reads || value.reads == Reads::Texture)
+                && !self.nothing_stores(&lines[line + 1..*target])
+            {
+                continue;
+            }
+            let name = format!("_e{expression}");
+            if let Some(text) = &mut lines[*target] {
+                *text = text::rename_words(text, Words::Free, |w| {
+                    (w == name).then_some(value.text.as_str())
+                });
+            }
+            lines[line] = None;
+            if reads {
+                reading.insert(*target);
+            }
         }
+        lines.into_iter().flatten().collect()
+    }
+
+    /// What a `let` holds, if it can stand as an operand: a load written with names, members and indices alone, or a texture read. Both bind
+    /// tighter than any operator.
+    fn movable(&self, expression: usize, line: Option<&str>) -> Option<Value> {
+        let handle = self.handle(expression)?;
         let (_, right) = line?.split_once(" = ")?;
         let right = right.strip_suffix(';')?;
-        let simple = text::tokens(right)
-            .all(|(kind, range)| kind != Kind::Mark || matches!(&right[range], "." | "[" | "]"));
-        simple.then(|| right.to_owned())
+        let reads = match self.function.expressions[handle] {
+            Expression::Load { pointer } => {
+                match (is_place(right), self.is_constant_memory(pointer)) {
+                    (false, _) => return None,
+                    (true, true) => Reads::Constant,
+                    (true, false) => Reads::Variable,
+                }
+            }
+            Expression::ImageSample { .. } => Reads::Texture,
+            Expression::ImageLoad { image, .. } if !self.is_storage_texture(image) => {
+                Reads::Texture
+            }
+            _ => return None,
+        };
+        Some(Value {
+            text: right.to_owned(),
+            reads,
+        })
+    }
+
+    fn is_storage_texture(&self, image: Handle<Expression>) -> bool {
+        let Expression::GlobalVariable(global) = self.function.expressions[image] else {
+            return true;
+        };
+        matches!(
+            self.module.types[self.module.global_variables[global].ty].inner,
+            TypeInner::Image {
+                class: ImageClass::Storage { .. },
+                ..
+            }
+        )
     }
 
     fn handle(&self, index: usize) -> Option<Handle<Expression>> {
         self.handles.get(index).copied()
     }
 
-    /// Whether a load reads memory that no shader of the draw writes: a uniform, or a read-only buffer.
-    fn is_constant_memory(&self, index: usize) -> bool {
-        let constant =
-            |global: Handle<GlobalVariable>| match self.module.global_variables[global].space {
-                AddressSpace::Uniform | AddressSpace::Immediate => true,
-                AddressSpace::Storage { access } => !access.contains(StorageAccess::STORE),
-                _ => false,
-            };
-        let Some(Expression::Load { pointer }) =
-            self.handle(index).map(|h| &self.function.expressions[h])
-        else {
+    /// Whether a pointer points into memory that no shader of the draw writes: a uniform, or a read-only buffer.
+    fn is_constant_memory(&self, pointer: Handle<Expression>) -> bool {
+        let Expression::GlobalVariable(global) = *self.root(pointer) else {
             return false;
         };
-        matches!(self.root(*pointer), Expression::GlobalVariable(global) if constant(*global))
+        match self.module.global_variables[global].space {
+            AddressSpace::Uniform | AddressSpace::Immediate => true,
+            AddressSpace::Storage { access } => !access.contains(StorageAccess::STORE),
+            _ => false,
+        }
     }
 
     /// The variable an access chain begins at.
@@ -226,21 +282,56 @@ impl<'a> Body<'a> {
     }
 
     /// New names for the `_e12`s that stay.
-    fn names(&self, kept: &[Let], words: &HashSet<&str>) -> HashMap<String, String> {
+    fn result_names(&self, lines: &[String], words: &HashSet<&str>) -> HashMap<String, String> {
         let mut names: HashMap<String, String> = HashMap::new();
         let mut given: HashSet<String> = HashSet::new();
-        for found in kept {
-            let Some(handle) = self.handle(found.expression) else {
-                continue;
-            };
-            let Some(wanted) = self.wanted_name(handle) else {
+        for expression in lines.iter().filter_map(|l| baked(l)) {
+            let Some(wanted) = self.handle(expression).and_then(|h| self.wanted_name(h)) else {
                 continue;
             };
             let unique = unique(&wanted, |n| words.contains(n) || given.contains(n));
             given.insert(unique.clone());
-            names.insert(format!("_e{}", found.expression), unique);
+            names.insert(format!("_e{expression}"), unique);
         }
         names
+    }
+
+    /// naga's writer numbers names that repeat anywhere in the module: `uv_1`. Within a function the author's `uv` comes back where it is free.
+    fn shorten(
+        &self,
+        whole: &[&str],
+        module_words: &HashSet<&str>,
+        names: &mut HashMap<String, String>,
+    ) {
+        let own: HashSet<&str> = self
+            .function
+            .arguments
+            .iter()
+            .filter_map(|a| a.name.as_deref())
+            .chain(
+                self.function
+                    .local_variables
+                    .iter()
+                    .filter_map(|(_, l)| l.name.as_deref()),
+            )
+            .chain(self.function.named_expressions.values().map(String::as_str))
+            .collect();
+        let used: HashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
+        let mut given: HashSet<String> = names.values().cloned().collect();
+        for word in whole.iter().flat_map(|l| free_words(l)) {
+            let Some((base, number)) = word.rsplit_once('_') else {
+                continue;
+            };
+            let numbered = !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit());
+            let free = !used.contains(base)
+                && !module_words.contains(base)
+                && !given.contains(base)
+                && !is_known(base);
+            if numbered && own.contains(base) && !own.contains(word) && free {
+                given.insert(base.to_owned());
+                names.insert(word.to_owned(), base.to_owned());
+            }
+        }
     }
 
     fn wanted_name(&self, handle: Handle<Expression>) -> Option<String> {
@@ -288,11 +379,7 @@ fn unique(name: &str, used: impl Fn(&str) -> bool) -> String {
     // naga and WGSL refuse two underscores in front; `_` alone is no name.
     let plain = plain.trim_start_matches(|c: char| c == '_' || c.is_ascii_digit());
     let plain = if plain.is_empty() { "value" } else { plain };
-    let taken = |n: &str| {
-        used(n)
-            || naga::keywords::wgsl::RESERVED.contains(&n)
-            || naga::keywords::wgsl::BUILTIN_IDENTIFIERS.contains(&n)
-    };
+    let taken = |n: &str| used(n) || is_known(n);
     if !taken(plain) {
         return plain.to_owned();
     }
@@ -302,13 +389,17 @@ fn unique(name: &str, used: impl Fn(&str) -> bool) -> String {
         .unwrap_or_default()
 }
 
-/// `    let _e12 = ..;`, with or without a type.
-fn baked(line: &str) -> Option<Let> {
+/// Whether WGSL knows the word already.
+fn is_known(word: &str) -> bool {
+    naga::keywords::wgsl::RESERVED_SET.contains(word)
+        || naga::keywords::wgsl::BUILTIN_IDENTIFIER_SET.contains(word)
+}
+
+/// The number in `    let _e12 = ..;`, with or without a type.
+fn baked(line: &str) -> Option<usize> {
     let rest = line.trim_start().strip_prefix("let _e")?;
     let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
-    Some(Let {
-        expression: rest[..digits].parse().ok()?,
-    })
+    rest[..digits].parse().ok()
 }
 
 /// The lines each `_e12` is in, once for each time, its `let` first.

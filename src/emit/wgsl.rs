@@ -9,16 +9,25 @@ use super::{Error, Target, fingerprint, prepare, repair, tidy};
 
 /// Writes a reduced program; `name` is the file's, for errors, and `header` its first lines.
 pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
+    let (prepared, repaired) = written(program, name)?;
+    let tidied = tidy::tidy(prepared.module(), &repaired);
+    let text = format!("{header}{tidied}");
+    check(program, &text, name)?;
+    Ok(text)
+}
+
+/// The program as it is written, and what naga's writer makes of it with everything lost put back.
+pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String), Error> {
     let failed = |message: String| Error::Writer {
         file: name.to_owned(),
         target: Target::Wgsl,
         message,
     };
     let prepared = match prepare::prepare(program) {
-        Some(module) => &program
+        Some(module) => program
             .with_module(module)
             .map_err(|invalid| failed(format!("preparing it broke it: {invalid}")))?,
-        None => program,
+        None => program.clone(),
     };
     let mut writer = Writer::new(String::new(), WriterFlags::empty());
     writer
@@ -32,10 +41,7 @@ pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<Strin
             what,
             remedy: "emit SPIR-V or GLSL, or lay the struct out as WGSL does".to_owned(),
         })?;
-    let tidied = tidy::tidy(prepared.module(), &repaired);
-    let text = format!("{header}{tidied}");
-    check(program, &text, name)?;
-    Ok(text)
+    Ok((prepared, repaired))
 }
 
 /// The text of a program that no transform has touched: the author's, to the byte. `None` for any other program.

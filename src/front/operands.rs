@@ -10,7 +10,11 @@ pub(crate) fn of_expression(expression: &mut Expression, mut f: impl FnMut(&mut 
     operands::map_expression(expression, &mut f);
 }
 
-/// Calls `f` on every expression that `statement` itself refers to, its result too.
+/// Calls `f` on every expression that `statement` itself names, results included; not on those of `Emit`s nor of nested blocks.
+#[cfg_attr(
+    not(any(test, feature = "glsl")),
+    allow(dead_code, reason = "only GLSL's rewrites rebuild statements")
+)]
 pub(crate) fn of_statement(statement: &mut Statement, mut f: impl FnMut(&mut Handle<Expression>)) {
     operands::map_statement(statement, &mut f);
     operands::result_mut(statement).into_iter().for_each(f);
