@@ -229,6 +229,9 @@ impl Default for Column {
     }
 }
 
+/// Between a column's shaft and its foot or slab: nothing in a shipped scene meets without being meant to, so that depths never tie.
+const GAP: f32 = 0.01;
+
 impl Column {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
@@ -245,10 +248,10 @@ impl Column {
         };
         let point = |s: f32, t: f32| {
             let turn = if s == 1.0 { 0.0 } else { s * TAU };
-            // The shaft swells a little (entasis), and reaches into foot and slab so that no faces coincide.
+            // The shaft swells a little (entasis), and ends a hair before foot and slab so that no two faces meet.
             let swell = 1.0 + 0.05 * (t * PI).sin();
             let r = radius(turn) * swell;
-            let y = slab * 0.5 + t * (self.height - slab);
+            let y = (slab + GAP) + t * (self.height - 2.0 * (slab + GAP));
             Vec3::new(r * turn.cos(), y, -r * turn.sin())
         };
         b.patch([self.segments.max(3), self.rings.max(1)], |s, t| {
