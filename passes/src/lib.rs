@@ -13,6 +13,7 @@
 //! Nothing in here reads a file, touches a GPU or asks the time.
 
 pub mod contract;
+pub mod evaluate;
 pub mod frame;
 pub mod graph;
 pub mod pass;
