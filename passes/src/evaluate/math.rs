@@ -278,7 +278,9 @@ pub fn call(fun: MathFunction, arguments: &[&Value]) -> Result<Value, Stuck> {
         }
         M::Transpose => {
             let columns = arguments[0].parts()?;
-            let rows = columns.first().map_or(Ok(0), |c| c.parts().map(<[_]>::len))?;
+            let rows = columns
+                .first()
+                .map_or(Ok(0), |c| c.parts().map(<[_]>::len))?;
             (0..rows)
                 .map(|r| {
                     columns

@@ -101,10 +101,7 @@ pub fn entry_point(
         machine.globals.insert(handle, machine.memory.len());
         machine.memory.push(value);
     }
-    let result = machine.call(
-        &module.entry_points[entry].function,
-        arguments.to_vec(),
-    )?;
+    let result = machine.call(&module.entry_points[entry].function, arguments.to_vec())?;
     Ok(Outcome {
         result,
         discarded: machine.discarded,
@@ -145,7 +142,11 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn call(&mut self, function: &'a Function, arguments: Vec<Value>) -> Result<Option<Value>, Stuck> {
+    fn call(
+        &mut self,
+        function: &'a Function,
+        arguments: Vec<Value>,
+    ) -> Result<Option<Value>, Stuck> {
         let locals = self.memory.len();
         let mut frame = Frame {
             function,
@@ -188,7 +189,11 @@ impl<'a> Machine<'a> {
         Ok(Flow::Next)
     }
 
-    fn statement(&mut self, statement: &'a Statement, frame: &mut Frame<'a>) -> Result<Flow, Stuck> {
+    fn statement(
+        &mut self,
+        statement: &'a Statement,
+        frame: &mut Frame<'a>,
+    ) -> Result<Flow, Stuck> {
         match statement {
             Statement::Emit(range) => {
                 for e in range.clone() {
