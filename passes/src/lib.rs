@@ -17,6 +17,7 @@ pub mod count;
 pub mod depth_only;
 pub mod depth_prepass;
 pub mod early_discard;
+pub mod evaluate;
 pub mod frame;
 pub mod graph;
 pub mod link;

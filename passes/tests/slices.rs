@@ -90,3 +90,10 @@ fn position_slice_of_a_lit_material() {
 fn discard_slice_of_a_lit_material() {
     insta::assert_snapshot!(discard(LIT));
 }
+
+#[test]
+fn dump() {
+    let p = common::program(LIT);
+    let g = Graph::build(&p);
+    println!("{}", g.to_dot());
+}

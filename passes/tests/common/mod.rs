@@ -1,6 +1,8 @@
 //! What every test of this crate needs: WGSL in, WGSL out.
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
+pub mod random;
+
 use std::sync::Arc;
 
 use naga::back::wgsl::WriterFlags;
