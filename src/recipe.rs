@@ -54,11 +54,17 @@ pub enum RecipeError {
 }
 
 fn suggestion(nearest: &Option<&'static str>) -> String {
-    nearest.map(|n| format!(" (did you mean `{n}`?)")).unwrap_or_default()
+    nearest
+        .map(|n| format!(" (did you mean `{n}`?)"))
+        .unwrap_or_default()
 }
 
 fn names() -> String {
-    PASSES.iter().map(|p| p.info().name).collect::<Vec<_>>().join(", ")
+    PASSES
+        .iter()
+        .map(|p| p.info().name)
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 impl Step {
@@ -73,12 +79,19 @@ impl Step {
         let mut params = serde_json::Map::new();
         for part in rest.split(',').map(str::trim).filter(|p| !p.is_empty()) {
             let Some((key, value)) = part.split_once('=') else {
-                return Err(RecipeError::Syntax { text: text.to_owned(), found: part.to_owned() });
+                return Err(RecipeError::Syntax {
+                    text: text.to_owned(),
+                    found: part.to_owned(),
+                });
             };
             params.insert(key.trim().to_owned(), scalar(value.trim()));
         }
         pass.complete(&serde_json::Value::Object(params.clone()))?;
-        Ok(Self { pass: name.to_owned(), params, site: None })
+        Ok(Self {
+            pass: name.to_owned(),
+            params,
+            site: None,
+        })
     }
 }
 
@@ -103,7 +116,12 @@ impl Recipe {
     /// # Errors
     /// As [`Step::parse`].
     pub fn parse<S: AsRef<str>>(steps: impl IntoIterator<Item = S>) -> Result<Self, RecipeError> {
-        Ok(Self { steps: steps.into_iter().map(|s| Step::parse(s.as_ref())).collect::<Result<_, _>>()? })
+        Ok(Self {
+            steps: steps
+                .into_iter()
+                .map(|s| Step::parse(s.as_ref()))
+                .collect::<Result<_, _>>()?,
+        })
     }
 
     /// Reads steps separated by commas, `depth-prepass:form=equal,vertex=sliced,early-discard`: a part with an equals sign and no colon belongs to the step
@@ -130,30 +148,56 @@ impl Recipe {
     /// # Errors
     /// The first refusal. A step whose site is gone, or that finds several, is refused as `stale` or `ambiguous`.
     pub fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
-        self.steps.iter().try_fold(plan.clone(), |plan, step| step.apply(&plan, facts))
+        self.steps
+            .iter()
+            .try_fold(plan.clone(), |plan, step| step.apply(&plan, facts))
     }
 }
 
 impl Step {
     fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
-        let refuse = |code: &str, reason: String, remedy: &str| Box::new(Refusal::new(&self.pass, code, reason, remedy));
-        let pass = find(&self.pass).map_err(|e| refuse("unknown", e.to_string(), "name one of the passes"))?;
+        let refuse = |code: &str, reason: String, remedy: &str| {
+            Box::new(Refusal::new(&self.pass, code, reason, remedy))
+        };
+        let pass = find(&self.pass)
+            .map_err(|e| refuse("unknown", e.to_string(), "name one of the passes"))?;
         let params = serde_json::Value::Object(self.params.clone());
-        let found = pass
-            .sites(plan, facts, &params)
-            .map_err(|e| refuse("parameters", e.to_string(), "see `preshade explain --passes`"))?;
+        let found = pass.sites(plan, facts, &params).map_err(|e| {
+            refuse(
+                "parameters",
+                e.to_string(),
+                "see `preshade explain --passes`",
+            )
+        })?;
         let site = match (&self.site, found.sites.as_slice()) {
             (Some(key), sites) => sites.iter().find(|s| s.key == *key).ok_or_else(|| {
-                refuse("stale", format!("the recipe's site {key:?} is no longer in the shader"), "make the recipe anew")
+                refuse(
+                    "stale",
+                    format!("the recipe's site {key:?} is no longer in the shader"),
+                    "make the recipe anew",
+                )
             })?,
             (None, [only]) => only,
             (None, []) => {
-                return Err(found.refusals.into_iter().next().map(Box::new).unwrap_or_else(|| {
-                    refuse("no-site", "there is no place to apply it".to_owned(), "see `preshade explain`")
-                }));
+                return Err(found
+                    .refusals
+                    .into_iter()
+                    .next()
+                    .map(Box::new)
+                    .unwrap_or_else(|| {
+                        refuse(
+                            "no-site",
+                            "there is no place to apply it".to_owned(),
+                            "see `preshade explain`",
+                        )
+                    }));
             }
             (None, several) => {
-                return Err(refuse("ambiguous", format!("it applies in {} places", several.len()), "name a site in the recipe"));
+                return Err(refuse(
+                    "ambiguous",
+                    format!("it applies in {} places", several.len()),
+                    "name a site in the recipe",
+                ));
             }
         };
         pass.apply(plan, facts, &site.key, &params)
@@ -164,7 +208,9 @@ impl fmt::Display for Step {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.pass)?;
         for (i, (key, value)) in self.params.iter().enumerate() {
-            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            let value = value
+                .as_str()
+                .map_or_else(|| value.to_string(), str::to_owned);
             write!(f, "{}{key}={value}", if i == 0 { ':' } else { ',' })?;
         }
         Ok(())

@@ -7,7 +7,9 @@ use preshade::passes::contract::Contract;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{GpuPass, Plan};
 use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade::render::{
+    AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
+};
 use preshade::scene::{DrawOrder, Scene};
 
 const BIASED: &str = "depth-prepass";
@@ -26,16 +28,28 @@ fn count(plan: &Plan, pass: &GpuPass) -> CountProgram {
 /// The recipe on every material that takes it; the others stay as they are.
 fn apply(originals: &[Plan], recipe: &str, facts: &Facts) -> Vec<Plan> {
     let recipe = Recipe::parse([recipe]).unwrap();
-    originals.iter().map(|p| recipe.apply(p, facts).unwrap_or_else(|_| p.clone())).collect()
+    originals
+        .iter()
+        .map(|p| recipe.apply(p, facts).unwrap_or_else(|_| p.clone()))
+        .collect()
 }
 
-fn draw_all(inputs: &SceneInputs<'_>, scene: &Scene, plans: &[Plan], form: ShaderForm) -> Vec<Rendered> {
+fn draw_all(
+    inputs: &SceneInputs<'_>,
+    scene: &Scene,
+    plans: &[Plan],
+    form: ShaderForm,
+) -> Vec<Rendered> {
     let variant = Variant::new(plans, form).unwrap();
     let mut prepared = Prepared::new(inputs, &variant, &FrameSettings::of(scene)).unwrap();
     let mut pictures = Vec::new();
     for (_, frame) in scene.frames() {
         inputs.set_frame(frame).unwrap();
-        for order in [DrawOrder::BackToFront, DrawOrder::Shuffled, DrawOrder::FrontToBack] {
+        for order in [
+            DrawOrder::BackToFront,
+            DrawOrder::Shuffled,
+            DrawOrder::FrontToBack,
+        ] {
             prepared.aim(frame, order);
             pictures.push(prepared.render().unwrap());
         }
@@ -61,10 +75,19 @@ fn probe() {
     let facts = measure::facts(&gpu, &scene, ShaderForm::Text, count).unwrap();
     println!("ties {facts:?}");
     let reference = draw_all(&inputs, &scene, &originals, ShaderForm::Text);
-    for recipe in [BIASED, EQUAL, EQUAL_SLICED, VOTE, "early-discard:attachment=readonly"] {
+    for recipe in [
+        BIASED,
+        EQUAL,
+        EQUAL_SLICED,
+        VOTE,
+        "early-discard:attachment=readonly",
+    ] {
         let plans = apply(&originals, recipe, &facts);
         let contracts: Vec<&Contract> = plans.iter().map(|p| &p.contract).collect();
         let pictures = draw_all(&inputs, &scene, &plans, ShaderForm::Text);
-        println!("{recipe}: {:?}\n  {contracts:?}", worst(&reference, &pictures));
+        println!(
+            "{recipe}: {:?}\n  {contracts:?}",
+            worst(&reference, &pictures)
+        );
     }
 }

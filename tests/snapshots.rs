@@ -35,8 +35,16 @@ fn describe(plan: &Plan, recipe: &str) -> String {
                 )
             },
         );
-        let bindings: Vec<_> = pass.bindings.iter().map(|b| format!("{}:{} {}", b.group, b.binding, b.name)).collect();
-        let attributes: Vec<_> = pass.attributes.iter().map(|a| format!("{} {}", a.location, a.name)).collect();
+        let bindings: Vec<_> = pass
+            .bindings
+            .iter()
+            .map(|b| format!("{}:{} {}", b.group, b.binding, b.name))
+            .collect();
+        let attributes: Vec<_> = pass
+            .attributes
+            .iter()
+            .map(|a| format!("{} {}", a.location, a.name))
+            .collect();
         writeln!(
             out,
             "{} [{}] {} + {}\n  {depth}\n  bindings {}\n  attributes {}",
@@ -53,7 +61,11 @@ fn describe(plan: &Plan, recipe: &str) -> String {
     for file in emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap() {
         if file.name.ends_with(".wgsl") {
             let text = String::from_utf8(file.bytes).unwrap();
-            let text = if text == author { "as written" } else { text.as_str() };
+            let text = if text == author {
+                "as written"
+            } else {
+                text.as_str()
+            };
             writeln!(out, "\n==== {}\n{text}", file.name).unwrap();
         }
     }

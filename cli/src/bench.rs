@@ -8,11 +8,15 @@ use std::time::Duration;
 use preshade::front::{self, Options, Source};
 use preshade::measure::{self, Estimate, TimingSettings};
 use preshade::passes::pass::Facts;
-use preshade::passes::plan::{Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role, Visibility};
+use preshade::passes::plan::{
+    Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role, Visibility,
+};
 use preshade::passes::reflect;
 use preshade::passes::state::{CompareFunction, CullMode, DepthBias, MaterialState};
 use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant};
+use preshade::render::{
+    AdapterChoice, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
+};
 use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
 use serde::Serialize;
 
@@ -23,7 +27,11 @@ use crate::{Failure, Format, Outcome};
 #[derive(clap::Args)]
 pub struct Args {
     /// The hand-written reference.
-    #[arg(long, value_name = "FILE", default_value = "fixtures/handwritten/bounds.wgsl")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        default_value = "fixtures/handwritten/bounds.wgsl"
+    )]
     reference: PathBuf,
     /// Resolution; default 1920x1080, or 320x180 on a software adapter.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -76,30 +84,57 @@ const ORDERS: [(&str, u32); 3] = [("back to front", 0), ("shuffled", 2), ("front
 
 /// Runs the yardstick.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let gpu = Gpu::new(&args.adapter.clone().map_or(AdapterChoice::Best, AdapterChoice::Matching))?;
-    let size = args.size.unwrap_or(if gpu.adapter().kind == "software" { [320, 180] } else { [1920, 1080] });
-    let text = std::fs::read_to_string(&args.reference).map_err(|e| Failure(format!("error: {}: {e}", args.reference.display())))?;
-    let timing = TimingSettings { budget: Duration::from_secs_f64(args.seconds.clamp(0.0, 600.0)), ..TimingSettings::default() };
+    let gpu = Gpu::new(
+        &args
+            .adapter
+            .clone()
+            .map_or(AdapterChoice::Best, AdapterChoice::Matching),
+    )?;
+    let size = args.size.unwrap_or(if gpu.adapter().kind == "software" {
+        [320, 180]
+    } else {
+        [1920, 1080]
+    });
+    let text = std::fs::read_to_string(&args.reference)
+        .map_err(|e| Failure(format!("error: {}: {e}", args.reference.display())))?;
+    let timing = TimingSettings {
+        budget: Duration::from_secs_f64(args.seconds.clamp(0.0, 600.0)),
+        ..TimingSettings::default()
+    };
     let mut rows = Vec::new();
     for layers in &args.layers {
         for (order, number) in ORDERS {
             let scene = scene(&text, size, *layers, number)?;
             let inputs = SceneInputs::new(&gpu, &scene)?;
-            let forward = measure::originals(&scene).into_iter().next().ok_or_else(|| Failure("error: no plan".to_owned()))?;
+            let forward = measure::originals(&scene)
+                .into_iter()
+                .next()
+                .ok_or_else(|| Failure("error: no plan".to_owned()))?;
             for (form, recipe) in FORMS {
                 eprintln!("{layers} layers {order}: {form}");
                 let hand = handwritten(&forward, form)?;
                 let generated = Recipe::parse([recipe])?
-                    .apply(&forward, &Facts { depth_ties: Some(0) })
+                    .apply(
+                        &forward,
+                        &Facts {
+                            depth_ties: Some(0),
+                        },
+                    )
                     .map_err(|r| Failure(format!("error: {r}")))?;
                 let prepare = |plan: &Plan| -> Result<Prepared<'_>, Failure> {
                     let variant = Variant::new(std::slice::from_ref(plan), ShaderForm::Text)?;
-                    Ok(Prepared::new(&inputs, &variant, &FrameSettings::of(&scene))?)
+                    Ok(Prepared::new(
+                        &inputs,
+                        &variant,
+                        &FrameSettings::of(&scene),
+                    )?)
                 };
                 let (hand, generated) = (prepare(&hand)?, prepare(&generated)?);
                 let error = measure::compare(&hand.render()?, &generated.render()?)?;
                 let (_, times) = measure::time(&gpu, &[&hand, &generated], &timing, |_| {})?;
-                let [hand, generated] = &times[..] else { continue };
+                let [hand, generated] = &times[..] else {
+                    continue;
+                };
                 rows.push(Row {
                     layers: *layers,
                     order,
@@ -113,7 +148,12 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             }
         }
     }
-    let report = Report { schema: "preshade.bench.v1", resolution: size, adapter: gpu.adapter().clone(), rows };
+    let report = Report {
+        schema: "preshade.bench.v1",
+        resolution: size,
+        adapter: gpu.adapter().clone(),
+        rows,
+    };
     match args.format {
         Format::Json => println!("{}", serde_json::to_string_pretty(&report)?),
         Format::Human => print(&report),
@@ -122,12 +162,26 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 fn print(report: &Report) {
-    println!("{}x{} on {}\n", report.resolution[0], report.resolution[1], report.adapter.name);
-    println!("{:>6}  {:<13}  {:<15}  {:>9}  {:>9}  {:>22}  {:>10}", "layers", "order", "form", "hand ms", "ours ms", "hand / ours", "changed px");
+    println!(
+        "{}x{} on {}\n",
+        report.resolution[0], report.resolution[1], report.adapter.name
+    );
+    println!(
+        "{:>6}  {:<13}  {:<15}  {:>9}  {:>9}  {:>22}  {:>10}",
+        "layers", "order", "form", "hand ms", "ours ms", "hand / ours", "changed px"
+    );
     for r in &report.rows {
         println!(
             "{:>6}  {:<13}  {:<15}  {:>9.3}  {:>9.3}  {:>6.3} [{:>5.3}, {:>5.3}]  {:>10}",
-            r.layers, r.order, r.form, r.handwritten_ms.median, r.generated_ms.median, r.ratio.median, r.ratio.low, r.ratio.high, r.changed_pixels
+            r.layers,
+            r.order,
+            r.form,
+            r.handwritten_ms.median,
+            r.generated_ms.median,
+            r.ratio.median,
+            r.ratio.low,
+            r.ratio.high,
+            r.changed_pixels
         );
     }
 }
@@ -137,8 +191,13 @@ fn scene(text: &str, size: [u32; 2], layers: u32, order: u32) -> Result<Scene, F
     /// Quads along each side of a layer, as in the frozen figures.
     const GRID: u32 = 16;
     let source = Source::new("bounds.wgsl", text);
-    let options = Options { vertex: Some("vs".to_owned()), fragment: Some("fs".to_owned()), ..Options::default() };
-    let parsed = front::parse(&[source], &options).map_err(|e| Failure(e.render(front::Color::Never)))?;
+    let options = Options {
+        vertex: Some("vs".to_owned()),
+        fragment: Some("fs".to_owned()),
+        ..Options::default()
+    };
+    let parsed =
+        front::parse(&[source], &options).map_err(|e| Failure(e.render(front::Color::Never)))?;
     let numbers = |n: f64| Value::Numbers(vec![n]);
     let values = BTreeMap::from([
         ("p.n".to_owned(), numbers(f64::from(GRID))),
@@ -189,7 +248,15 @@ fn scene(text: &str, size: [u32; 2], layers: u32, order: u32) -> Result<Scene, F
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
         }],
-        cameras: vec![Camera { name: "front".to_owned(), frames: vec![Frame { view: Default::default(), projection: Default::default(), eye: Default::default(), time: 0.0 }] }],
+        cameras: vec![Camera {
+            name: "front".to_owned(),
+            frames: vec![Frame {
+                view: Default::default(),
+                projection: Default::default(),
+                eye: Default::default(),
+                time: 0.0,
+            }],
+        }],
         orders: vec![DrawOrder::AsGiven],
         light: Default::default(),
     })
@@ -198,8 +265,14 @@ fn scene(text: &str, size: [u32; 2], layers: u32, order: u32) -> Result<Scene, F
 /// A hand-written form as a plan: the frozen entry points, and the state that goes with them.
 fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
     let mut plan = forward.clone();
-    let program = plan.programs.get("main").cloned().ok_or_else(|| Failure("error: no program".to_owned()))?;
-    let Some(main) = plan.passes.first_mut() else { return Err(Failure("error: no pass".to_owned())) };
+    let program = plan
+        .programs
+        .get("main")
+        .cloned()
+        .ok_or_else(|| Failure("error: no program".to_owned()))?;
+    let Some(main) = plan.passes.first_mut() else {
+        return Err(Failure("error: no pass".to_owned()));
+    };
     let mut prepass = main.clone();
     prepass.role = Role::Prepass;
     prepass.phase = Phase::Depth;
@@ -215,24 +288,44 @@ fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
         }
         "pre-pass biased" => {
             if let Some(depth) = &mut prepass.depth {
-                depth.bias = DepthBias { constant: 64, slope_scale: 2.0, clamp: 0.0 };
+                depth.bias = DepthBias {
+                    constant: 64,
+                    slope_scale: 2.0,
+                    clamp: 0.0,
+                };
             }
         }
         _ => {
-            main.fragment = Some(if form == "prologue" { "fs_discard" } else { "fs_vote" }.to_owned());
+            main.fragment = Some(
+                if form == "prologue" {
+                    "fs_discard"
+                } else {
+                    "fs_vote"
+                }
+                .to_owned(),
+            );
             main.bindings.push(BindingUse {
                 group: 0,
                 binding: 1,
                 name: "dtex".to_owned(),
                 kind: BindingKind::DepthTexture,
-                visibility: Visibility { vertex: false, fragment: true },
-                source: BindingSource::Attachment { name: "prepass-depth".to_owned() },
+                visibility: Visibility {
+                    vertex: false,
+                    fragment: true,
+                },
+                source: BindingSource::Attachment {
+                    name: "prepass-depth".to_owned(),
+                },
             });
             if let Some(depth) = &mut prepass.depth {
                 depth.attachment = "prepass-depth".to_owned();
             }
             let scene = plan.attachments.first().cloned();
-            plan.attachments.extend(scene.map(|a| Attachment { name: "prepass-depth".to_owned(), sampled: true, ..a }));
+            plan.attachments.extend(scene.map(|a| Attachment {
+                name: "prepass-depth".to_owned(),
+                sampled: true,
+                ..a
+            }));
         }
     }
     reflect::fill(main, &program);

@@ -57,9 +57,15 @@ struct PassExplained {
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let plan = args.shader.plan()?;
     let steps = if args.passes.is_empty() {
-        PASSES.iter().map(|p| Step::parse(p.info().name)).collect::<Result<Vec<_>, _>>()?
+        PASSES
+            .iter()
+            .map(|p| Step::parse(p.info().name))
+            .collect::<Result<Vec<_>, _>>()?
     } else {
-        args.passes.iter().map(|p| Step::parse(p)).collect::<Result<Vec<_>, _>>()?
+        args.passes
+            .iter()
+            .map(|p| Step::parse(p))
+            .collect::<Result<Vec<_>, _>>()?
     };
     let explained = Explained {
         schema: "preshade.explain.v1",
@@ -72,8 +78,18 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
-                let sites = pass.sites(&plan, &Facts::default(), &serde_json::Value::Object(step.params.clone()))?;
-                Ok(PassExplained { pass: step.to_string(), summary: info.summary, hurts: info.hurts, source: info.source, sites })
+                let sites = pass.sites(
+                    &plan,
+                    &Facts::default(),
+                    &serde_json::Value::Object(step.params.clone()),
+                )?;
+                Ok(PassExplained {
+                    pass: step.to_string(),
+                    summary: info.summary,
+                    hurts: info.hurts,
+                    source: info.source,
+                    sites,
+                })
             })
             .collect::<Result<_, _>>()?,
     };
@@ -85,14 +101,26 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 fn stages(plan: &Plan) -> Vec<Stage> {
-    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else { return Vec::new() };
+    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+        return Vec::new();
+    };
     let graph = Graph::build(program);
     let mut stages = Vec::new();
     for (stage, word, name) in [
-        (preshade::passes::naga::ShaderStage::Vertex, "vertex", Some(&pass.vertex)),
-        (preshade::passes::naga::ShaderStage::Fragment, "fragment", pass.fragment.as_ref()),
+        (
+            preshade::passes::naga::ShaderStage::Vertex,
+            "vertex",
+            Some(&pass.vertex),
+        ),
+        (
+            preshade::passes::naga::ShaderStage::Fragment,
+            "fragment",
+            pass.fragment.as_ref(),
+        ),
     ] {
-        let Some((index, entry)) = name.and_then(|n| program.entry_point(stage, n)) else { continue };
+        let Some((index, entry)) = name.and_then(|n| program.entry_point(stage, n)) else {
+            continue;
+        };
         stages.push(Stage {
             stage: word,
             entry_point: entry.name.clone(),
@@ -107,14 +135,24 @@ fn stages(plan: &Plan) -> Vec<Stage> {
 fn print(explained: &Explained, plan: &Plan) {
     println!("material {}", explained.material);
     for s in &explained.stages {
-        let effects = if s.effects.is_empty() { String::new() } else { format!("; {}", s.effects.join(", ")) };
-        println!("  {} `{}`: static cost {:.0}, {} expressions{effects}", s.stage, s.entry_point, s.cost, s.expressions);
+        let effects = if s.effects.is_empty() {
+            String::new()
+        } else {
+            format!("; {}", s.effects.join(", "))
+        };
+        println!(
+            "  {} `{}`: static cost {:.0}, {} expressions{effects}",
+            s.stage, s.entry_point, s.cost, s.expressions
+        );
     }
     for p in &explained.passes {
         println!("\n{}\n  {}", p.pass, p.summary);
         for site in &p.sites.sites {
             println!("  applies to `{}`: {}", site.key.entry_point, site.what);
-            println!("    static cost {:.0} of {:.0}; site {}", site.cost.slice, site.cost.whole, site.key.slice);
+            println!(
+                "    static cost {:.0} of {:.0}; site {}",
+                site.cost.slice, site.cost.whole, site.key.slice
+            );
             println!("    hurts {}", p.hurts);
         }
         for r in &p.sites.refusals {
@@ -125,7 +163,10 @@ fn print(explained: &Explained, plan: &Plan) {
 }
 
 fn indent(text: &str) -> String {
-    text.lines().map(|l| format!("  {l}")).collect::<Vec<_>>().join("\n")
+    text.lines()
+        .map(|l| format!("  {l}"))
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 /// A refusal as a note on the author's source.
@@ -133,10 +174,17 @@ pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
     let mut files = SimpleFiles::new();
     let mut labels = Vec::new();
     if let Some(at) = &refusal.location
-        && let Some(file) = plan.programs.values().flat_map(|p| p.sources().files()).find(|f| f.name == at.file)
+        && let Some(file) = plan
+            .programs
+            .values()
+            .flat_map(|p| p.sources().files())
+            .find(|f| f.name == at.file)
     {
         let id = files.add(file.name.clone(), file.text.clone());
-        labels.push(Label::primary(id, at.range.start as usize..at.range.end as usize));
+        labels.push(Label::primary(
+            id,
+            at.range.start as usize..at.range.end as usize,
+        ));
     }
     let diagnostic = Diagnostic::note()
         .with_code(format!("{}/{}", refusal.pass, refusal.code))
@@ -144,5 +192,6 @@ pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
         .with_labels(labels)
         .with_notes(vec![format!("to make it legal: {}", refusal.remedy)]);
     let config = term::Config::default();
-    term::emit_into_string(&config, &files, &diagnostic).map_or_else(|_| refusal.to_string(), |s| s.trim_end().to_owned())
+    term::emit_into_string(&config, &files, &diagnostic)
+        .map_or_else(|_| refusal.to_string(), |s| s.trim_end().to_owned())
 }

@@ -6,7 +6,10 @@ use std::path::{Path, PathBuf};
 use preshade::front::{self, Source};
 use preshade::passes::plan::Plan;
 use preshade::passes::program::Language;
-use preshade::passes::state::{Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState, Topology};
+use preshade::passes::state::{
+    Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
+    Topology,
+};
 
 use crate::Failure;
 
@@ -108,7 +111,8 @@ impl StateArgs {
         let mut state = match &self.state {
             None => MaterialState::default(),
             Some(path) => {
-                let text = std::fs::read_to_string(path).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
+                let text = std::fs::read_to_string(path)
+                    .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
                 let read = if path.extension().is_some_and(|e| e == "json") {
                     serde_json::from_str(&text).map_err(|e| e.to_string())
                 } else {
@@ -161,13 +165,27 @@ impl ShaderArgs {
     pub fn plan(&self) -> Result<Plan, Failure> {
         let parsed = self.parse()?;
         let state = self.state.state()?;
-        Ok(Plan::original(&self.material_name(), parsed.program, &parsed.vertex, parsed.fragment.as_deref(), &state))
+        Ok(Plan::original(
+            &self.material_name(),
+            parsed.program,
+            &parsed.vertex,
+            parsed.fragment.as_deref(),
+            &state,
+        ))
     }
 
     /// Reads and parses the shader.
     pub fn parse(&self) -> Result<front::Parsed, Failure> {
-        let sources = self.files.iter().map(|f| self.source(f)).collect::<Result<Vec<_>, _>>()?;
-        let options = front::Options { vertex: self.vertex.clone(), fragment: self.fragment.clone(), ..front::Options::default() };
+        let sources = self
+            .files
+            .iter()
+            .map(|f| self.source(f))
+            .collect::<Result<Vec<_>, _>>()?;
+        let options = front::Options {
+            vertex: self.vertex.clone(),
+            fragment: self.fragment.clone(),
+            ..front::Options::default()
+        };
         front::parse(&sources, &options).map_err(|e| Failure(e.render(color())))
     }
 
@@ -178,13 +196,27 @@ impl ShaderArgs {
                 return Err(Failure("error: stdin has no file name to tell its language from: give --lang wgsl or --lang glsl".to_owned()));
             }
             let mut bytes = Vec::new();
-            std::io::stdin().lock().read_to_end(&mut bytes).map_err(|e| Failure(format!("error: stdin: {e}")))?;
-            return Ok(Source { name: "<stdin>".to_owned(), text: utf8(bytes, "stdin")?, language, stage: None });
+            std::io::stdin()
+                .lock()
+                .read_to_end(&mut bytes)
+                .map_err(|e| Failure(format!("error: stdin: {e}")))?;
+            return Ok(Source {
+                name: "<stdin>".to_owned(),
+                text: utf8(bytes, "stdin")?,
+                language,
+                stage: None,
+            });
         }
-        let bytes = std::fs::read(path).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
+        let bytes =
+            std::fs::read(path).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
         let name = path.display().to_string();
         let text = utf8(bytes, &name)?;
-        Ok(Source { name, text, language, stage: None })
+        Ok(Source {
+            name,
+            text,
+            language,
+            stage: None,
+        })
     }
 
     /// Name of the material.
@@ -194,15 +226,27 @@ impl ShaderArgs {
                 .first()
                 .filter(|f| *f != Path::new("-"))
                 .and_then(|f| f.file_stem())
-                .map_or_else(|| "material".to_owned(), |s| s.to_string_lossy().into_owned())
+                .map_or_else(
+                    || "material".to_owned(),
+                    |s| s.to_string_lossy().into_owned(),
+                )
         })
     }
 }
 
 fn utf8(bytes: Vec<u8>, name: &str) -> Result<String, Failure> {
-    String::from_utf8(bytes).map_err(|e| Failure(format!("error: {name}: not UTF-8 text (byte {})", e.utf8_error().valid_up_to())))
+    String::from_utf8(bytes).map_err(|e| {
+        Failure(format!(
+            "error: {name}: not UTF-8 text (byte {})",
+            e.utf8_error().valid_up_to()
+        ))
+    })
 }
 
 fn color() -> front::Color {
-    if crate::color_on_stderr() { front::Color::Always } else { front::Color::Never }
+    if crate::color_on_stderr() {
+        front::Color::Always
+    } else {
+        front::Color::Never
+    }
 }

@@ -17,7 +17,13 @@ mod verify;
 
 /// Writes faster variants of a material's shaders, and proves each by picture and clock.
 #[derive(Parser)]
-#[command(name = "preshade", version, about, propagate_version = true, max_term_width = 110)]
+#[command(
+    name = "preshade",
+    version,
+    about,
+    propagate_version = true,
+    max_term_width = 110
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -54,7 +54,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let original = args.shader.plan()?;
     let mut plan = original;
     for step in &recipe.steps {
-        let one = Recipe { steps: vec![step.clone()] };
+        let one = Recipe {
+            steps: vec![step.clone()],
+        };
         match one.apply(&plan, &Facts::default()) {
             Ok(next) => plan = next,
             Err(refusal) => eprintln!("{}", crate::explain::refusal(&refusal, &plan)),
@@ -64,7 +66,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let files = emit::emit(&plan, &targets, &emit::Options::default())?;
     match &args.output {
         Some(dir) => {
-            for path in emit::write(dir, &files).map_err(|e| Failure(format!("error: {}: {e}", dir.display())))? {
+            for path in emit::write(dir, &files)
+                .map_err(|e| Failure(format!("error: {}: {e}", dir.display())))?
+            {
                 eprintln!("wrote {}", path.display());
             }
         }
@@ -72,7 +76,12 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             for file in &files {
                 match std::str::from_utf8(&file.bytes) {
                     Ok(text) => println!("// {}\n{text}", file.name),
-                    Err(_) => return Err(Failure(format!("error: {} is binary: give -o DIR", file.name))),
+                    Err(_) => {
+                        return Err(Failure(format!(
+                            "error: {} is binary: give -o DIR",
+                            file.name
+                        )));
+                    }
                 }
             }
         }

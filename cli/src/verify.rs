@@ -85,7 +85,9 @@ enum FormArg {
 
 /// Reads `WxH`.
 pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let (w, h) = text.split_once(['x', 'X']).ok_or("expected WxH, 1920x1080 say")?;
+    let (w, h) = text
+        .split_once(['x', 'X'])
+        .ok_or("expected WxH, 1920x1080 say")?;
     let side = |s: &str| match s.trim().parse::<u32>() {
         Ok(n @ 1..=8192) => Ok(n),
         _ => Err(format!("`{s}` is not a number from 1 to 8192")),
@@ -104,7 +106,10 @@ const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let recipes = recipes(args)?;
     let scene = scene(args)?;
-    let choice = args.adapter.clone().map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    let choice = args
+        .adapter
+        .clone()
+        .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::new(&choice)?;
     let bar = bar();
     let form = match args.form {
@@ -117,7 +122,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Facts::default()
     });
     let originals = measure::originals(&scene);
-    let variants: Vec<_> = recipes.iter().map(|r| measure::variant(&originals, r, &facts)).collect();
+    let variants: Vec<_> = recipes
+        .iter()
+        .map(|r| measure::variant(&originals, r, &facts))
+        .collect();
     let settings = Settings {
         form,
         timed: match args.time {
@@ -126,7 +134,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             TimeArg::FirstFrames => Timed::FirstFrames,
             TimeArg::Everything => Timed::Everything,
         },
-        timing: TimingSettings { budget: Duration::from_secs_f64(args.seconds.clamp(0.0, 3600.0)), ..TimingSettings::default() },
+        timing: TimingSettings {
+            budget: Duration::from_secs_f64(args.seconds.clamp(0.0, 3600.0)),
+            ..TimingSettings::default()
+        },
         frames_per_camera: args.frames,
         count: &measure::counting,
         command: command(),
@@ -137,7 +148,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     })?;
     bar.finish_and_clear();
     if let Some(dir) = &args.out {
-        let mut files = vec![preshade::emit::File { name: "report.json".to_owned(), bytes: outcome.report.to_json()?.into_bytes() }];
+        let mut files = vec![preshade::emit::File {
+            name: "report.json".to_owned(),
+            bytes: outcome.report.to_json()?.into_bytes(),
+        }];
         for pictures in &outcome.pictures {
             for file in pictures.files()? {
                 if !files.iter().any(|f| f.name == file.name) {
@@ -145,42 +159,71 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 }
             }
         }
-        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {}: {e}", dir.display())))?;
+        preshade::emit::write(dir, &files)
+            .map_err(|e| Failure(format!("error: {}: {e}", dir.display())))?;
         eprintln!("wrote {} files to {}", files.len(), dir.display());
     }
     match args.format {
         Format::Human => print!("{}", report::table::render(&outcome.report)),
         Format::Json => print!("{}", outcome.report.to_json()?),
     }
-    Ok(if outcome.report.is_broken() { Outcome::ContractBroken } else { Outcome::Fine })
+    Ok(if outcome.report.is_broken() {
+        Outcome::ContractBroken
+    } else {
+        Outcome::Fine
+    })
 }
 
 fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {
-    let mut recipes = args.passes.iter().map(|p| Recipe::parse([p])).collect::<Result<Vec<_>, _>>()?;
+    let mut recipes = args
+        .passes
+        .iter()
+        .map(|p| Recipe::parse([p]))
+        .collect::<Result<Vec<_>, _>>()?;
     for list in &args.recipes {
         recipes.push(Recipe::parse_list(list)?);
     }
     if recipes.is_empty() {
-        recipes = DEFAULT.iter().map(|p| Recipe::parse([p])).collect::<Result<_, _>>()?;
+        recipes = DEFAULT
+            .iter()
+            .map(|p| Recipe::parse([p]))
+            .collect::<Result<_, _>>()?;
     }
     Ok(recipes)
 }
 
 /// The scene asked for, under the set-up asked for.
 fn scene(args: &Args) -> Result<Scene, Failure> {
-    let toml = args.shader.files.iter().find(|f| f.extension().is_some_and(|e| e == "toml"));
+    let toml = args
+        .shader
+        .files
+        .iter()
+        .find(|f| f.extension().is_some_and(|e| e == "toml"));
     let state = &args.shader.state;
     let mut scene = match toml {
-        Some(path) if args.shader.files.len() == 1 => scene::load(Path::new(path)).map_err(|e| Failure(e.render()))?,
-        Some(_) => return Err(Failure("error: a scene file stands alone: its materials name their shaders".to_owned())),
+        Some(path) if args.shader.files.len() == 1 => {
+            scene::load(Path::new(path)).map_err(|e| Failure(e.render()))?
+        }
+        Some(_) => {
+            return Err(Failure(
+                "error: a scene file stands alone: its materials name their shaders".to_owned(),
+            ));
+        }
         None => {
             let parsed = args.shader.parse()?;
-            return Err(Failure(format!("error: {} has no scene yet", parsed.vertex)));
+            return Err(Failure(format!(
+                "error: {} has no scene yet",
+                parsed.vertex
+            )));
         }
     };
     if toml.is_some() {
         let format = state.depth_format.unwrap_or(scene.depth_format);
-        let direction = if state.reversed_z { DepthDirection::Reversed } else { scene.depth_direction };
+        let direction = if state.reversed_z {
+            DepthDirection::Reversed
+        } else {
+            scene.depth_direction
+        };
         if (format, direction) != (scene.depth_format, scene.depth_direction) {
             scene = scene.with_depth(format, direction);
         }
@@ -201,7 +244,10 @@ fn scene(args: &Args) -> Result<Scene, Failure> {
                 Some(camera) => scene.cameras.push(camera.clone()),
                 None => {
                     let names: Vec<_> = all.iter().map(|c| c.name.as_str()).collect();
-                    return Err(Failure(format!("error: the scene has no camera `{name}`; it has: {}", names.join(", "))));
+                    return Err(Failure(format!(
+                        "error: the scene has no camera `{name}`; it has: {}",
+                        names.join(", ")
+                    )));
                 }
             }
         }

@@ -4,8 +4,8 @@
 //! covered pixel on any adapter. Fragments that the material discards are not counted: what is left is what hid each other.
 
 use naga::{
-    Binding, BuiltIn, EntryPoint, Expression, Function, FunctionResult, Literal, Module, Scalar, ShaderStage, Span, StructMember, Type, TypeInner,
-    VectorSize,
+    Binding, BuiltIn, EntryPoint, Expression, Function, FunctionResult, Literal, Module, Scalar,
+    ShaderStage, Span, StructMember, Type, TypeInner, VectorSize,
 };
 
 use crate::graph::Graph;
@@ -24,11 +24,23 @@ pub const ENTRY: &str = "preshade_count";
 /// # Errors
 /// A slice of ours that does not validate: a bug.
 pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
-    let missing = |what: &str| Box::new(Invalid { message: format!("the plan has no {what}"), labels: Vec::new() });
-    let program = plan.program(pass).ok_or_else(|| missing("program of that name"))?;
+    let missing = |what: &str| {
+        Box::new(Invalid {
+            message: format!("the plan has no {what}"),
+            labels: Vec::new(),
+        })
+    };
+    let program = plan
+        .program(pass)
+        .ok_or_else(|| missing("program of that name"))?;
     let fragment = match &pass.fragment {
         None => None,
-        Some(name) => Some(program.entry_point(ShaderStage::Fragment, name).ok_or_else(|| missing("fragment entry point of that name"))?.0),
+        Some(name) => Some(
+            program
+                .entry_point(ShaderStage::Fragment, name)
+                .ok_or_else(|| missing("fragment entry point of that name"))?
+                .0,
+        ),
     };
     let mut module = program.module().clone();
     let decides = fragment.is_some_and(|f| {
@@ -40,8 +52,22 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     match fragment.filter(|_| decides) {
         Some(entry) => {
             let graph = Graph::build(program);
-            let slice = slice::backward(&graph, entry, &[Criterion::Discard, Criterion::Output(OutputFilter::FragDepth)]);
-            module = place::entry_point(&graph, &slice, &module, ENTRY, "count", PositionInvariance::AsWritten);
+            let slice = slice::backward(
+                &graph,
+                entry,
+                &[
+                    Criterion::Discard,
+                    Criterion::Output(OutputFilter::FragDepth),
+                ],
+            );
+            module = place::entry_point(
+                &graph,
+                &slice,
+                &module,
+                ENTRY,
+                "count",
+                PositionInvariance::AsWritten,
+            );
         }
         None => module.entry_points.push(EntryPoint {
             name: ENTRY.to_owned(),
@@ -56,39 +82,79 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         }),
     }
     add_color(&mut module);
-    let kept = [(ShaderStage::Vertex, pass.vertex.as_str()), (ShaderStage::Fragment, ENTRY)];
+    let kept = [
+        (ShaderStage::Vertex, pass.vertex.as_str()),
+        (ShaderStage::Fragment, ENTRY),
+    ];
     program.with_module(place::retain(&module, &kept))
 }
 
 /// Makes the last entry point of `module` return the colour (1, 1, 1, 1) beside the depth it may return.
 fn add_color(module: &mut Module) {
     let vec4 = module.types.insert(
-        Type { name: None, inner: TypeInner::Vector { size: VectorSize::Quad, scalar: Scalar::F32 } },
+        Type {
+            name: None,
+            inner: TypeInner::Vector {
+                size: VectorSize::Quad,
+                scalar: Scalar::F32,
+            },
+        },
         Span::UNDEFINED,
     );
-    let color = Binding::Location { location: 0, interpolation: None, sampling: None, blend_src: None, per_primitive: false };
-    let Some(depth) = module.entry_points.last().map(|e| e.function.result.clone()) else { return };
+    let color = Binding::Location {
+        location: 0,
+        interpolation: None,
+        sampling: None,
+        blend_src: None,
+        per_primitive: false,
+    };
+    let Some(depth) = module
+        .entry_points
+        .last()
+        .map(|e| e.function.result.clone())
+    else {
+        return;
+    };
     let with_depth = depth.map(|depth| {
-        let member = |name: &str, ty, binding, offset| StructMember { name: Some(name.to_owned()), ty, binding: Some(binding), offset };
+        let member = |name: &str, ty, binding, offset| StructMember {
+            name: Some(name.to_owned()),
+            ty,
+            binding: Some(binding),
+            offset,
+        };
         let members = vec![
             member("color", vec4, color.clone(), 0),
             member("depth", depth.ty, Binding::BuiltIn(BuiltIn::FragDepth), 16),
         ];
         module.types.insert(
-            Type { name: Some("Counted".to_owned()), inner: TypeInner::Struct { members, span: 32 } },
+            Type {
+                name: Some("Counted".to_owned()),
+                inner: TypeInner::Struct { members, span: 32 },
+            },
             Span::UNDEFINED,
         )
     });
-    let Some(entry) = module.entry_points.last_mut() else { return };
+    let Some(entry) = module.entry_points.last_mut() else {
+        return;
+    };
     entry.function.result = Some(match with_depth {
         Some(ty) => FunctionResult { ty, binding: None },
-        None => FunctionResult { ty: vec4, binding: Some(color) },
+        None => FunctionResult {
+            ty: vec4,
+            binding: Some(color),
+        },
     });
     returns::rewrite(&mut entry.function, &mut |emitter, depth| {
         let one = emitter.constant(Expression::Literal(Literal::F32(1.0)));
-        let color = emitter.emit(Expression::Splat { size: VectorSize::Quad, value: one });
+        let color = emitter.emit(Expression::Splat {
+            size: VectorSize::Quad,
+            value: one,
+        });
         Some(match (with_depth, depth) {
-            (Some(ty), Some(depth)) => emitter.emit(Expression::Compose { ty, components: vec![color, depth] }),
+            (Some(ty), Some(depth)) => emitter.emit(Expression::Compose {
+                ty,
+                components: vec![color, depth],
+            }),
             _ => color,
         })
     });

@@ -1,7 +1,9 @@
 //! The depth-only version of a material: the slice of its vertex stage that decides position, and the slice of its fragment stage that decides
 //! discard and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
 
-use naga::{BinaryOperator, Binding, Expression, Function, Handle, Literal, Module, ShaderStage, Span, Type};
+use naga::{
+    BinaryOperator, Binding, Expression, Function, Handle, Literal, Module, ShaderStage, Span, Type,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -50,9 +52,19 @@ pub struct Placed {
 /// Slices a material.
 pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
     let graph = &opaque.graph;
-    let fragment = opaque.fragment.filter(|_| opaque.decides_depth()).map(|entry| {
-        slice::backward(graph, entry, &[Criterion::Discard, Criterion::Output(OutputFilter::FragDepth)])
-    });
+    let fragment = opaque
+        .fragment
+        .filter(|_| opaque.decides_depth())
+        .map(|entry| {
+            slice::backward(
+                graph,
+                entry,
+                &[
+                    Criterion::Discard,
+                    Criterion::Output(OutputFilter::FragDepth),
+                ],
+            )
+        });
     let vertex = match stage {
         VertexStage::Same => None,
         VertexStage::Sliced => {
@@ -60,21 +72,34 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
             if let Some(fragment) = &fragment {
                 let entry = &opaque.program.module().entry_points[fragment.entry];
                 let inputs = reflect::inputs(opaque.program.module(), &entry.function);
-                criteria.extend(fragment.inputs.iter().filter_map(|i| match inputs.get(*i)?.binding {
-                    Some(Binding::Location { location, .. }) => Some(Criterion::Output(OutputFilter::Location(location))),
-                    _ => None,
-                }));
+                criteria.extend(fragment.inputs.iter().filter_map(
+                    |i| match inputs.get(*i)?.binding {
+                        Some(Binding::Location { location, .. }) => {
+                            Some(Criterion::Output(OutputFilter::Location(location)))
+                        }
+                        _ => None,
+                    },
+                ));
             }
             Some(slice::backward(graph, opaque.vertex, &criteria))
         }
     };
     let whole_vertex = graph.entry_cost(opaque.vertex);
     let cost = SiteCost {
-        slice: vertex.as_ref().map_or(whole_vertex, |s| s.cost) + fragment.as_ref().map_or(0.0, |s| s.cost),
+        slice: vertex.as_ref().map_or(whole_vertex, |s| s.cost)
+            + fragment.as_ref().map_or(0.0, |s| s.cost),
         whole: whole_vertex + opaque.fragment.map_or(0.0, |f| graph.entry_cost(f)),
     };
-    let span = [&fragment, &vertex].into_iter().flatten().find_map(|s| s.spans.first().copied());
-    DepthOnly { vertex, fragment, cost, span }
+    let span = [&fragment, &vertex]
+        .into_iter()
+        .flatten()
+        .find_map(|s| s.spans.first().copied());
+    DepthOnly {
+        vertex,
+        fragment,
+        cost,
+        span,
+    }
 }
 
 impl DepthOnly {
@@ -110,20 +135,43 @@ impl DepthOnly {
         Err(Box::new(Refusal::new(
             pass,
             "stale",
-            format!("the site {} of `{}` is no longer in the shader", site.slice, site.entry_point),
+            format!(
+                "the site {} of `{}` is no longer in the shader",
+                site.slice, site.entry_point
+            ),
             "make the recipe anew",
         )))
     }
 
     /// Places the slices beside the author's entry points. `suffix` ends the names of what is new. `shader_bias` is added to a depth that the fragment stage writes.
-    pub fn place(&self, opaque: &Opaque, suffix: &str, invariance: PositionInvariance, shader_bias: Option<f32>) -> Placed {
+    pub fn place(
+        &self,
+        opaque: &Opaque,
+        suffix: &str,
+        invariance: PositionInvariance,
+        shader_bias: Option<f32>,
+    ) -> Placed {
         let program = opaque.program;
         let graph = &opaque.graph;
         let mut module = program.module().clone();
         let fragment = self.fragment.as_ref().map(|slice| {
-            let name = format!("{}_{suffix}", program.module().entry_points[slice.entry].name);
-            module = place::entry_point(graph, slice, &module, &name, suffix, PositionInvariance::AsWritten);
-            if let (Some(bias), true, Some(entry)) = (shader_bias, opaque.writes_depth, module.entry_points.last_mut()) {
+            let name = format!(
+                "{}_{suffix}",
+                program.module().entry_points[slice.entry].name
+            );
+            module = place::entry_point(
+                graph,
+                slice,
+                &module,
+                &name,
+                suffix,
+                PositionInvariance::AsWritten,
+            );
+            if let (Some(bias), true, Some(entry)) = (
+                shader_bias,
+                opaque.writes_depth,
+                module.entry_points.last_mut(),
+            ) {
                 bias_depth(&mut entry.function, bias);
             }
             name
@@ -132,11 +180,19 @@ impl DepthOnly {
             if invariance == PositionInvariance::Invariant {
                 module = place::with_invariant_position(&module, opaque.vertex);
             }
-            return Placed { module, vertex: opaque.pass.vertex.clone(), fragment };
+            return Placed {
+                module,
+                vertex: opaque.pass.vertex.clone(),
+                fragment,
+            };
         };
         let vertex = format!("{}_{suffix}", opaque.pass.vertex);
         module = place::entry_point(graph, slice, &module, &vertex, suffix, invariance);
-        Placed { module, vertex, fragment }
+        Placed {
+            module,
+            vertex,
+            fragment,
+        }
     }
 
     /// The vertex stage is the main pass's own.
@@ -145,12 +201,27 @@ impl DepthOnly {
     }
 
     /// Adds to `module` a plain function that computes the depth the material writes, from the fragment stage's inputs.
-    pub fn depth_function(&self, opaque: &Opaque, module: &Module) -> Option<(Module, DepthFunction)> {
+    pub fn depth_function(
+        &self,
+        opaque: &Opaque,
+        module: &Module,
+    ) -> Option<(Module, DepthFunction)> {
         let graph = &opaque.graph;
         // Only the depth: discarding is still to come, in the author's own code.
-        let slice = slice::backward(graph, self.fragment.as_ref()?.entry, &[Criterion::Output(OutputFilter::FragDepth)]);
+        let slice = slice::backward(
+            graph,
+            self.fragment.as_ref()?.entry,
+            &[Criterion::Output(OutputFilter::FragDepth)],
+        );
         let name = "prepass_own_depth";
-        let mut module = place::entry_point(graph, &slice, module, name, "own_depth", PositionInvariance::AsWritten);
+        let mut module = place::entry_point(
+            graph,
+            &slice,
+            module,
+            name,
+            "own_depth",
+            PositionInvariance::AsWritten,
+        );
         let mut function = module.entry_points.pop()?.function;
         let mut arguments = Vec::new();
         for argument in &mut function.arguments {
@@ -164,7 +235,13 @@ impl DepthOnly {
         }
         function.name = Some(name.to_owned());
         let function = module.functions.append(function, Span::UNDEFINED);
-        Some((module, DepthFunction { function, arguments }))
+        Some((
+            module,
+            DepthFunction {
+                function,
+                arguments,
+            },
+        ))
     }
 }
 
@@ -191,12 +268,24 @@ fn bias_depth(function: &mut Function, bias: f32) {
     returns::rewrite(function, &mut |emitter, value| {
         let value = value?;
         let bias = emitter.constant(Expression::Literal(Literal::F32(bias)));
-        Some(emitter.emit(Expression::Binary { op: BinaryOperator::Add, left: value, right: bias }))
+        Some(emitter.emit(Expression::Binary {
+            op: BinaryOperator::Add,
+            left: value,
+            right: bias,
+        }))
     });
 }
 
 /// Adds a depth-only GPU pass to a plan, ahead of the main pass. `program` is the key of a program that is already in the plan.
-pub fn insert(plan: &mut Plan, main: &GpuPass, placed: &Placed, program: &str, role: Role, phase: Phase, depth: DepthState) {
+pub fn insert(
+    plan: &mut Plan,
+    main: &GpuPass,
+    placed: &Placed,
+    program: &str,
+    role: Role,
+    phase: Phase,
+    depth: DepthState,
+) {
     let mut pass = GpuPass {
         role,
         phase,
@@ -230,8 +319,16 @@ pub fn insert_own(
     name: &str,
 ) -> Result<(), Box<Refusal>> {
     let mut kept = vec![(ShaderStage::Vertex, placed.vertex.as_str())];
-    kept.extend(placed.fragment.as_deref().map(|f| (ShaderStage::Fragment, f)));
-    let program = opaque.program.with_module(place::retain(&placed.module, &kept)).map_err(|e| Refusal::bug(name, e))?;
+    kept.extend(
+        placed
+            .fragment
+            .as_deref()
+            .map(|f| (ShaderStage::Fragment, f)),
+    );
+    let program = opaque
+        .program
+        .with_module(place::retain(&placed.module, &kept))
+        .map_err(|e| Refusal::bug(name, e))?;
     plan.programs.insert(role.name().to_owned(), program);
     insert(plan, opaque.pass, &placed, role.name(), role, phase, depth);
     Ok(())
@@ -244,11 +341,20 @@ pub fn finish(plan: &mut Plan, fallback: &str) {
             reflect::fill(pass, program);
         }
     }
-    plan.contract = plan.steps.iter().map(|s| s.contract.clone()).fold(Contract::exact(), Contract::and);
+    plan.contract = plan
+        .steps
+        .iter()
+        .map(|s| s.contract.clone())
+        .fold(Contract::exact(), Contract::and);
     plan.fallback = Some(fallback.to_owned());
 }
 
 /// The first of several refusals: what `apply` answers where `sites` answers all.
 pub fn first(refusals: Vec<Refusal>) -> Box<Refusal> {
-    Box::new(refusals.into_iter().next().unwrap_or_else(|| Refusal::new("", "refused", "refused", "see `preshade explain`")))
+    Box::new(
+        refusals
+            .into_iter()
+            .next()
+            .unwrap_or_else(|| Refusal::new("", "refused", "refused", "see `preshade explain`")),
+    )
 }

@@ -26,8 +26,8 @@ use crate::contract::{Assumption, Contract};
 use crate::depth_only::{self, DepthOnly, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
-use crate::plan::{Phase, Plan, Role, SelfTest, Step};
 use crate::place::{self, PositionInvariance};
+use crate::plan::{Phase, Plan, Role, SelfTest, Step};
 use crate::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
 
 /// The pass.
@@ -110,10 +110,18 @@ impl Pass for DepthPrepass {
             Err(refusals) => return opaque::refused(refusals),
         };
         let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
-        Sites { sites: vec![site], refusals: Vec::new() }
+        Sites {
+            sites: vec![site],
+            refusals: Vec::new(),
+        }
     }
 
-    fn apply(plan: &Plan, facts: &Facts, site: &SiteKey, params: &Params) -> Result<Plan, Box<Refusal>> {
+    fn apply(
+        plan: &Plan,
+        facts: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
         let opaque = check(plan, facts, params).map_err(depth_only::first)?;
         let slice = depth_only::slice(&opaque, params.vertex());
         slice.expect(&opaque, site, Self::INFO.name)?;
@@ -146,8 +154,16 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                     "give bias-constant=1 or more",
                 ));
             }
-            if params.bias_slope.is_some_and(|s| !(s >= 0.0 && s.is_finite())) {
-                refusals.push(Refusal::new(name, "bias-slope", "the slope bias is not a finite number of at least 0", "leave it out for 2"));
+            if params
+                .bias_slope
+                .is_some_and(|s| !(s >= 0.0 && s.is_finite()))
+            {
+                refusals.push(Refusal::new(
+                    name,
+                    "bias-slope",
+                    "the slope bias is not a finite number of at least 0",
+                    "leave it out for 2",
+                ));
             }
         }
         Form::Equal => {
@@ -157,7 +173,11 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             }
         }
     }
-    if refusals.is_empty() { Ok(opaque) } else { Err(refusals) }
+    if refusals.is_empty() {
+        Ok(opaque)
+    } else {
+        Err(refusals)
+    }
 }
 
 fn what(params: &Params, opaque: &Opaque) -> String {
@@ -178,25 +198,58 @@ fn what(params: &Params, opaque: &Opaque) -> String {
     format!("pre-pass with {vertex} and {fragment}; {main}")
 }
 
-fn biased(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -> Result<Plan, Box<Refusal>> {
-    let format = plan.attachment(&opaque.depth.attachment).map_or_else(DepthFormat::default, |a| a.format);
+fn biased(
+    plan: &Plan,
+    opaque: &Opaque,
+    slice: &DepthOnly,
+    params: &Params,
+) -> Result<Plan, Box<Refusal>> {
+    let format = plan
+        .attachment(&opaque.depth.attachment)
+        .map_or_else(DepthFormat::default, |a| a.format);
     let bias = params.bias(opaque.depth.bias, format, opaque.direction);
     // The rasteriser's bias does not reach a depth that the shader writes.
     let constant = params.bias_constant.unwrap_or_else(|| default_bias(format));
     let shader_bias = constant as f32 * format.step() * opaque.direction.away();
-    let placed = slice.place(opaque, "depth", PositionInvariance::AsWritten, Some(shader_bias));
+    let placed = slice.place(
+        opaque,
+        "depth",
+        PositionInvariance::AsWritten,
+        Some(shader_bias),
+    );
     let mut next = plan.clone();
     // The author's program stays as it is, to the byte: the pre-pass has one of its own, even with the same vertex stage.
-    depth_only::insert_own(&mut next, opaque, placed, Role::Prepass, Phase::Depth, DepthState { bias, ..opaque.depth.clone() }, DepthPrepass::INFO.name)?;
+    depth_only::insert_own(
+        &mut next,
+        opaque,
+        placed,
+        Role::Prepass,
+        Phase::Depth,
+        DepthState {
+            bias,
+            ..opaque.depth.clone()
+        },
+        DepthPrepass::INFO.name,
+    )?;
     let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
-    given.extend(opaque.decides_depth().then_some(Assumption::InvariantDiscard));
+    given.extend(
+        opaque
+            .decides_depth()
+            .then_some(Assumption::InvariantDiscard),
+    );
     next.steps.push(step(slice, opaque, params, given));
     next.self_test = Some(self_test(opaque.depth.compare));
     depth_only::finish(&mut next, "original");
     Ok(next)
 }
 
-fn equal(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params, facts: &Facts) -> Result<Plan, Box<Refusal>> {
+fn equal(
+    plan: &Plan,
+    opaque: &Opaque,
+    slice: &DepthOnly,
+    params: &Params,
+    facts: &Facts,
+) -> Result<Plan, Box<Refusal>> {
     let name = DepthPrepass::INFO.name;
     let mut next = plan.clone();
     let placed = slice.place(opaque, "depth", PositionInvariance::Invariant, None);
@@ -210,7 +263,10 @@ fn equal(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params, facts
         main = place::without_discard(&main, fragment);
         next.notes.push("no depth ties were measured: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
     }
-    let main = opaque.program.with_module(main).map_err(|e| Refusal::bug(name, e))?;
+    let main = opaque
+        .program
+        .with_module(main)
+        .map_err(|e| Refusal::bug(name, e))?;
     next.programs.insert(opaque.pass.program.clone(), main);
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         if let Some(depth) = &mut pass.depth {
@@ -219,13 +275,40 @@ fn equal(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params, facts
         }
     }
     if slice.shares_vertex() {
-        depth_only::insert(&mut next, opaque.pass, &placed, &opaque.pass.program, Role::Prepass, Phase::Depth, opaque.depth.clone());
+        depth_only::insert(
+            &mut next,
+            opaque.pass,
+            &placed,
+            &opaque.pass.program,
+            Role::Prepass,
+            Phase::Depth,
+            opaque.depth.clone(),
+        );
     } else {
-        depth_only::insert_own(&mut next, opaque, placed, Role::Prepass, Phase::Depth, opaque.depth.clone(), name)?;
+        depth_only::insert_own(
+            &mut next,
+            opaque,
+            placed,
+            Role::Prepass,
+            Phase::Depth,
+            opaque.depth.clone(),
+            name,
+        )?;
     }
-    let mut given = vec![Assumption::InvariantPosition, Assumption::SameDrawOrder, Assumption::SameViewport];
-    given.extend(opaque.decides_depth().then_some(Assumption::InvariantDiscard));
-    given.extend((opaque.depth.compare == opaque.strict() || drop_discard).then_some(Assumption::NoDepthTies));
+    let mut given = vec![
+        Assumption::InvariantPosition,
+        Assumption::SameDrawOrder,
+        Assumption::SameViewport,
+    ];
+    given.extend(
+        opaque
+            .decides_depth()
+            .then_some(Assumption::InvariantDiscard),
+    );
+    given.extend(
+        (opaque.depth.compare == opaque.strict() || drop_discard)
+            .then_some(Assumption::NoDepthTies),
+    );
     next.steps.push(step(slice, opaque, params, given));
     next.self_test = Some(self_test(CompareFunction::Equal));
     depth_only::finish(&mut next, "depth-prepass:form=biased");

@@ -27,7 +27,9 @@ use crate::depth_only::{self, DepthOnly, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::place::{self, PositionInvariance};
-use crate::plan::{Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility};
+use crate::plan::{
+    Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
+};
 use crate::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
 
 mod prologue;
@@ -134,10 +136,18 @@ impl Pass for EarlyDiscard {
             Err(refusals) => return opaque::refused(refusals),
         };
         let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
-        Sites { sites: vec![site], refusals: Vec::new() }
+        Sites {
+            sites: vec![site],
+            refusals: Vec::new(),
+        }
     }
 
-    fn apply(plan: &Plan, _facts: &Facts, site: &SiteKey, params: &Params) -> Result<Plan, Box<Refusal>> {
+    fn apply(
+        plan: &Plan,
+        _facts: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
         let opaque = check(plan, params).map_err(depth_only::first)?;
         let slice = depth_only::slice(&opaque, params.vertex());
         slice.expect(&opaque, site, Self::INFO.name)?;
@@ -149,15 +159,32 @@ fn check<'a>(plan: &'a Plan, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>
     let name = EarlyDiscard::INFO.name;
     let opaque = Opaque::examine(plan, name)?;
     let mut refusals = Vec::new();
-    let mut refuse = |code: &str, reason: &str, remedy: &str| refusals.push(Refusal::new(name, code, reason, remedy));
+    let mut refuse = |code: &str, reason: &str, remedy: &str| {
+        refusals.push(Refusal::new(name, code, reason, remedy))
+    };
     if opaque.fragment.is_none() {
-        refuse("no-fragment-stage", "the material has no fragment stage to leave early", "nothing to do");
+        refuse(
+            "no-fragment-stage",
+            "the material has no fragment stage to leave early",
+            "nothing to do",
+        );
     }
-    if params.tolerance.is_some_and(|t| !(t >= 0.0 && t.is_finite())) {
-        refuse("tolerance", "the tolerance is not a finite number of at least 0", "leave it out to have it derived");
+    if params
+        .tolerance
+        .is_some_and(|t| !(t >= 0.0 && t.is_finite()))
+    {
+        refuse(
+            "tolerance",
+            "the tolerance is not a finite number of at least 0",
+            "leave it out to have it derived",
+        );
     }
     if !opaque.pass.primitive.topology.is_triangles() && params.quad == Quad::Vote {
-        refuse("vote-needs-triangles", "lines and points have no 2x2 quads to vote in", "take quad=lane");
+        refuse(
+            "vote-needs-triangles",
+            "lines and points have no 2x2 quads to vote in",
+            "take quad=lane",
+        );
     }
     if params.quad == Quad::Lane
         && let Some(fragment) = opaque.fragment
@@ -181,7 +208,11 @@ fn check<'a>(plan: &'a Plan, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>
             "take attachment=own",
         ));
     }
-    if refusals.is_empty() { Ok(opaque) } else { Err(refusals) }
+    if refusals.is_empty() {
+        Ok(opaque)
+    } else {
+        Err(refusals)
+    }
 }
 
 fn what(params: &Params, opaque: &Opaque) -> String {
@@ -190,17 +221,31 @@ fn what(params: &Params, opaque: &Opaque) -> String {
         Quad::Lane => "lane by lane",
     };
     let hardware = match (params.attachment, opaque.writes_depth) {
-        (MainAttachment::Readonly, _) => "; the depth is attached read-only too, so the hardware test already rejects and the prologue only adds its cost",
-        (MainAttachment::Own, true) => "; the material writes depth, so the hardware cannot test early and this is where it pays most",
+        (MainAttachment::Readonly, _) => {
+            "; the depth is attached read-only too, so the hardware test already rejects and the prologue only adds its cost"
+        }
+        (MainAttachment::Own, true) => {
+            "; the material writes depth, so the hardware cannot test early and this is where it pays most"
+        }
         (MainAttachment::Own, false) => "",
     };
     format!("discard ahead of all work {lanes}{hardware}")
 }
 
-fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -> Result<Plan, Box<Refusal>> {
+fn transform(
+    plan: &Plan,
+    opaque: &Opaque,
+    slice: &DepthOnly,
+    params: &Params,
+) -> Result<Plan, Box<Refusal>> {
     let name = EarlyDiscard::INFO.name;
     let Some(fragment) = opaque.fragment else {
-        return Err(Box::new(Refusal::new(name, "no-fragment-stage", "the material has no fragment stage", "nothing to do")));
+        return Err(Box::new(Refusal::new(
+            name,
+            "no-fragment-stage",
+            "the material has no fragment stage",
+            "nothing to do",
+        )));
     };
     let scene = plan.attachment(&opaque.depth.attachment);
     let format = scene.map_or_else(DepthFormat::default, |a| a.format);
@@ -222,7 +267,9 @@ fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -
     let placed = slice.place(opaque, "depth", invariance, None);
     let mut main = match params.attachment {
         MainAttachment::Readonly if slice.shares_vertex() => placed.module.clone(),
-        MainAttachment::Readonly => place::with_invariant_position(opaque.program.module(), opaque.vertex),
+        MainAttachment::Readonly => {
+            place::with_invariant_position(opaque.program.module(), opaque.vertex)
+        }
         MainAttachment::Own => opaque.program.module().clone(),
     };
     let mut own_depth = None;
@@ -242,8 +289,13 @@ fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -
         tolerance: params.tolerance,
         slot,
     };
-    let main = prologue.inject(main, fragment, own_depth.as_ref()).map_err(|e| Refusal::bug(name, e))?;
-    let main = opaque.program.with_module(main).map_err(|e| Refusal::bug(name, e))?;
+    let main = prologue
+        .inject(main, fragment, own_depth.as_ref())
+        .map_err(|e| Refusal::bug(name, e))?;
+    let main = opaque
+        .program
+        .with_module(main)
+        .map_err(|e| Refusal::bug(name, e))?;
     next.programs.insert(opaque.pass.program.clone(), main);
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         pass.bindings.push(BindingUse {
@@ -251,8 +303,13 @@ fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -
             binding: slot.binding,
             name: prologue::TEXTURE.to_owned(),
             kind: BindingKind::DepthTexture,
-            visibility: Visibility { vertex: false, fragment: true },
-            source: BindingSource::Attachment { name: produced.clone() },
+            visibility: Visibility {
+                vertex: false,
+                fragment: true,
+            },
+            source: BindingSource::Attachment {
+                name: produced.clone(),
+            },
         });
         if let (MainAttachment::Readonly, Some(depth)) = (params.attachment, &mut pass.depth) {
             // The nearest fragment ties with what it finds: the strict comparison would drop it.
@@ -264,15 +321,40 @@ fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -
             depth.read_only = true;
         }
     }
-    let depth_state = DepthState { attachment: produced.clone(), read_only: false, ..opaque.depth.clone() };
+    let depth_state = DepthState {
+        attachment: produced.clone(),
+        read_only: false,
+        ..opaque.depth.clone()
+    };
     if params.attachment == MainAttachment::Readonly && slice.shares_vertex() {
-        depth_only::insert(&mut next, opaque.pass, &placed, &opaque.pass.program, Role::Prepass, Phase::Depth, depth_state);
+        depth_only::insert(
+            &mut next,
+            opaque.pass,
+            &placed,
+            &opaque.pass.program,
+            Role::Prepass,
+            Phase::Depth,
+            depth_state,
+        );
     } else {
-        depth_only::insert_own(&mut next, opaque, placed, Role::Prepass, Phase::Depth, depth_state, name)?;
+        depth_only::insert_own(
+            &mut next,
+            opaque,
+            placed,
+            Role::Prepass,
+            Phase::Depth,
+            depth_state,
+            name,
+        )?;
     }
     match next.attachments.iter_mut().find(|a| a.name == produced) {
         Some(a) => a.sampled = true,
-        None => next.attachments.push(Attachment { name: produced, format, samples, sampled: true }),
+        None => next.attachments.push(Attachment {
+            name: produced,
+            format,
+            samples,
+            sampled: true,
+        }),
     }
 
     let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
@@ -280,17 +362,25 @@ fn transform(plan: &Plan, opaque: &Opaque, slice: &DepthOnly, params: &Params) -
         given.push(Assumption::InvariantDiscard);
     }
     if params.attachment == MainAttachment::Readonly {
-        given.extend([Assumption::InvariantPosition, Assumption::NoDepthTies, Assumption::SameDrawOrder]);
+        given.extend([
+            Assumption::InvariantPosition,
+            Assumption::NoDepthTies,
+            Assumption::SameDrawOrder,
+        ]);
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     given.sort();
     let contract = match params.mode {
         Mode::Cull => Contract::Exact { given },
         // A diagnostic picture: every pixel may differ.
-        Mode::Invert => Contract::Approximate { metric: "max_abs".to_owned(), budget: 1.0 },
+        Mode::Invert => Contract::Approximate {
+            metric: "max_abs".to_owned(),
+            budget: 1.0,
+        },
     };
     if params.mode == Mode::Invert {
-        next.notes.push("diagnostic: shows only the fragments that would be saved".to_owned());
+        next.notes
+            .push("diagnostic: shows only the fragments that would be saved".to_owned());
     }
     next.steps.push(Step {
         pass: name.to_owned(),
@@ -314,20 +404,33 @@ pub struct Slot {
 /// The slot asked for, if it is free, or the first free one after the author's own.
 fn free_slot(module: &Module, params: &Params, name: &str) -> Result<Slot, Box<Refusal>> {
     let taken = |group: u32, binding: u32| {
+        module.global_variables.iter().find(|(_, g)| {
+            g.binding
+                .as_ref()
+                .is_some_and(|b| (b.group, b.binding) == (group, binding))
+        })
+    };
+    let bindings = || {
         module
             .global_variables
             .iter()
-            .find(|(_, g)| g.binding.as_ref().is_some_and(|b| (b.group, b.binding) == (group, binding)))
+            .filter_map(|(_, g)| g.binding.as_ref())
     };
-    let bindings = || module.global_variables.iter().filter_map(|(_, g)| g.binding.as_ref());
-    let group = params.group.unwrap_or_else(|| bindings().map(|b| b.group).max().unwrap_or(0));
-    let binding = params.binding.unwrap_or_else(|| (0..).find(|b| taken(group, *b).is_none()).unwrap_or(0));
+    let group = params
+        .group
+        .unwrap_or_else(|| bindings().map(|b| b.group).max().unwrap_or(0));
+    let binding = params
+        .binding
+        .unwrap_or_else(|| (0..).find(|b| taken(group, *b).is_none()).unwrap_or(0));
     match taken(group, binding) {
         None => Ok(Slot { group, binding }),
         Some((_, g)) => Err(Box::new(Refusal::new(
             name,
             "binding-taken",
-            format!("@group({group}) @binding({binding}) is `{}`", g.name.as_deref().unwrap_or("a variable of the shader")),
+            format!(
+                "@group({group}) @binding({binding}) is `{}`",
+                g.name.as_deref().unwrap_or("a variable of the shader")
+            ),
             "give a free binding, or leave it out",
         ))),
     }

@@ -27,7 +27,11 @@ pub struct Error {
 
 impl Error {
     fn new(message: impl Into<String>) -> Box<Self> {
-        Box::new(Self { message: message.into(), labels: Vec::new(), note: None })
+        Box::new(Self {
+            message: message.into(),
+            labels: Vec::new(),
+            note: None,
+        })
     }
 
     fn label(mut self: Box<Self>, span: Span, text: impl Into<String>) -> Box<Self> {
@@ -77,8 +81,15 @@ pub fn link(first: Module, second: &Module, base: u32, suffix: &str) -> Result<L
     linker.filters();
     linker.functions()?;
     linker.entry_points()?;
-    let functions = second.functions.iter().filter_map(|(h, _)| linker.functions.get(&h).copied()).collect();
-    Ok(Linked { module: linker.module, functions })
+    let functions = second
+        .functions
+        .iter()
+        .filter_map(|(h, _)| linker.functions.get(&h).copied())
+        .collect();
+    Ok(Linked {
+        module: linker.module,
+        functions,
+    })
 }
 
 /// `span` moved by `base`; an undefined span stays so.
@@ -160,15 +171,24 @@ impl Linker<'_> {
                 .predeclared_types
                 .insert(key.clone(), ty);
         }
-        let map = |slot: &mut Option<Handle<Type>>, ty: Option<Handle<Type>>, types: &HashMap<_, _>| {
-            if let Some(ty) = ty {
-                *slot = types.get(&ty).copied();
-            }
-        };
+        let map =
+            |slot: &mut Option<Handle<Type>>, ty: Option<Handle<Type>>, types: &HashMap<_, _>| {
+                if let Some(ty) = ty {
+                    *slot = types.get(&ty).copied();
+                }
+            };
         let ours = &mut self.module.special_types;
         map(&mut ours.ray_desc, theirs.ray_desc, &self.types);
-        map(&mut ours.ray_intersection, theirs.ray_intersection, &self.types);
-        map(&mut ours.ray_vertex_return, theirs.ray_vertex_return, &self.types);
+        map(
+            &mut ours.ray_intersection,
+            theirs.ray_intersection,
+            &self.types,
+        );
+        map(
+            &mut ours.ray_vertex_return,
+            theirs.ray_vertex_return,
+            &self.types,
+        );
         map(
             &mut ours.external_texture_params,
             theirs.external_texture_params,
@@ -215,10 +235,13 @@ impl Linker<'_> {
         }
         let mut expression = self.second.global_expressions[handle].clone();
         let mut failed = None;
-        operands::map_expression(&mut expression, &mut |operand| match self.expression(*operand) {
-            Ok(mapped) => *operand = mapped,
-            Err(e) => failed = Some(e),
-        });
+        operands::map_expression(
+            &mut expression,
+            &mut |operand| match self.expression(*operand) {
+                Ok(mapped) => *operand = mapped,
+                Err(e) => failed = Some(e),
+            },
+        );
         if let Some(error) = failed {
             return Err(error);
         }
@@ -265,12 +288,10 @@ impl Linker<'_> {
             **o != mapped && (o.name == mapped.name || (o.id.is_some() && o.id == mapped.id))
         });
         if let Some((ours, _)) = clash {
-            return Err(Error::new(
-                format!(
-                    "the two files declare the override `{}` differently",
-                    mapped.name.as_deref().unwrap_or("")
-                ),
-            )
+            return Err(Error::new(format!(
+                "the two files declare the override `{}` differently",
+                mapped.name.as_deref().unwrap_or("")
+            ))
             .label(span, "here")
             .label(self.module.overrides.get_span(ours), "and here"));
         }
@@ -333,15 +354,13 @@ impl Linker<'_> {
             format!("group {} binding {}", b.group, b.binding)
         });
         let name = |g: &GlobalVariable| g.name.clone().unwrap_or_default();
-        Error::new(
-            format!("the two files declare {at} differently"),
-        )
-        .label(span, format!("`{}` here", name(theirs)))
-        .label(
-            self.module.global_variables.get_span(ours),
-            format!("`{}` here", name(declared)),
-        )
-        .note("give one of them another binding, or both the same type and access")
+        Error::new(format!("the two files declare {at} differently"))
+            .label(span, format!("`{}` here", name(theirs)))
+            .label(
+                self.module.global_variables.get_span(ours),
+                format!("`{}` here", name(declared)),
+            )
+            .note("give one of them another binding, or both the same type and access")
     }
 
     fn filters(&mut self) {
@@ -383,9 +402,10 @@ impl Linker<'_> {
                 && first.name == entry.name
             {
                 let stage = format!("{:?}", entry.stage).to_lowercase();
-                return Err(Error::new(
-                    format!("both files have a {stage} entry point `{}`", entry.name),
-                ));
+                return Err(Error::new(format!(
+                    "both files have a {stage} entry point `{}`",
+                    entry.name
+                )));
             }
             let mut mapped = entry.clone();
             mapped.function = self.function(&entry.function)?;
@@ -498,9 +518,7 @@ fn content(function: &Function) -> String {
 
 /// A front end of naga built a module that refers to what comes later, which it promises not to.
 fn dangling() -> Box<Error> {
-    Error::new(
-        "the parsed module refers to an item before declaring it",
-    )
+    Error::new("the parsed module refers to an item before declaring it")
 }
 
 /// The second module's types mapped to the first's, if both have one layout: equal in everything but the names of structs and of
@@ -524,8 +542,14 @@ fn matches_layout(
 ) -> bool {
     let same = match (&first.types[a].inner, &second.types[b].inner) {
         (
-            TypeInner::Struct { members: m, span: s },
-            TypeInner::Struct { members: n, span: t },
+            TypeInner::Struct {
+                members: m,
+                span: s,
+            },
+            TypeInner::Struct {
+                members: n,
+                span: t,
+            },
         ) => {
             s == t
                 && m.len() == n.len()
@@ -536,12 +560,28 @@ fn matches_layout(
                 })
         }
         (
-            TypeInner::Array { base: x, size: ArraySize::Constant(s), stride: p },
-            TypeInner::Array { base: y, size: ArraySize::Constant(t), stride: q },
+            TypeInner::Array {
+                base: x,
+                size: ArraySize::Constant(s),
+                stride: p,
+            },
+            TypeInner::Array {
+                base: y,
+                size: ArraySize::Constant(t),
+                stride: q,
+            },
         ) => s == t && p == q && matches_layout(first, *x, second, *y, pairs),
         (
-            TypeInner::Array { base: x, size: ArraySize::Dynamic, stride: p },
-            TypeInner::Array { base: y, size: ArraySize::Dynamic, stride: q },
+            TypeInner::Array {
+                base: x,
+                size: ArraySize::Dynamic,
+                stride: p,
+            },
+            TypeInner::Array {
+                base: y,
+                size: ArraySize::Dynamic,
+                stride: q,
+            },
         ) => p == q && matches_layout(first, *x, second, *y, pairs),
         (
             TypeInner::Pointer { .. } | TypeInner::Array { .. } | TypeInner::BindingArray { .. },

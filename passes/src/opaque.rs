@@ -55,9 +55,14 @@ impl<'a> Opaque<'a> {
     /// # Errors
     /// Every reason not to, not just the first.
     pub fn examine(plan: &'a Plan, name: &'static str) -> Result<Self, Vec<Refusal>> {
-        let refuse = |code: &str, reason: &str, remedy: &str| Refusal::new(name, code, reason, remedy);
+        let refuse =
+            |code: &str, reason: &str, remedy: &str| Refusal::new(name, code, reason, remedy);
         let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
-            return Err(vec![refuse("no-main-pass", "the plan has no main pass", "start from the original plan")]);
+            return Err(vec![refuse(
+                "no-main-pass",
+                "the plan has no main pass",
+                "start from the original plan",
+            )]);
         };
         let mut refusals = Vec::new();
         if plan.passes.iter().any(|p| p.role == Role::Prepass) {
@@ -76,7 +81,11 @@ impl<'a> Opaque<'a> {
         }
         let depth_and_direction = match &pass.depth {
             None => {
-                refusals.push(refuse("no-depth", "the material binds no depth attachment", "give it a depth state"));
+                refusals.push(refuse(
+                    "no-depth",
+                    "the material binds no depth attachment",
+                    "give it a depth state",
+                ));
                 None
             }
             Some(depth) => {
@@ -91,7 +100,10 @@ impl<'a> Opaque<'a> {
                 if direction.is_none() {
                     refusals.push(refuse(
                         "compare",
-                        &format!("depth compare is {:?}, which does not let the nearest fragment win", depth.compare),
+                        &format!(
+                            "depth compare is {:?}, which does not let the nearest fragment win",
+                            depth.compare
+                        ),
                         "use less, less-equal, greater or greater-equal",
                     ));
                 }
@@ -110,14 +122,21 @@ impl<'a> Opaque<'a> {
             });
         }
         let vertex = program.entry_point(ShaderStage::Vertex, &pass.vertex);
-        let fragment = pass.fragment.as_deref().and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+        let fragment = pass
+            .fragment
+            .as_deref()
+            .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
         let graph = Graph::build(program);
         if let Some((index, _)) = vertex
             && let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES)
         {
             refusals.push(
-                refuse("vertex-store", "the vertex stage stores to memory, which drawing it twice would do twice", "move the store to a compute pass")
-                    .at(program.sources(), span),
+                refuse(
+                    "vertex-store",
+                    "the vertex stage stores to memory, which drawing it twice would do twice",
+                    "move the store to a compute pass",
+                )
+                .at(program.sources(), span),
             );
         }
         let mut discards = false;
@@ -135,8 +154,13 @@ impl<'a> Opaque<'a> {
             }
             discards = graph.may_discard(FunctionId::EntryPoint(index));
             let outputs = reflect::outputs(program.module(), &entry.function);
-            writes_depth = outputs.iter().any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::FragDepth)));
-            if outputs.iter().any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::SampleMask))) {
+            writes_depth = outputs
+                .iter()
+                .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::FragDepth)));
+            if outputs
+                .iter()
+                .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::SampleMask)))
+            {
                 refusals.push(refuse(
                     "sample-mask",
                     "the fragment stage writes the sample mask, so coverage is decided there sample by sample",
@@ -171,7 +195,11 @@ impl<'a> Opaque<'a> {
                 writes_depth,
             }),
             (_, None) => {
-                refusals.push(refuse("no-vertex-stage", "the main pass names no vertex entry point of its program", "name one"));
+                refusals.push(refuse(
+                    "no-vertex-stage",
+                    "the main pass names no vertex entry point of its program",
+                    "name one",
+                ));
                 Err(refusals)
             }
             _ => Err(refusals),
@@ -206,7 +234,9 @@ fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
                 .clone()
                 .find(|e| is_wanted(effect::of_expression(&f.function.expressions[*e])))
                 .map(|e| f.function.expressions.get_span(e)),
-            Statement::Call { function, .. } => find(graph, FunctionId::Function(*function), wanted),
+            Statement::Call { function, .. } => {
+                find(graph, FunctionId::Function(*function), wanted)
+            }
             _ => None,
         };
         if found.is_some() {
@@ -230,5 +260,8 @@ pub fn refuse_ties(name: &'static str, facts: &Facts) -> Option<Refusal> {
 
 /// Sites of a transform that does not apply.
 pub fn refused(refusals: Vec<Refusal>) -> Sites {
-    Sites { sites: Vec::new(), refusals }
+    Sites {
+        sites: Vec::new(),
+        refusals,
+    }
 }

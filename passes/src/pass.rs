@@ -176,12 +176,23 @@ pub trait AnyPass: Sync {
     ///
     /// # Errors
     /// As [`AnyPass::complete`].
-    fn sites(&self, plan: &Plan, facts: &Facts, params: &serde_json::Value) -> Result<Sites, ParamError>;
+    fn sites(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        params: &serde_json::Value,
+    ) -> Result<Sites, ParamError>;
     /// As [`Pass::apply`], refusing parameters that do not fit.
     ///
     /// # Errors
     /// As [`Pass::apply`].
-    fn apply(&self, plan: &Plan, facts: &Facts, site: &SiteKey, params: &serde_json::Value) -> Result<Plan, Box<Refusal>>;
+    fn apply(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        site: &SiteKey,
+        params: &serde_json::Value,
+    ) -> Result<Plan, Box<Refusal>>;
 }
 
 /// Carries a [`Pass`] as a value; the pass itself is only a type.
@@ -191,8 +202,15 @@ impl<P: Pass + 'static> Erased<P> {
     pub(crate) const NEW: Self = Self(std::marker::PhantomData);
 
     fn params(params: &serde_json::Value) -> Result<P::Params, ParamError> {
-        let params = if params.is_null() { serde_json::json!({}) } else { params.clone() };
-        serde_json::from_value(params).map_err(|e| ParamError { pass: P::INFO.name.to_owned(), message: e.to_string() })
+        let params = if params.is_null() {
+            serde_json::json!({})
+        } else {
+            params.clone()
+        };
+        serde_json::from_value(params).map_err(|e| ParamError {
+            pass: P::INFO.name.to_owned(),
+            message: e.to_string(),
+        })
     }
 }
 
@@ -206,17 +224,36 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
     }
 
     fn complete(&self, params: &serde_json::Value) -> Result<serde_json::Value, ParamError> {
-        serde_json::to_value(Self::params(params)?)
-            .map_err(|e| ParamError { pass: P::INFO.name.to_owned(), message: e.to_string() })
+        serde_json::to_value(Self::params(params)?).map_err(|e| ParamError {
+            pass: P::INFO.name.to_owned(),
+            message: e.to_string(),
+        })
     }
 
-    fn sites(&self, plan: &Plan, facts: &Facts, params: &serde_json::Value) -> Result<Sites, ParamError> {
+    fn sites(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        params: &serde_json::Value,
+    ) -> Result<Sites, ParamError> {
         Ok(P::sites(plan, facts, &Self::params(params)?))
     }
 
-    fn apply(&self, plan: &Plan, facts: &Facts, site: &SiteKey, params: &serde_json::Value) -> Result<Plan, Box<Refusal>> {
-        let params = Self::params(params)
-            .map_err(|e| Refusal::new(P::INFO.name, "parameters", e.message, "see `preshade explain --passes`"))?;
+    fn apply(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        site: &SiteKey,
+        params: &serde_json::Value,
+    ) -> Result<Plan, Box<Refusal>> {
+        let params = Self::params(params).map_err(|e| {
+            Refusal::new(
+                P::INFO.name,
+                "parameters",
+                e.message,
+                "see `preshade explain --passes`",
+            )
+        })?;
         P::apply(plan, facts, site, &params)
     }
 }

@@ -149,7 +149,10 @@ impl Program {
     /// As [`Program::new`]; the transform that built `module` has a bug.
     pub fn with_module(&self, module: naga::Module) -> Result<Self, Box<Invalid>> {
         let program = Self::new(module, Arc::clone(&self.sources), self.language)?;
-        Ok(Self { as_written: false, ..program })
+        Ok(Self {
+            as_written: false,
+            ..program
+        })
     }
 
     /// The module.

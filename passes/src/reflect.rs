@@ -59,8 +59,13 @@ fn open(
 
 /// Type and binding of each member of a struct of inputs or outputs; `None` where it is not one.
 pub fn members(module: &Module, ty: Handle<Type>) -> Option<Vec<(Handle<Type>, Binding)>> {
-    let TypeInner::Struct { members, .. } = &module.types[ty].inner else { return None };
-    members.iter().map(|m| Some((m.ty, m.binding.clone()?))).collect()
+    let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
+        return None;
+    };
+    members
+        .iter()
+        .map(|m| Some((m.ty, m.binding.clone()?)))
+        .collect()
 }
 
 /// What a global variable with a binding holds; `None` for one without.

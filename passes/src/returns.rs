@@ -11,13 +11,19 @@ pub struct Emitter<'e> {
 impl<'e> Emitter<'e> {
     /// Emits into an empty block.
     pub fn new(expressions: &'e mut Arena<Expression>) -> Self {
-        Self { expressions, block: Block::new() }
+        Self {
+            expressions,
+            block: Block::new(),
+        }
     }
 
     /// An expression that is evaluated here.
     pub fn emit(&mut self, expression: Expression) -> Handle<Expression> {
         let handle = self.expressions.append(expression, Span::UNDEFINED);
-        self.block.push(Statement::Emit(Range::new_from_bounds(handle, handle)), Span::UNDEFINED);
+        self.block.push(
+            Statement::Emit(Range::new_from_bounds(handle, handle)),
+            Span::UNDEFINED,
+        );
         handle
     }
 
@@ -28,15 +34,15 @@ impl<'e> Emitter<'e> {
 }
 
 /// Gets the value a return gives (`None` for a bare one) and makes the new one of it.
-pub type Rewrite<'a> = dyn FnMut(&mut Emitter, Option<Handle<Expression>>) -> Option<Handle<Expression>> + 'a;
+pub type Rewrite<'a> =
+    dyn FnMut(&mut Emitter, Option<Handle<Expression>>) -> Option<Handle<Expression>> + 'a;
 
 /// Rewrites what a function returns, at each of its returns. A body that runs off its end is given a return first.
-pub fn rewrite(
-    function: &mut Function,
-    f: &mut Rewrite<'_>,
-) {
+pub fn rewrite(function: &mut Function, f: &mut Rewrite<'_>) {
     if !function.body.last().is_some_and(ends) {
-        function.body.push(Statement::Return { value: None }, Span::UNDEFINED);
+        function
+            .body
+            .push(Statement::Return { value: None }, Span::UNDEFINED);
     }
     let body = std::mem::take(&mut function.body);
     function.body = returns_in(&mut function.expressions, body, f);
@@ -47,16 +53,14 @@ fn ends(statement: &Statement) -> bool {
     match statement {
         Statement::Return { .. } => true,
         Statement::Block(b) => b.last().is_some_and(ends),
-        Statement::If { accept, reject, .. } => accept.last().is_some_and(ends) && reject.last().is_some_and(ends),
+        Statement::If { accept, reject, .. } => {
+            accept.last().is_some_and(ends) && reject.last().is_some_and(ends)
+        }
         _ => false,
     }
 }
 
-fn returns_in(
-    expressions: &mut Arena<Expression>,
-    block: Block,
-    f: &mut Rewrite<'_>,
-) -> Block {
+fn returns_in(expressions: &mut Arena<Expression>, block: Block, f: &mut Rewrite<'_>) -> Block {
     let mut rebuilt = Block::with_capacity(block.len());
     for (mut statement, span) in block.span_into_iter() {
         match &mut statement {
@@ -75,7 +79,9 @@ fn returns_in(
                     case.body = returns_in(expressions, std::mem::take(&mut case.body), f);
                 }
             }
-            Statement::Loop { body, continuing, .. } => {
+            Statement::Loop {
+                body, continuing, ..
+            } => {
                 *body = returns_in(expressions, std::mem::take(body), f);
                 *continuing = returns_in(expressions, std::mem::take(continuing), f);
             }

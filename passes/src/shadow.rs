@@ -56,10 +56,21 @@ impl Pass for Shadow {
             Err(refusals) => return opaque::refused(refusals),
         };
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
-        Sites { sites: vec![slice.site(&opaque, "depth-only vertex and fragment stage for a light's view".to_owned())], refusals: Vec::new() }
+        Sites {
+            sites: vec![slice.site(
+                &opaque,
+                "depth-only vertex and fragment stage for a light's view".to_owned(),
+            )],
+            refusals: Vec::new(),
+        }
     }
 
-    fn apply(plan: &Plan, _facts: &Facts, site: &SiteKey, params: &Params) -> Result<Plan, Box<Refusal>> {
+    fn apply(
+        plan: &Plan,
+        _facts: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
         let opaque = Opaque::examine(plan, Self::INFO.name).map_err(depth_only::first)?;
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
         slice.expect(&opaque, site, Self::INFO.name)?;
@@ -73,8 +84,21 @@ impl Pass for Shadow {
             bias: opaque.depth.bias,
             read_only: false,
         };
-        depth_only::insert_own(&mut next, &opaque, placed, Role::Shadow, Phase::Shadow, depth, Self::INFO.name)?;
-        next.attachments.push(Attachment { name: SHADOW_DEPTH.to_owned(), format: params.format, samples: 1, sampled: true });
+        depth_only::insert_own(
+            &mut next,
+            &opaque,
+            placed,
+            Role::Shadow,
+            Phase::Shadow,
+            depth,
+            Self::INFO.name,
+        )?;
+        next.attachments.push(Attachment {
+            name: SHADOW_DEPTH.to_owned(),
+            format: params.format,
+            samples: 1,
+            sampled: true,
+        });
         next.steps.push(Step {
             pass: Self::INFO.name.to_owned(),
             site: site.clone(),
@@ -84,7 +108,11 @@ impl Pass for Shadow {
         depth_only::finish(&mut next, "original");
         if let Some(pass) = next.passes.iter_mut().find(|p| p.role == Role::Shadow) {
             pass.multisample.count = 1;
-            pass.view_dependent = next.programs.get(Role::Shadow.name()).map(view_dependent).unwrap_or_default();
+            pass.view_dependent = next
+                .programs
+                .get(Role::Shadow.name())
+                .map(view_dependent)
+                .unwrap_or_default();
         }
         Ok(next)
     }
@@ -96,10 +124,16 @@ fn view_dependent(program: &Program) -> Vec<String> {
     let module = program.module();
     let says_view = |name: &str| {
         let name = name.to_lowercase();
-        ["camera", "view", "eye", "proj", "mvp", "viewport", "screen"].iter().any(|w| name.contains(w))
+        ["camera", "view", "eye", "proj", "mvp", "viewport", "screen"]
+            .iter()
+            .any(|w| name.contains(w))
     };
     let mut found = Vec::new();
-    for (_, global) in module.global_variables.iter().filter(|(_, g)| g.space == AddressSpace::Uniform) {
+    for (_, global) in module
+        .global_variables
+        .iter()
+        .filter(|(_, g)| g.space == AddressSpace::Uniform)
+    {
         let variable = global.name.clone().unwrap_or_default();
         let members = match &module.types[global.ty].inner {
             TypeInner::Struct { members, .. } => members.as_slice(),

@@ -46,7 +46,10 @@ pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String)
 
 /// The text of a program that no transform has touched: the author's, to the byte. `None` for any other program.
 pub(super) fn author_text(plan: &Plan, key: &str) -> Option<String> {
-    let program = plan.programs.get(key).filter(|p| p.language() == Language::Wgsl)?;
+    let program = plan
+        .programs
+        .get(key)
+        .filter(|p| p.language() == Language::Wgsl)?;
     program.author_text().map(str::to_owned)
 }
 

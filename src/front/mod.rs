@@ -182,9 +182,17 @@ fn parse_mapped(
 
 /// Two files' modules as one.
 fn link(first: naga::Module, second: &naga::Module, base: u32) -> Result<naga::Module, Error> {
-    let suffix = second.entry_points.first().map_or("second", |e| entry::stage_name(e.stage));
+    let suffix = second
+        .entry_points
+        .first()
+        .map_or("second", |e| entry::stage_name(e.stage));
     let linked = preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
-        let error = e.labels.into_iter().fold(Error::new(Code::Link, e.message), |error, (span, text)| error.label(span, text));
+        let error = e
+            .labels
+            .into_iter()
+            .fold(Error::new(Code::Link, e.message), |error, (span, text)| {
+                error.label(span, text)
+            });
         e.note.into_iter().fold(error, Error::note)
     })?;
     Ok(linked.module)

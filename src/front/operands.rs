@@ -6,7 +6,10 @@ use preshade_passes::graph::operands;
 pub(crate) use operands::blocks_mut as blocks;
 
 /// Calls `f` on every operand of `expression`.
-pub(crate) fn of_expression(expression: &mut Expression, mut f: impl FnMut(&mut Handle<Expression>)) {
+pub(crate) fn of_expression(
+    expression: &mut Expression,
+    mut f: impl FnMut(&mut Handle<Expression>),
+) {
     operands::map_expression(expression, &mut f);
 }
 

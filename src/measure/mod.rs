@@ -12,8 +12,8 @@ pub mod verify;
 
 pub use error::{ErrorLadder, compare};
 pub use shading::{CountProgram, Counter, Shading, ShadingSummary, facts};
-pub use variant::{counting, variant};
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
+pub use variant::{counting, variant};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
 
 /// Why something was not measured.

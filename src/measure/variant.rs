@@ -15,19 +15,31 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
         .iter()
         .map(|original| {
             recipe.apply(original, facts).unwrap_or_else(|refusal| {
-                kept.push(Kept { material: original.material.clone(), why: refusal.to_string() });
+                kept.push(Kept {
+                    material: original.material.clone(),
+                    why: refusal.to_string(),
+                });
                 original.clone()
             })
         })
         .collect();
     let name = recipe.to_string();
-    Variant { recipe: name.clone(), name, plans, kept }
+    Variant {
+        recipe: name.clone(),
+        name,
+        plans,
+        kept,
+    }
 }
 
 /// The counting stage of a pass: the slice that decides whether a fragment is kept. A slice that does not validate (a bug) counts every fragment.
 pub fn counting(plan: &Plan, pass: &GpuPass) -> CountProgram {
     match count::program(plan, pass) {
-        Ok(program) => CountProgram::Sliced { program, vertex: pass.vertex.clone(), fragment: count::ENTRY.to_owned() },
+        Ok(program) => CountProgram::Sliced {
+            program,
+            vertex: pass.vertex.clone(),
+            fragment: count::ENTRY.to_owned(),
+        },
         Err(_) => CountProgram::Constant,
     }
 }

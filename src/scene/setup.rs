@@ -12,9 +12,15 @@ impl Scene {
     pub fn with_depth(mut self, format: DepthFormat, direction: DepthDirection) -> Self {
         if direction != self.depth_direction {
             for frame in self.cameras.iter_mut().flat_map(|c| &mut c.frames) {
-                let turn = |column: Vec4| Vec4::new(column.x, column.y, column.w - column.z, column.w);
+                let turn =
+                    |column: Vec4| Vec4::new(column.x, column.y, column.w - column.z, column.w);
                 let p = &mut frame.projection;
-                (p.x_axis, p.y_axis, p.z_axis, p.w_axis) = (turn(p.x_axis), turn(p.y_axis), turn(p.z_axis), turn(p.w_axis));
+                (p.x_axis, p.y_axis, p.z_axis, p.w_axis) = (
+                    turn(p.x_axis),
+                    turn(p.y_axis),
+                    turn(p.z_axis),
+                    turn(p.w_axis),
+                );
             }
         }
         self.depth_format = format;
@@ -58,7 +64,9 @@ impl Scene {
     #[must_use]
     pub fn with_invariant_positions(mut self) -> Self {
         for material in &mut self.materials {
-            let found = material.program.entry_point(naga::ShaderStage::Vertex, &material.vertex);
+            let found = material
+                .program
+                .entry_point(naga::ShaderStage::Vertex, &material.vertex);
             let Some((entry, _)) = found else { continue };
             let marked = place::with_invariant_position(material.program.module(), entry);
             // Marking a position cannot make a valid module invalid.

@@ -1,6 +1,8 @@
 //! The prologue's text, and its place at the start of a fragment entry point.
 
-use naga::{Binding, BuiltIn, Expression, Handle, Module, Scalar, Statement, TypeInner, VectorSize};
+use naga::{
+    Binding, BuiltIn, Expression, Handle, Module, Scalar, Statement, TypeInner, VectorSize,
+};
 
 use super::{DepthTexture, Mode, Quad, Slot};
 use crate::depth_only::{Argument, DepthFunction};
@@ -92,12 +94,21 @@ fn hidden_by_prepass(position: vec4<f32>, depth: f32) -> bool {{
         if let Some(fixed) = self.tolerance {
             return format!("let tolerance = f32({fixed:?});");
         }
-        let pixels = if self.samples > 1 { 0.5 + 1.0 / 64.0 } else { 1.0 / 64.0 };
+        let pixels = if self.samples > 1 {
+            0.5 + 1.0 / 64.0
+        } else {
+            1.0 / 64.0
+        };
         let mut rounding = "max(abs(depth), abs(nearest)) * 9.5367431640625e-7".to_owned();
-        if !matches!(self.format, DepthFormat::Depth32float | DepthFormat::Depth32floatStencil8) {
+        if !matches!(
+            self.format,
+            DepthFormat::Depth32float | DepthFormat::Depth32floatStencil8
+        ) {
             rounding.push_str(&format!(" + {:?}", 2.0 * self.format.step()));
         }
-        format!("let slope = abs(dpdxFine(depth)) + abs(dpdyFine(depth));\n    let tolerance = {rounding} + slope * {pixels:?};")
+        format!(
+            "let slope = abs(dpdxFine(depth)) + abs(dpdyFine(depth));\n    let tolerance = {rounding} + slope * {pixels:?};"
+        )
     }
 }
 
@@ -107,21 +118,38 @@ impl Prologue {
     ///
     /// # Errors
     /// When our own text does not parse or link.
-    pub fn inject(&self, module: Module, entry: usize, depth: Option<&DepthFunction>) -> Result<Module, InjectError> {
-        let snippet = naga::front::wgsl::parse_str(&self.wgsl()).map_err(|e| InjectError(e.message().to_owned()))?;
-        let linked = crate::link::link(module, &snippet, NOWHERE, "preshade").map_err(|e| InjectError(e.to_string()))?;
+    pub fn inject(
+        &self,
+        module: Module,
+        entry: usize,
+        depth: Option<&DepthFunction>,
+    ) -> Result<Module, InjectError> {
+        let snippet = naga::front::wgsl::parse_str(&self.wgsl())
+            .map_err(|e| InjectError(e.message().to_owned()))?;
+        let linked = crate::link::link(module, &snippet, NOWHERE, "preshade")
+            .map_err(|e| InjectError(e.to_string()))?;
         let [hidden] = linked.functions[..] else {
             return Err(InjectError("the prologue is not one function".to_owned()));
         };
         Ok(place::prologue(&linked.module, entry, |build| {
-            let vec4 = build.ty(TypeInner::Vector { size: VectorSize::Quad, scalar: Scalar::F32 });
-            let position = build.input("position", vec4, &Binding::BuiltIn(BuiltIn::Position { invariant: false }));
+            let vec4 = build.ty(TypeInner::Vector {
+                size: VectorSize::Quad,
+                scalar: Scalar::F32,
+            });
+            let position = build.input(
+                "position",
+                vec4,
+                &Binding::BuiltIn(BuiltIn::Position { invariant: false }),
+            );
             let depth = match depth {
                 Some(d) => {
                     let arguments = d.arguments.iter().map(|a| argument(build, a)).collect();
                     build.call(d.function, arguments)
                 }
-                None => Some(build.expression(Expression::AccessIndex { base: position, index: 2 })),
+                None => Some(build.expression(Expression::AccessIndex {
+                    base: position,
+                    index: 2,
+                })),
             };
             let is_hidden = depth.and_then(|depth| build.call(hidden, vec![position, depth]));
             if let Some(is_hidden) = is_hidden {
@@ -135,8 +163,14 @@ fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> 
     match argument {
         Argument::Input(ty, binding) => build.input("input", *ty, binding),
         Argument::Struct(ty, members) => {
-            let components = members.iter().map(|(ty, binding)| build.input("input", *ty, binding)).collect();
-            build.expression(Expression::Compose { ty: *ty, components })
+            let components = members
+                .iter()
+                .map(|(ty, binding)| build.input("input", *ty, binding))
+                .collect();
+            build.expression(Expression::Compose {
+                ty: *ty,
+                components,
+            })
         }
     }
 }
