@@ -5,7 +5,7 @@
 //! - a load or a texture read that is used once is written where it is used, if nothing in between could change what it reads;
 //! - a call's result gets the author's `let` name back, which the writer drops; other results are named after what they read or call;
 //! - names that the writer numbered because another function has them too lose their number;
-//! - the parentheses around a whole right-hand side go, and loops become `for` and `while` again.
+//! - the parentheses around a whole right-hand side or argument go, and loops become `for` and `while` again.
 //!
 //! before
 //! ```wgsl
@@ -157,7 +157,7 @@ impl<'a> Body<'a> {
         for line in &mut lines {
             let renamed =
                 text::rename_words(line, Words::Free, |w| names.get(w).map(String::as_str));
-            *line = without_outer_parentheses(&renamed);
+            *line = without_argument_parentheses(&without_outer_parentheses(&renamed));
         }
         loops::structured(lines)
     }
@@ -352,7 +352,7 @@ impl<'a> Body<'a> {
             }
             Expression::ImageQuery { image, .. } => Some(format!("{}_size", global(*image)?)),
             Expression::Load { pointer } => Some(format!("{}_value", self.member(*pointer)?)),
-            _ => None,
+            _ => Some("value".to_owned()),
         }
     }
 
@@ -443,4 +443,55 @@ fn without_outer_parentheses(line: &str) -> String {
         },
     };
     strip(start).unwrap_or_else(|| line.to_owned())
+}
+
+/// `f((a + b), (c))` without the parentheses around whole arguments and indices. Those around a comparison stay: `f((a < b), (c > d))` would else
+/// be read as a template.
+fn without_argument_parentheses(line: &str) -> String {
+    let tokens: Vec<_> = text::tokens(line).map(|(_, range)| range).collect();
+    let word = |i: usize| tokens.get(i).map_or("", |r| &line[r.clone()]);
+    let mut dropped: Vec<usize> = Vec::new();
+    let mut open: Vec<usize> = Vec::new();
+    for i in 0..tokens.len() {
+        match word(i) {
+            "(" => open.push(i),
+            ")" => {
+                let Some(start) = open.pop() else { continue };
+                let before = start.checked_sub(1).map_or("", word);
+                let whole =
+                    matches!(before, "(" | "," | "[") && matches!(word(i + 1), ")" | "," | "]");
+                let inside = &line[tokens[start].end..tokens[i].start];
+                if whole && !inside.contains(" <") && !inside.contains(" >") {
+                    dropped.extend([tokens[start].start, tokens[i].start]);
+                }
+            }
+            _ => {}
+        }
+    }
+    if dropped.is_empty() {
+        return line.to_owned();
+    }
+    line.char_indices()
+        .filter(|(at, _)| !dropped.contains(at))
+        .map(|(_, c)| c)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_needless_parentheses_go() {
+        let bare = |l| without_argument_parentheses(&without_outer_parentheses(l));
+        assert_eq!(bare("x = (a + (b * c));"), "x = a + (b * c);");
+        assert_eq!(bare("x = (a + b) * (c + d);"), "x = (a + b) * (c + d);");
+        assert_eq!(bare("return ((a + b));"), "return (a + b);");
+        assert_eq!(
+            bare("f((a + b), c[(i & 3u)], (&p));"),
+            "f(a + b, c[i & 3u], &p);"
+        );
+        assert_eq!(bare("f((a < b), (c > d));"), "f((a < b), (c > d));");
+        assert_eq!(bare("if ((a + b) == c) {"), "if ((a + b) == c) {");
+    }
 }
