@@ -4,10 +4,10 @@
 //! The text is taken apart by what the writer promises of its own layout: structs in the order of the type arena, functions in the order of their
 //! arena and then entry points, each beginning a line. If a later naga breaks that promise the fingerprint comparison fails.
 
-use std::collections::{HashMap, HashSet};
-
 use naga::proc::Layouter;
-use naga::{ConservativeDepth, EarlyDepthTest, Handle, Module, Type, TypeInner};
+use naga::{
+    ConservativeDepth, EarlyDepthTest, FastHashMap, FastHashSet, Handle, Module, Type, TypeInner,
+};
 
 use super::fingerprint::filters;
 use super::text::{self, Kind, Words};
@@ -172,19 +172,19 @@ fn is_predeclared(module: &Module, ty: Handle<Type>) -> bool {
 /// apart by it the author's name comes back.
 fn authors_names(module: &Module, text: &str) -> String {
     let authors = names(module);
-    let words: HashSet<&str> = text::tokens(text)
+    let words: FastHashSet<&str> = text::tokens(text)
         .filter(|(kind, _)| *kind == Kind::Word)
         .map(|(_, range)| &text[range])
         .collect();
-    let renames: HashMap<&str, &str> = words
+    let renames: FastHashMap<&str, &str> = words
         .iter()
         .filter_map(|word| {
             let short = word.strip_suffix('_')?;
             let free = short.ends_with(|c: char| c.is_ascii_digit())
                 && authors.contains(short)
                 && !words.contains(short)
-                && !naga::keywords::wgsl::RESERVED.contains(&short)
-                && !naga::keywords::wgsl::BUILTIN_IDENTIFIERS.contains(&short);
+                && !naga::keywords::wgsl::RESERVED_SET.contains(short)
+                && !naga::keywords::wgsl::BUILTIN_IDENTIFIER_SET.contains(short);
             free.then_some((*word, short))
         })
         .collect();
@@ -195,8 +195,8 @@ fn authors_names(module: &Module, text: &str) -> String {
 }
 
 /// Every name in the module.
-fn names(module: &Module) -> HashSet<&str> {
-    let mut names: HashSet<&str> = HashSet::new();
+fn names(module: &Module) -> FastHashSet<&str> {
+    let mut names: FastHashSet<&str> = FastHashSet::default();
     for (_, ty) in module.types.iter() {
         names.extend(ty.name.as_deref());
         if let TypeInner::Struct { members, .. } = &ty.inner {
