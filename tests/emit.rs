@@ -442,3 +442,25 @@ fn a_pass_without_its_program_is_told_as_our_bug() {
     let error = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap_err();
     assert!(matches!(error, emit::Error::BrokenPlan { .. }), "{error}");
 }
+
+#[test]
+fn names_that_the_host_holds_on_to_are_kept() {
+    let text_in = "override level_: f32 = 1.0;
+@id(3) override 强度: f32 = 2.0;
+fn f1(x1: f32) -> f32 { return x1; }
+@vertex fn vs_1() -> @builtin(position) vec4<f32> { return vec4(level_); }
+@fragment fn naïve_() -> @location(0) vec4<f32> { return vec4(f1(强度)); }
+";
+    let (name, files) = emitted("names.wgsl", text_in, &[Target::Wgsl]);
+    let written = text(&files, "material.main.wgsl");
+    for item in [
+        "override level_: f32",
+        "@id(3) override 强度: f32",
+        "fn f1(x1: f32)",
+        "fn vs_1()",
+        "fn naïve_()",
+    ] {
+        assert!(written.contains(item), "{item}\n{written}");
+    }
+    accept::accept(&[(name, files)]);
+}

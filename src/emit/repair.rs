@@ -176,7 +176,7 @@ fn authors_names(module: &Module, text: &str) -> String {
         .filter(|(kind, _)| *kind == Kind::Word)
         .map(|(_, range)| &text[range])
         .collect();
-    let renames: FastHashMap<&str, &str> = words
+    let mut renames: FastHashMap<&str, &str> = words
         .iter()
         .filter_map(|word| {
             let short = word.strip_suffix('_')?;
@@ -188,10 +188,36 @@ fn authors_names(module: &Module, text: &str) -> String {
             free.then_some((*word, short))
         })
         .collect();
+    let kept_by_host = host_names(module, text).filter(|(_, wanted)| !words.contains(wanted));
+    renames.extend(kept_by_host);
     if renames.is_empty() {
         return text.to_owned();
     }
     text::rename_words(text, Words::All, |word| renames.get(word).copied())
+}
+
+/// Names the host holds on to that the writer changed: entry points and overrides, as written and as they should be. The writer also drops
+/// trailing underscores and spells letters beyond ASCII out.
+fn host_names<'a>(module: &'a Module, text: &'a str) -> impl Iterator<Item = (&'a str, &'a str)> {
+    let entries = text
+        .lines()
+        .filter_map(|l| l.strip_prefix("fn ")?.split_once('('))
+        .map(|(name, _)| name)
+        .skip(module.functions.len())
+        .zip(module.entry_points.iter().map(|e| e.name.as_str()));
+    let overrides = text
+        .lines()
+        .filter(|l| l.starts_with("override ") || l.starts_with("@id("))
+        .filter_map(|l| Some(l.split_once("override ")?.1.split_once(':')?.0))
+        .zip(
+            module
+                .overrides
+                .iter()
+                .map(|(_, o)| o.name.as_deref().unwrap_or("")),
+        );
+    entries
+        .chain(overrides)
+        .filter(|(written, wanted)| written != wanted && !wanted.is_empty())
 }
 
 /// Every name in the module.
