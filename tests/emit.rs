@@ -122,7 +122,7 @@ fn text_reads_like_an_authors() {
     insta::assert_snapshot!("everything_wgsl", text(&files, "material.main.wgsl"));
 }
 
-/// The WGSL text of a material whose fragment stage has this body, after `head`, and all of its files to be judged.
+/// The name and the files of a material, as `accept` takes them.
 fn emitted(name: &str, text: &str, targets: &[Target]) -> (String, Vec<File>) {
     let files = emit::emit(&plan(name, text), targets, &emit::Options::default()).unwrap();
     (name.to_owned(), files)

@@ -12,6 +12,8 @@ mod error;
 mod glsl;
 pub(crate) mod guard;
 mod link;
+#[cfg(feature = "glsl")]
+mod macros;
 mod nesting;
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]
