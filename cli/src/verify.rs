@@ -210,11 +210,7 @@ fn scene(args: &Args) -> Result<Scene, Failure> {
             ));
         }
         None => {
-            let parsed = args.shader.parse()?;
-            return Err(Failure(format!(
-                "error: {} has no scene yet",
-                parsed.vertex
-            )));
+            scene::synthesise(args.shader.parse()?, state.state()?)
         }
     };
     if toml.is_some() {
