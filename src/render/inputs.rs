@@ -153,12 +153,13 @@ impl<'a> SceneInputs<'a> {
         for (draw, inputs) in self.scene.draws.iter().zip(&self.draws) {
             let material = &self.scene.materials[draw.material];
             let pass = &self.authored[draw.material];
-            let changed = bind::frame_buffers(self.scene, material, pass, draw, frame).map_err(
-                |e| Error::Scene {
-                    draw: draw.name.clone(),
-                    message: e.to_string(),
-                },
-            )?;
+            let changed =
+                bind::frame_buffers(self.scene, material, pass, draw, frame).map_err(|e| {
+                    Error::Scene {
+                        draw: draw.name.clone(),
+                        message: e.to_string(),
+                    }
+                })?;
             for b in changed {
                 if let Some(Resource::Buffer(buffer, _)) =
                     inputs.resources.get(&(b.group, b.binding))
