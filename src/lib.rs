@@ -5,6 +5,7 @@
 
 pub mod emit;
 pub mod front;
+pub mod nearest;
 pub mod recipe;
 
 #[cfg(feature = "verify")]

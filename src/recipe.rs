@@ -1,1 +1,227 @@
-//! (being built)
+//! A recipe: which passes, where, with which parameters. The schedule, apart from the algorithm.
+
+use std::fmt;
+
+use preshade_passes::pass::{AnyPass, Facts, ParamError, Refusal, SiteKey};
+use preshade_passes::plan::Plan;
+use preshade_passes::{PASSES, pass_named};
+use serde::{Deserialize, Serialize};
+
+/// One step: a pass, its parameters, and the site if the recipe pins it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Step {
+    /// Name of the pass.
+    pub pass: String,
+    /// Parameters that differ from the defaults.
+    #[serde(default)]
+    pub params: serde_json::Map<String, serde_json::Value>,
+    /// The site; `None` takes the only one there is.
+    #[serde(default)]
+    pub site: Option<SiteKey>,
+}
+
+/// Steps, applied in order, each to the plan the one before it made.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Recipe {
+    /// The steps.
+    pub steps: Vec<Step>,
+}
+
+/// A recipe that cannot be read, or that no longer fits.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RecipeError {
+    /// No pass has that name.
+    #[error("there is no pass `{name}`{}; the passes are: {}", suggestion(.nearest), names())]
+    UnknownPass {
+        /// As given.
+        name: String,
+        /// The nearest name there is.
+        nearest: Option<&'static str>,
+    },
+    /// `key=value` was expected.
+    #[error("in `{text}`: expected `key=value` after the colon, found `{found}`")]
+    Syntax {
+        /// The whole step.
+        text: String,
+        /// The part that does not fit.
+        found: String,
+    },
+    /// The pass has no such parameter, or not that value for it.
+    #[error(transparent)]
+    Params(#[from] ParamError),
+}
+
+fn suggestion(nearest: &Option<&'static str>) -> String {
+    nearest
+        .map(|n| format!(" (did you mean `{n}`?)"))
+        .unwrap_or_default()
+}
+
+fn names() -> String {
+    PASSES
+        .iter()
+        .map(|p| p.info().name)
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+impl Step {
+    /// Reads `NAME` or `NAME:key=value,key=value`, as on the command line.
+    ///
+    /// # Errors
+    /// An unknown pass or parameter, with what there is instead.
+    pub fn parse(text: &str) -> Result<Self, RecipeError> {
+        let (name, rest) = text.split_once(':').unwrap_or((text, ""));
+        let name = name.trim();
+        let pass = find(name)?;
+        let mut params = serde_json::Map::new();
+        for part in rest.split(',').map(str::trim).filter(|p| !p.is_empty()) {
+            let Some((key, value)) = part.split_once('=') else {
+                return Err(RecipeError::Syntax {
+                    text: text.to_owned(),
+                    found: part.to_owned(),
+                });
+            };
+            params.insert(key.trim().to_owned(), scalar(value.trim()));
+        }
+        pass.complete(&serde_json::Value::Object(params.clone()))?;
+        Ok(Self {
+            pass: name.to_owned(),
+            params,
+            site: None,
+        })
+    }
+}
+
+/// `true`, `12`, `0.5` or a word.
+fn scalar(text: &str) -> serde_json::Value {
+    match serde_json::from_str(text) {
+        Ok(v @ (serde_json::Value::Bool(_) | serde_json::Value::Number(_))) => v,
+        _ => serde_json::Value::String(text.to_owned()),
+    }
+}
+
+fn find(name: &str) -> Result<&'static dyn AnyPass, RecipeError> {
+    pass_named(name).ok_or_else(|| RecipeError::UnknownPass {
+        name: name.to_owned(),
+        nearest: crate::nearest::nearest(name, PASSES.iter().map(|p| p.info().name)),
+    })
+}
+
+impl Recipe {
+    /// Reads one step a string.
+    ///
+    /// # Errors
+    /// As [`Step::parse`].
+    pub fn parse<S: AsRef<str>>(steps: impl IntoIterator<Item = S>) -> Result<Self, RecipeError> {
+        Ok(Self {
+            steps: steps
+                .into_iter()
+                .map(|s| Step::parse(s.as_ref()))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Reads steps separated by commas, `depth-prepass:form=equal,vertex=sliced,early-discard`: a part with an equals sign and no colon belongs to the step
+    /// before it.
+    ///
+    /// # Errors
+    /// As [`Step::parse`].
+    pub fn parse_list(text: &str) -> Result<Self, RecipeError> {
+        let mut steps: Vec<String> = Vec::new();
+        for part in text.split(',') {
+            match steps.last_mut() {
+                Some(step) if part.contains('=') && !part.contains(':') => {
+                    step.push(if step.contains(':') { ',' } else { ':' });
+                    step.push_str(part);
+                }
+                _ => steps.push(part.to_owned()),
+            }
+        }
+        Self::parse(steps)
+    }
+
+    /// Applies every step. `plan` is untouched.
+    ///
+    /// # Errors
+    /// The first refusal. A step whose site is gone, or that finds several, is refused as `stale` or `ambiguous`.
+    pub fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
+        self.steps
+            .iter()
+            .try_fold(plan.clone(), |plan, step| step.apply(&plan, facts))
+    }
+}
+
+impl Step {
+    fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
+        let refuse = |code: &str, reason: String, remedy: &str| {
+            Box::new(Refusal::new(&self.pass, code, reason, remedy))
+        };
+        let pass = find(&self.pass)
+            .map_err(|e| refuse("unknown", e.to_string(), "name one of the passes"))?;
+        let params = serde_json::Value::Object(self.params.clone());
+        let found = pass.sites(plan, facts, &params).map_err(|e| {
+            refuse(
+                "parameters",
+                e.to_string(),
+                "see `preshade explain --passes`",
+            )
+        })?;
+        let site = match (&self.site, found.sites.as_slice()) {
+            (Some(key), sites) => sites.iter().find(|s| s.key == *key).ok_or_else(|| {
+                refuse(
+                    "stale",
+                    format!("the recipe's site {key:?} is no longer in the shader"),
+                    "make the recipe anew",
+                )
+            })?,
+            (None, [only]) => only,
+            (None, []) => {
+                return Err(found
+                    .refusals
+                    .into_iter()
+                    .next()
+                    .map(Box::new)
+                    .unwrap_or_else(|| {
+                        refuse(
+                            "no-site",
+                            "there is no place to apply it".to_owned(),
+                            "see `preshade explain`",
+                        )
+                    }));
+            }
+            (None, several) => {
+                return Err(refuse(
+                    "ambiguous",
+                    format!("it applies in {} places", several.len()),
+                    "name a site in the recipe",
+                ));
+            }
+        };
+        pass.apply(plan, facts, &site.key, &params)
+    }
+}
+
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.pass)?;
+        for (i, (key, value)) in self.params.iter().enumerate() {
+            let value = value
+                .as_str()
+                .map_or_else(|| value.to_string(), str::to_owned);
+            write!(f, "{}{key}={value}", if i == 0 { ':' } else { ',' })?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Recipe {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, step) in self.steps.iter().enumerate() {
+            write!(f, "{}{step}", if i == 0 { "" } else { " + " })?;
+        }
+        Ok(())
+    }
+}

@@ -2,6 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
+#[path = "accept/mod.rs"]
+mod accept;
+
 use preshade::emit::{self, File, Target};
 use preshade::front::{self, Color, Source};
 use preshade_passes::plan::Plan;
@@ -44,6 +47,97 @@ fn fs_main(in: Varyings) -> @location(0) vec4<f32> {
     }
     let color = shade(normalize(in.normal), texel.rgb);
     return vec4<f32>(color, texel.a);
+}
+";
+
+/// Loops, a switch, early returns, an array, a private global, padded structs, names that end in digits.
+const EVERYTHING: &str = r"
+struct Light {
+    @size(32) position1: vec3<f32>,
+    @align(16) color: vec3<f32>,
+    range: f32,
+}
+struct Params {
+    lights: array<Light, 4>,
+    count: u32,
+    @align(64) tail: vec2<f32>,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(3) var map2: texture_2d_array<f32>;
+@group(0) @binding(2) var s: sampler;
+var<private> seed: u32 = 1u;
+const STEPS: i32 = 4;
+
+fn random() -> f32 {
+    seed = seed * 1664525u + 1013904223u;
+    return f32(seed >> 8u) / 16777216.0;
+}
+
+fn fbm(p0: vec2<f32>) -> f32 {
+    var p = p0;
+    var sum = 0.0;
+    var amplitude = 0.5;
+    for (var i = 0; i < STEPS; i++) {
+        sum += amplitude * sin(p.x * 1.7 + p.y);
+        p = p * 2.0 + vec2(random(), 0.5);
+        if sum > 10.0 { return 10.0; }
+        amplitude *= 0.5;
+    }
+    return sum;
+}
+
+fn pick(i: u32) -> vec3<f32> {
+    switch i {
+        case 0u, 1u: { return vec3(1.0, 0.0, 0.0); }
+        case 2u: { break; }
+        default: { return params.lights[i & 3u].color; }
+    }
+    return vec3(0.0);
+}
+
+struct Out {
+    @invariant @builtin(position) clip: vec4f,
+    @location(0) uv: vec2f,
+    @location(1) @interpolate(flat) id: u32,
+    @location(2) @interpolate(perspective, centroid) fade: f32,
+}
+
+@vertex
+fn vs(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32, @location(0) position: vec3f) -> Out {
+    var out: Out;
+    let wave = fbm(position.xz);
+    out.clip = vec4f(position + vec3f(0.0, wave, 0.0), 1.0);
+    out.uv = position.xy;
+    out.id = index + instance;
+    out.fade = params.tail.x;
+    return out;
+}
+
+struct Targets {
+    @location(0) color: vec4f,
+    @location(1) normal: vec4f,
+    @builtin(frag_depth) depth: f32,
+}
+
+@fragment
+fn fs(@builtin(position) at: vec4f, @location(0) uv: vec2f, @location(1) @interpolate(flat) id: u32, @location(2) @interpolate(perspective, centroid) fade: f32, @builtin(front_facing) front: bool) -> Targets {
+    let dx = dpdx(uv);
+    let dy = dpdy(uv);
+    var color = textureSampleGrad(map2, s, uv, i32(id), dx, dy);
+    var i = 0u;
+    loop {
+        if i >= params.count { break; }
+        let light = params.lights[i];
+        if light.range < 0.0 { i++; continue; }
+        color += vec4f(light.color * fade, 0.0);
+        i++;
+    }
+    if color.a < 0.1 { discard; }
+    var out: Targets;
+    out.color = vec4f(color.rgb * pick(id), color.a);
+    out.normal = vec4f(select(-1.0, 1.0, front));
+    out.depth = at.z + 0.25 * fade;
+    return out;
 }
 ";
 
@@ -94,4 +188,290 @@ fn a_material_is_written_in_every_target() {
 fn the_same_plan_gives_the_same_bytes() {
     let plan = plan("lit.wgsl", LIT);
     assert_eq!(emit_all(&plan), emit_all(&plan));
+}
+
+#[test]
+fn other_compilers_take_every_target() {
+    let sets: Vec<(String, Vec<File>)> = [("lit", LIT), ("everything", EVERYTHING)]
+        .map(|(name, text)| {
+            (
+                name.to_owned(),
+                emit_all(&plan(&format!("{name}.wgsl"), text)),
+            )
+        })
+        .into();
+    let judged = accept::accept(&sets);
+    assert_eq!((judged.wgsl, judged.spirv, judged.glsl), (2, 4, 8));
+}
+
+#[test]
+fn text_reads_like_an_authors() {
+    let files = emit_all(&plan("everything.wgsl", EVERYTHING));
+    insta::assert_snapshot!("everything_wgsl", text(&files, "material.main.wgsl"));
+}
+
+/// The WGSL text of a material whose fragment stage has this body, after `head`, and all of its files to be judged.
+fn emitted(name: &str, text: &str, targets: &[Target]) -> (String, Vec<File>) {
+    let files = emit::emit(&plan(name, text), targets, &emit::Options::default()).unwrap();
+    (name.to_owned(), files)
+}
+
+const VS: &str = "@vertex fn vs() -> @builtin(position) vec4<f32> { return vec4(0.0); }\n";
+
+#[test]
+fn what_the_writer_loses_is_put_back() {
+    let half = format!(
+        "enable f16;\n{VS}@group(0) @binding(0) var<uniform> x: f32;\n@fragment fn fs() -> @location(0) vec4<f32> {{ let h = f16(x); return vec4(f32(h * h)); }}"
+    );
+    let (_, files) = emitted("half.wgsl", &half, &[Target::Wgsl]);
+    assert!(text(&files, "material.main.wgsl").contains("enable f16;\n"));
+
+    let early = format!(
+        "{VS}@fragment @early_depth_test(force) fn fs() -> @location(0) vec4<f32> {{ return vec4(1.0); }}"
+    );
+    let (_, files) = emitted("early.wgsl", &early, &[Target::Wgsl]);
+    assert!(
+        text(&files, "material.main.wgsl").contains("@early_depth_test(force)\n@fragment\nfn fs(")
+    );
+
+    let diagnostics = format!(
+        "diagnostic(off, derivative_uniformity);\n{VS}@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
+         @fragment @diagnostic(warning, derivative_uniformity) fn fs(@location(0) uv: vec2<f32>) -> @location(0) vec4<f32> {{ return vec4(1.0); }}"
+    )
+    .replace("@builtin(position) vec4<f32> { return vec4(0.0); }", "V { return V(vec4(0.0), vec2(0.0)); }\nstruct V { @builtin(position) p: vec4<f32>, @location(0) uv: vec2<f32> }");
+    let (name, files) = emitted("diagnostics.wgsl", &diagnostics, &[Target::Wgsl]);
+    let written = text(&files, "material.main.wgsl");
+    assert!(
+        written.contains("\ndiagnostic(off, derivative_uniformity);\n"),
+        "{written}"
+    );
+    assert!(
+        written.contains("\n@diagnostic(warning, derivative_uniformity)\n@fragment\n"),
+        "{written}"
+    );
+    accept::accept(&[(name, files)]);
+}
+
+#[test]
+fn a_deep_expression_can_be_read_again() {
+    // Deeper than naga can parse as one expression, so written as statements.
+    let mut body = "let a0 = x.a;\n".to_owned();
+    for i in 1..400 {
+        body.push_str(&format!("let a{i} = a{} * 0.5 + {i}.0;\n", i - 1));
+    }
+    let text_in = format!(
+        "struct X {{ a: f32 }}\n@group(0) @binding(0) var<uniform> x: X;\n{VS}@fragment fn fs() -> @location(0) vec4<f32> {{ {body} return vec4(a399); }}"
+    );
+    let parsed = front::parse(
+        &[Source::new("deep.wgsl", &text_in)],
+        &front::Options::default(),
+    )
+    .unwrap();
+    // A pass may drop the author's names.
+    let mut module = parsed.program.module().clone();
+    for entry in &mut module.entry_points {
+        entry.function.named_expressions.clear();
+    }
+    let program = parsed.program.with_module(module).unwrap();
+    let plan = Plan::original(
+        "material",
+        program,
+        "vs",
+        Some("fs"),
+        &MaterialState::default(),
+    );
+    let files = emit_all(&plan);
+    accept::accept(&[("deep".to_owned(), files)]);
+}
+
+#[test]
+fn a_glsl_switch_that_falls_through_is_written_out() {
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let fragment = "#version 450
+layout(location = 0) out vec4 color;
+layout(set = 0, binding = 0) uniform U { int mode; } u;
+void main() {
+    float x = 0.0;
+    switch (u.mode) {
+        case 0: x += 1.0;
+        case 1: case 2: x += 2.0; break;
+        case 3: x += 4.0;
+        default: x += 8.0;
+    }
+    color = vec4(x);
+}
+";
+    let sources = [
+        Source::new("m.vert", vertex),
+        Source::new("m.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &front::Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    let plan = Plan::original(
+        "material",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let files = emit_all(&plan);
+    insta::assert_snapshot!("glsl_switch_wgsl", text(&files, "material.main.wgsl"));
+    accept::accept(&[("switch".to_owned(), files)]);
+}
+
+#[test]
+fn what_a_target_cannot_say_is_told_with_a_remedy() {
+    let depth = format!(
+        "{VS}@group(0) @binding(0) var depth: texture_depth_2d;\n@fragment fn fs(@builtin(position) p: vec4<f32>) {{ if textureLoad(depth, vec2<i32>(p.xy), 0) < p.z {{ discard; }} }}"
+    );
+    let plan = plan("depth.wgsl", &depth);
+    for target in [Target::Glsl450, Target::GlslEs300] {
+        let error = emit::emit(&plan, &[target], &emit::Options::default()).unwrap_err();
+        assert!(
+            matches!(error, emit::Error::Inexpressible { .. }),
+            "{error}"
+        );
+        insta::assert_snapshot!(format!("depth_{target}"), error.to_string());
+    }
+    let rest = emit::emit(
+        &plan,
+        &[Target::Wgsl, Target::Spirv],
+        &emit::Options::default(),
+    )
+    .unwrap();
+    accept::accept(&[("depth".to_owned(), rest)]);
+}
+
+#[test]
+fn overrides_stay_in_wgsl_and_take_their_default_elsewhere() {
+    let with = |init: &str| {
+        format!(
+            "override level: f32{init};\n{VS}@fragment fn fs() -> @location(0) vec4<f32> {{ return vec4(level); }}"
+        )
+    };
+    let (name, files) = emitted("o.wgsl", &with(" = 0.75"), &Target::ALL);
+    assert!(text(&files, "material.main.wgsl").contains("override level: f32 = 0.75f;"));
+    assert!(text(&files, "material.main.frag").contains("0.75"));
+    accept::accept(&[(name, files)]);
+    let error = emit::emit(
+        &plan("o.wgsl", &with("")),
+        &[Target::Spirv],
+        &emit::Options::default(),
+    )
+    .unwrap_err();
+    insta::assert_snapshot!(error.to_string());
+}
+
+#[test]
+fn invariant_positions_are_not_contracted_in_spirv() {
+    // Decoration 42, NoContraction, of some id: OpDecorate has opcode 71 and here 3 words.
+    let decorations = |text: &str| {
+        let (_, files) = emitted("m.wgsl", text, &[Target::Spirv]);
+        let file = files
+            .iter()
+            .find(|f| f.name.ends_with(".vert.spv"))
+            .unwrap();
+        let words: Vec<u32> = file
+            .bytes
+            .chunks(4)
+            .map(|c| u32::from_le_bytes(c.try_into().unwrap()))
+            .collect();
+        words
+            .windows(3)
+            .filter(|w| w[0] == (3 << 16 | 71) && w[2] == 42)
+            .count()
+    };
+    let text = |attribute: &str| {
+        format!(
+            "@vertex fn vs(@location(0) p: vec3<f32>) -> {attribute} @builtin(position) vec4<f32> {{ return vec4(p * 2.0 + 1.0, 1.0); }}"
+        )
+    };
+    assert_eq!(decorations(&text("")), 0);
+    // The product and the sum.
+    assert_eq!(decorations(&text("@invariant")), 2);
+}
+
+#[test]
+fn writing_is_atomic_and_leaves_equal_files_alone() {
+    let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"))
+        .join(format!("write-{}", std::process::id()));
+    let file = |name: &str, bytes: &str| File {
+        name: name.to_owned(),
+        bytes: bytes.into(),
+    };
+    let changed = emit::write(&dir, &[file("a", "1"), file("b", "2")]).unwrap();
+    assert_eq!(changed, [dir.join("a"), dir.join("b")]);
+    let changed = emit::write(&dir, &[file("a", "1"), file("b", "3")]).unwrap();
+    assert_eq!(changed, [dir.join("b")]);
+    // `c` is a folder: nothing is written, `a` included, and no temporary file stays.
+    std::fs::create_dir(dir.join("c")).unwrap();
+    let error = emit::write(&dir, &[file("a", "new"), file("c", "x")]).unwrap_err();
+    assert!(error.to_string().contains("c"), "{error}");
+    assert_eq!(std::fs::read_to_string(dir.join("a")).unwrap(), "1");
+    let mut names: Vec<_> = std::fs::read_dir(&dir)
+        .unwrap()
+        .map(|e| e.unwrap().file_name())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["a", "b", "c"]);
+    std::fs::remove_dir_all(&dir).unwrap();
+}
+
+/// Inputs, outputs, a global that a helper shares, an early return, a discard, a matrix output through a struct.
+const GLSL_VERTEX: &str = "#version 450
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec2 texcoord;
+layout(location = 0) out vec2 uv;
+layout(location = 1) flat out int kind;
+layout(set = 0, binding = 0) uniform Camera { mat4 view_proj; vec4 tint; } camera;
+void main() {
+    uv = texcoord;
+    kind = 3;
+    gl_Position = camera.view_proj * vec4(position, 1.0);
+}
+";
+const GLSL_FRAGMENT: &str = "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 1) flat in int kind;
+layout(location = 0) out vec4 color;
+layout(location = 1) out vec4 normal;
+layout(set = 1, binding = 0) uniform texture2D albedo;
+layout(set = 1, binding = 1) uniform sampler filtering;
+float shared_state = 0.5;
+float own_state = 2.0;
+float helper(float x) { shared_state += x; return shared_state; }
+void main() {
+    normal = vec4(0.0);
+    vec4 texel = texture(sampler2D(albedo, filtering), uv);
+    if (texel.a < 0.5) discard;
+    if (kind == 1) {
+        color = vec4(1.0);
+        return;
+    }
+    own_state *= helper(uv.x);
+    for (int i = 0; i < 4; i++) {
+        if (texel.r > float(i)) { color = vec4(own_state); return; }
+    }
+    color = texel * gl_FragCoord.z;
+}
+";
+
+#[test]
+fn glsl_reads_like_an_authors_wgsl() {
+    let sources = [
+        Source::new("m.vert", GLSL_VERTEX),
+        Source::new("m.frag", GLSL_FRAGMENT),
+    ];
+    let parsed = front::parse(&sources, &front::Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    let plan = Plan::original(
+        "material",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let files = emit_all(&plan);
+    insta::assert_snapshot!("glsl_wgsl", text(&files, "material.main.wgsl"));
+    accept::accept(&[("glsl".to_owned(), files)]);
 }

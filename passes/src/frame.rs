@@ -62,7 +62,13 @@ impl FramePlan {
     ) -> Result<Self, FrameError> {
         let mut attachments: Vec<(Attachment, String)> = Vec::new();
         for plan in plans.clone() {
-            for a in &plan.attachments {
+            let bound = |name: &str| {
+                plan.passes.iter().any(|p| {
+                    p.phase != Phase::Shadow
+                        && p.depth.as_ref().is_some_and(|d| d.attachment == name)
+                })
+            };
+            for a in plan.attachments.iter().filter(|a| bound(&a.name)) {
                 match attachments.iter_mut().find(|(b, _)| b.name == a.name) {
                     None => attachments.push((a.clone(), plan.material.clone())),
                     Some((b, first)) => {

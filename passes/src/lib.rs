@@ -13,9 +13,35 @@
 //! Nothing in here reads a file, touches a GPU or asks the time.
 
 pub mod contract;
+pub mod count;
+pub mod depth_only;
+pub mod depth_prepass;
+pub mod early_discard;
+pub mod evaluate;
 pub mod frame;
+pub mod graph;
+pub mod link;
+pub mod opaque;
 pub mod pass;
+pub mod place;
 pub mod plan;
 pub mod program;
 pub mod reflect;
+pub mod returns;
+pub mod shadow;
+pub mod slice;
 pub mod state;
+
+pub use naga;
+
+/// Every pass, in the order `explain` tells of them.
+pub const PASSES: &[&dyn pass::AnyPass] = &[
+    &pass::Erased::<depth_prepass::DepthPrepass>::NEW,
+    &pass::Erased::<early_discard::EarlyDiscard>::NEW,
+    &pass::Erased::<shadow::Shadow>::NEW,
+];
+
+/// The pass of that name.
+pub fn pass_named(name: &str) -> Option<&'static dyn pass::AnyPass> {
+    PASSES.iter().copied().find(|p| p.info().name == name)
+}

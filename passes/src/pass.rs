@@ -150,3 +150,110 @@ pub trait Pass {
         params: &Self::Params,
     ) -> Result<Plan, Box<Refusal>>;
 }
+
+/// Parameters that do not fit a pass.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{pass}: {message}")]
+pub struct ParamError {
+    /// Name of the pass.
+    pub pass: String,
+    /// What does not fit, with what would.
+    pub message: String,
+}
+
+/// A [`Pass`] with its parameter type erased to JSON: what a recipe, a command line or a build script holds.
+pub trait AnyPass: Sync {
+    /// What it is.
+    fn info(&self) -> &'static PassInfo;
+    /// JSON schema of its parameters.
+    fn schema(&self) -> serde_json::Value;
+    /// Parameters in full: those given, defaults for the rest.
+    ///
+    /// # Errors
+    /// Unknown names, values out of range or of another type.
+    fn complete(&self, params: &serde_json::Value) -> Result<serde_json::Value, ParamError>;
+    /// As [`Pass::sites`].
+    ///
+    /// # Errors
+    /// As [`AnyPass::complete`].
+    fn sites(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        params: &serde_json::Value,
+    ) -> Result<Sites, ParamError>;
+    /// As [`Pass::apply`], refusing parameters that do not fit.
+    ///
+    /// # Errors
+    /// As [`Pass::apply`].
+    fn apply(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        site: &SiteKey,
+        params: &serde_json::Value,
+    ) -> Result<Plan, Box<Refusal>>;
+}
+
+/// Carries a [`Pass`] as a value; the pass itself is only a type.
+pub(crate) struct Erased<P>(pub(crate) std::marker::PhantomData<fn() -> P>);
+
+impl<P: Pass + 'static> Erased<P> {
+    pub(crate) const NEW: Self = Self(std::marker::PhantomData);
+
+    fn params(params: &serde_json::Value) -> Result<P::Params, ParamError> {
+        let params = if params.is_null() {
+            serde_json::json!({})
+        } else {
+            params.clone()
+        };
+        serde_json::from_value(params).map_err(|e| ParamError {
+            pass: P::INFO.name.to_owned(),
+            message: e.to_string(),
+        })
+    }
+}
+
+impl<P: Pass + 'static> AnyPass for Erased<P> {
+    fn info(&self) -> &'static PassInfo {
+        &P::INFO
+    }
+
+    fn schema(&self) -> serde_json::Value {
+        schemars::schema_for!(P::Params).to_value()
+    }
+
+    fn complete(&self, params: &serde_json::Value) -> Result<serde_json::Value, ParamError> {
+        serde_json::to_value(Self::params(params)?).map_err(|e| ParamError {
+            pass: P::INFO.name.to_owned(),
+            message: e.to_string(),
+        })
+    }
+
+    fn sites(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        params: &serde_json::Value,
+    ) -> Result<Sites, ParamError> {
+        Ok(P::sites(plan, facts, &Self::params(params)?))
+    }
+
+    fn apply(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        site: &SiteKey,
+        params: &serde_json::Value,
+    ) -> Result<Plan, Box<Refusal>> {
+        let params = Self::params(params).map_err(|e| {
+            Refusal::new(
+                P::INFO.name,
+                "parameters",
+                e.message,
+                "see `preshade explain --passes`",
+            )
+        })?;
+        P::apply(plan, facts, site, &params)
+    }
+}

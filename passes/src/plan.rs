@@ -202,18 +202,34 @@ pub struct Step {
     pub contract: Contract,
 }
 
+impl std::fmt::Display for Step {
+    /// As on the command line: `NAME:key=value,key=value`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.pass)?;
+        let params = self.params.as_object().into_iter().flatten();
+        for (i, (key, value)) in params.filter(|(_, v)| !v.is_null()).enumerate() {
+            let separator = if i == 0 { ':' } else { ',' };
+            match value.as_str() {
+                Some(word) => write!(f, "{separator}{key}={word}")?,
+                None => write!(f, "{separator}{key}={value}")?,
+            }
+        }
+        Ok(())
+    }
+}
+
 /// A draw of both programs that a host can run when it loads the variant: invariance is a promise of the driver that no source can prove.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTest {
     /// What to do, in words.
     pub procedure: String,
-    /// Index in [`Plan::passes`] of the pass to draw first, writing depth.
-    pub first: usize,
-    /// Index of the pass to draw second, in an occlusion query, with depth write off.
-    pub second: usize,
+    /// Role of the pass to draw first, writing depth.
+    pub first: Role,
+    /// Role of the pass to draw second, in an occlusion query, with depth write off.
+    pub second: Role,
     /// Depth comparison of the second draw.
     pub compare: crate::state::CompareFunction,
-    /// Passes when the second count equals the count of the same draw against its own depth.
+    /// What passes.
     pub expect: String,
 }
 

@@ -118,6 +118,8 @@ pub struct Program {
     info: Arc<ModuleInfo>,
     sources: Arc<SourceMap>,
     language: Language,
+    /// No transform has touched it.
+    as_written: bool,
 }
 
 impl Program {
@@ -137,6 +139,7 @@ impl Program {
             info: Arc::new(info),
             sources,
             language,
+            as_written: true,
         })
     }
 
@@ -145,7 +148,11 @@ impl Program {
     /// # Errors
     /// As [`Program::new`]; the transform that built `module` has a bug.
     pub fn with_module(&self, module: naga::Module) -> Result<Self, Box<Invalid>> {
-        Self::new(module, Arc::clone(&self.sources), self.language)
+        let program = Self::new(module, Arc::clone(&self.sources), self.language)?;
+        Ok(Self {
+            as_written: false,
+            ..program
+        })
     }
 
     /// The module.
@@ -156,6 +163,14 @@ impl Program {
     /// What the validator learnt about the module.
     pub fn info(&self) -> &ModuleInfo {
         &self.info
+    }
+
+    /// The author's own text, where it is one file that says just what this program is: no transform has touched it.
+    pub fn author_text(&self) -> Option<&str> {
+        match self.sources.files() {
+            [file] if self.as_written => Some(&file.text),
+            _ => None,
+        }
     }
 
     /// The author's files.

@@ -57,6 +57,17 @@ fn open(
     }
 }
 
+/// Type and binding of each member of a struct of inputs or outputs; `None` where it is not one.
+pub fn members(module: &Module, ty: Handle<Type>) -> Option<Vec<(Handle<Type>, Binding)>> {
+    let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
+        return None;
+    };
+    members
+        .iter()
+        .map(|m| Some((m.ty, m.binding.clone()?)))
+        .collect()
+}
+
 /// What a global variable with a binding holds; `None` for one without.
 pub fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<BindingKind> {
     global.binding.as_ref()?;

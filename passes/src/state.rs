@@ -41,6 +41,20 @@ impl CompareFunction {
     }
 }
 
+impl CompareFunction {
+    /// The same comparison with depth turned round.
+    #[must_use]
+    pub fn reversed(self) -> Self {
+        match self {
+            Self::Less => Self::Greater,
+            Self::LessEqual => Self::GreaterEqual,
+            Self::Greater => Self::Less,
+            Self::GreaterEqual => Self::LessEqual,
+            other => other,
+        }
+    }
+}
+
 impl DepthDirection {
     /// The value a depth attachment is cleared to: the far plane.
     pub fn clear_depth(self) -> f32 {

@@ -62,6 +62,11 @@ pub(super) fn write(
     .and_then(|mut writer| writer.write())
     .map_err(failed)?;
 
+    // A struct shared by both stages marks the fragment's input invariant too, which WGSL lets pass; GLSL qualifies only outputs so.
+    if stage == ShaderStage::Fragment {
+        text = text.replace("invariant gl_FragCoord;\n", "");
+    }
+
     let at = |handle: Handle<GlobalVariable>| module.global_variables[handle].binding;
     let slot = |binding: ResourceBinding| binding_map.get(&binding).map(|slot| u32::from(*slot));
     let pair = |b: ResourceBinding| [b.group, b.binding];

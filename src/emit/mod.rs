@@ -14,18 +14,23 @@
 //! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
 //! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`.
 
+#[cfg(test)]
+mod equivalence;
 mod fingerprint;
 #[cfg(feature = "glsl")]
 mod glsl;
+mod loops;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod overrides;
 mod plan_json;
+mod prepare;
 mod reduce;
 mod repair;
 #[cfg(feature = "spirv")]
 mod spirv;
 mod text;
+mod tidy;
 mod wgsl;
 
 use std::collections::BTreeMap;
@@ -269,7 +274,10 @@ fn write_program(
     match target {
         Target::Wgsl => {
             let name = format!("{}.{key}.wgsl", plan.material);
-            let text = wgsl::write(program, &name, &wgsl::header(plan, program))?;
+            let text = match wgsl::author_text(plan, key) {
+                Some(text) => text,
+                None => wgsl::write(program, &name, &wgsl::header(plan, program))?,
+            };
             let said = stages
                 .iter()
                 .map(|s| {

@@ -10,7 +10,7 @@ use naga::proc::Layouter;
 use naga::{ConservativeDepth, EarlyDepthTest, Handle, Module, Type, TypeInner};
 
 use super::fingerprint::filters;
-use super::text::{self, Kind};
+use super::text::{self, Kind, Words};
 
 /// The text with everything lost put back.
 ///
@@ -191,7 +191,7 @@ fn authors_names(module: &Module, text: &str) -> String {
     if renames.is_empty() {
         return text.to_owned();
     }
-    text::rename_words(text, |word| renames.get(word).copied())
+    text::rename_words(text, Words::All, |word| renames.get(word).copied())
 }
 
 /// Every name in the module.

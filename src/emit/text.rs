@@ -48,17 +48,29 @@ pub(super) fn tokens(text: &str) -> impl Iterator<Item = (Kind, Range<usize>)> +
     })
 }
 
+/// Which words to look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Words {
+    /// All of them.
+    All,
+    /// Those that are not the name of a member: that no dot precedes.
+    Free,
+}
+
 /// `text` with each word that `rename` has an answer for replaced.
 pub(super) fn rename_words<'a>(
     text: &'a str,
+    words: Words,
     rename: impl Fn(&'a str) -> Option<&'a str>,
 ) -> String {
     let mut out = String::with_capacity(text.len());
     let mut copied = 0;
+    let mut after_dot = false;
     for (kind, range) in tokens(text) {
-        if kind == Kind::Word
-            && let Some(new) = rename(&text[range.clone()])
-        {
+        let word = &text[range.clone()];
+        let considered = kind == Kind::Word && (words == Words::All || !after_dot);
+        after_dot = word == ".";
+        if considered && let Some(new) = rename(word) {
             out.push_str(&text[copied..range.start]);
             out.push_str(new);
             copied = range.end;
@@ -87,9 +99,8 @@ mod tests {
     #[test]
     fn whole_words_are_renamed() {
         let rename = |w: &str| (w == "uv_").then_some("uv");
-        assert_eq!(
-            rename_words("uv_ + uv_1 * a.uv_", rename),
-            "uv + uv_1 * a.uv"
-        );
+        let text = "uv_ + uv_1 * a.uv_";
+        assert_eq!(rename_words(text, Words::All, rename), "uv + uv_1 * a.uv");
+        assert_eq!(rename_words(text, Words::Free, rename), "uv + uv_1 * a.uv_");
     }
 }

@@ -1,6 +1,7 @@
 //! Which entry points draw the material, and whether the two stages fit.
 
-use naga::{Binding, Module, ShaderStage};
+use naga::{Binding, Module, ShaderStage, Span};
+use preshade_passes::program::SourceMap;
 use preshade_passes::reflect;
 
 use super::Options;
@@ -22,9 +23,45 @@ pub(super) fn stage_name(stage: ShaderStage) -> &'static str {
     }
 }
 
+/// Where an entry point's name stands in the author's WGSL: naga's IR has no span for it. `None` for GLSL, whose `main` needs no pointing at.
+fn place(sources: &SourceMap, stage: ShaderStage, name: &str) -> Option<Span> {
+    let attribute = format!("@{}", stage_name(stage));
+    // Linking may have added the stage to the name.
+    let authors = name.strip_suffix(&format!("_{}", stage_name(stage)));
+    for name in [Some(name), authors].into_iter().flatten() {
+        for file in sources.files() {
+            for (at, _) in file.text.match_indices("fn ") {
+                let rest = file.text[at + 3..].trim_start();
+                let start = file.text.len() - rest.len();
+                let is_name = rest
+                    .strip_prefix(name)
+                    .is_some_and(|r| r.trim_start().starts_with('('));
+                // The attributes of this function begin after the item before it.
+                let before = &file.text[..at];
+                let item = before.rfind(['}', ';']).map_or(before, |i| &before[i..]);
+                if is_name && item.contains(&attribute) {
+                    let start = file.base + start as u32;
+                    return Some(Span::new(start, start + name.len() as u32));
+                }
+            }
+        }
+    }
+    None
+}
+
 /// Takes the only entry point of each stage, or the one `options` names.
-pub(super) fn choose(module: &Module, options: &Options) -> Result<Entries, Error> {
-    let Some(vertex) = one(module, ShaderStage::Vertex, options.vertex.as_deref())? else {
+pub(super) fn choose(
+    module: &Module,
+    options: &Options,
+    sources: &SourceMap,
+) -> Result<Entries, Error> {
+    let Some(vertex) = one(
+        module,
+        ShaderStage::Vertex,
+        options.vertex.as_deref(),
+        sources,
+    )?
+    else {
         let others: Vec<String> = module
             .entry_points
             .iter()
@@ -37,17 +74,28 @@ pub(super) fn choose(module: &Module, options: &Options) -> Result<Entries, Erro
             error.note(format!("there is {}", others.join(", ")))
         });
     };
-    let fragment = one(module, ShaderStage::Fragment, options.fragment.as_deref())?;
+    let fragment = one(
+        module,
+        ShaderStage::Fragment,
+        options.fragment.as_deref(),
+        sources,
+    )?;
     Ok(Entries { vertex, fragment })
 }
 
-fn one(module: &Module, stage: ShaderStage, wanted: Option<&str>) -> Result<Option<String>, Error> {
+fn one(
+    module: &Module,
+    stage: ShaderStage,
+    wanted: Option<&str>,
+    sources: &SourceMap,
+) -> Result<Option<String>, Error> {
     let names: Vec<&str> = module
         .entry_points
         .iter()
         .filter(|e| e.stage == stage)
         .map(|e| e.name.as_str())
         .collect();
+    let at = |name: &str| place(sources, stage, name);
     let stage = stage_name(stage);
     match (wanted, names.as_slice()) {
         (Some(wanted), _) => {
@@ -74,12 +122,21 @@ fn one(module: &Module, stage: ShaderStage, wanted: Option<&str>) -> Result<Opti
         }
         (None, []) => Ok(None),
         (None, [name]) => Ok(Some((*name).to_owned())),
-        (None, _) => Err(Error::new(
-            Code::AmbiguousEntryPoint,
-            format!("there are {} {stage} entry points", names.len()),
-        )
-        .note(format!("there is {}", list(&names)))
-        .note(format!("choose one with --{stage} NAME"))),
+        (None, _) => {
+            let error = Error::new(
+                Code::AmbiguousEntryPoint,
+                format!(
+                    "there are {} {stage} entry points: {}",
+                    names.len(),
+                    list(&names)
+                ),
+            );
+            let error = names
+                .iter()
+                .filter_map(|n| at(n))
+                .fold(error, |e, span| e.label(span, ""));
+            Err(error.note(format!("choose one with --{stage} NAME")))
+        }
     }
 }
 
@@ -117,9 +174,37 @@ fn distance(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
+/// The entry points by stage and name.
+pub(super) fn names(module: &Module) -> Vec<(ShaderStage, String)> {
+    let entries = module.entry_points.iter();
+    entries.map(|e| (e.stage, e.name.clone())).collect()
+}
+
+/// Points a validator's error that names an entry point but no place at that entry point.
+pub(super) fn locate_invalid(
+    error: Error,
+    names: &[(ShaderStage, String)],
+    sources: &SourceMap,
+) -> Error {
+    if !error.labels().is_empty() {
+        return error;
+    }
+    let named = names.iter().find(|(_, name)| {
+        error
+            .message()
+            .starts_with(&format!("Entry point {name} at "))
+    });
+    let at = named.and_then(|(stage, name)| place(sources, *stage, name));
+    error.label_if(at)
+}
+
 /// Checks what WebGPU checks when a pipeline is made (WebGPU section 10.3.2, "validating inter-stage interfaces"): each fragment input
 /// has a vertex output of its location, type and interpolation.
-pub(super) fn check_interface(module: &Module, entries: &Entries) -> Result<(), Error> {
+pub(super) fn check_interface(
+    module: &Module,
+    entries: &Entries,
+    sources: &SourceMap,
+) -> Result<(), Error> {
     let find = |stage, name: &str| {
         module
             .entry_points
@@ -169,7 +254,6 @@ pub(super) fn check_interface(module: &Module, entries: &Entries) -> Result<(), 
                 .map_or("(unnamed)".to_owned(), |n| format!("`{n}`")),
             wanted.location
         );
-        let at = module.types.get_span(input.ty);
         let error = match given {
             None => Error::new(
                 Code::Interface,
@@ -191,11 +275,9 @@ pub(super) fn check_interface(module: &Module, entries: &Entries) -> Result<(), 
             ),
             Some(_) => continue,
         };
-        return Err(if at.is_defined() {
-            error.label(at, "")
-        } else {
-            error
-        });
+        return Err(error
+            .label_if(place(sources, ShaderStage::Fragment, &fragment.name))
+            .label_if(place(sources, ShaderStage::Vertex, &vertex.name)));
     }
     Ok(())
 }

@@ -113,6 +113,13 @@ impl Error {
         self
     }
 
+    pub(crate) fn label_if(self, span: Option<naga::Span>) -> Self {
+        match span {
+            Some(span) => self.label(span, ""),
+            None => self,
+        }
+    }
+
     pub(crate) fn note(mut self, text: impl Into<String>) -> Self {
         self.0.notes.push(text.into());
         self

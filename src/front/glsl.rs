@@ -2,9 +2,11 @@
 
 use naga::ShaderStage;
 use naga::front::glsl::{Frontend, Options};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::error::{Code, Error};
-use super::wgsl::offset;
+use super::{promote, switch};
+use preshade_passes::link::offset;
 
 /// Parses `text` as GLSL 440 to 460 (all that naga reads). Error labels are offset by `base`; the module's own spans are not. The entry point
 /// is named `vertex_main` or `fragment_main`: a module has one name space, and both stages arrive as `main`.
@@ -40,7 +42,18 @@ pub(super) fn parse(
     for entry in &mut module.entry_points {
         entry.name = name.to_owned();
     }
+    switch::write_out_fall_through(&mut module);
+    // An invalid module stays as it is for the validator's message on it.
+    if is_valid(&module) {
+        promote::promote(&mut module);
+    }
     Ok(module)
+}
+
+fn is_valid(module: &naga::Module) -> bool {
+    Validator::new(ValidationFlags::all(), Capabilities::all())
+        .validate(module)
+        .is_ok()
 }
 
 /// Says what the text needs where it is a dialect naga does not read at all, as its own message seldom does.

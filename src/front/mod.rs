@@ -11,8 +11,12 @@ mod error;
 #[cfg(feature = "glsl")]
 mod glsl;
 pub(crate) mod guard;
-mod link;
 mod nesting;
+pub(crate) mod operands;
+#[cfg(feature = "glsl")]
+mod promote;
+#[cfg(feature = "glsl")]
+mod switch;
 pub(crate) mod varying;
 mod wgsl;
 
@@ -153,12 +157,13 @@ fn parse_mapped(
             return Err(Error::new(Code::Empty, "no source is given"));
         };
         if let (Some(second), Some(base)) = (modules.next(), bases.get(1)) {
-            module = link::link(module, second, *base)?;
+            module = link(module, &second, *base)?;
         }
-        let entries = entry::choose(&module, options)?;
-        entry::check_interface(&module, &entries)?;
+        let entries = entry::choose(&module, options, map)?;
+        entry::check_interface(&module, &entries, map)?;
+        let names = entry::names(&module);
         let program = Program::new(module, Arc::clone(map), language)
-            .map_err(|invalid| Error::invalid(&invalid))?;
+            .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
         Ok(Parsed {
             program,
             vertex: entries.vertex,
@@ -173,6 +178,24 @@ fn parse_mapped(
         .note(panicked.0)
         .note("this is a bug in naga or preshade, not in the shader's author; please report it with the file"))
     })
+}
+
+/// Two files' modules as one.
+fn link(first: naga::Module, second: &naga::Module, base: u32) -> Result<naga::Module, Error> {
+    let suffix = second
+        .entry_points
+        .first()
+        .map_or("second", |e| entry::stage_name(e.stage));
+    let linked = preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
+        let error = e
+            .labels
+            .into_iter()
+            .fold(Error::new(Code::Link, e.message), |error, (span, text)| {
+                error.label(span, text)
+            });
+        e.note.into_iter().fold(error, Error::note)
+    })?;
+    Ok(linked.module)
 }
 
 /// Checks that the sources make one material, and says in which language.

@@ -80,21 +80,30 @@ pub(super) fn check(text: &str, base: u32) -> Result<(), Error> {
                 {
                     at += 1;
                 }
-                match &bytes[start..at] {
+                let word = &bytes[start..at];
+                if word == b"if" && !text[..start].trim_end().ends_with("else") {
+                    // It begins a chain of its own.
+                    *elses = 0;
+                }
+                let too_many = match word {
+                    // Without braces, statements nest in one another up to the next semicolon.
+                    b"if" | b"for" | b"while" | b"do" => {
+                        *count += 1;
+                        *count > OPERATORS
+                    }
                     b"else" => {
                         *elses += 1;
-                        if *elses > ELSES {
-                            return Err(Error::new(
-                                Code::TooDeep,
-                                format!("more than {ELSES} `else`s follow one another"),
-                            )
-                            .label(here(start), "this one is too many")
-                            .note("use a switch, or a table"));
-                        }
+                        *elses > ELSES
                     }
-                    // The next `if` that no `else` precedes begins a new chain.
-                    b"if" if !text[..start].trim_end().ends_with("else") => *elses = 0,
-                    _ => {}
+                    _ => false,
+                };
+                if too_many {
+                    return Err(Error::new(
+                        Code::TooDeep,
+                        format!("more than {ELSES} branches nest in one another"),
+                    )
+                    .label(here(start), "this one is too many")
+                    .note("use a switch, or a table"));
                 }
             }
             _ => {}

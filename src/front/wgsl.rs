@@ -1,7 +1,7 @@
 //! One WGSL file to a naga module.
 
-use naga::Span;
 use naga::front::wgsl;
+use preshade_passes::link::offset;
 
 use super::error::{Code, Error};
 
@@ -22,12 +22,4 @@ pub(super) fn parse(text: &str, base: u32) -> Result<naga::Module, Error> {
         }
         error
     })
-}
-
-/// `span` moved by `base`; an undefined span stays so.
-pub(super) fn offset(span: Span, base: u32) -> Span {
-    match span.to_range() {
-        Some(range) => Span::new(range.start as u32 + base, range.end as u32 + base),
-        None => span,
-    }
 }

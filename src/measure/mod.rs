@@ -7,11 +7,13 @@ pub mod error;
 pub mod shading;
 pub mod statistics;
 pub mod timing;
+pub mod variant;
 pub mod verify;
 
 pub use error::{ErrorLadder, compare};
 pub use shading::{CountProgram, Counter, Shading, ShadingSummary, facts};
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
+pub use variant::{counting, variant};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
 
 /// Why something was not measured.

@@ -7,7 +7,10 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::image::Recipe;
-use super::mesh::{Cuboid, Plane, Sphere};
+use super::mesh::{
+    Arch, Column, Cuboid, Curtain, Gltf, Morph, Plane, Skin, Sphere, Stairs, Teapot, Vertices,
+    WireSphere,
+};
 use super::{DrawOrder, Sampler};
 
 #[derive(Debug, Deserialize)]
@@ -115,6 +118,64 @@ pub(super) struct MeshEntry {
     pub cuboid: Option<Cuboid>,
     pub plane: Option<Plane>,
     pub sphere: Option<Sphere>,
+    pub teapot: Option<Teapot>,
+    pub stairs: Option<Stairs>,
+    pub arch: Option<Arch>,
+    pub column: Option<Column>,
+    pub curtain: Option<Curtain>,
+    pub wire_sphere: Option<WireSphere>,
+    pub vertices: Option<Vertices>,
+    pub gltf: Option<Spanned<Gltf>>,
+    pub merge: Option<Vec<Spanned<Part>>>,
+    pub skin: Option<Skin>,
+    pub morph: Option<Morph>,
+}
+
+/// A mesh placed in a merged one.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Part {
+    pub mesh: Spanned<String>,
+    #[serde(default)]
+    pub translate: [f32; 3],
+    #[serde(default)]
+    pub rotate: [f32; 3],
+    pub scale: Option<Scale>,
+    pub field: Option<Spanned<Field>>,
+}
+
+/// Copies on a grid, jittered, turned and scaled at random by a seed.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Field {
+    pub count: [u32; 3],
+    pub spacing: [f32; 3],
+    #[serde(default)]
+    pub jitter: [f32; 3],
+    /// Largest random turn round y, in degrees.
+    #[serde(default)]
+    pub turn: f32,
+    #[serde(default = "one_to_one")]
+    pub scale: [f32; 2],
+    #[serde(default)]
+    pub seed: u32,
+    #[serde(default, rename = "as")]
+    pub kind: FieldKind,
+}
+
+fn one_to_one() -> [f32; 2] {
+    [1.0, 1.0]
+}
+
+/// What a field of a draw becomes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum FieldKind {
+    /// One instanced draw.
+    #[default]
+    Instances,
+    /// A draw each.
+    Draws,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -136,6 +197,8 @@ pub(super) struct DrawEntry {
     #[serde(default)]
     pub rotate: [f32; 3],
     pub scale: Option<Scale>,
+    pub field: Option<Spanned<Field>>,
+    pub morph_weights: Option<Vec<f32>>,
     #[serde(default)]
     pub values: BTreeMap<String, Spanned<RawValue>>,
 }

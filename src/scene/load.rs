@@ -11,12 +11,14 @@ use toml::Spanned;
 
 use super::camera::{self, Pose};
 use super::file::{
-    BlendName, CameraEntry, DrawEntry, MaterialEntry, MeshEntry, RawValue, Scale, SceneFile,
+    BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
 };
+use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Camera, Draw, DrawOrder, Error, Material, Mesh, Scene, Value, error, material, shader,
+    Camera, Draw, DrawOrder, Error, Material, Scene, Stream, Value, error, material, meshes,
 };
+use crate::front;
 
 /// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
 const MAX_SIZE: u32 = 8192;
@@ -46,13 +48,13 @@ pub fn load(path: &Path) -> Result<Scene, Error> {
 
 /// The scene file's text, to point into.
 #[derive(Clone, Copy)]
-struct Source<'a> {
+pub(super) struct Source<'a> {
     name: &'a str,
     text: &'a str,
 }
 
 impl Source<'_> {
-    fn at(&self, error: Error, range: Range<usize>) -> Error {
+    pub(super) fn at(&self, error: Error, range: Range<usize>) -> Error {
         error.at(self.name, self.text, range)
     }
 
@@ -140,14 +142,7 @@ impl Loader<'_> {
                     .map_err(|e| at(e, entry.span()))
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let meshes = f
-            .meshes
-            .iter()
-            .map(|(name, entry)| {
-                self.mesh(name, entry.get_ref())
-                    .map_err(|e| at(e, entry.span()))
-            })
-            .collect::<Result<Vec<Mesh>, _>>()?;
+        let meshes = meshes::build(&self.source, &self.folder, &f.meshes)?;
         let mut draws = Vec::new();
         for entry in &f.draws {
             self.draw(entry.get_ref(), &materials, &meshes, &mut draws)
@@ -166,7 +161,7 @@ impl Loader<'_> {
             samples,
             clear_color: f.clear,
             materials,
-            meshes,
+            meshes: meshes.into_iter().map(|m| m.mesh).collect(),
             draws,
             cameras: Vec::new(),
             orders: match &f.orders {
@@ -208,14 +203,23 @@ impl Loader<'_> {
                 .folder
                 .read_text(file.get_ref())
                 .map_err(|e| self.source.at(e, file.span()))?;
-            texts.push(shader::Text { name: shown, text });
+            texts.push(front::Source::new(shown, text));
         }
-        let parsed = shader::parse(
-            &texts,
-            entry.entry.vertex.as_deref(),
-            entry.entry.fragment.as_deref(),
-        )
-        .map_err(|e| self.source.at(e, files[0].span()))?;
+        if let ([_, _], Some(source)) = (files.as_slice(), texts.first_mut())
+            && source.stage.is_none()
+        {
+            source.stage = Some(naga::ShaderStage::Vertex);
+        }
+        let options = front::Options {
+            vertex: entry.entry.vertex.clone(),
+            fragment: entry.entry.fragment.clone(),
+            defines: Vec::new(),
+        };
+        let parsed = front::parse(&texts, &options).map_err(|e| {
+            let what = Error::new(format!("the shader of material `{name}`: {e}"))
+                .detail(e.render(front::Color::Never));
+            self.source.at(what, files[0].span())
+        })?;
         let mut material = Material {
             name: name.to_owned(),
             program: parsed.program,
@@ -306,24 +310,11 @@ impl Loader<'_> {
         }
     }
 
-    fn mesh(&self, name: &str, entry: &MeshEntry) -> Result<Mesh, Error> {
-        let mut shapes = Vec::new();
-        shapes.extend(entry.cuboid.map(|s| s.mesh(name)));
-        shapes.extend(entry.plane.map(|s| s.mesh(name)));
-        shapes.extend(entry.sphere.map(|s| s.mesh(name)));
-        let count = shapes.len();
-        match shapes.pop() {
-            Some(mesh) if count == 1 => Ok(mesh),
-            _ => Err(Error::new(format!("mesh `{name}` has {count} shapes"))
-                .help("give exactly one, `box = { size = [1, 1, 1] }` say")),
-        }
-    }
-
     fn draw(
         &self,
         entry: &DrawEntry,
         materials: &[Material],
-        meshes: &[Mesh],
+        meshes: &[Rigged],
         draws: &mut Vec<Draw>,
     ) -> Result<(), Error> {
         let find = |what: &str, wanted: &Spanned<String>, names: Vec<&str>| {
@@ -336,14 +327,15 @@ impl Loader<'_> {
         let mesh = find(
             "mesh",
             &entry.mesh,
-            meshes.iter().map(|m| m.name.as_str()).collect(),
+            meshes.iter().map(|m| m.mesh.name.as_str()).collect(),
         )?;
         let material = find(
             "material",
             &entry.material,
             materials.iter().map(|m| m.name.as_str()).collect(),
         )?;
-        let draw = Draw {
+        let rigged = &meshes[mesh];
+        let mut draw = Draw {
             name: entry
                 .name
                 .clone()
@@ -353,11 +345,58 @@ impl Loader<'_> {
             transform: transform(entry.translate, entry.rotate, entry.scale.as_ref()),
             instances: 1,
             instance_streams: BTreeMap::new(),
-            joints: Vec::new(),
-            morph_weights: Vec::new(),
+            joints: rigged.joints.clone(),
+            morph_weights: entry
+                .morph_weights
+                .clone()
+                .unwrap_or_else(|| rigged.morph_weights.clone()),
             values: values(&entry.values),
         };
-        draws.push(draw);
+        if let Some(key) = material::unknown_value(&materials[material], &draw.values) {
+            let e = material::unknown_value_error(&materials[material], &key);
+            return Err(match entry.values.get(&key) {
+                Some(raw) => self.source.at(e, raw.span()),
+                None => e,
+            });
+        }
+        let Some(field) = &entry.field else {
+            draws.push(draw);
+            return Ok(());
+        };
+        let places = meshes::field(field.get_ref()).map_err(|e| self.source.at(e, field.span()))?;
+        match field.get_ref().kind {
+            FieldKind::Instances => {
+                draw.instances = places.len() as u32;
+                let transforms = places.iter().flat_map(|p| p.transform.to_cols_array());
+                let colors = places.iter().flat_map(|p| p.color);
+                draw.instance_streams = BTreeMap::from([
+                    (
+                        "instance_transform".to_owned(),
+                        Stream::Float {
+                            components: 16,
+                            data: transforms.collect(),
+                        },
+                    ),
+                    (
+                        "instance_color".to_owned(),
+                        Stream::Float {
+                            components: 4,
+                            data: colors.collect(),
+                        },
+                    ),
+                ]);
+                draws.push(draw);
+            }
+            FieldKind::Draws => {
+                for (i, place) in places.iter().enumerate() {
+                    draws.push(Draw {
+                        name: format!("{}[{i}]", draw.name),
+                        transform: draw.transform * place.transform,
+                        ..draw.clone()
+                    });
+                }
+            }
+        }
         Ok(())
     }
 
@@ -425,7 +464,7 @@ impl Loader<'_> {
 }
 
 /// Scale, then rotate round x, y and z in degrees, then translate.
-fn transform(translate: [f32; 3], rotate: [f32; 3], scale: Option<&Scale>) -> Mat4 {
+pub(super) fn transform(translate: [f32; 3], rotate: [f32; 3], scale: Option<&Scale>) -> Mat4 {
     let scale = match scale {
         None => Vec3::ONE,
         Some(Scale::Uniform(s)) => Vec3::splat(*s),

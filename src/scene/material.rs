@@ -1,12 +1,13 @@
 //! Materials: a program with its values, textures and samplers, checked against what the program declares.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
 use naga::{AddressSpace, Handle, ImageDimension, Type, TypeInner};
 use preshade_passes::program::Program;
 
 use super::image::{Pattern, Recipe};
-use super::{Error, Image, Material, layout};
+use super::{Error, Image, Material, Value, layout};
 
 /// A variable with a binding.
 #[derive(Clone, Copy, Debug)]
@@ -43,11 +44,10 @@ pub(super) fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
 /// Refuses values, textures, samplers and attribute names that the program does not know: each a misspelling.
 pub(super) fn check(material: &Material) -> Result<(), (String, Error)> {
     let module = material.program.module();
-    let mut paths: Vec<String> = Vec::new();
     let (mut textures, mut samplers) = (Vec::new(), Vec::new());
     for g in globals(&material.program) {
         match module.types[g.ty].inner {
-            _ if g.is_buffer => paths.extend(layout::paths(module, g.name, g.ty)),
+            _ if g.is_buffer => {}
             TypeInner::Sampler { .. } => samplers.push(g.name),
             _ => textures.push(g.name),
         }
@@ -59,10 +59,9 @@ pub(super) fn check(material: &Material) -> Result<(), (String, Error)> {
         );
         Err((name.to_owned(), Error::new(text).suggest(name, known)))
     };
-    for name in material.values.keys() {
-        if !paths.contains(&without_indices(name)) {
-            return unknown("variable", name, paths.iter().map(String::as_str).collect());
-        }
+    if let Some(name) = unknown_value(material, &material.values) {
+        let e = unknown_value_error(material, &name);
+        return Err((name, e));
     }
     for name in material.textures.keys() {
         if !textures.contains(&name.as_str()) {
@@ -86,6 +85,40 @@ pub(super) fn check(material: &Material) -> Result<(), (String, Error)> {
         }
     }
     Ok(())
+}
+
+/// Every path a value of the material may name.
+fn value_paths(material: &Material) -> Vec<String> {
+    let module = material.program.module();
+    globals(&material.program)
+        .filter(|g| g.is_buffer)
+        .flat_map(|g| layout::paths(module, g.name, g.ty))
+        .collect()
+}
+
+/// The first of `values` that names nothing in the material's program.
+pub(super) fn unknown_value(
+    material: &Material,
+    values: &BTreeMap<String, Value>,
+) -> Option<String> {
+    if values.is_empty() {
+        return None;
+    }
+    let paths = value_paths(material);
+    values
+        .keys()
+        .find(|name| !paths.contains(&without_indices(name)))
+        .cloned()
+}
+
+/// The message for it.
+pub(super) fn unknown_value_error(material: &Material, name: &str) -> Error {
+    let paths = value_paths(material);
+    Error::new(format!(
+        "the shader of material `{}` has no variable `{name}`",
+        material.name
+    ))
+    .suggest(name, paths.iter().map(String::as_str))
 }
 
 /// `lights[1].color` without its indices.

@@ -8,10 +8,11 @@ mod file;
 mod layout;
 mod load;
 mod material;
+mod meshes;
 mod noise;
 mod place;
 mod semantic;
-mod shader;
+mod setup;
 
 pub mod bind;
 pub mod camera;

@@ -8,9 +8,19 @@ use glam::{Mat4, Vec2, Vec3};
 
 use super::{Mesh, Stream};
 
+mod architecture;
+mod deform;
+mod gltf;
+mod lines;
 mod primitives;
+mod teapot;
 
+pub use architecture::{Arch, Column, Curtain, Stairs};
+pub use deform::{Morph, Skin};
+pub use gltf::{Gltf, Rigged};
+pub use lines::{Vertices, WireSphere};
 pub use primitives::{Cuboid, Plane, Sphere};
+pub use teapot::Teapot;
 
 /// Collects vertices and triangles.
 #[derive(Clone, Debug, Default)]

@@ -45,7 +45,10 @@ impl Cuboid {
         ] {
             let extent = |axis: Vec3| (axis.abs() * half).element_sum() * 2.0;
             builder.patch([self.segments; 2], |s, t| {
-                let p = half * (n + u * (2.0 * s - 1.0) + v * (2.0 * t - 1.0));
+                // In whole cells, so that faces that run opposite ways along an edge share its points to the bit.
+                let cells = self.segments.max(1) as f32;
+                let across = |s: f32| (2.0 * (s * cells).round() - cells) / cells;
+                let p = half * (n + u * across(s) + v * across(t));
                 let uv = Vec2::new(s * extent(u), (1.0 - t) * extent(v)) * self.tiling;
                 (center + p, n, uv)
             });

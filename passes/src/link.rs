@@ -8,23 +8,63 @@ use std::collections::{HashMap, HashSet};
 
 use naga::{
     AddressSpace, ArraySize, Block, Constant, EntryPoint, Expression, Function, GlobalVariable,
-    Handle, Module, Override, RayPipelineFunction, ShaderStage, Span, Statement, Type, TypeInner,
+    Handle, Module, Override, ShaderStage, Span, Statement, Type, TypeInner,
 };
 
-use super::error::{Code, Error};
-use super::wgsl::offset;
+use crate::graph::operands;
 
-/// Adds `second`, whose spans count from `base` in the source map, to `first`, whose spans count from 0.
-pub(super) fn link(first: Module, second: Module, base: u32) -> Result<Module, Error> {
-    let suffix = second
-        .entry_points
-        .first()
-        .map_or("second", |e| super::entry::stage_name(e.stage));
+/// Two modules that cannot be one.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{message}")]
+pub struct Error {
+    /// What does not fit.
+    pub message: String,
+    /// Where, in the address space of the source map.
+    pub labels: Vec<(Span, String)>,
+    /// What to do about it.
+    pub note: Option<&'static str>,
+}
+
+impl Error {
+    fn new(message: impl Into<String>) -> Box<Self> {
+        Box::new(Self {
+            message: message.into(),
+            labels: Vec::new(),
+            note: None,
+        })
+    }
+
+    fn label(mut self: Box<Self>, span: Span, text: impl Into<String>) -> Box<Self> {
+        self.labels.push((span, text.into()));
+        self
+    }
+
+    fn note(mut self: Box<Self>, note: &'static str) -> Box<Self> {
+        self.note = Some(note);
+        self
+    }
+}
+
+/// Where the second module's functions went.
+#[derive(Clone, Debug)]
+pub struct Linked {
+    /// Both modules in one.
+    pub module: Module,
+    /// The second module's functions in it, in their order.
+    pub functions: Vec<Handle<Function>>,
+}
+
+/// Adds `second`, whose spans count from `base` in the source map, to `first`, whose spans count from 0. Names of `second` that clash get
+/// `suffix`.
+///
+/// # Errors
+/// When both declare one binding, override or entry point differently.
+pub fn link(first: Module, second: &Module, base: u32, suffix: &str) -> Result<Linked, Box<Error>> {
     let mut linker = Linker {
         names: names(&first),
         shared: first.functions.iter().map(|(h, _)| h).collect(),
         module: first,
-        second: &second,
+        second,
         base,
         suffix,
         types: HashMap::new(),
@@ -41,7 +81,23 @@ pub(super) fn link(first: Module, second: Module, base: u32) -> Result<Module, E
     linker.filters();
     linker.functions()?;
     linker.entry_points()?;
-    Ok(linker.module)
+    let functions = second
+        .functions
+        .iter()
+        .filter_map(|(h, _)| linker.functions.get(&h).copied())
+        .collect();
+    Ok(Linked {
+        module: linker.module,
+        functions,
+    })
+}
+
+/// `span` moved by `base`; an undefined span stays so.
+pub fn offset(span: Span, base: u32) -> Span {
+    match span.to_range() {
+        Some(range) => Span::new(range.start as u32 + base, range.end as u32 + base),
+        None => span,
+    }
 }
 
 struct Linker<'a> {
@@ -50,7 +106,7 @@ struct Linker<'a> {
     second: &'a Module,
     base: u32,
     /// Appended to names that clash.
-    suffix: &'static str,
+    suffix: &'a str,
     /// Names of functions, entry points and variables in `module`.
     names: HashSet<String>,
     /// Functions of the first module, which one of the second may equal.
@@ -103,7 +159,7 @@ impl Linker<'_> {
         }
     }
 
-    fn types(&mut self) -> Result<(), Error> {
+    fn types(&mut self) -> Result<(), Box<Error>> {
         for (handle, _) in self.second.types.iter() {
             self.ty(handle)?;
         }
@@ -146,7 +202,7 @@ impl Linker<'_> {
         Ok(())
     }
 
-    fn ty(&mut self, handle: Handle<Type>) -> Result<Handle<Type>, Error> {
+    fn ty(&mut self, handle: Handle<Type>) -> Result<Handle<Type>, Box<Error>> {
         if let Some(done) = self.types.get(&handle) {
             return Ok(*done);
         }
@@ -173,53 +229,21 @@ impl Linker<'_> {
     }
 
     /// A global expression. Equal ones are shared, so that constants can be compared by their initialiser's handle.
-    fn expression(&mut self, handle: Handle<Expression>) -> Result<Handle<Expression>, Error> {
+    fn expression(&mut self, handle: Handle<Expression>) -> Result<Handle<Expression>, Box<Error>> {
         if let Some(done) = self.expressions.get(&handle) {
             return Ok(*done);
         }
         let mut expression = self.second.global_expressions[handle].clone();
-        match &mut expression {
-            Expression::Compose { components, .. } => {
-                for component in components {
-                    *component = self.expression(*component)?;
-                }
-            }
-            Expression::Access { base, index } => {
-                *base = self.expression(*base)?;
-                *index = self.expression(*index)?;
-            }
-            Expression::AccessIndex { base: e, .. }
-            | Expression::Splat { value: e, .. }
-            | Expression::Swizzle { vector: e, .. }
-            | Expression::Unary { expr: e, .. }
-            | Expression::Relational { argument: e, .. }
-            | Expression::As { expr: e, .. } => *e = self.expression(*e)?,
-            Expression::Binary { left, right, .. } => {
-                *left = self.expression(*left)?;
-                *right = self.expression(*right)?;
-            }
-            Expression::Select {
-                condition,
-                accept,
-                reject,
-            } => {
-                *condition = self.expression(*condition)?;
-                *accept = self.expression(*accept)?;
-                *reject = self.expression(*reject)?;
-            }
-            Expression::Math {
-                arg,
-                arg1,
-                arg2,
-                arg3,
-                ..
-            } => {
-                *arg = self.expression(*arg)?;
-                for arg in [arg1, arg2, arg3].into_iter().flatten() {
-                    *arg = self.expression(*arg)?;
-                }
-            }
-            _ => {}
+        let mut failed = None;
+        operands::map_expression(
+            &mut expression,
+            &mut |operand| match self.expression(*operand) {
+                Ok(mapped) => *operand = mapped,
+                Err(e) => failed = Some(e),
+            },
+        );
+        if let Some(error) = failed {
+            return Err(error);
         }
         self.module_handles(&mut expression)?;
         let span = self.span(self.second.global_expressions.get_span(handle));
@@ -231,7 +255,7 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    fn constant(&mut self, handle: Handle<Constant>) -> Result<Handle<Constant>, Error> {
+    fn constant(&mut self, handle: Handle<Constant>) -> Result<Handle<Constant>, Box<Error>> {
         if let Some(done) = self.constants.get(&handle) {
             return Ok(*done);
         }
@@ -248,7 +272,7 @@ impl Linker<'_> {
     }
 
     /// An override's name and id are how the host sets it, so two of one name must be one.
-    fn override_(&mut self, handle: Handle<Override>) -> Result<Handle<Override>, Error> {
+    fn override_(&mut self, handle: Handle<Override>) -> Result<Handle<Override>, Box<Error>> {
         if let Some(done) = self.overrides.get(&handle) {
             return Ok(*done);
         }
@@ -264,13 +288,10 @@ impl Linker<'_> {
             **o != mapped && (o.name == mapped.name || (o.id.is_some() && o.id == mapped.id))
         });
         if let Some((ours, _)) = clash {
-            return Err(Error::new(
-                Code::Link,
-                format!(
-                    "the two files declare the override `{}` differently",
-                    mapped.name.as_deref().unwrap_or("")
-                ),
-            )
+            return Err(Error::new(format!(
+                "the two files declare the override `{}` differently",
+                mapped.name.as_deref().unwrap_or("")
+            ))
             .label(span, "here")
             .label(self.module.overrides.get_span(ours), "and here"));
         }
@@ -279,7 +300,7 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    fn globals(&mut self) -> Result<(), Error> {
+    fn globals(&mut self) -> Result<(), Box<Error>> {
         // Overrides that no expression of the second module uses still belong to its interface.
         for (handle, _) in self.second.overrides.iter() {
             self.override_(handle)?;
@@ -327,22 +348,19 @@ impl Linker<'_> {
         ours: Handle<GlobalVariable>,
         theirs: &GlobalVariable,
         span: Span,
-    ) -> Error {
+    ) -> Box<Error> {
         let declared = &self.module.global_variables[ours];
         let at = theirs.binding.map_or("immediate data".to_owned(), |b| {
             format!("group {} binding {}", b.group, b.binding)
         });
         let name = |g: &GlobalVariable| g.name.clone().unwrap_or_default();
-        Error::new(
-            Code::Link,
-            format!("the two files declare {at} differently"),
-        )
-        .label(span, format!("`{}` here", name(theirs)))
-        .label(
-            self.module.global_variables.get_span(ours),
-            format!("`{}` here", name(declared)),
-        )
-        .note("give one of them another binding, or both the same type and access")
+        Error::new(format!("the two files declare {at} differently"))
+            .label(span, format!("`{}` here", name(theirs)))
+            .label(
+                self.module.global_variables.get_span(ours),
+                format!("`{}` here", name(declared)),
+            )
+            .note("give one of them another binding, or both the same type and access")
     }
 
     fn filters(&mut self) {
@@ -355,14 +373,13 @@ impl Linker<'_> {
         }
     }
 
-    fn functions(&mut self) -> Result<(), Error> {
+    fn functions(&mut self) -> Result<(), Box<Error>> {
         for (handle, function) in self.second.functions.iter() {
             let mut mapped = self.function(function)?;
-            // naga's IR has no equality; its debug form shows everything but spans.
-            let text = format!("{mapped:?}");
+            let text = content(&mapped);
             let twin = self.shared.iter().copied().find(|h| {
                 let ours = &self.module.functions[*h];
-                ours.name == mapped.name && format!("{ours:?}") == text
+                ours.name == mapped.name && content(ours) == text
             });
             let new = match twin {
                 Some(twin) => twin,
@@ -377,18 +394,18 @@ impl Linker<'_> {
         Ok(())
     }
 
-    fn entry_points(&mut self) -> Result<(), Error> {
+    fn entry_points(&mut self) -> Result<(), Box<Error>> {
         for entry in &self.second.entry_points {
             let twice = |e: &&EntryPoint| e.stage == entry.stage;
             if let Some(first) = self.module.entry_points.iter().find(twice)
                 && matches!(entry.stage, ShaderStage::Vertex | ShaderStage::Fragment)
                 && first.name == entry.name
             {
-                let stage = super::entry::stage_name(entry.stage);
-                return Err(Error::new(
-                    Code::Link,
-                    format!("both files have a {stage} entry point `{}`", entry.name),
-                ));
+                let stage = format!("{:?}", entry.stage).to_lowercase();
+                return Err(Error::new(format!(
+                    "both files have a {stage} entry point `{}`",
+                    entry.name
+                )));
             }
             let mut mapped = entry.clone();
             mapped.function = self.function(&entry.function)?;
@@ -402,7 +419,7 @@ impl Linker<'_> {
     }
 
     /// The function with its module-level handles mapped; handles into its own arenas stay, as these keep their order.
-    fn function(&mut self, theirs: &Function) -> Result<Function, Error> {
+    fn function(&mut self, theirs: &Function) -> Result<Function, Box<Error>> {
         let mut function = theirs.clone();
         for argument in &mut function.arguments {
             argument.ty = self.ty(argument.ty)?;
@@ -432,7 +449,7 @@ impl Linker<'_> {
     }
 
     /// Maps the module-level handles that an expression itself holds.
-    fn module_handles(&mut self, expression: &mut Expression) -> Result<(), Error> {
+    fn module_handles(&mut self, expression: &mut Expression) -> Result<(), Box<Error>> {
         match expression {
             Expression::Constant(handle) => *handle = self.constant(*handle)?,
             Expression::Override(handle) => *handle = self.override_(*handle)?,
@@ -448,58 +465,27 @@ impl Linker<'_> {
         Ok(())
     }
 
-    fn block(&mut self, block: &mut Block) -> Result<(), Error> {
+    fn block(&mut self, block: &mut Block) -> Result<(), Box<Error>> {
         let base = self.base;
         for (statement, span) in block.span_iter_mut() {
             if let Some(span) = span {
                 *span = offset(*span, base);
             }
-            match statement {
-                Statement::Block(inner) => self.block(inner)?,
-                Statement::If { accept, reject, .. } => {
-                    self.block(accept)?;
-                    self.block(reject)?;
-                }
-                Statement::Switch { cases, .. } => {
-                    for case in cases {
-                        self.block(&mut case.body)?;
-                    }
-                }
-                Statement::Loop {
-                    body, continuing, ..
-                } => {
-                    self.block(body)?;
-                    self.block(continuing)?;
-                }
-                Statement::Call { function, .. } => *function = self.callee(*function)?,
-                Statement::RayPipelineFunction(RayPipelineFunction::TraceRay { .. })
-                | Statement::Emit(_)
-                | Statement::Break
-                | Statement::Continue
-                | Statement::Return { .. }
-                | Statement::Kill
-                | Statement::ControlBarrier(_)
-                | Statement::MemoryBarrier(_)
-                | Statement::Store { .. }
-                | Statement::ImageStore { .. }
-                | Statement::Atomic { .. }
-                | Statement::ImageAtomic { .. }
-                | Statement::WorkGroupUniformLoad { .. }
-                | Statement::RayQuery { .. }
-                | Statement::SubgroupBallot { .. }
-                | Statement::SubgroupGather { .. }
-                | Statement::SubgroupCollectiveOperation { .. }
-                | Statement::CooperativeStore { .. } => {}
+            if let Statement::Call { function, .. } = statement {
+                *function = self.callee(*function)?;
+            }
+            for block in operands::blocks_mut(statement) {
+                self.block(block)?;
             }
         }
         Ok(())
     }
 
-    fn global(&self, handle: Handle<GlobalVariable>) -> Result<Handle<GlobalVariable>, Error> {
+    fn global(&self, handle: Handle<GlobalVariable>) -> Result<Handle<GlobalVariable>, Box<Error>> {
         self.globals.get(&handle).copied().ok_or_else(dangling)
     }
 
-    fn callee(&self, handle: Handle<Function>) -> Result<Handle<Function>, Error> {
+    fn callee(&self, handle: Handle<Function>) -> Result<Handle<Function>, Box<Error>> {
         self.functions.get(&handle).copied().ok_or_else(dangling)
     }
 
@@ -513,12 +499,26 @@ impl Linker<'_> {
     }
 }
 
+/// All of a function but its spans. naga's IR has no equality; its debug form shows everything.
+fn content(function: &Function) -> String {
+    fn forget_spans(block: &mut Block) {
+        for (statement, span) in block.span_iter_mut() {
+            if let Some(span) = span {
+                *span = Span::UNDEFINED;
+            }
+            operands::blocks_mut(statement)
+                .into_iter()
+                .for_each(forget_spans);
+        }
+    }
+    let mut function = function.clone();
+    forget_spans(&mut function.body);
+    format!("{function:?}")
+}
+
 /// A front end of naga built a module that refers to what comes later, which it promises not to.
-fn dangling() -> Error {
-    Error::new(
-        Code::Invalid,
-        "the parsed module refers to an item before declaring it",
-    )
+fn dangling() -> Box<Error> {
+    Error::new("the parsed module refers to an item before declaring it")
 }
 
 /// The second module's types mapped to the first's, if both have one layout: equal in everything but the names of structs and of

@@ -1,0 +1,335 @@
+//! `preshade bench`: the yardstick. The frozen hand-written shaders of `fixtures/handwritten` beside what preshade makes of the same forward entry
+//! points, timed A B B A in one process.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use preshade::front::{self, Options, Source};
+use preshade::measure::{self, Estimate, TimingSettings};
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::{
+    Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role, Visibility,
+};
+use preshade::passes::reflect;
+use preshade::passes::state::{CompareFunction, CullMode, DepthBias, MaterialState};
+use preshade::recipe::Recipe;
+use preshade::render::{
+    AdapterChoice, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
+};
+use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
+use serde::Serialize;
+
+use crate::verify::parse_size;
+use crate::{Failure, Format, Outcome};
+
+/// Arguments of `bench`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The hand-written reference.
+    #[arg(
+        long,
+        value_name = "FILE",
+        default_value = "fixtures/handwritten/bounds.wgsl"
+    )]
+    reference: PathBuf,
+    /// Resolution; default 1920x1080, or 320x180 on a software adapter.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<[u32; 2]>,
+    /// Layers of noise, one over the other.
+    #[arg(long, value_delimiter = ',', default_value = "4,16")]
+    layers: Vec<u32>,
+    /// Seconds to spend on each pair.
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.5)]
+    seconds: f64,
+    /// Part of an adapter's name, driver or backend.
+    #[arg(long, value_name = "TEXT")]
+    adapter: Option<String>,
+    /// Output form.
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
+}
+
+#[derive(Serialize)]
+struct Report {
+    schema: &'static str,
+    resolution: [u32; 2],
+    adapter: preshade::render::AdapterReport,
+    rows: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    layers: u32,
+    order: &'static str,
+    form: &'static str,
+    recipe: &'static str,
+    /// Milliseconds a frame.
+    handwritten_ms: Estimate,
+    generated_ms: Estimate,
+    /// Time of the hand-written form over the generated one's: 1.00 is as good, more is better.
+    ratio: Estimate,
+    changed_pixels: u64,
+}
+
+/// The hand-written forms, and the recipe that should match each.
+const FORMS: [(&str, &str); 4] = [
+    ("pre-pass EQUAL", "depth-prepass:form=equal"),
+    ("pre-pass biased", "depth-prepass:form=biased"),
+    ("prologue", "early-discard:quad=lane,tolerance=0.0001"),
+    ("quad vote", "early-discard:quad=vote,tolerance=0.0001"),
+];
+
+const ORDERS: [(&str, u32); 3] = [("back to front", 0), ("shuffled", 2), ("front to back", 1)];
+
+/// Runs the yardstick.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    let gpu = Gpu::new(
+        &args
+            .adapter
+            .clone()
+            .map_or(AdapterChoice::Best, AdapterChoice::Matching),
+    )?;
+    let size = args.size.unwrap_or(if gpu.adapter().kind == "software" {
+        [320, 180]
+    } else {
+        [1920, 1080]
+    });
+    let text = std::fs::read_to_string(&args.reference)
+        .map_err(|e| Failure(format!("error: {}: {e}", args.reference.display())))?;
+    let timing = TimingSettings {
+        budget: Duration::from_secs_f64(args.seconds.clamp(0.0, 600.0)),
+        ..TimingSettings::default()
+    };
+    let mut rows = Vec::new();
+    for layers in &args.layers {
+        for (order, number) in ORDERS {
+            let scene = scene(&text, size, *layers, number)?;
+            let inputs = SceneInputs::new(&gpu, &scene)?;
+            let forward = measure::originals(&scene)
+                .into_iter()
+                .next()
+                .ok_or_else(|| Failure("error: no plan".to_owned()))?;
+            for (form, recipe) in FORMS {
+                eprintln!("{layers} layers {order}: {form}");
+                let hand = handwritten(&forward, form)?;
+                let generated = Recipe::parse([recipe])?
+                    .apply(
+                        &forward,
+                        &Facts {
+                            depth_ties: Some(0),
+                        },
+                    )
+                    .map_err(|r| Failure(format!("error: {r}")))?;
+                let prepare = |plan: &Plan| -> Result<Prepared<'_>, Failure> {
+                    let variant = Variant::new(std::slice::from_ref(plan), ShaderForm::Text)?;
+                    Ok(Prepared::new(
+                        &inputs,
+                        &variant,
+                        &FrameSettings::of(&scene),
+                    )?)
+                };
+                let (hand, generated) = (prepare(&hand)?, prepare(&generated)?);
+                let error = measure::compare(&hand.render()?, &generated.render()?)?;
+                let (_, times) = measure::time(&gpu, &[&hand, &generated], &timing, |_| {})?;
+                let [hand, generated] = &times[..] else {
+                    continue;
+                };
+                rows.push(Row {
+                    layers: *layers,
+                    order,
+                    form,
+                    recipe,
+                    handwritten_ms: hand.time.estimate,
+                    generated_ms: generated.time.estimate,
+                    ratio: generated.speedup,
+                    changed_pixels: error.changed_pixels,
+                });
+            }
+        }
+    }
+    let report = Report {
+        schema: "preshade.bench.v1",
+        resolution: size,
+        adapter: gpu.adapter().clone(),
+        rows,
+    };
+    match args.format {
+        Format::Json => println!("{}", serde_json::to_string_pretty(&report)?),
+        Format::Human => print(&report),
+    }
+    Ok(Outcome::Fine)
+}
+
+fn print(report: &Report) {
+    println!(
+        "{}x{} on {}\n",
+        report.resolution[0], report.resolution[1], report.adapter.name
+    );
+    println!(
+        "{:>6}  {:<13}  {:<15}  {:>9}  {:>9}  {:>22}  {:>10}",
+        "layers", "order", "form", "hand ms", "ours ms", "hand / ours", "changed px"
+    );
+    for r in &report.rows {
+        println!(
+            "{:>6}  {:<13}  {:<15}  {:>9.3}  {:>9.3}  {:>6.3} [{:>5.3}, {:>5.3}]  {:>10}",
+            r.layers,
+            r.order,
+            r.form,
+            r.handwritten_ms.median,
+            r.generated_ms.median,
+            r.ratio.median,
+            r.ratio.low,
+            r.ratio.high,
+            r.changed_pixels
+        );
+    }
+}
+
+/// The layers of noise as a scene: no vertex data, one instance a layer.
+fn scene(text: &str, size: [u32; 2], layers: u32, order: u32) -> Result<Scene, Failure> {
+    /// Quads along each side of a layer, as in the frozen figures.
+    const GRID: u32 = 16;
+    let source = Source::new("bounds.wgsl", text);
+    let options = Options {
+        vertex: Some("vs".to_owned()),
+        fragment: Some("fs".to_owned()),
+        ..Options::default()
+    };
+    let parsed =
+        front::parse(&[source], &options).map_err(|e| Failure(e.render(front::Color::Never)))?;
+    let numbers = |n: f64| Value::Numbers(vec![n]);
+    let values = BTreeMap::from([
+        ("p.n".to_owned(), numbers(f64::from(GRID))),
+        ("p.layers".to_owned(), numbers(f64::from(layers))),
+        ("p.w".to_owned(), numbers(f64::from(size[0]))),
+        ("p.h".to_owned(), numbers(f64::from(size[1]))),
+        ("p.inst".to_owned(), numbers(0.0)),
+        ("p.freq".to_owned(), numbers(8.0)),
+        ("p.order".to_owned(), numbers(f64::from(order))),
+        ("p.pad1".to_owned(), numbers(0.0)),
+    ]);
+    let mut state = MaterialState::default();
+    state.primitive.cull = CullMode::None;
+    Ok(Scene {
+        name: "handwritten".to_owned(),
+        size,
+        viewport: None,
+        depth_format: state.depth_format,
+        depth_direction: state.depth_direction,
+        samples: 1,
+        clear_color: [0.0, 0.0, 0.0, 1.0],
+        materials: vec![Material {
+            name: "bounds".to_owned(),
+            program: parsed.program,
+            vertex: parsed.vertex,
+            fragment: parsed.fragment,
+            state,
+            values,
+            textures: BTreeMap::new(),
+            samplers: BTreeMap::new(),
+            attributes: BTreeMap::new(),
+        }],
+        meshes: vec![Mesh {
+            name: "layer".to_owned(),
+            vertex_count: GRID * GRID * 6,
+            streams: BTreeMap::new(),
+            indices: None,
+            bounds: Default::default(),
+        }],
+        draws: vec![Draw {
+            name: "layers".to_owned(),
+            mesh: 0,
+            material: 0,
+            transform: Default::default(),
+            instances: layers,
+            instance_streams: BTreeMap::new(),
+            joints: Vec::new(),
+            morph_weights: Vec::new(),
+            values: BTreeMap::new(),
+        }],
+        cameras: vec![Camera {
+            name: "front".to_owned(),
+            frames: vec![Frame {
+                view: Default::default(),
+                projection: Default::default(),
+                eye: Default::default(),
+                time: 0.0,
+            }],
+        }],
+        orders: vec![DrawOrder::AsGiven],
+        light: Default::default(),
+    })
+}
+
+/// A hand-written form as a plan: the frozen entry points, and the state that goes with them.
+fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
+    let mut plan = forward.clone();
+    let program = plan
+        .programs
+        .get("main")
+        .cloned()
+        .ok_or_else(|| Failure("error: no program".to_owned()))?;
+    let Some(main) = plan.passes.first_mut() else {
+        return Err(Failure("error: no pass".to_owned()));
+    };
+    let mut prepass = main.clone();
+    prepass.role = Role::Prepass;
+    prepass.phase = Phase::Depth;
+    prepass.fragment = None;
+    prepass.targets.clear();
+    prepass.draws = Draws::Opaque;
+    match form {
+        "pre-pass EQUAL" => {
+            if let Some(depth) = &mut main.depth {
+                depth.compare = CompareFunction::Equal;
+                depth.write = false;
+            }
+        }
+        "pre-pass biased" => {
+            if let Some(depth) = &mut prepass.depth {
+                depth.bias = DepthBias {
+                    constant: 64,
+                    slope_scale: 2.0,
+                    clamp: 0.0,
+                };
+            }
+        }
+        _ => {
+            main.fragment = Some(
+                if form == "prologue" {
+                    "fs_discard"
+                } else {
+                    "fs_vote"
+                }
+                .to_owned(),
+            );
+            main.bindings.push(BindingUse {
+                group: 0,
+                binding: 1,
+                name: "dtex".to_owned(),
+                kind: BindingKind::DepthTexture,
+                visibility: Visibility {
+                    vertex: false,
+                    fragment: true,
+                },
+                source: BindingSource::Attachment {
+                    name: "prepass-depth".to_owned(),
+                },
+            });
+            if let Some(depth) = &mut prepass.depth {
+                depth.attachment = "prepass-depth".to_owned();
+            }
+            let scene = plan.attachments.first().cloned();
+            plan.attachments.extend(scene.map(|a| Attachment {
+                name: "prepass-depth".to_owned(),
+                sampled: true,
+                ..a
+            }));
+        }
+    }
+    reflect::fill(main, &program);
+    reflect::fill(&mut prepass, &program);
+    plan.passes.insert(0, prepass);
+    Ok(plan)
+}

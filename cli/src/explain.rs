@@ -1,0 +1,197 @@
+//! `preshade explain`: where each pass applies, or why it does not.
+
+use codespan_reporting::diagnostic::{Diagnostic, Label};
+use codespan_reporting::files::SimpleFiles;
+use codespan_reporting::term;
+use preshade::passes::PASSES;
+use preshade::passes::graph::Graph;
+use preshade::passes::pass::{Facts, Refusal, Sites};
+use preshade::passes::plan::Plan;
+use preshade::recipe::Step;
+use serde::Serialize;
+
+use crate::input::ShaderArgs;
+use crate::{Failure, Format, Outcome};
+
+/// Arguments of `explain`.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    shader: ShaderArgs,
+    /// Explain these passes, with these parameters; default: all, with their defaults.
+    #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
+    passes: Vec<String>,
+    /// Output form.
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
+}
+
+#[derive(Serialize)]
+struct Explained {
+    schema: &'static str,
+    material: String,
+    stages: Vec<Stage>,
+    passes: Vec<PassExplained>,
+}
+
+#[derive(Serialize)]
+struct Stage {
+    stage: &'static str,
+    entry_point: String,
+    cost: f64,
+    expressions: usize,
+    effects: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct PassExplained {
+    pass: String,
+    summary: &'static str,
+    hurts: &'static str,
+    source: &'static str,
+    #[serde(flatten)]
+    sites: Sites,
+}
+
+/// Explains a material.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    let plan = args.shader.plan()?;
+    let steps = if args.passes.is_empty() {
+        PASSES
+            .iter()
+            .map(|p| Step::parse(p.info().name))
+            .collect::<Result<Vec<_>, _>>()?
+    } else {
+        args.passes
+            .iter()
+            .map(|p| Step::parse(p))
+            .collect::<Result<Vec<_>, _>>()?
+    };
+    let explained = Explained {
+        schema: "preshade.explain.v1",
+        material: plan.material.clone(),
+        stages: stages(&plan),
+        passes: steps
+            .iter()
+            .map(|step| {
+                let Some(pass) = preshade::passes::pass_named(&step.pass) else {
+                    return Err(Failure(format!("error: no pass `{}`", step.pass)));
+                };
+                let info = pass.info();
+                let sites = pass.sites(
+                    &plan,
+                    &Facts::default(),
+                    &serde_json::Value::Object(step.params.clone()),
+                )?;
+                Ok(PassExplained {
+                    pass: step.to_string(),
+                    summary: info.summary,
+                    hurts: info.hurts,
+                    source: info.source,
+                    sites,
+                })
+            })
+            .collect::<Result<_, _>>()?,
+    };
+    match args.format {
+        Format::Json => println!("{}", serde_json::to_string_pretty(&explained)?),
+        Format::Human => print(&explained, &plan),
+    }
+    Ok(Outcome::Fine)
+}
+
+fn stages(plan: &Plan) -> Vec<Stage> {
+    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+        return Vec::new();
+    };
+    let graph = Graph::build(program);
+    let mut stages = Vec::new();
+    for (stage, word, name) in [
+        (
+            preshade::passes::naga::ShaderStage::Vertex,
+            "vertex",
+            Some(&pass.vertex),
+        ),
+        (
+            preshade::passes::naga::ShaderStage::Fragment,
+            "fragment",
+            pass.fragment.as_ref(),
+        ),
+    ] {
+        let Some((index, entry)) = name.and_then(|n| program.entry_point(stage, n)) else {
+            continue;
+        };
+        stages.push(Stage {
+            stage: word,
+            entry_point: entry.name.clone(),
+            cost: graph.entry_cost(index),
+            expressions: entry.function.expressions.len(),
+            effects: graph.entry_effects(index),
+        });
+    }
+    stages
+}
+
+fn print(explained: &Explained, plan: &Plan) {
+    println!("material {}", explained.material);
+    for s in &explained.stages {
+        let effects = if s.effects.is_empty() {
+            String::new()
+        } else {
+            format!("; {}", s.effects.join(", "))
+        };
+        println!(
+            "  {} `{}`: static cost {:.0}, {} expressions{effects}",
+            s.stage, s.entry_point, s.cost, s.expressions
+        );
+    }
+    for p in &explained.passes {
+        println!("\n{}\n  {}", p.pass, p.summary);
+        for site in &p.sites.sites {
+            println!("  applies to `{}`: {}", site.key.entry_point, site.what);
+            println!(
+                "    static cost {:.0} of {:.0}; site {}",
+                site.cost.slice, site.cost.whole, site.key.slice
+            );
+            println!("    hurts {}", p.hurts);
+        }
+        for r in &p.sites.refusals {
+            println!("{}", indent(&refusal(r, plan)));
+        }
+        println!("  source: {}", p.source);
+    }
+}
+
+fn indent(text: &str) -> String {
+    text.lines()
+        .map(|l| format!("  {l}"))
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+/// A refusal as a note on the author's source.
+pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
+    let mut files = SimpleFiles::new();
+    let mut labels = Vec::new();
+    if let Some(at) = &refusal.location
+        && let Some(file) = plan
+            .programs
+            .values()
+            .flat_map(|p| p.sources().files())
+            .find(|f| f.name == at.file)
+    {
+        let id = files.add(file.name.clone(), file.text.clone());
+        labels.push(Label::primary(
+            id,
+            at.range.start as usize..at.range.end as usize,
+        ));
+    }
+    let diagnostic = Diagnostic::note()
+        .with_code(format!("{}/{}", refusal.pass, refusal.code))
+        .with_message(format!("does not apply: {}", refusal.reason))
+        .with_labels(labels)
+        .with_notes(vec![format!("to make it legal: {}", refusal.remedy)]);
+    let config = term::Config::default();
+    term::emit_into_string(&config, &files, &diagnostic)
+        .map_or_else(|_| refusal.to_string(), |s| s.trim_end().to_owned())
+}

@@ -1,0 +1,360 @@
+//! The depth-only version of a material: the slice of its vertex stage that decides position, and the slice of its fragment stage that decides
+//! discard and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
+
+use naga::{
+    BinaryOperator, Binding, Expression, Function, Handle, Literal, Module, ShaderStage, Span, Type,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::contract::Contract;
+use crate::opaque::Opaque;
+use crate::pass::{Refusal, Site, SiteCost, SiteKey};
+use crate::place::{self, PositionInvariance};
+use crate::plan::{Draws, GpuPass, Phase, Plan, Role};
+use crate::reflect;
+use crate::returns;
+use crate::slice::{self, Criterion, OutputFilter, Slice};
+use crate::state::DepthState;
+
+/// Which vertex stage a depth-only pass runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum VertexStage {
+    /// The main pass's own entry point of the same module: what invariance holds for most widely.
+    Same,
+    /// The slice to position, clip distances, point size and view index, in a module of its own.
+    Sliced,
+}
+
+/// The slices that make a material depth-only.
+#[derive(Clone, Debug)]
+pub struct DepthOnly {
+    /// Of the vertex stage; `None` runs it whole.
+    vertex: Option<Slice>,
+    /// Of the fragment stage; `None` needs no fragment stage.
+    fragment: Option<Slice>,
+    cost: SiteCost,
+    span: Option<Span>,
+}
+
+/// A depth-only program, and its entry points' names.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    /// The module.
+    pub module: Module,
+    /// Vertex entry point.
+    pub vertex: String,
+    /// Fragment entry point.
+    pub fragment: Option<String>,
+}
+
+/// Slices a material.
+pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
+    let graph = &opaque.graph;
+    let fragment = opaque
+        .fragment
+        .filter(|_| opaque.decides_depth())
+        .map(|entry| {
+            slice::backward(
+                graph,
+                entry,
+                &[
+                    Criterion::Discard,
+                    Criterion::Output(OutputFilter::FragDepth),
+                ],
+            )
+        });
+    let vertex = match stage {
+        VertexStage::Same => None,
+        VertexStage::Sliced => {
+            let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
+            if let Some(fragment) = &fragment {
+                let entry = &opaque.program.module().entry_points[fragment.entry];
+                let inputs = reflect::inputs(opaque.program.module(), &entry.function);
+                criteria.extend(fragment.inputs.iter().filter_map(
+                    |i| match inputs.get(*i)?.binding {
+                        Some(Binding::Location { location, .. }) => {
+                            Some(Criterion::Output(OutputFilter::Location(location)))
+                        }
+                        _ => None,
+                    },
+                ));
+            }
+            Some(slice::backward(graph, opaque.vertex, &criteria))
+        }
+    };
+    let whole_vertex = graph.entry_cost(opaque.vertex);
+    let cost = SiteCost {
+        slice: vertex.as_ref().map_or(whole_vertex, |s| s.cost)
+            + fragment.as_ref().map_or(0.0, |s| s.cost),
+        whole: whole_vertex + opaque.fragment.map_or(0.0, |f| graph.entry_cost(f)),
+    };
+    let span = [&fragment, &vertex]
+        .into_iter()
+        .flatten()
+        .find_map(|s| s.spans.first().copied());
+    DepthOnly {
+        vertex,
+        fragment,
+        cost,
+        span,
+    }
+}
+
+impl DepthOnly {
+    /// Stable name of the site.
+    pub fn key(&self, opaque: &Opaque) -> SiteKey {
+        let hash = |s: &Option<Slice>| s.as_ref().map_or("-".repeat(16), |s| s.hash.clone());
+        SiteKey {
+            role: Role::Main,
+            entry_point: opaque.pass.vertex.clone(),
+            slice: format!("{}{}", hash(&self.vertex), hash(&self.fragment)),
+            ordinal: 0,
+        }
+    }
+
+    /// The site.
+    pub fn site(&self, opaque: &Opaque, what: String) -> Site {
+        Site {
+            key: self.key(opaque),
+            what,
+            location: self.span.and_then(|s| opaque.program.sources().locate(s)),
+            cost: self.cost,
+        }
+    }
+
+    /// Refuses a site that is not this one.
+    ///
+    /// # Errors
+    /// `stale`.
+    pub fn expect(&self, opaque: &Opaque, site: &SiteKey, pass: &str) -> Result<(), Box<Refusal>> {
+        if self.key(opaque) == *site {
+            return Ok(());
+        }
+        Err(Box::new(Refusal::new(
+            pass,
+            "stale",
+            format!(
+                "the site {} of `{}` is no longer in the shader",
+                site.slice, site.entry_point
+            ),
+            "make the recipe anew",
+        )))
+    }
+
+    /// Places the slices beside the author's entry points. `suffix` ends the names of what is new. `shader_bias` is added to a depth that the fragment stage writes.
+    pub fn place(
+        &self,
+        opaque: &Opaque,
+        suffix: &str,
+        invariance: PositionInvariance,
+        shader_bias: Option<f32>,
+    ) -> Placed {
+        let program = opaque.program;
+        let graph = &opaque.graph;
+        let mut module = program.module().clone();
+        let fragment = self.fragment.as_ref().map(|slice| {
+            let name = format!(
+                "{}_{suffix}",
+                program.module().entry_points[slice.entry].name
+            );
+            module = place::entry_point(
+                graph,
+                slice,
+                &module,
+                &name,
+                suffix,
+                PositionInvariance::AsWritten,
+            );
+            if let (Some(bias), true, Some(entry)) = (
+                shader_bias,
+                opaque.writes_depth,
+                module.entry_points.last_mut(),
+            ) {
+                bias_depth(&mut entry.function, bias);
+            }
+            name
+        });
+        let Some(slice) = &self.vertex else {
+            if invariance == PositionInvariance::Invariant {
+                module = place::with_invariant_position(&module, opaque.vertex);
+            }
+            return Placed {
+                module,
+                vertex: opaque.pass.vertex.clone(),
+                fragment,
+            };
+        };
+        let vertex = format!("{}_{suffix}", opaque.pass.vertex);
+        module = place::entry_point(graph, slice, &module, &vertex, suffix, invariance);
+        Placed {
+            module,
+            vertex,
+            fragment,
+        }
+    }
+
+    /// The vertex stage is the main pass's own.
+    pub fn shares_vertex(&self) -> bool {
+        self.vertex.is_none()
+    }
+
+    /// Adds to `module` a plain function that computes the depth the material writes, from the fragment stage's inputs.
+    pub fn depth_function(
+        &self,
+        opaque: &Opaque,
+        module: &Module,
+    ) -> Option<(Module, DepthFunction)> {
+        let graph = &opaque.graph;
+        // Only the depth: discarding is still to come, in the author's own code.
+        let slice = slice::backward(
+            graph,
+            self.fragment.as_ref()?.entry,
+            &[Criterion::Output(OutputFilter::FragDepth)],
+        );
+        let name = "prepass_own_depth";
+        let mut module = place::entry_point(
+            graph,
+            &slice,
+            module,
+            name,
+            "own_depth",
+            PositionInvariance::AsWritten,
+        );
+        let mut function = module.entry_points.pop()?.function;
+        let mut arguments = Vec::new();
+        for argument in &mut function.arguments {
+            arguments.push(match argument.binding.take() {
+                Some(binding) => Argument::Input(argument.ty, binding),
+                None => Argument::Struct(argument.ty, reflect::members(&module, argument.ty)?),
+            });
+        }
+        if let Some(result) = &mut function.result {
+            result.binding = None;
+        }
+        function.name = Some(name.to_owned());
+        let function = module.functions.append(function, Span::UNDEFINED);
+        Some((
+            module,
+            DepthFunction {
+                function,
+                arguments,
+            },
+        ))
+    }
+}
+
+/// A function that computes the depth a material writes, and what to pass to it.
+#[derive(Clone, Debug)]
+pub struct DepthFunction {
+    /// The function.
+    pub function: Handle<Function>,
+    /// Its arguments.
+    pub arguments: Vec<Argument>,
+}
+
+/// An argument made of the entry point's inputs.
+#[derive(Clone, Debug)]
+pub enum Argument {
+    /// One input.
+    Input(Handle<Type>, Binding),
+    /// A struct of inputs, a member each.
+    Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
+}
+
+/// Adds `bias` to every depth that a fragment function returns.
+fn bias_depth(function: &mut Function, bias: f32) {
+    returns::rewrite(function, &mut |emitter, value| {
+        let value = value?;
+        let bias = emitter.constant(Expression::Literal(Literal::F32(bias)));
+        Some(emitter.emit(Expression::Binary {
+            op: BinaryOperator::Add,
+            left: value,
+            right: bias,
+        }))
+    });
+}
+
+/// Adds a depth-only GPU pass to a plan, ahead of the main pass. `program` is the key of a program that is already in the plan.
+pub fn insert(
+    plan: &mut Plan,
+    main: &GpuPass,
+    placed: &Placed,
+    program: &str,
+    role: Role,
+    phase: Phase,
+    depth: DepthState,
+) {
+    let mut pass = GpuPass {
+        role,
+        phase,
+        program: program.to_owned(),
+        vertex: placed.vertex.clone(),
+        fragment: placed.fragment.clone(),
+        depth: Some(depth),
+        targets: Vec::new(),
+        bindings: Vec::new(),
+        attributes: Vec::new(),
+        draws: Draws::Opaque,
+        ..main.clone()
+    };
+    if let Some(p) = plan.programs.get(program) {
+        reflect::fill(&mut pass, p);
+    }
+    plan.passes.insert(0, pass);
+}
+
+/// Adds a depth-only GPU pass with a program of its own, holding its two entry points alone, named after its role.
+///
+/// # Errors
+/// A program of ours that does not validate: a bug.
+pub fn insert_own(
+    plan: &mut Plan,
+    opaque: &Opaque,
+    placed: Placed,
+    role: Role,
+    phase: Phase,
+    depth: DepthState,
+    name: &str,
+) -> Result<(), Box<Refusal>> {
+    let mut kept = vec![(ShaderStage::Vertex, placed.vertex.as_str())];
+    kept.extend(
+        placed
+            .fragment
+            .as_deref()
+            .map(|f| (ShaderStage::Fragment, f)),
+    );
+    let program = opaque
+        .program
+        .with_module(place::retain(&placed.module, &kept))
+        .map_err(|e| Refusal::bug(name, e))?;
+    plan.programs.insert(role.name().to_owned(), program);
+    insert(plan, opaque.pass, &placed, role.name(), role, phase, depth);
+    Ok(())
+}
+
+/// What every transform does last: bindings and attributes anew, the contract from the steps.
+pub fn finish(plan: &mut Plan, fallback: &str) {
+    for pass in &mut plan.passes {
+        if let Some(program) = plan.programs.get(&pass.program) {
+            reflect::fill(pass, program);
+        }
+    }
+    plan.contract = plan
+        .steps
+        .iter()
+        .map(|s| s.contract.clone())
+        .fold(Contract::exact(), Contract::and);
+    plan.fallback = Some(fallback.to_owned());
+}
+
+/// The first of several refusals: what `apply` answers where `sites` answers all.
+pub fn first(refusals: Vec<Refusal>) -> Box<Refusal> {
+    Box::new(
+        refusals
+            .into_iter()
+            .next()
+            .unwrap_or_else(|| Refusal::new("", "refused", "refused", "see `preshade explain`")),
+    )
+}

@@ -1,0 +1,437 @@
+//! `early-discard`: compare with the nearest depth ahead of all work, and leave when behind it.
+//!
+//! Goal: what a hidden fragment would have cost, saved by hand where the hardware's own early test cannot run: in a material that writes depth, or on an
+//! API without a say in it (the article of seed 1).
+//!
+//! ```text
+//! before:  main     fs(..) { work }                                        depth less, write
+//!
+//! after:   prepass  vs_depth (+ fs_depth)                                  writes the attachment `prepass-depth`
+//!          main     fs(..) { if hidden(position) { discard; } work }       depth less, write, and `prepass-depth` bound as a texture
+//! ```
+//!
+//! `quad=vote` (the default) leaves only when all four lanes of the 2x2 quad are behind, so that every derivative and every implicit level of detail of a
+//! surviving pixel is what it was. `quad=lane` leaves at once, for materials that take no derivative.
+//!
+//! A fragment is dropped only when it is strictly behind by more than two pipelines may differ: the tolerance is derived from depth format, depth and slope
+//! ([`Tolerance::Derived`]). The article's fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
+//!
+//! It hurts where little is hidden, and on hardware whose early test already rejects: a texture read and a vote for each fragment, for nothing.
+
+use naga::Module;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::contract::{Assumption, Contract};
+use crate::depth_only::{self, DepthOnly, VertexStage};
+use crate::opaque::{self, Opaque};
+use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
+use crate::place::{self, PositionInvariance};
+use crate::plan::{
+    Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
+};
+use crate::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
+
+mod prologue;
+use prologue::Prologue;
+
+/// Name of the depth attachment the prologue reads when the main pass has one of its own.
+pub const PREPASS_DEPTH: &str = "prepass-depth";
+
+/// The pass.
+pub struct EarlyDiscard;
+
+/// The depth attachment of the main pass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MainAttachment {
+    /// Its own, with the author's state: the article's form.
+    #[default]
+    Own,
+    /// The very depth that is compared with, bound read-only: the hardware test rejects too.
+    Readonly,
+}
+
+/// How the depth texture is declared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DepthTexture {
+    /// `texture_depth_2d`.
+    #[default]
+    Depth,
+    /// `texture_2d<f32>` with an unfilterable sample type: what the GLSL writer can express.
+    Float,
+}
+
+/// Which lanes leave.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Quad {
+    /// All four of a quad, when all four are behind.
+    #[default]
+    Vote,
+    /// Each by itself.
+    Lane,
+}
+
+/// What the comparison does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Drops hidden fragments.
+    #[default]
+    Cull,
+    /// Drops the visible ones: a picture of what would be saved, as the article drew it.
+    Invert,
+}
+
+/// Parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Depth attachment of the main pass.
+    pub attachment: MainAttachment,
+    /// Type of the depth texture.
+    pub texture: DepthTexture,
+    /// Which lanes leave.
+    pub quad: Quad,
+    /// Drop hidden fragments, or show them.
+    pub mode: Mode,
+    /// A fixed tolerance in units of depth, at least 0, in place of the derived one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<f32>,
+    /// `@group` of the depth texture; default: the highest group that the fragment stage already uses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group: Option<u32>,
+    /// `@binding` of the depth texture; default: the first free one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub binding: Option<u32>,
+    /// Vertex stage of the depth pass; default: `sliced`, or `same` with `attachment=readonly`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertex: Option<VertexStage>,
+}
+
+impl Params {
+    fn vertex(&self) -> VertexStage {
+        self.vertex.unwrap_or(match self.attachment {
+            MainAttachment::Own => VertexStage::Sliced,
+            MainAttachment::Readonly => VertexStage::Same,
+        })
+    }
+}
+
+impl Pass for EarlyDiscard {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "early-discard",
+        summary: "compares with the nearest depth ahead of all work and leaves when behind it",
+        source: "Primozic, Speeding Up Three.JS with Depth-Based Fragment Culling (2022)",
+        hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway",
+    };
+
+    fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
+        let opaque = match check(plan, params) {
+            Ok(o) => o,
+            Err(refusals) => return opaque::refused(refusals),
+        };
+        let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
+        Sites {
+            sites: vec![site],
+            refusals: Vec::new(),
+        }
+    }
+
+    fn apply(
+        plan: &Plan,
+        _facts: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
+        let opaque = check(plan, params).map_err(depth_only::first)?;
+        let slice = depth_only::slice(&opaque, params.vertex());
+        slice.expect(&opaque, site, Self::INFO.name)?;
+        transform(plan, &opaque, &slice, params)
+    }
+}
+
+fn check<'a>(plan: &'a Plan, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>> {
+    let name = EarlyDiscard::INFO.name;
+    let opaque = Opaque::examine(plan, name)?;
+    let mut refusals = Vec::new();
+    let mut refuse = |code: &str, reason: &str, remedy: &str| {
+        refusals.push(Refusal::new(name, code, reason, remedy))
+    };
+    if opaque.fragment.is_none() {
+        refuse(
+            "no-fragment-stage",
+            "the material has no fragment stage to leave early",
+            "nothing to do",
+        );
+    }
+    if params
+        .tolerance
+        .is_some_and(|t| !(t >= 0.0 && t.is_finite()))
+    {
+        refuse(
+            "tolerance",
+            "the tolerance is not a finite number of at least 0",
+            "leave it out to have it derived",
+        );
+    }
+    if !opaque.pass.primitive.topology.is_triangles() && params.quad == Quad::Vote {
+        refuse(
+            "vote-needs-triangles",
+            "lines and points have no 2x2 quads to vote in",
+            "take quad=lane",
+        );
+    }
+    if params.quad == Quad::Lane
+        && let Some(fragment) = opaque.fragment
+        && let Some(span) = opaque::derivative(&opaque.graph, fragment)
+    {
+        refusals.push(
+            Refusal::new(
+                name,
+                "lane-spoils-derivatives",
+                "the fragment stage takes a derivative or an implicit level of detail, which a lane that left would spoil for its neighbours",
+                "take quad=vote, which leaves only when the whole quad is behind",
+            )
+            .at(opaque.program.sources(), span),
+        );
+    }
+    if params.attachment == MainAttachment::Readonly && opaque.writes_depth {
+        refusals.push(Refusal::new(
+            name,
+            "readonly-depth-writer",
+            "the material writes depth, which a read-only attachment cannot take",
+            "take attachment=own",
+        ));
+    }
+    if refusals.is_empty() {
+        Ok(opaque)
+    } else {
+        Err(refusals)
+    }
+}
+
+fn what(params: &Params, opaque: &Opaque) -> String {
+    let lanes = match params.quad {
+        Quad::Vote => "when all four lanes of a quad are behind",
+        Quad::Lane => "lane by lane",
+    };
+    let hardware = match (params.attachment, opaque.writes_depth) {
+        (MainAttachment::Readonly, _) => {
+            "; the depth is attached read-only too, so the hardware test already rejects and the prologue only adds its cost"
+        }
+        (MainAttachment::Own, true) => {
+            "; the material writes depth, so the hardware cannot test early and this is where it pays most"
+        }
+        (MainAttachment::Own, false) => "",
+    };
+    format!("discard ahead of all work {lanes}{hardware}")
+}
+
+fn transform(
+    plan: &Plan,
+    opaque: &Opaque,
+    slice: &DepthOnly,
+    params: &Params,
+) -> Result<Plan, Box<Refusal>> {
+    let name = EarlyDiscard::INFO.name;
+    let Some(fragment) = opaque.fragment else {
+        return Err(Box::new(Refusal::new(
+            name,
+            "no-fragment-stage",
+            "the material has no fragment stage",
+            "nothing to do",
+        )));
+    };
+    let scene = plan.attachment(&opaque.depth.attachment);
+    let format = scene.map_or_else(DepthFormat::default, |a| a.format);
+    let samples = scene.map_or(1, |a| a.samples);
+    let slot = free_slot(opaque.program.module(), params, name)?;
+    let mut next = plan.clone();
+
+    // The pass that produces the depth.
+    let invariance = match params.attachment {
+        MainAttachment::Own => PositionInvariance::AsWritten,
+        MainAttachment::Readonly => PositionInvariance::Invariant,
+    };
+    let produced = match params.attachment {
+        MainAttachment::Own => PREPASS_DEPTH.to_owned(),
+        MainAttachment::Readonly => opaque.depth.attachment.clone(),
+    };
+
+    // The main program: the prologue, and an invariant position where the hardware test compares as well.
+    let placed = slice.place(opaque, "depth", invariance, None);
+    let mut main = match params.attachment {
+        MainAttachment::Readonly if slice.shares_vertex() => placed.module.clone(),
+        MainAttachment::Readonly => {
+            place::with_invariant_position(opaque.program.module(), opaque.vertex)
+        }
+        MainAttachment::Own => opaque.program.module().clone(),
+    };
+    let mut own_depth = None;
+    if opaque.writes_depth
+        && let Some((module, function)) = slice.depth_function(opaque, &main)
+    {
+        main = module;
+        own_depth = Some(function);
+    }
+    let prologue = Prologue {
+        texture: params.texture,
+        samples,
+        format,
+        direction: opaque.direction,
+        quad: params.quad,
+        mode: params.mode,
+        tolerance: params.tolerance,
+        slot,
+    };
+    let main = prologue
+        .inject(main, fragment, own_depth.as_ref())
+        .map_err(|e| Refusal::bug(name, e))?;
+    let main = opaque
+        .program
+        .with_module(main)
+        .map_err(|e| Refusal::bug(name, e))?;
+    next.programs.insert(opaque.pass.program.clone(), main);
+    for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
+        pass.bindings.push(BindingUse {
+            group: slot.group,
+            binding: slot.binding,
+            name: prologue::TEXTURE.to_owned(),
+            kind: BindingKind::DepthTexture,
+            visibility: Visibility {
+                vertex: false,
+                fragment: true,
+            },
+            source: BindingSource::Attachment {
+                name: produced.clone(),
+            },
+        });
+        if let (MainAttachment::Readonly, Some(depth)) = (params.attachment, &mut pass.depth) {
+            // The nearest fragment ties with what it finds: the strict comparison would drop it.
+            depth.compare = match opaque.direction {
+                DepthDirection::Forward => CompareFunction::LessEqual,
+                DepthDirection::Reversed => CompareFunction::GreaterEqual,
+            };
+            depth.write = false;
+            depth.read_only = true;
+        }
+    }
+    let depth_state = DepthState {
+        attachment: produced.clone(),
+        read_only: false,
+        ..opaque.depth.clone()
+    };
+    if params.attachment == MainAttachment::Readonly && slice.shares_vertex() {
+        depth_only::insert(
+            &mut next,
+            opaque.pass,
+            &placed,
+            &opaque.pass.program,
+            Role::Prepass,
+            Phase::Depth,
+            depth_state,
+        );
+    } else {
+        depth_only::insert_own(
+            &mut next,
+            opaque,
+            placed,
+            Role::Prepass,
+            Phase::Depth,
+            depth_state,
+            name,
+        )?;
+    }
+    match next.attachments.iter_mut().find(|a| a.name == produced) {
+        Some(a) => a.sampled = true,
+        None => next.attachments.push(Attachment {
+            name: produced,
+            format,
+            samples,
+            sampled: true,
+        }),
+    }
+
+    let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
+    if opaque.decides_depth() {
+        given.push(Assumption::InvariantDiscard);
+    }
+    if params.attachment == MainAttachment::Readonly {
+        given.extend([
+            Assumption::InvariantPosition,
+            Assumption::NoDepthTies,
+            Assumption::SameDrawOrder,
+        ]);
+        next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
+    }
+    given.sort();
+    let contract = match params.mode {
+        Mode::Cull => Contract::Exact { given },
+        // A diagnostic picture: every pixel may differ.
+        Mode::Invert => Contract::Approximate {
+            metric: "max_abs".to_owned(),
+            budget: 1.0,
+        },
+    };
+    if params.mode == Mode::Invert {
+        next.notes
+            .push("diagnostic: shows only the fragments that would be saved".to_owned());
+    }
+    next.steps.push(Step {
+        pass: name.to_owned(),
+        site: slice.key(opaque),
+        params: serde_json::to_value(params).unwrap_or_default(),
+        contract,
+    });
+    depth_only::finish(&mut next, "original");
+    Ok(next)
+}
+
+/// A `@group` and `@binding`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+}
+
+/// The slot asked for, if it is free, or the first free one after the author's own.
+fn free_slot(module: &Module, params: &Params, name: &str) -> Result<Slot, Box<Refusal>> {
+    let taken = |group: u32, binding: u32| {
+        module.global_variables.iter().find(|(_, g)| {
+            g.binding
+                .as_ref()
+                .is_some_and(|b| (b.group, b.binding) == (group, binding))
+        })
+    };
+    let bindings = || {
+        module
+            .global_variables
+            .iter()
+            .filter_map(|(_, g)| g.binding.as_ref())
+    };
+    let group = params
+        .group
+        .unwrap_or_else(|| bindings().map(|b| b.group).max().unwrap_or(0));
+    let binding = params
+        .binding
+        .unwrap_or_else(|| (0..).find(|b| taken(group, *b).is_none()).unwrap_or(0));
+    match taken(group, binding) {
+        None => Ok(Slot { group, binding }),
+        Some((_, g)) => Err(Box::new(Refusal::new(
+            name,
+            "binding-taken",
+            format!(
+                "@group({group}) @binding({binding}) is `{}`",
+                g.name.as_deref().unwrap_or("a variable of the shader")
+            ),
+            "give a free binding, or leave it out",
+        ))),
+    }
+}

@@ -1,0 +1,294 @@
+//! Values of the interpreter.
+
+use naga::{Expression, Handle, Literal, Module, ScalarKind, Type, TypeInner};
+
+use super::Stuck;
+
+/// A scalar.
+#[derive(Clone, Copy, Debug)]
+pub enum Scalar {
+    /// `f32`.
+    F32(f32),
+    /// `i32`.
+    I32(i32),
+    /// `u32`.
+    U32(u32),
+    /// `bool`.
+    Bool(bool),
+}
+
+/// Bits decide: a NaN equals itself, and 0.0 is not -0.0.
+impl PartialEq for Scalar {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::F32(a), Self::F32(b)) => a.to_bits() == b.to_bits(),
+            (Self::I32(a), Self::I32(b)) => a == b,
+            (Self::U32(a), Self::U32(b)) => a == b,
+            (Self::Bool(a), Self::Bool(b)) => a == b,
+            _ => false,
+        }
+    }
+}
+
+/// A value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// A scalar.
+    Scalar(Scalar),
+    /// Components of a vector, columns of a matrix, elements of an array, members of a struct.
+    Composite(Vec<Value>),
+    /// A place in memory.
+    Pointer {
+        /// Which variable.
+        address: usize,
+        /// Where in it.
+        path: Vec<usize>,
+    },
+    /// A texture or sampler.
+    Resource(Handle<naga::GlobalVariable>),
+}
+
+impl Value {
+    /// An `f32`.
+    pub const fn f32(value: f32) -> Self {
+        Self::Scalar(Scalar::F32(value))
+    }
+
+    /// An `i32`.
+    pub const fn i32(value: i32) -> Self {
+        Self::Scalar(Scalar::I32(value))
+    }
+
+    /// A `u32`.
+    pub const fn u32(value: u32) -> Self {
+        Self::Scalar(Scalar::U32(value))
+    }
+
+    /// A vector of `f32`.
+    pub fn vector(components: &[f32]) -> Self {
+        Self::Composite(components.iter().map(|c| Self::f32(*c)).collect())
+    }
+
+    /// The zero of a type.
+    ///
+    /// # Errors
+    /// The type is none whose values the interpreter has.
+    pub fn zero(module: &Module, ty: Handle<Type>) -> Result<Self, Stuck> {
+        Ok(match &module.types[ty].inner {
+            TypeInner::Scalar(s) => Self::Scalar(zero_scalar(s.kind, s.width)?),
+            TypeInner::Vector { size, scalar } => {
+                Self::zeros(*size as usize, zero_scalar(scalar.kind, scalar.width)?)
+            }
+            TypeInner::Matrix {
+                columns,
+                rows,
+                scalar,
+            } => {
+                let column = Self::zeros(*rows as usize, zero_scalar(scalar.kind, scalar.width)?);
+                Self::Composite(vec![column; *columns as usize])
+            }
+            TypeInner::Array {
+                base,
+                size: naga::ArraySize::Constant(n),
+                ..
+            } => Self::Composite(vec![Self::zero(module, *base)?; n.get() as usize]),
+            TypeInner::Struct { members, .. } => Self::Composite(
+                members
+                    .iter()
+                    .map(|m| Self::zero(module, m.ty))
+                    .collect::<Result<_, _>>()?,
+            ),
+            other => return Err(Stuck::Unsupported(format!("a zero of {other:?}"))),
+        })
+    }
+
+    fn zeros(count: usize, zero: Scalar) -> Self {
+        Self::Composite(vec![Self::Scalar(zero); count])
+    }
+
+    /// A literal's value.
+    ///
+    /// # Errors
+    /// A width the interpreter does not have.
+    pub fn literal(literal: &Literal) -> Result<Self, Stuck> {
+        Ok(Self::Scalar(match literal {
+            Literal::F32(v) => Scalar::F32(*v),
+            Literal::I32(v) => Scalar::I32(*v),
+            Literal::U32(v) => Scalar::U32(*v),
+            Literal::Bool(v) => Scalar::Bool(*v),
+            other => return Err(Stuck::Unsupported(format!("{other:?}"))),
+        }))
+    }
+
+    /// The scalar, of a scalar.
+    ///
+    /// # Errors
+    /// It is none.
+    pub fn scalar(&self) -> Result<Scalar, Stuck> {
+        match self {
+            Self::Scalar(s) => Ok(*s),
+            other => Err(Stuck::Type(format!("{other:?} where a scalar belongs"))),
+        }
+    }
+
+    /// The parts of a composite.
+    ///
+    /// # Errors
+    /// It is none.
+    pub fn parts(&self) -> Result<&[Value], Stuck> {
+        match self {
+            Self::Composite(parts) => Ok(parts),
+            other => Err(Stuck::Type(format!("{other:?} where a composite belongs"))),
+        }
+    }
+
+    /// A boolean's value.
+    ///
+    /// # Errors
+    /// It is none.
+    pub fn truth(&self) -> Result<bool, Stuck> {
+        match self.scalar()? {
+            Scalar::Bool(b) => Ok(b),
+            other => Err(Stuck::Type(format!("{other:?} where a bool belongs"))),
+        }
+    }
+
+    /// A float's value.
+    ///
+    /// # Errors
+    /// It is none.
+    pub fn float(&self) -> Result<f32, Stuck> {
+        match self.scalar()? {
+            Scalar::F32(v) => Ok(v),
+            other => Err(Stuck::Type(format!("{other:?} where an f32 belongs"))),
+        }
+    }
+
+    /// An index, out of a signed or unsigned integer; negative ones become the greatest.
+    ///
+    /// # Errors
+    /// It is no integer.
+    pub fn index(&self) -> Result<usize, Stuck> {
+        match self.scalar()? {
+            Scalar::U32(v) => Ok(v as usize),
+            Scalar::I32(v) => Ok(usize::try_from(v).unwrap_or(usize::MAX)),
+            other => Err(Stuck::Type(format!("{other:?} where an index belongs"))),
+        }
+    }
+
+    /// The components of a vector of floats, or the one of a float.
+    ///
+    /// # Errors
+    /// Something else is in it.
+    pub fn floats(&self) -> Result<Vec<f32>, Stuck> {
+        match self {
+            Self::Composite(parts) => parts.iter().map(Self::float).collect(),
+            one => Ok(vec![one.float()?]),
+        }
+    }
+
+    /// Applies `f` to each scalar, however deep.
+    ///
+    /// # Errors
+    /// What `f` says.
+    pub fn map(&self, f: &mut dyn FnMut(Scalar) -> Result<Scalar, Stuck>) -> Result<Self, Stuck> {
+        match self {
+            Self::Scalar(s) => f(*s).map(Self::Scalar),
+            Self::Composite(parts) => parts
+                .iter()
+                .map(|p| p.map(f))
+                .collect::<Result<_, _>>()
+                .map(Self::Composite),
+            other => Err(Stuck::Type(format!("arithmetic on {other:?}"))),
+        }
+    }
+
+    /// Applies `f` to the scalars of several values of one shape, a scalar serving for all components of the others.
+    ///
+    /// # Errors
+    /// What `f` says; shapes that differ.
+    pub fn zip(
+        values: &[&Value],
+        f: &mut dyn FnMut(&[Scalar]) -> Result<Scalar, Stuck>,
+    ) -> Result<Self, Stuck> {
+        let count = values.iter().find_map(|v| match v {
+            Self::Composite(parts) => Some(parts.len()),
+            _ => None,
+        });
+        let Some(count) = count else {
+            let scalars = values
+                .iter()
+                .map(|v| v.scalar())
+                .collect::<Result<Vec<_>, _>>()?;
+            return f(&scalars).map(Self::Scalar);
+        };
+        (0..count)
+            .map(|i| {
+                let at: Vec<&Value> = values
+                    .iter()
+                    .map(|v| match v {
+                        Self::Composite(parts) => parts
+                            .get(i)
+                            .ok_or_else(|| Stuck::Type("vectors of two sizes".to_owned())),
+                        one => Ok(*one),
+                    })
+                    .collect::<Result<_, _>>()?;
+                Self::zip(&at, f)
+            })
+            .collect::<Result<_, _>>()
+            .map(Self::Composite)
+    }
+}
+
+fn zero_scalar(kind: ScalarKind, width: u8) -> Result<Scalar, Stuck> {
+    Ok(match (kind, width) {
+        (ScalarKind::Float, 4) => Scalar::F32(0.0),
+        (ScalarKind::Sint, 4) => Scalar::I32(0),
+        (ScalarKind::Uint, 4) => Scalar::U32(0),
+        (ScalarKind::Bool, _) => Scalar::Bool(false),
+        other => return Err(Stuck::Unsupported(format!("a zero of {other:?}"))),
+    })
+}
+
+/// A constant expression's value, out of the module's own arena.
+///
+/// # Errors
+/// Something the interpreter does not have, or an override without a value.
+pub fn constant(module: &Module, e: Handle<Expression>) -> Result<Value, Stuck> {
+    match &module.global_expressions[e] {
+        Expression::Literal(l) => Value::literal(l),
+        Expression::Constant(c) => constant(module, module.constants[*c].init),
+        Expression::Override(o) => match module.overrides[*o].init {
+            Some(init) => constant(module, init),
+            None => Err(Stuck::Unsupported("an override without a value".to_owned())),
+        },
+        Expression::ZeroValue(ty) => Value::zero(module, *ty),
+        Expression::Splat { size, value } => Ok(Value::Composite(vec![
+            constant(module, *value)?;
+            *size as usize
+        ])),
+        Expression::Compose { ty, components } => {
+            let parts = components
+                .iter()
+                .map(|c| constant(module, *c))
+                .collect::<Result<Vec<_>, _>>()?;
+            Ok(compose(module, *ty, parts))
+        }
+        other => Err(Stuck::Unsupported(format!("the constant {other:?}"))),
+    }
+}
+
+/// Puts a composite together: vectors may be given in pieces.
+pub fn compose(module: &Module, ty: Handle<Type>, parts: Vec<Value>) -> Value {
+    if let TypeInner::Vector { .. } = module.types[ty].inner {
+        let flat = parts
+            .into_iter()
+            .flat_map(|p| match p {
+                Value::Composite(inner) => inner,
+                one => vec![one],
+            })
+            .collect();
+        return Value::Composite(flat);
+    }
+    Value::Composite(parts)
+}

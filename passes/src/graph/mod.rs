@@ -1,0 +1,292 @@
+//! The dataflow graph over naga IR, as an analysis overlay: the source is never put into SSA, everything is keyed by function and handle.
+//!
+//! Ferrante, Ottenstein and Warren, "The Program Dependence Graph and Its Use in Optimization" (1987), with the control dependence of
+//! Ball and Horwitz (1993) and calls kept as calls and summarised (Horwitz, Reps and Binkley 1990).
+//!
+//! Assumed, as WGSL demands: two pointer arguments of a call, or a pointer argument and a global the callee uses, do not overlap if
+//! either is written through.
+
+use std::collections::BTreeSet;
+
+use naga::valid::FunctionInfo;
+use naga::{Expression, Function, Handle, Module, Statement, TypeInner};
+
+use crate::program::Program;
+
+pub mod cells;
+pub mod control;
+pub mod cost;
+pub mod effect;
+pub mod export;
+pub mod memory;
+pub mod operands;
+pub mod rate;
+pub mod statements;
+pub mod text;
+
+pub use cells::{Cell, Path, Place, Root};
+pub use effect::{Effect, Effects};
+pub use export::{EdgeKind, GraphData, NodeKind};
+pub use memory::{Memory, Origin, VersionId};
+pub use rate::{Fact, Rate, Stages};
+pub use statements::{StatementNode, StmtId};
+
+/// A function or an entry point of a module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum FunctionId {
+    /// A function.
+    Function(Handle<Function>),
+    /// An entry point, by its index in the module.
+    EntryPoint(usize),
+}
+
+/// The analyses of one function.
+#[derive(Debug)]
+pub struct FunctionGraph<'p> {
+    /// Which function.
+    pub id: FunctionId,
+    /// The function.
+    pub function: &'p Function,
+    /// What naga's validator knows of it: types of expressions above all.
+    pub info: &'p FunctionInfo,
+    /// Its statements.
+    pub statements: statements::Statements<'p>,
+    /// What decides whether each runs.
+    pub control: control::ControlDependence,
+    /// Which versions of memory each reads and writes.
+    pub memory: Memory,
+    /// How often each statement runs for one run of the function, as far as that can be told.
+    pub times: Vec<f64>,
+}
+
+/// The dataflow graph of a program.
+#[derive(Debug)]
+pub struct Graph<'p> {
+    program: &'p Program,
+    functions: Vec<FunctionGraph<'p>>,
+    reach: Vec<Reach>,
+    rates: rate::Rates,
+}
+
+/// What lies below a function, itself included.
+#[derive(Clone, Debug, Default)]
+struct Reach {
+    functions: BTreeSet<FunctionId>,
+    effects: Effects,
+    loops: bool,
+    cost: f64,
+}
+
+impl<'p> Graph<'p> {
+    /// Analyses every function and entry point of a program.
+    pub fn build(program: &'p Program) -> Self {
+        let (module, info) = (program.module(), program.info());
+        let mut functions: Vec<FunctionGraph<'p>> = Vec::new();
+        let ids = module
+            .functions
+            .iter()
+            .map(|(h, f)| (FunctionId::Function(h), f, &info[h]))
+            .chain(module.entry_points.iter().enumerate().map(|(i, e)| {
+                (
+                    FunctionId::EntryPoint(i),
+                    &e.function,
+                    info.get_entry_point(i),
+                )
+            }));
+        // naga's arena has callees before callers, so a callee's footprint is there when a caller needs it.
+        for (id, function, info) in ids {
+            let statements = statements::Statements::new(function);
+            let control = control::ControlDependence::new(&statements, &function.body);
+            let memory = Memory::new(module, function, &statements, &|h: Handle<Function>| {
+                &functions[h.index()].memory.footprint
+            });
+            let mut f = FunctionGraph {
+                id,
+                function,
+                info,
+                statements,
+                control,
+                memory,
+                times: Vec::new(),
+            };
+            f.times = cost::multiplicity(module, &f);
+            functions.push(f);
+        }
+        let mut reach: Vec<Reach> = Vec::new();
+        for f in &functions {
+            let mut below = Reach {
+                functions: BTreeSet::from([f.id]),
+                ..Reach::default()
+            };
+            for (id, node) in f.statements.iter() {
+                if f.control.is_reachable(id) {
+                    below.loops |= matches!(node.statement, Statement::Loop { .. });
+                }
+            }
+            below.effects = effect::own(module, f);
+            for (at, callee) in f.calls() {
+                let of: &Reach = &reach[callee.index()];
+                below.functions.extend(&of.functions);
+                below.effects.extend(&of.effects);
+                below.loops |= of.loops;
+                below.cost += of.cost * f.times[at.index()];
+            }
+            below.cost += f.own_cost(module, |_| true, |_| true);
+            reach.push(below);
+        }
+        Self {
+            program,
+            rates: rate::Rates::new(module, &functions),
+            functions,
+            reach,
+        }
+    }
+
+    /// The program.
+    pub fn program(&self) -> &'p Program {
+        self.program
+    }
+
+    /// The module.
+    pub fn module(&self) -> &'p Module {
+        self.program.module()
+    }
+
+    /// The analyses of a function.
+    pub fn function(&self, id: FunctionId) -> &FunctionGraph<'p> {
+        &self.functions[self.index(id)]
+    }
+
+    fn index(&self, id: FunctionId) -> usize {
+        match id {
+            FunctionId::Function(h) => h.index(),
+            FunctionId::EntryPoint(i) => self.module().functions.len() + i,
+        }
+    }
+
+    /// The name of a function or entry point; empty for an unnamed one.
+    pub fn name(&self, id: FunctionId) -> String {
+        match id {
+            FunctionId::Function(h) => self.module().functions[h].name.clone().unwrap_or_default(),
+            FunctionId::EntryPoint(i) => self.module().entry_points[i].name.clone(),
+        }
+    }
+
+    /// Rate and stages of an expression's value: what it is made of, and what decides whether it is evaluated. In a function that several
+    /// calls reach, the join over them.
+    pub fn fact(&self, function: FunctionId, expression: Handle<Expression>) -> Fact {
+        self.rates.expression(self.index(function), expression)
+    }
+
+    /// The rate of an expression's value: see [`Graph::fact`].
+    pub fn rate(&self, function: FunctionId, expression: Handle<Expression>) -> Rate {
+        self.fact(function, expression).rate
+    }
+
+    /// Rate and stages of what decides whether a statement runs.
+    pub fn statement_fact(&self, function: FunctionId, statement: StmtId) -> Fact {
+        self.rates.statement(self.index(function), statement)
+    }
+
+    /// Rate and stages of an argument, or a member of a struct argument, of the n-th function.
+    fn input_fact(&self, function: usize, argument: u32, member: Option<u32>) -> Fact {
+        self.rates.argument(function, argument, member)
+    }
+
+    /// Rate and stages of a version of a cell of the n-th function.
+    fn version_fact(&self, function: usize, version: VersionId) -> Fact {
+        self.rates.version(function, version)
+    }
+
+    /// Rate and stages of each output of an entry point, in the order of [`crate::reflect::outputs`].
+    pub fn output_facts(&self, entry: usize) -> &[Fact] {
+        self.rates
+            .outputs(self.index(FunctionId::EntryPoint(entry)))
+    }
+
+    /// Whether `within` is a function or something it calls, directly or not.
+    pub fn reaches(&self, function: FunctionId, within: FunctionId) -> bool {
+        self.reach[self.index(function)].functions.contains(&within)
+    }
+
+    /// Whether a function, or something it calls, can discard the fragment.
+    pub fn may_discard(&self, function: FunctionId) -> bool {
+        self.effects(function).contains(&Effect::Discard)
+    }
+
+    /// The effects of a function and of what it calls.
+    pub fn effects(&self, function: FunctionId) -> &Effects {
+        &self.reach[self.index(function)].effects
+    }
+
+    /// The static cost of running a function once, calls included: [`cost`] has the model.
+    pub fn cost(&self, function: FunctionId) -> f64 {
+        self.reach[self.index(function)].cost
+    }
+
+    /// The static cost of an entry point.
+    pub fn entry_cost(&self, entry: usize) -> f64 {
+        self.cost(FunctionId::EntryPoint(entry))
+    }
+
+    /// The names of an entry point's effects, in the order of [`Effect`].
+    pub fn entry_effects(&self, entry: usize) -> Vec<String> {
+        self.effects(FunctionId::EntryPoint(entry))
+            .iter()
+            .map(|e| e.name().to_owned())
+            .collect()
+    }
+
+    /// Whether a function, or something it calls, loops.
+    pub fn may_loop(&self, function: FunctionId) -> bool {
+        self.reach[self.index(function)].loops
+    }
+
+    /// All functions, callees before callers, entry points last.
+    pub fn functions(&self) -> &[FunctionGraph<'p>] {
+        &self.functions
+    }
+}
+
+impl<'p> FunctionGraph<'p> {
+    /// The type of an expression.
+    pub fn ty<'a>(&'a self, module: &'a Module, expression: Handle<Expression>) -> &'a TypeInner {
+        self.info[expression].ty.inner_with(&module.types)
+    }
+
+    /// The static cost of the chosen nodes, each as often as it runs, calls apart.
+    pub fn own_cost(
+        &self,
+        module: &Module,
+        statement: impl Fn(StmtId) -> bool,
+        expression: impl Fn(Handle<Expression>) -> bool,
+    ) -> f64 {
+        let mut sum = 0.0;
+        for (id, node) in self.statements.iter() {
+            if !self.control.is_reachable(id) || !statement(id) {
+                continue;
+            }
+            let mut each = cost::of_statement(module, self, id);
+            if let Statement::Emit(range) = node.statement {
+                each += range
+                    .clone()
+                    .filter(|e| expression(*e))
+                    .map(|e| cost::of_expression(module, self, e))
+                    .sum::<f64>();
+            }
+            sum += each * self.times[id.index()];
+        }
+        sum
+    }
+
+    /// The calls of the function that control can reach.
+    pub fn calls(&self) -> impl Iterator<Item = (StmtId, Handle<Function>)> + '_ {
+        self.statements
+            .iter()
+            .filter(|(id, _)| self.control.is_reachable(*id))
+            .filter_map(|(id, node)| match node.statement {
+                Statement::Call { function, .. } => Some((id, *function)),
+                _ => None,
+            })
+    }
+}

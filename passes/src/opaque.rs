@@ -1,0 +1,267 @@
+//! What must hold of a material before anything draws its depth ahead of it: the checks that every depth transform shares.
+//!
+//! Each is a hazard that some engine has shipped: blended objects in a pre-pass (seed 1's portal), an alpha test in one pass only,
+//! stores that run twice, a forced early test on an alpha-tested draw.
+
+use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
+
+use crate::graph::effect::{self, Effect};
+use crate::graph::{FunctionId, Graph};
+use crate::pass::{Facts, Refusal, Sites};
+use crate::plan::{GpuPass, Phase, Plan, Role};
+use crate::program::Program;
+use crate::reflect;
+use crate::state::{CompareFunction, DepthDirection, DepthState};
+
+/// The main pass of a material that may have its depth drawn ahead, with what the transforms ask of it.
+#[derive(Debug)]
+pub struct Opaque<'a> {
+    /// The main pass.
+    pub pass: &'a GpuPass,
+    /// Its program.
+    pub program: &'a Program,
+    /// The program's dataflow graph.
+    pub graph: Graph<'a>,
+    /// Its depth state.
+    pub depth: &'a DepthState,
+    /// Which way depth grows.
+    pub direction: DepthDirection,
+    /// Index of the vertex entry point.
+    pub vertex: usize,
+    /// Index of the fragment entry point.
+    pub fragment: Option<usize>,
+    /// The fragment stage may discard.
+    pub discards: bool,
+    /// The fragment stage writes depth.
+    pub writes_depth: bool,
+}
+
+impl<'a> Opaque<'a> {
+    /// Whether the fragment stage decides coverage or depth, so that a depth-only pass needs a slice of it.
+    pub fn decides_depth(&self) -> bool {
+        self.discards || self.writes_depth
+    }
+
+    /// The strict comparison of the direction.
+    pub fn strict(&self) -> CompareFunction {
+        match self.direction {
+            DepthDirection::Forward => CompareFunction::Less,
+            DepthDirection::Reversed => CompareFunction::Greater,
+        }
+    }
+
+    /// Examines the main pass of `plan`.
+    ///
+    /// # Errors
+    /// Every reason not to, not just the first.
+    pub fn examine(plan: &'a Plan, name: &'static str) -> Result<Self, Vec<Refusal>> {
+        let refuse =
+            |code: &str, reason: &str, remedy: &str| Refusal::new(name, code, reason, remedy);
+        let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+            return Err(vec![refuse(
+                "no-main-pass",
+                "the plan has no main pass",
+                "start from the original plan",
+            )]);
+        };
+        let mut refusals = Vec::new();
+        if plan.passes.iter().any(|p| p.role == Role::Prepass) {
+            refusals.push(refuse(
+                "has-prepass",
+                "the plan already draws this material's depth ahead of it",
+                "take one of the two recipes",
+            ));
+        }
+        if pass.phase == Phase::Blended || pass.targets.iter().flatten().any(|t| t.is_blended()) {
+            refusals.push(refuse(
+                "blended",
+                "the material is blended: what lies behind it shows through, so its depth must not hide anything",
+                "keep blended materials out of the pre-pass (they are drawn last, as they are), or draw it opaque",
+            ));
+        }
+        let depth_and_direction = match &pass.depth {
+            None => {
+                refusals.push(refuse(
+                    "no-depth",
+                    "the material binds no depth attachment",
+                    "give it a depth state",
+                ));
+                None
+            }
+            Some(depth) => {
+                if !depth.write {
+                    refusals.push(refuse(
+                        "depth-write-off",
+                        "the material does not write depth, so nothing of it hides anything",
+                        "turn depth writes on if it is opaque",
+                    ));
+                }
+                let direction = depth.compare.direction();
+                if direction.is_none() {
+                    refusals.push(refuse(
+                        "compare",
+                        &format!(
+                            "depth compare is {:?}, which does not let the nearest fragment win",
+                            depth.compare
+                        ),
+                        "use less, less-equal, greater or greater-equal",
+                    ));
+                }
+                direction.map(|d| (depth, d))
+            }
+        };
+        if let Some(stencil) = &pass.stencil {
+            refusals.push(if stencil.writes() {
+                refuse("stencil-write", "the material writes stencil, which drawing it twice would do twice", "move the stencil write to a pass of its own")
+            } else {
+                refuse(
+                    "stencil-test",
+                    "the material is masked by stencil, whose contents at the time of a pre-pass are not known",
+                    "mask by discard, or draw it in the main phase only",
+                )
+            });
+        }
+        let vertex = program.entry_point(ShaderStage::Vertex, &pass.vertex);
+        let fragment = pass
+            .fragment
+            .as_deref()
+            .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+        let graph = Graph::build(program);
+        if let Some((index, _)) = vertex
+            && let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES)
+        {
+            refusals.push(
+                refuse(
+                    "vertex-store",
+                    "the vertex stage stores to memory, which drawing it twice would do twice",
+                    "move the store to a compute pass",
+                )
+                .at(program.sources(), span),
+            );
+        }
+        let mut discards = false;
+        let mut writes_depth = false;
+        if let Some((index, entry)) = fragment {
+            if let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES) {
+                refusals.push(
+                    refuse(
+                        "fragment-store",
+                        "the fragment stage stores to memory: fragments that are hidden in the end are part of what it does",
+                        "move the store to a pass of its own",
+                    )
+                    .at(program.sources(), span),
+                );
+            }
+            discards = graph.may_discard(FunctionId::EntryPoint(index));
+            let outputs = reflect::outputs(program.module(), &entry.function);
+            writes_depth = outputs
+                .iter()
+                .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::FragDepth)));
+            if outputs
+                .iter()
+                .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::SampleMask)))
+            {
+                refusals.push(refuse(
+                    "sample-mask",
+                    "the fragment stage writes the sample mask, so coverage is decided there sample by sample",
+                    "decide coverage by discard",
+                ));
+            }
+            if entry.early_depth_test == Some(EarlyDepthTest::Force) && (discards || writes_depth) {
+                refusals.push(refuse(
+                    "forced-early-test",
+                    "the fragment stage forces the early depth test and discards: a discarded fragment still writes depth, which no slice reproduces",
+                    "remove @early_depth_test(force)",
+                ));
+            }
+        }
+        if pass.multisample.alpha_to_coverage {
+            refusals.push(refuse(
+                "alpha-to-coverage",
+                "coverage comes from the alpha of the first colour target, so a depth-only pass would cover more than the main pass",
+                "test alpha by discard, or leave alpha-to-coverage off",
+            ));
+        }
+        match (depth_and_direction, vertex) {
+            (Some((depth, direction)), Some((vertex, _))) if refusals.is_empty() => Ok(Self {
+                pass,
+                program,
+                graph,
+                depth,
+                direction,
+                vertex,
+                fragment: fragment.map(|(i, _)| i),
+                discards,
+                writes_depth,
+            }),
+            (_, None) => {
+                refusals.push(refuse(
+                    "no-vertex-stage",
+                    "the main pass names no vertex entry point of its program",
+                    "name one",
+                ));
+                Err(refusals)
+            }
+            _ => Err(refusals),
+        }
+    }
+}
+
+/// Effects that drawing a surface twice, or not at all where it is hidden, would change.
+const STORES: [Effect; 3] = [Effect::Store, Effect::ImageStore, Effect::Atomic];
+
+/// Effects that read the neighbours in the quad.
+const DERIVATIVES: [Effect; 2] = [Effect::Derivative, Effect::ImplicitLod];
+
+/// Where an entry point, or a function it calls, first takes a derivative: by name, or by an implicit level of detail.
+pub fn derivative(graph: &Graph, entry: usize) -> Option<Span> {
+    find(graph, FunctionId::EntryPoint(entry), &DERIVATIVES)
+}
+
+/// The first node of a function with one of these effects; a call stands for what it calls where that has no place of its own.
+fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
+    if graph.effects(id).iter().all(|e| !wanted.contains(e)) {
+        return None;
+    }
+    let f = graph.function(id);
+    let is_wanted = |e: Option<Effect>| e.is_some_and(|e| wanted.contains(&e));
+    for (at, node) in f.statements.iter() {
+        if is_wanted(effect::of_statement(graph.module(), f, at)) {
+            return Some(node.span);
+        }
+        let found = match node.statement {
+            Statement::Emit(range) => range
+                .clone()
+                .find(|e| is_wanted(effect::of_expression(&f.function.expressions[*e])))
+                .map(|e| f.function.expressions.get_span(e)),
+            Statement::Call { function, .. } => {
+                find(graph, FunctionId::Function(*function), wanted)
+            }
+            _ => None,
+        };
+        if found.is_some() {
+            return found;
+        }
+    }
+    None
+}
+
+/// The refusal of a form that needs the absence of ties, if ties were measured.
+pub fn refuse_ties(name: &'static str, facts: &Facts) -> Option<Refusal> {
+    facts.depth_ties.filter(|n| *n > 0).map(|n| {
+        Refusal::new(
+            name,
+            "depth-ties",
+            format!("{n} pixels were measured at which several surfaces share the nearest depth: under EQUAL all of them pass and the last one wins"),
+            "take form=biased, which keeps the author's comparison",
+        )
+    })
+}
+
+/// Sites of a transform that does not apply.
+pub fn refused(refusals: Vec<Refusal>) -> Sites {
+    Sites {
+        sites: Vec::new(),
+        refusals,
+    }
+}

@@ -1,0 +1,318 @@
+//! Statements put in front of everything else in an entry point.
+
+use naga::{
+    Binding, Block, BuiltIn, Expression, Function, FunctionArgument, Handle, Literal,
+    LocalVariable, Module, Span, Statement, Type, TypeInner,
+};
+
+use crate::graph::operands;
+
+/// Appends expressions and statements to a function under construction and takes care of `Emit`.
+#[derive(Debug)]
+pub struct Builder<'m> {
+    module: &'m mut Module,
+    function: Function,
+    block: Block,
+    /// Length of the expression arena where the present `Emit` began.
+    emitting: Option<usize>,
+}
+
+/// The module with what `build` writes at the start of an entry point, ahead of all the author's statements. The author's expressions
+/// are copied into a fresh arena behind it; `build` may add arguments, types and globals.
+pub fn prologue(module: &Module, entry: usize, build: impl FnOnce(&mut Builder<'_>)) -> Module {
+    let mut module = module.clone();
+    let original = std::mem::take(&mut module.entry_points[entry].function);
+    let locals = original.local_variables.len();
+    let mut builder = Builder {
+        module: &mut module,
+        function: Function {
+            name: original.name.clone(),
+            arguments: original.arguments.clone(),
+            result: original.result.clone(),
+            local_variables: original.local_variables.clone(),
+            diagnostic_filter_leaf: original.diagnostic_filter_leaf,
+            ..Function::default()
+        },
+        block: Block::new(),
+        emitting: None,
+    };
+    build(&mut builder);
+    builder.flush();
+    let Builder {
+        mut function,
+        block: mut body,
+        ..
+    } = builder;
+    append_body(&original, locals, &mut function, &mut body);
+    function.body = body;
+    module.entry_points[entry].function = function;
+    module
+}
+
+/// Copies the whole body of `original` behind `body`. `function` has the original's local variables, at the same handles, as its first `locals`.
+fn append_body(original: &Function, locals: usize, function: &mut Function, body: &mut Block) {
+    let mut emitted = vec![false; original.expressions.len()];
+    note_evaluated(&original.body, &mut emitted);
+    let mut map = vec![None; original.expressions.len()];
+    for (e, _) in original.expressions.iter() {
+        if !emitted[e.index()] {
+            copy(original, e, &mut map, function);
+        }
+    }
+    copy_block(original, &original.body, &mut map, function, body);
+    for (_, variable) in function.local_variables.iter_mut().take(locals) {
+        variable.init = variable.init.and_then(|i| map[i.index()]);
+    }
+    for (e, name) in &original.named_expressions {
+        if let Some(new) = map[e.index()] {
+            function.named_expressions.insert(new, name.clone());
+        }
+    }
+}
+
+fn note_evaluated(block: &Block, emitted: &mut [bool]) {
+    for statement in block {
+        if let Statement::Emit(range) = statement {
+            for e in range.clone() {
+                emitted[e.index()] = true;
+            }
+        }
+        if let Some(e) = operands::result(statement) {
+            emitted[e.index()] = true;
+        }
+        for inner in operands::blocks(statement) {
+            note_evaluated(inner, emitted);
+        }
+    }
+}
+
+type Map = Vec<Option<Handle<Expression>>>;
+
+fn copy(original: &Function, e: Handle<Expression>, map: &mut Map, function: &mut Function) {
+    let mut expression = original.expressions[e].clone();
+    operands::map_expression(&mut expression, &mut |o| {
+        if let Some(new) = map[o.index()] {
+            *o = new;
+        }
+    });
+    let span = original.expressions.get_span(e);
+    map[e.index()] = Some(function.expressions.append(expression, span));
+}
+
+fn copy_block(
+    original: &Function,
+    block: &Block,
+    map: &mut Map,
+    function: &mut Function,
+    out: &mut Block,
+) {
+    for (statement, span) in block.span_iter() {
+        if let Statement::Emit(range) = statement {
+            let start = function.expressions.len();
+            for e in range.clone() {
+                copy(original, e, map, function);
+            }
+            if function.expressions.len() > start {
+                let range = function.expressions.range_from(start);
+                out.push(Statement::Emit(range), *span);
+            }
+            continue;
+        }
+        let mut shell = operands::shell(statement);
+        if let Some(result) = operands::result_mut(&mut shell) {
+            copy(original, *result, map, function);
+            if let Some(new) = map[result.index()] {
+                *result = new;
+            }
+        }
+        let mut inner = operands::blocks(statement).into_iter().map(|b| {
+            let mut copied = Block::new();
+            copy_block(original, b, map, function, &mut copied);
+            copied
+        });
+        match (&mut shell, statement) {
+            (Statement::Switch { cases, .. }, Statement::Switch { cases: old, .. }) => {
+                *cases = old
+                    .iter()
+                    .map(|case| naga::SwitchCase {
+                        value: case.value,
+                        body: inner.next().unwrap_or_default(),
+                        fall_through: case.fall_through,
+                    })
+                    .collect();
+            }
+            (Statement::Block(block), _) => *block = inner.next().unwrap_or_default(),
+            (Statement::If { accept, reject, .. }, _) => {
+                *accept = inner.next().unwrap_or_default();
+                *reject = inner.next().unwrap_or_default();
+            }
+            (
+                Statement::Loop {
+                    body, continuing, ..
+                },
+                _,
+            ) => {
+                *body = inner.next().unwrap_or_default();
+                *continuing = inner.next().unwrap_or_default();
+            }
+            _ => {}
+        }
+        drop(inner);
+        // A loop's `break_if` may read what its blocks evaluate, so operands are mapped last.
+        operands::map_statement(&mut shell, &mut |o| {
+            if let Some(new) = map[o.index()] {
+                *o = new;
+            }
+        });
+        out.push(shell, *span);
+    }
+}
+
+impl Builder<'_> {
+    /// The module, for its types, globals and functions.
+    pub fn module(&mut self) -> &mut Module {
+        self.module
+    }
+
+    /// The type of that shape, unnamed.
+    pub fn ty(&mut self, inner: TypeInner) -> Handle<Type> {
+        self.module
+            .types
+            .insert(Type { name: None, inner }, Span::UNDEFINED)
+    }
+
+    /// Appends an expression; it is evaluated here if it is one that needs evaluation.
+    pub fn expression(&mut self, expression: Expression) -> Handle<Expression> {
+        if expression.needs_pre_emit() {
+            self.flush();
+        } else if self.emitting.is_none() {
+            self.emitting = Some(self.function.expressions.len());
+        }
+        self.function
+            .expressions
+            .append(expression, Span::UNDEFINED)
+    }
+
+    /// Appends an expression and names it: it is printed as a `let`.
+    pub fn named(&mut self, name: &str, expression: Expression) -> Handle<Expression> {
+        let e = self.expression(expression);
+        self.function.named_expressions.insert(e, name.to_owned());
+        e
+    }
+
+    /// A literal.
+    pub fn literal(&mut self, literal: Literal) -> Handle<Expression> {
+        self.expression(Expression::Literal(literal))
+    }
+
+    /// A new local variable; the expression is a pointer to it.
+    pub fn local(&mut self, name: &str, ty: Handle<Type>) -> Handle<Expression> {
+        let variable = self.function.local_variables.append(
+            LocalVariable {
+                name: Some(name.to_owned()),
+                ty,
+                init: None,
+            },
+            Span::UNDEFINED,
+        );
+        self.expression(Expression::LocalVariable(variable))
+    }
+
+    /// The entry input with that binding: the author's argument, or member of a struct argument, or an argument added with this name
+    /// and type. A position matches whether it is marked invariant or not.
+    pub fn input(&mut self, name: &str, ty: Handle<Type>, binding: &Binding) -> Handle<Expression> {
+        let same = |b: &Option<Binding>| match (b, binding) {
+            (
+                Some(Binding::BuiltIn(BuiltIn::Position { .. })),
+                Binding::BuiltIn(BuiltIn::Position { .. }),
+            ) => true,
+            (
+                Some(Binding::Location { location: a, .. }),
+                Binding::Location { location: b, .. },
+            ) => a == b,
+            (Some(a), b) => a == b,
+            (None, _) => false,
+        };
+        let arguments = self.function.arguments.clone();
+        for (i, argument) in arguments.iter().enumerate() {
+            if same(&argument.binding) {
+                return self.expression(Expression::FunctionArgument(i as u32));
+            }
+            if let (None, TypeInner::Struct { members, .. }) =
+                (&argument.binding, &self.module.types[argument.ty].inner)
+                && let Some(index) = members.iter().position(|m| same(&m.binding))
+            {
+                let base = self.expression(Expression::FunctionArgument(i as u32));
+                return self.expression(Expression::AccessIndex {
+                    base,
+                    index: index as u32,
+                });
+            }
+        }
+        self.function.arguments.push(FunctionArgument {
+            name: Some(name.to_owned()),
+            ty,
+            binding: Some(binding.clone()),
+        });
+        self.expression(Expression::FunctionArgument(arguments.len() as u32))
+    }
+
+    /// Appends a statement. Not for `Emit`, which is kept account of here, nor for calls: see [`Builder::call`].
+    pub fn statement(&mut self, statement: Statement) {
+        self.flush();
+        self.block.push(statement, Span::UNDEFINED);
+    }
+
+    /// Calls a function; the expression is its result, if it has one.
+    pub fn call(
+        &mut self,
+        function: Handle<Function>,
+        arguments: Vec<Handle<Expression>>,
+    ) -> Option<Handle<Expression>> {
+        self.flush();
+        let result = self.module.functions[function].result.is_some().then(|| {
+            self.function
+                .expressions
+                .append(Expression::CallResult(function), Span::UNDEFINED)
+        });
+        self.block.push(
+            Statement::Call {
+                function,
+                arguments,
+                result,
+            },
+            Span::UNDEFINED,
+        );
+        result
+    }
+
+    /// `if condition { .. }`.
+    pub fn if_then(&mut self, condition: Handle<Expression>, then: impl FnOnce(&mut Self)) {
+        let accept = self.nested(then);
+        self.block.push(
+            Statement::If {
+                condition,
+                accept,
+                reject: Block::new(),
+            },
+            Span::UNDEFINED,
+        );
+    }
+
+    fn nested(&mut self, build: impl FnOnce(&mut Self)) -> Block {
+        self.flush();
+        let outer = std::mem::take(&mut self.block);
+        build(self);
+        self.flush();
+        std::mem::replace(&mut self.block, outer)
+    }
+
+    fn flush(&mut self) {
+        if let Some(start) = self.emitting.take()
+            && self.function.expressions.len() > start
+        {
+            let range = self.function.expressions.range_from(start);
+            self.block.push(Statement::Emit(range), Span::UNDEFINED);
+        }
+    }
+}

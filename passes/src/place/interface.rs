@@ -1,0 +1,229 @@
+//! The interface of a placed entry point: arguments and result narrowed to what the slice reads and decides.
+
+use naga::proc::Layouter;
+use naga::{
+    Binding, BuiltIn, FunctionArgument, FunctionResult, Handle, Module, StructMember, Type,
+    TypeInner,
+};
+
+use crate::slice::Need;
+
+/// How a placed entry point marks its position.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PositionInvariance {
+    /// As the author did.
+    #[default]
+    AsWritten,
+    /// `@invariant`.
+    Invariant,
+}
+
+/// Name and form of a placed entry point.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement<'a> {
+    /// The new entry point's name.
+    pub name: &'a str,
+    /// Added, after an underscore, to the names of functions and types that had to be cut.
+    pub suffix: &'a str,
+    /// How the position is marked.
+    pub position: PositionInvariance,
+}
+
+/// A struct argument of which only some members are kept.
+#[derive(Clone, Debug)]
+pub struct Narrowed {
+    /// The author's type.
+    pub whole: Handle<Type>,
+    /// The members kept, by index in the author's type.
+    pub members: Vec<u32>,
+}
+
+/// What becomes of the entry point's result.
+#[derive(Clone, Debug)]
+pub enum Returned {
+    /// Nothing is returned.
+    Nothing,
+    /// The author's value.
+    Whole,
+    /// One member of the author's struct.
+    Member(u32),
+    /// These members of the author's struct, in a new one.
+    Members(Vec<u32>, Handle<Type>),
+}
+
+/// A struct type of chosen members of another. Offsets follow from the members' own alignment.
+pub fn narrow_struct(
+    module: &mut Module,
+    ty: Handle<Type>,
+    members: &[u32],
+    suffix: &str,
+    position: PositionInvariance,
+) -> Handle<Type> {
+    let original = module.types[ty].clone();
+    let TypeInner::Struct { members: all, .. } = &original.inner else {
+        return ty;
+    };
+    let mut layouter = Layouter::default();
+    // The module is valid, so all its types have a layout.
+    let laid_out = layouter.update(module.to_ctx()).is_ok();
+    let (mut offset, mut span, mut align) = (0, 0, naga::proc::Alignment::ONE);
+    let mut kept = Vec::new();
+    for index in members {
+        let member = &all[*index as usize];
+        if laid_out {
+            let layout = layouter[member.ty];
+            offset = layout.alignment.round_up(span);
+            span = offset + layout.size;
+            align = align.max(layout.alignment);
+        }
+        kept.push(StructMember {
+            binding: mark(member.binding.clone(), position),
+            offset,
+            ..member.clone()
+        });
+    }
+    let narrowed = Type {
+        name: original.name.as_ref().map(|n| format!("{n}_{suffix}")),
+        inner: TypeInner::Struct {
+            members: kept,
+            span: align.round_up(span),
+        },
+    };
+    module.types.insert(narrowed, naga::Span::UNDEFINED)
+}
+
+/// The binding with the position marked as wanted.
+pub fn mark(binding: Option<Binding>, position: PositionInvariance) -> Option<Binding> {
+    match (binding, position) {
+        (Some(Binding::BuiltIn(BuiltIn::Position { .. })), PositionInvariance::Invariant) => {
+            Some(Binding::BuiltIn(BuiltIn::Position { invariant: true }))
+        }
+        (binding, _) => binding,
+    }
+}
+
+/// An entry argument narrowed to a need; `None` for the second where it keeps its type.
+pub fn argument(
+    module: &mut Module,
+    argument: &FunctionArgument,
+    need: &Need,
+    suffix: &str,
+) -> (FunctionArgument, Option<Narrowed>) {
+    let kept: Vec<u32> = match (&module.types[argument.ty].inner, need) {
+        (TypeInner::Struct { members, .. }, Need::Members(needed))
+            if argument.binding.is_none() && needed.len() < members.len() =>
+        {
+            needed.keys().copied().collect()
+        }
+        _ => return (argument.clone(), None),
+    };
+    let ty = narrow_struct(
+        module,
+        argument.ty,
+        &kept,
+        suffix,
+        PositionInvariance::AsWritten,
+    );
+    let narrowed = FunctionArgument {
+        ty,
+        ..argument.clone()
+    };
+    (
+        narrowed,
+        Some(Narrowed {
+            whole: argument.ty,
+            members: kept,
+        }),
+    )
+}
+
+/// An entry result narrowed to the outputs a slice decides.
+pub fn result(
+    module: &mut Module,
+    result: Option<&FunctionResult>,
+    outputs: &[usize],
+    placement: &Placement<'_>,
+) -> (Option<FunctionResult>, Returned) {
+    let Some(result) = result.filter(|_| !outputs.is_empty()) else {
+        return (None, Returned::Nothing);
+    };
+    let members = match &module.types[result.ty].inner {
+        TypeInner::Struct { members, .. } if result.binding.is_none() => members.clone(),
+        _ => {
+            let marked = FunctionResult {
+                ty: result.ty,
+                binding: mark(result.binding.clone(), placement.position),
+            };
+            return (Some(marked), Returned::Whole);
+        }
+    };
+    if let [one] = outputs {
+        let member = &members[*one];
+        let bare = FunctionResult {
+            ty: member.ty,
+            binding: mark(member.binding.clone(), placement.position),
+        };
+        return (Some(bare), Returned::Member(*one as u32));
+    }
+    let unmarked = members
+        .iter()
+        .all(|m| mark(m.binding.clone(), placement.position) == m.binding);
+    if outputs.len() == members.len() && unmarked {
+        return (Some(result.clone()), Returned::Whole);
+    }
+    let kept: Vec<u32> = outputs.iter().map(|o| *o as u32).collect();
+    let ty = narrow_struct(
+        module,
+        result.ty,
+        &kept,
+        placement.suffix,
+        placement.position,
+    );
+    (
+        Some(FunctionResult { ty, binding: None }),
+        Returned::Members(kept, ty),
+    )
+}
+
+/// The module with an entry point's position marked `@invariant`. A struct result is marked in its type, and so for every entry point that
+/// returns it, and every fragment stage that takes it: there the mark means nothing.
+pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
+    let mut module = module.clone();
+    let Some(result) = module.entry_points[entry].function.result.clone() else {
+        return module;
+    };
+    let marked = mark(result.binding.clone(), PositionInvariance::Invariant);
+    if marked != result.binding {
+        if let Some(result) = &mut module.entry_points[entry].function.result {
+            result.binding = marked;
+        }
+        return module;
+    }
+    let Type { name, inner } = module.types[result.ty].clone();
+    let TypeInner::Struct { members, span } = inner else {
+        return module;
+    };
+    let members_marked: Vec<StructMember> = members
+        .iter()
+        .map(|m| StructMember {
+            binding: mark(m.binding.clone(), PositionInvariance::Invariant),
+            ..m.clone()
+        })
+        .collect();
+    if members_marked == members {
+        return module;
+    }
+    // The mark is part of the type, and the type may stand in functions, variables and other types: it is changed where it is, for all.
+    let mut replaced = Type {
+        name,
+        inner: TypeInner::Struct {
+            members: members_marked,
+            span,
+        },
+    };
+    while module.types.get(&replaced).is_some() {
+        replaced.name = Some(format!("{}_invariant", replaced.name.unwrap_or_default()));
+    }
+    module.types.replace(result.ty, replaced);
+    module
+}

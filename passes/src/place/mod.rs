@@ -1,0 +1,98 @@
+//! Slices rebuilt as code: the original statements, filtered, in their original order, in fresh arenas with their `Emit`s regenerated.
+//!
+//! All functions here take a module by reference and return another. By construction an expression refers to earlier ones only, every
+//! expression that needs evaluation is in exactly one `Emit`, at the point where the original evaluated it, and a call's result is
+//! there with its call.
+
+use naga::{Module, ShaderStage, Statement};
+
+mod builder;
+mod discard;
+mod function;
+mod interface;
+
+pub use builder::{Builder, prologue};
+pub use discard::without_discard;
+use interface::Placement;
+pub use interface::PositionInvariance;
+
+use crate::graph::Graph;
+use crate::slice::Slice;
+
+/// The module `onto` with a slice of one of its entry points as a further entry point `name` of the same stage. `onto` is the module of
+/// `graph`, or one that other slices of it have been placed on: handles into the one must be good in the other.
+///
+/// Functions of which the slice keeps everything are used as they are, of others it gets `{name}_{suffix}`; the entry's arguments and
+/// results are narrowed to what the slice reads and decides, structs to new types `{name}_{suffix}`.
+pub fn entry_point(
+    graph: &Graph<'_>,
+    slice: &Slice,
+    onto: &Module,
+    name: &str,
+    suffix: &str,
+    position: PositionInvariance,
+) -> Module {
+    let placement = Placement {
+        name,
+        suffix,
+        position,
+    };
+    function::place(graph, slice, onto, &placement)
+}
+
+/// The module with an entry point's position marked `@invariant`.
+pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
+    interface::with_invariant_position(module, entry)
+}
+
+/// The module with these entry points only, and with what they use: unused functions, globals, types, constants and dead `let`s are gone.
+pub fn retain(module: &Module, entries: &[(ShaderStage, &str)]) -> Module {
+    let mut module = module.clone();
+    module
+        .entry_points
+        .retain(|e| entries.contains(&(e.stage, e.name.as_str())));
+    module.doc_comments = None;
+    let functions = module
+        .functions
+        .iter_mut()
+        .map(|(_, f)| f)
+        .chain(module.entry_points.iter_mut().map(|e| &mut e.function));
+    for function in functions {
+        drop_dead_names(function);
+    }
+    naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
+    module
+}
+
+/// Takes the names off expressions no statement depends on: compaction takes a named expression for a used one.
+fn drop_dead_names(function: &mut naga::Function) {
+    use crate::graph::operands;
+    fn mark(block: &naga::Block, used: &mut [bool]) {
+        for statement in block {
+            for e in operands::of_statement(statement)
+                .into_iter()
+                .chain(operands::result(statement))
+            {
+                used[e.index()] = true;
+            }
+            for inner in operands::blocks(statement) {
+                mark(inner, used);
+            }
+        }
+    }
+    let mut used = vec![false; function.expressions.len()];
+    mark(&function.body, &mut used);
+    for (e, expression) in function.expressions.iter().rev() {
+        if used[e.index()] {
+            for operand in operands::of_expression(expression) {
+                used[operand.index()] = true;
+            }
+        }
+    }
+    function.named_expressions.retain(|e, _| used[e.index()]);
+}
+
+/// Whether a block does nothing.
+fn is_idle(block: &naga::Block) -> bool {
+    block.iter().all(|s| matches!(s, Statement::Emit(_)))
+}

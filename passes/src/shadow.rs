@@ -1,0 +1,154 @@
+//! `shadow`: the depth-only version of a material, to be drawn under a light's view.
+//!
+//! Goal: a shadow pass that agrees with the picture, alpha test, displacement and all, because it is a slice of the same shader (engines that write it by hand
+//! forget one or the other; see Bevy 8464 and Godot 84211).
+//!
+//! ```text
+//! before:  main     vs + fs
+//!
+//! after:   shadow   vs_shadow (+ fs_shadow)        depth only, the host binds the light's view in place of the camera's
+//!          main     vs + fs                        as it was
+//! ```
+//!
+//! What the slices read of the camera is listed in the plan (`view_dependent`): the vertex stage's projection must be replaced, and an alpha or a displacement
+//! that depends on the camera would follow the light.
+
+use naga::{AddressSpace, TypeInner};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::contract::Contract;
+use crate::depth_only::{self, VertexStage};
+use crate::opaque::{self, Opaque};
+use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
+use crate::place::PositionInvariance;
+use crate::plan::{Attachment, Phase, Plan, Role, Step};
+use crate::program::Program;
+use crate::state::{CompareFunction, DepthFormat, DepthState};
+
+/// Name of the depth attachment that the shadow pass writes.
+pub const SHADOW_DEPTH: &str = "shadow-depth";
+
+/// The pass.
+pub struct Shadow;
+
+/// Parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Format of the shadow map.
+    pub format: DepthFormat,
+}
+
+impl Pass for Shadow {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "shadow",
+        summary: "the depth-only version of the material, to be drawn under a light's view",
+        source: "falls out of depth-prepass: the same slices",
+        hurts: "never by itself: the main pass is untouched and the host decides which lights draw it",
+    };
+
+    fn sites(plan: &Plan, _facts: &Facts, _params: &Params) -> Sites {
+        let opaque = match Opaque::examine(plan, Self::INFO.name) {
+            Ok(o) => o,
+            Err(refusals) => return opaque::refused(refusals),
+        };
+        let slice = depth_only::slice(&opaque, VertexStage::Sliced);
+        Sites {
+            sites: vec![slice.site(
+                &opaque,
+                "depth-only vertex and fragment stage for a light's view".to_owned(),
+            )],
+            refusals: Vec::new(),
+        }
+    }
+
+    fn apply(
+        plan: &Plan,
+        _facts: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
+        let opaque = Opaque::examine(plan, Self::INFO.name).map_err(depth_only::first)?;
+        let slice = depth_only::slice(&opaque, VertexStage::Sliced);
+        slice.expect(&opaque, site, Self::INFO.name)?;
+        let mut next = plan.clone();
+        let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);
+        // A shadow map is its own frame: forward depth, one sample, whatever the camera's frame does.
+        let depth = DepthState {
+            attachment: SHADOW_DEPTH.to_owned(),
+            compare: CompareFunction::Less,
+            write: true,
+            bias: opaque.depth.bias,
+            read_only: false,
+        };
+        depth_only::insert_own(
+            &mut next,
+            &opaque,
+            placed,
+            Role::Shadow,
+            Phase::Shadow,
+            depth,
+            Self::INFO.name,
+        )?;
+        next.attachments.push(Attachment {
+            name: SHADOW_DEPTH.to_owned(),
+            format: params.format,
+            samples: 1,
+            sampled: true,
+        });
+        next.steps.push(Step {
+            pass: Self::INFO.name.to_owned(),
+            site: site.clone(),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: Contract::exact(),
+        });
+        depth_only::finish(&mut next, "original");
+        if let Some(pass) = next.passes.iter_mut().find(|p| p.role == Role::Shadow) {
+            pass.multisample.count = 1;
+            pass.view_dependent = next
+                .programs
+                .get(Role::Shadow.name())
+                .map(view_dependent)
+                .unwrap_or_default();
+        }
+        Ok(next)
+    }
+}
+
+/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection. A name is all a shader tells of what a matrix means; the
+/// host reads the list, it is not trusted with anything.
+fn view_dependent(program: &Program) -> Vec<String> {
+    let module = program.module();
+    let says_view = |name: &str| {
+        let name = name.to_lowercase();
+        ["camera", "view", "eye", "proj", "mvp", "viewport", "screen"]
+            .iter()
+            .any(|w| name.contains(w))
+    };
+    let mut found = Vec::new();
+    for (_, global) in module
+        .global_variables
+        .iter()
+        .filter(|(_, g)| g.space == AddressSpace::Uniform)
+    {
+        let variable = global.name.clone().unwrap_or_default();
+        let members = match &module.types[global.ty].inner {
+            TypeInner::Struct { members, .. } => members.as_slice(),
+            _ => &[],
+        };
+        if says_view(&variable) && members.is_empty() {
+            found.push(variable.clone());
+        }
+        found.extend(
+            members
+                .iter()
+                .filter_map(|m| m.name.as_deref())
+                .filter(|m| says_view(m))
+                .map(|m| format!("{variable}.{m}")),
+        );
+    }
+    found
+}

@@ -1,0 +1,384 @@
+//! The backward slice of one function for one demand of its caller.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
+
+use naga::{Expression, Handle, Statement, TypeInner};
+
+use super::need::Need;
+use super::{Demand, Termination};
+use crate::graph::cells::{self, Cell, Root};
+use crate::graph::memory::{self, Origin, VersionId};
+use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
+
+/// What of a function decides what its caller demands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FunctionSlice {
+    /// Kept statements, by [`StmtId`]; `Emit`s among them.
+    pub statements: Vec<bool>,
+    /// What is needed of each expression, by handle.
+    pub expressions: Vec<Option<Need>>,
+    /// What is needed of each argument.
+    pub arguments: Vec<Option<Need>>,
+    /// Memory of the caller whose content at entry matters.
+    pub entry_cells: BTreeSet<Cell>,
+    /// What is demanded of each kept call.
+    pub calls: BTreeMap<StmtId, Demand>,
+}
+
+/// Slices functions on demand, each (function, demand) once.
+pub struct Slicer<'g, 'p> {
+    graph: &'g Graph<'p>,
+    termination: Termination,
+    memo: BTreeMap<(FunctionId, Demand), Rc<FunctionSlice>>,
+}
+
+impl<'g, 'p> Slicer<'g, 'p> {
+    /// A slicer that has not sliced anything.
+    pub fn new(graph: &'g Graph<'p>, termination: Termination) -> Self {
+        Self {
+            graph,
+            termination,
+            memo: BTreeMap::new(),
+        }
+    }
+
+    /// The slice of a function for a demand.
+    pub fn slice(&mut self, id: FunctionId, demand: &Demand) -> Rc<FunctionSlice> {
+        let key = (id, demand.clone());
+        if let Some(done) = self.memo.get(&key) {
+            return Rc::clone(done);
+        }
+        let graph = self.graph;
+        let mut work = Work::new(graph, graph.function(id), demand, self.termination);
+        while let Some(item) = work.list.pop() {
+            match item {
+                Item::Expression(e) => work.expression(e),
+                Item::Statement(s) => work.statement(s),
+                Item::Version(v) => work.version(v),
+                Item::Call(s) => {
+                    let Statement::Call { function, .. } = work.f.statements.get(s).statement
+                    else {
+                        continue;
+                    };
+                    let Some(demand) = work.out.calls.get(&s).cloned() else {
+                        continue;
+                    };
+                    let callee = self.slice(FunctionId::Function(*function), &demand);
+                    work.called(s, &callee);
+                }
+            }
+        }
+        let done = Rc::new(work.out);
+        self.memo.insert(key, Rc::clone(&done));
+        done
+    }
+}
+
+enum Item {
+    Expression(Handle<Expression>),
+    Statement(StmtId),
+    Version(VersionId),
+    Call(StmtId),
+}
+
+struct Work<'g, 'p> {
+    graph: &'g Graph<'p>,
+    f: &'g FunctionGraph<'p>,
+    demand: Demand,
+    out: FunctionSlice,
+    versions: Vec<bool>,
+    list: Vec<Item>,
+}
+
+impl<'g, 'p> Work<'g, 'p> {
+    fn new(
+        graph: &'g Graph<'p>,
+        f: &'g FunctionGraph<'p>,
+        demand: &Demand,
+        termination: Termination,
+    ) -> Self {
+        let mut this = Self {
+            graph,
+            f,
+            demand: demand.clone(),
+            out: FunctionSlice {
+                statements: vec![false; f.statements.len()],
+                expressions: vec![None; f.function.expressions.len()],
+                arguments: vec![None; f.function.arguments.len()],
+                entry_cells: BTreeSet::new(),
+                calls: BTreeMap::new(),
+            },
+            versions: vec![false; f.memory.versions.len()],
+            list: Vec::new(),
+        };
+        for (id, node) in f.statements.iter() {
+            if !f.control.is_reachable(id) {
+                continue;
+            }
+            match node.statement {
+                Statement::Return { value } => {
+                    if let (Some(need), Some(value)) = (&demand.result, value) {
+                        this.keep(id);
+                        this.need(*value, need);
+                    }
+                }
+                Statement::Kill if demand.discards => this.keep(id),
+                Statement::Call { function, .. } => {
+                    let callee = FunctionId::Function(*function);
+                    let mut asked = Demand {
+                        discards: demand.discards && graph.may_discard(callee),
+                        ..Demand::default()
+                    };
+                    asked.values.extend(
+                        demand
+                            .values
+                            .iter()
+                            .filter(|(within, _)| graph.reaches(callee, *within)),
+                    );
+                    let loops = termination == Termination::Preserved && graph.may_loop(callee);
+                    if asked != Demand::default() || loops {
+                        this.ask(id, |d| {
+                            d.discards |= asked.discards;
+                            d.values.extend(asked.values.iter().copied());
+                        });
+                        this.list.push(Item::Call(id));
+                    }
+                }
+                Statement::Loop { .. } if termination == Termination::Preserved => {
+                    this.keep(id);
+                    for inner in id.index() + 1..node.end.index() {
+                        let inner = StmtId::from(inner);
+                        if matches!(
+                            f.statements.get(inner).statement,
+                            Statement::Break | Statement::Return { .. }
+                        ) && f.control.is_reachable(inner)
+                        {
+                            this.keep(inner);
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+        for cell in &demand.cells {
+            let exits: Vec<VersionId> = f
+                .memory
+                .overlapping(cell.root, &cell.path)
+                .filter_map(|c| f.memory.exit.get(&c).copied())
+                .collect();
+            for version in exits {
+                this.see(version);
+            }
+        }
+        for (within, value) in &demand.values {
+            if *within == f.id {
+                this.need(*value, &Need::All);
+            }
+        }
+        this
+    }
+
+    fn keep(&mut self, id: StmtId) {
+        if !std::mem::replace(&mut self.out.statements[id.index()], true) {
+            self.list.push(Item::Statement(id));
+        }
+    }
+
+    fn need(&mut self, expression: Handle<Expression>, need: &Need) {
+        if Need::add_to(&mut self.out.expressions[expression.index()], need) {
+            self.list.push(Item::Expression(expression));
+        }
+    }
+
+    fn see(&mut self, version: VersionId) {
+        if !std::mem::replace(&mut self.versions[version.index()], true) {
+            self.list.push(Item::Version(version));
+        }
+    }
+
+    /// Asks more of a call; it is sliced again if that changes anything.
+    fn ask(&mut self, call: StmtId, more: impl FnOnce(&mut Demand)) {
+        let demand = self.out.calls.entry(call).or_default();
+        let before = demand.clone();
+        more(demand);
+        if *demand != before {
+            self.list.push(Item::Call(call));
+        }
+    }
+
+    fn statement(&mut self, id: StmtId) {
+        let f = self.f;
+        for ancestor in f.statements.ancestors(id) {
+            self.keep(ancestor);
+        }
+        for predicate in f.control.of(id) {
+            self.keep(*predicate);
+        }
+        match f.statements.get(id).statement {
+            // Expressions are kept one by one, a store's value as far as it is read, a call as far as it is asked, and a returned value as
+            // far as the caller wants it.
+            Statement::Emit(_) | Statement::Call { .. } => {}
+            Statement::Store { pointer, .. } => self.need(*pointer, &Need::All),
+            Statement::Return { value } => {
+                if let (Some(value), Some(need)) = (value, self.demand.result.clone()) {
+                    self.need(*value, &need);
+                }
+            }
+            statement => {
+                for operand in operands::of_statement(statement) {
+                    self.need(operand, &Need::All);
+                }
+                // Where there are operands there is what the statement reads through them; an atomic's result depends on it.
+                for version in f.memory.reads.get(&id).into_iter().flatten() {
+                    self.see(*version);
+                }
+            }
+        }
+    }
+
+    fn expression(&mut self, e: Handle<Expression>) {
+        let Some(need) = self.out.expressions[e.index()].clone() else {
+            return;
+        };
+        let (f, module) = (self.f, self.graph.module());
+        if let Some(at) = f.statements.evaluated_at(e) {
+            self.keep(at);
+            if matches!(f.statements.get(at).statement, Statement::Call { .. }) {
+                self.ask(at, |d| {
+                    Need::add_to(&mut d.result, &need);
+                });
+            }
+        }
+        match &f.function.expressions[e] {
+            Expression::FunctionArgument(i) => {
+                Need::add_to(&mut self.out.arguments[*i as usize], &need);
+            }
+            Expression::Compose { ty, components }
+                if matches!(module.types[*ty].inner, TypeInner::Struct { .. }) =>
+            {
+                for (i, component) in components.iter().enumerate() {
+                    if let Some(inner) = need.of(i as u32) {
+                        self.need(*component, &inner);
+                    }
+                }
+            }
+            Expression::AccessIndex { base, index }
+                if matches!(f.ty(module, *base), TypeInner::Struct { .. }) =>
+            {
+                self.need(*base, &Need::member(*index, need));
+            }
+            expression => {
+                for operand in operands::of_expression(expression) {
+                    self.need(operand, &Need::All);
+                }
+                let Some(seen) = f.memory.loads.get(&e) else {
+                    return;
+                };
+                let path = match expression {
+                    Expression::Load { pointer } => cells::place(module, f.function, *pointer)
+                        .filter(|p| !p.dynamic)
+                        .map(|p| p.path),
+                    _ => None,
+                };
+                for version in seen {
+                    let wanted = match &path {
+                        Some(path) => f
+                            .memory
+                            .cell(*version)
+                            .path
+                            .get(path.len()..)
+                            .is_none_or(|rest| need.touches(rest)),
+                        None => true,
+                    };
+                    if wanted {
+                        self.see(*version);
+                    }
+                }
+            }
+        }
+    }
+
+    fn version(&mut self, version: VersionId) {
+        let (f, module) = (self.f, self.graph.module());
+        let cell = f.memory.cell(version);
+        match f.memory.origin(version) {
+            Origin::Initial => {
+                if !matches!(cell.root, Root::Local(_)) {
+                    self.out.entry_cells.insert(cell.clone());
+                }
+            }
+            Origin::Phi { operands, .. } => {
+                for operand in operands {
+                    self.see(*operand);
+                }
+            }
+            Origin::Written { by, over } => {
+                if let Some(over) = over {
+                    self.see(*over);
+                }
+                match f.statements.get(*by).statement {
+                    Statement::Store { pointer, value } => {
+                        self.keep(*by);
+                        let need = cells::place(module, f.function, *pointer)
+                            .filter(|p| !p.dynamic)
+                            .and_then(|p| cell.path.get(p.path.len()..))
+                            .and_then(|rest| {
+                                let ty = f.info[*value].ty.handle()?;
+                                Some(Need::at(module, ty, rest))
+                            })
+                            .unwrap_or(Need::All);
+                        self.need(*value, &need);
+                    }
+                    Statement::Call {
+                        function,
+                        arguments,
+                        ..
+                    } => {
+                        let footprint = &self
+                            .graph
+                            .function(FunctionId::Function(*function))
+                            .memory
+                            .footprint;
+                        let written: Vec<Cell> = footprint
+                            .writes
+                            .keys()
+                            .filter(|c| {
+                                memory::in_caller(module, f.function, arguments, c)
+                                    .is_some_and(|p| cell.overlaps(p.root, &p.path))
+                            })
+                            .cloned()
+                            .collect();
+                        self.ask(*by, |d| d.cells.extend(written));
+                    }
+                    _ => self.keep(*by),
+                }
+            }
+        }
+    }
+
+    /// A call's callee has been sliced for what is asked so far: its inputs are needed.
+    fn called(&mut self, call: StmtId, callee: &FunctionSlice) {
+        let (f, module) = (self.f, self.graph.module());
+        self.keep(call);
+        let Statement::Call { arguments, .. } = f.statements.get(call).statement else {
+            return;
+        };
+        for (argument, need) in arguments.iter().zip(&callee.arguments) {
+            if let Some(need) = need {
+                self.need(*argument, need);
+            }
+        }
+        let seen = f.memory.reads.get(&call).cloned().unwrap_or_default();
+        for cell in &callee.entry_cells {
+            let Some(place) = memory::in_caller(module, f.function, arguments, cell) else {
+                continue;
+            };
+            for version in &seen {
+                if f.memory.cell(*version).overlaps(place.root, &place.path) {
+                    self.see(*version);
+                }
+            }
+        }
+    }
+}

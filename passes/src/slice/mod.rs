@@ -1,0 +1,470 @@
+//! The backward slicer: what decides an output, a discard or a value.
+//!
+//! Weiser's static slice, interprocedural and context-sensitive by demand: a callee is sliced once for each set of results, pointees and
+//! effects that some call asks of it, so that two calls which ask different things do not mix. A slice names statements and expressions of the
+//! original; [`crate::place`] builds a function from it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, Statement};
+
+use crate::graph::{Cell, FunctionId, Graph, StmtId, operands};
+use crate::reflect;
+
+mod function;
+mod hash;
+mod need;
+
+pub use function::FunctionSlice;
+pub use need::Need;
+
+/// What a slice is to decide.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Criterion {
+    /// The outputs of the entry point with these bindings.
+    Output(OutputFilter),
+    /// Whether a fragment is discarded: every `discard` that can be reached, in callees too.
+    Discard,
+    /// A value, wherever calls from the entry point lead to its function.
+    Value {
+        /// The function it is in.
+        function: FunctionId,
+        /// The expression.
+        expression: Handle<Expression>,
+    },
+}
+
+/// Chooses outputs of an entry point.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum OutputFilter {
+    /// All of them.
+    All,
+    /// The clip-space position.
+    Position,
+    /// The depth a fragment stage writes.
+    FragDepth,
+    /// What rasterisation needs of a vertex stage: position, point size, clip and cull distances, view index.
+    Rasterization,
+    /// The output at this location.
+    Location(u32),
+    /// The n-th output, in the order of [`reflect::outputs`].
+    Index(usize),
+    /// The output with exactly this binding.
+    Binding(Binding),
+}
+
+impl OutputFilter {
+    fn accepts(&self, index: usize, binding: Option<&Binding>) -> bool {
+        use naga::BuiltIn as B;
+        match (self, binding) {
+            (Self::All, _) => true,
+            (Self::Index(i), _) => *i == index,
+            (_, None) => false,
+            (Self::Position, Some(b)) => matches!(b, Binding::BuiltIn(B::Position { .. })),
+            (Self::FragDepth, Some(b)) => matches!(b, Binding::BuiltIn(B::FragDepth)),
+            (Self::Rasterization, Some(b)) => matches!(
+                b,
+                Binding::BuiltIn(
+                    B::Position { .. }
+                        | B::PointSize
+                        | B::ClipDistances
+                        | B::CullDistance
+                        | B::ViewIndex
+                )
+            ),
+            (Self::Location(l), Some(b)) => {
+                matches!(b, Binding::Location { location, .. } if location == l)
+            }
+            (Self::Binding(want), Some(b)) => want == b,
+        }
+    }
+}
+
+/// Whether a slice may leave out a loop that decides nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Termination {
+    /// Loops are taken to end: right where the original still runs as well, as in the main pass behind a pre-pass.
+    #[default]
+    Assumed,
+    /// A loop and all that decides when it ends is kept.
+    Preserved,
+}
+
+/// What a caller wants of a function.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Demand {
+    /// Of its result.
+    pub result: Option<Need>,
+    /// Of the memory it leaves behind: pointees of arguments and globals.
+    pub cells: BTreeSet<Cell>,
+    /// That it discards where the original does.
+    pub discards: bool,
+    /// That these values are computed, in it or below it.
+    pub values: BTreeSet<(FunctionId, Handle<Expression>)>,
+}
+
+/// A function as far as one demand needs it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Which function.
+    pub function: FunctionId,
+    /// What is demanded of it.
+    pub demand: Demand,
+    /// What is kept of it.
+    pub kept: FunctionSlice,
+    /// The part each kept call goes to, by index into [`Slice::parts`].
+    pub calls: BTreeMap<StmtId, usize>,
+    /// Whether that is all of it, so that the function can be used as it is.
+    pub coverage: Coverage,
+}
+
+/// How much of a function a part keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Coverage {
+    /// All that does anything.
+    Whole,
+    /// Less.
+    Partial,
+}
+
+/// A backward slice of an entry point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slice {
+    /// Index of the entry point.
+    pub entry: usize,
+    /// Its stage.
+    pub stage: ShaderStage,
+    /// What it decides.
+    pub criteria: Vec<Criterion>,
+    /// The functions, callees before callers; the entry point is the last.
+    pub parts: Vec<Part>,
+    /// Entry inputs needed, by index in the order of [`reflect::inputs`].
+    pub inputs: Vec<usize>,
+    /// Entry outputs it decides, by index in the order of [`reflect::outputs`].
+    pub outputs: Vec<usize>,
+    /// Global variables it reads or writes.
+    pub globals: Vec<Handle<GlobalVariable>>,
+    /// Spans of the kept statements and expressions, in source order, each once.
+    pub spans: Vec<Span>,
+    /// Static cost, in the units of [`crate::graph::cost`].
+    pub cost: f64,
+    /// Hash of its canonical form, 16 hex digits: the same for the same computation whatever the handles, and the names, are.
+    pub hash: String,
+}
+
+impl Slice {
+    /// The entry point's part.
+    pub fn root(&self) -> &Part {
+        &self.parts[self.parts.len() - 1]
+    }
+
+    /// Whether it keeps all of the entry point.
+    pub fn is_whole(&self) -> bool {
+        self.root().coverage == Coverage::Whole
+    }
+
+    /// Number of kept statements, `Emit`s apart, over all functions.
+    pub fn statement_count(&self, graph: &Graph<'_>) -> usize {
+        self.parts
+            .iter()
+            .map(|part| {
+                let f = graph.function(part.function);
+                f.statements
+                    .iter()
+                    .filter(|(id, n)| {
+                        part.kept.statements[id.index()]
+                            && !matches!(n.statement, Statement::Emit(_))
+                    })
+                    .count()
+            })
+            .sum()
+    }
+}
+
+/// What decides `criteria` in an entry point, loops being taken to end ([`Termination::Assumed`]).
+pub fn backward(graph: &Graph<'_>, entry: usize, criteria: &[Criterion]) -> Slice {
+    backward_with(graph, entry, criteria, Termination::Assumed)
+}
+
+/// What decides `criteria` in an entry point.
+pub fn backward_with(
+    graph: &Graph<'_>,
+    entry: usize,
+    criteria: &[Criterion],
+    termination: Termination,
+) -> Slice {
+    let module = graph.module();
+    let point = &module.entry_points[entry];
+    let bindings = reflect::outputs(module, &point.function);
+    let mut demand = Demand::default();
+    let mut outputs = BTreeSet::new();
+    for criterion in criteria {
+        match criterion {
+            Criterion::Output(filter) => outputs.extend(
+                bindings
+                    .iter()
+                    .enumerate()
+                    .filter(|(i, io)| filter.accepts(*i, io.binding.as_ref()))
+                    .map(|(i, _)| i),
+            ),
+            Criterion::Discard => demand.discards = true,
+            Criterion::Value {
+                function,
+                expression,
+            } => {
+                demand.values.insert((*function, *expression));
+            }
+        }
+    }
+    let result_is_struct = point.function.result.as_ref().is_some_and(|r| {
+        r.binding.is_none() && matches!(module.types[r.ty].inner, naga::TypeInner::Struct { .. })
+    });
+    for output in &outputs {
+        let need = if result_is_struct {
+            Need::member(*output as u32, Need::All)
+        } else {
+            Need::All
+        };
+        Need::add_to(&mut demand.result, &need);
+    }
+    let mut slicer = function::Slicer::new(graph, termination);
+    let mut parts = Vec::new();
+    collect(
+        graph,
+        &mut slicer,
+        FunctionId::EntryPoint(entry),
+        &demand,
+        &mut parts,
+        &mut BTreeMap::new(),
+    );
+    let mut slice = Slice {
+        entry,
+        stage: point.stage,
+        criteria: criteria.to_vec(),
+        inputs: Vec::new(),
+        outputs: outputs.into_iter().collect(),
+        globals: Vec::new(),
+        spans: Vec::new(),
+        cost: 0.0,
+        hash: String::new(),
+        parts,
+    };
+    slice.inputs = inputs(graph, slice.root());
+    slice.globals = globals(graph, &slice.parts);
+    slice.spans = spans(graph, &slice.parts);
+    slice.cost = cost(graph, &slice.parts);
+    slice.hash = hash::canonical(graph, &slice);
+    slice
+}
+
+/// Adds the part for a demand, its callees' parts before it, unless it is there; returns its index.
+fn collect(
+    graph: &Graph<'_>,
+    slicer: &mut function::Slicer<'_, '_>,
+    id: FunctionId,
+    demand: &Demand,
+    parts: &mut Vec<Part>,
+    done: &mut BTreeMap<(FunctionId, Demand), usize>,
+) -> usize {
+    if let Some(index) = done.get(&(id, demand.clone())) {
+        return *index;
+    }
+    let kept = (*slicer.slice(id, demand)).clone();
+    let f = graph.function(id);
+    let calls: BTreeMap<StmtId, usize> = kept
+        .calls
+        .iter()
+        .filter_map(|(at, asked)| match f.statements.get(*at).statement {
+            Statement::Call { function, .. } => Some((
+                *at,
+                collect(
+                    graph,
+                    slicer,
+                    FunctionId::Function(*function),
+                    asked,
+                    parts,
+                    done,
+                ),
+            )),
+            _ => None,
+        })
+        .collect();
+    let coverage = coverage(graph, id, demand, &kept, &calls, parts);
+    // Demands that differ may keep the same: one part then serves both.
+    let same = parts.iter().position(|p| {
+        p.function == id
+            && p.calls == calls
+            && p.demand.result == demand.result
+            && p.kept.statements == kept.statements
+            && p.kept.expressions == kept.expressions
+    });
+    let index = same.unwrap_or_else(|| {
+        parts.push(Part {
+            function: id,
+            demand: demand.clone(),
+            kept,
+            calls,
+            coverage,
+        });
+        parts.len() - 1
+    });
+    done.insert((id, demand.clone()), index);
+    index
+}
+
+/// A part is whole if every statement that does anything is kept, with all its operands, and every callee is whole.
+fn coverage(
+    graph: &Graph<'_>,
+    id: FunctionId,
+    demand: &Demand,
+    kept: &FunctionSlice,
+    calls: &BTreeMap<StmtId, usize>,
+    parts: &[Part],
+) -> Coverage {
+    let f = graph.function(id);
+    if f.function.result.is_some() && demand.result.is_none() {
+        return Coverage::Partial;
+    }
+    let mut used = vec![false; kept.expressions.len()];
+    for (at, node) in f.statements.iter() {
+        match node.statement {
+            Statement::Emit(_) | Statement::Block(_) => continue,
+            // The `return` naga puts at the end of a function without result does nothing.
+            Statement::Return { value: None }
+                if node.parent.is_none() && node.end.index() == f.statements.len() =>
+            {
+                continue;
+            }
+            _ => {}
+        }
+        if !kept.statements[at.index()] {
+            return Coverage::Partial;
+        }
+        if calls
+            .get(&at)
+            .is_some_and(|part| parts[*part].coverage == Coverage::Partial)
+        {
+            return Coverage::Partial;
+        }
+        for operand in operands::of_statement(node.statement) {
+            used[operand.index()] = true;
+        }
+    }
+    let mut handles: Vec<_> = f.function.expressions.iter().collect();
+    while let Some((e, expression)) = handles.pop() {
+        if used[e.index()] {
+            if kept.expressions[e.index()].is_none() {
+                return Coverage::Partial;
+            }
+            for operand in operands::of_expression(expression) {
+                used[operand.index()] = true;
+            }
+        } else if matches!(expression, Expression::GlobalVariable(_))
+            && f.statements.evaluated_at(e).is_none()
+            && is_named_or_used(f.function, e)
+        {
+            // A dead `let` that reads a resource would keep its binding alive.
+            return Coverage::Partial;
+        }
+    }
+    if kept.arguments.iter().any(Option::is_none) {
+        return Coverage::Partial;
+    }
+    Coverage::Whole
+}
+
+fn is_named_or_used(function: &naga::Function, global: Handle<Expression>) -> bool {
+    function
+        .expressions
+        .iter()
+        .any(|(_, e)| operands::of_expression(e).contains(&global))
+}
+
+fn inputs(graph: &Graph<'_>, root: &Part) -> Vec<usize> {
+    let module = graph.module();
+    let function = graph.function(root.function).function;
+    let mut inputs = Vec::new();
+    let mut at = 0;
+    for (argument, need) in function.arguments.iter().zip(&root.kept.arguments) {
+        match &module.types[argument.ty].inner {
+            naga::TypeInner::Struct { members, .. } if argument.binding.is_none() => {
+                for i in 0..members.len() {
+                    if need.as_ref().is_some_and(|n| n.of(i as u32).is_some()) {
+                        inputs.push(at + i);
+                    }
+                }
+                at += members.len();
+            }
+            _ => {
+                if need.is_some() {
+                    inputs.push(at);
+                }
+                at += 1;
+            }
+        }
+    }
+    inputs
+}
+
+fn cost(graph: &Graph<'_>, parts: &[Part]) -> f64 {
+    let mut costs: Vec<f64> = Vec::new();
+    for part in parts {
+        let f = graph.function(part.function);
+        let own = f.own_cost(
+            graph.module(),
+            |id| part.kept.statements[id.index()],
+            |e| part.kept.expressions[e.index()].is_some(),
+        );
+        let calls: f64 = part
+            .calls
+            .iter()
+            .map(|(at, callee)| costs[*callee] * f.times[at.index()])
+            .sum();
+        costs.push(own + calls);
+    }
+    costs.last().copied().unwrap_or_default()
+}
+
+fn globals(graph: &Graph<'_>, parts: &[Part]) -> Vec<Handle<GlobalVariable>> {
+    let mut globals = BTreeSet::new();
+    for part in parts {
+        let function = graph.function(part.function).function;
+        for (e, expression) in function.expressions.iter() {
+            if let Expression::GlobalVariable(g) = expression
+                && part.kept.expressions[e.index()].is_some()
+            {
+                globals.insert(*g);
+            }
+        }
+    }
+    globals.into_iter().collect()
+}
+
+fn spans(graph: &Graph<'_>, parts: &[Part]) -> Vec<Span> {
+    let mut spans = BTreeMap::new();
+    for part in parts {
+        let f = graph.function(part.function);
+        let statements = f
+            .statements
+            .iter()
+            .filter(|(id, n)| {
+                part.kept.statements[id.index()] && operands::blocks(n.statement).is_empty()
+            })
+            .map(|(_, n)| n.span);
+        let expressions = f
+            .function
+            .expressions
+            .iter()
+            .filter(|(e, _)| {
+                part.kept.expressions[e.index()].is_some()
+                    && f.statements.evaluated_at(*e).is_some()
+            })
+            .map(|(e, _)| f.function.expressions.get_span(e));
+        for span in statements.chain(expressions) {
+            if let Some(range) = span.to_range() {
+                spans.insert((range.start, range.end), span);
+            }
+        }
+    }
+    spans.into_values().collect()
+}

@@ -1,0 +1,47 @@
+#!/bin/sh
+# Installs what preshade needs on a bare Debian or Ubuntu machine, and nothing where it is there already.
+#
+#   setup.sh vulkan    a Vulkan loader, and Mesa's software Vulkan (lavapipe) where no adapter is found
+#   setup.sh accept    spirv-val, glslangValidator, and Tint (npm package `webgpu`) for the acceptance tests
+set -eu
+
+have() { command -v "$1" >/dev/null 2>&1; }
+
+install() {
+    if ! have apt-get; then
+        echo "setup: please install: $*" >&2
+        exit 1
+    fi
+    sudo=""
+    [ "$(id -u)" = 0 ] || sudo=sudo
+    echo "setup: installing $*" >&2
+    $sudo apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+}
+
+vulkan() {
+    # A loader and any driver description will do: a real driver is preferred to lavapipe when there is one.
+    loader=$(ldconfig -p 2>/dev/null | grep -c 'libvulkan\.so\.1' || true)
+    drivers=$(ls /usr/share/vulkan/icd.d /etc/vulkan/icd.d 2>/dev/null | grep -c '\.json$' || true)
+    if [ "$loader" = 0 ] || { [ "$drivers" = 0 ] && [ -z "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ]; }; then
+        install libvulkan1 mesa-vulkan-drivers
+    fi
+    have cc || install build-essential
+    have c++ || install build-essential
+}
+
+accept() {
+    have spirv-val || install spirv-tools
+    have glslangValidator || install glslang-tools
+    if ! have node || ! have npm; then install nodejs npm; fi
+    here=$(dirname "$0")
+    (cd "$here/../tests/accept" && { [ -d node_modules/webgpu ] || npm ci --silent --no-audit --no-fund; })
+}
+
+for part in "$@"; do
+    case "$part" in
+        vulkan) vulkan ;;
+        accept) accept ;;
+        *) echo "setup: unknown part $part" >&2; exit 2 ;;
+    esac
+done

@@ -1,0 +1,446 @@
+//! Makes naga's WGSL read like an author's, by rewriting its text and nothing else.
+//!
+//! naga's writer gives every load, call result and texture sample a `let _e12 = ..;`. Here, function by function:
+//!
+//! - a load or a texture read that is used once is written where it is used, if nothing in between could change what it reads;
+//! - a call's result gets the author's `let` name back, which the writer drops; other results are named after what they read or call;
+//! - names that the writer numbered because another function has them too lose their number;
+//! - the parentheses around a whole right-hand side go, and loops become `for` and `while` again.
+//!
+//! before
+//! ```wgsl
+//! let _e7 = camera.view_proj;
+//! out.clip = (_e7 * vec4<f32>(position, 1f));
+//! let _e9 = shade(normal);
+//! ```
+//! after
+//! ```wgsl
+//! out.clip = camera.view_proj * vec4<f32>(position, 1f);
+//! let color = shade(normal);
+//! ```
+
+use std::collections::{HashMap, HashSet};
+
+use naga::{
+    AddressSpace, Expression, Function, Handle, ImageClass, Module, StorageAccess, TypeInner,
+};
+
+use super::loops;
+use super::text::{self, Kind, Words};
+
+/// The text of `module` as the writer (and `repair`) left it, tidied.
+pub(super) fn tidy(module: &Module, text: &str) -> String {
+    let module_words = module_words(text);
+    let impure = declared_functions(module, text);
+    let mut functions = module
+        .functions
+        .iter()
+        .map(|(_, f)| f)
+        .chain(module.entry_points.iter().map(|e| &e.function));
+    let mut out = String::with_capacity(text.len());
+    let mut lines = text.lines();
+    while let Some(line) = lines.next() {
+        if line.starts_with("@group(") {
+            // The variable follows on a line of its own.
+            out.push_str(line.trim_end());
+            out.push(' ');
+            continue;
+        }
+        if !line.starts_with("fn ") {
+            out.push_str(line);
+            out.push('\n');
+            continue;
+        }
+        let mut whole = vec![line];
+        whole.extend(lines.by_ref().take_while(|l| *l != "}"));
+        let tidied = match functions.next() {
+            Some(function) => Body::new(module, function, &impure).tidy(&whole, &module_words),
+            // A polyfill of the writer's own.
+            None => whole.iter().map(|l| (*l).to_owned()).collect(),
+        };
+        for line in tidied {
+            out.push_str(&line);
+            out.push('\n');
+        }
+        out.push_str("}\n");
+    }
+    out
+}
+
+/// Names of the functions the text declares: a call of one may store to anything.
+fn declared_functions(module: &Module, text: &str) -> HashSet<String> {
+    let count = module.functions.len() + module.entry_points.len();
+    text.lines()
+        .filter_map(|l| l.strip_prefix("fn "))
+        .take(count)
+        .filter_map(|l| Some(l.split_once('(')?.0.to_owned()))
+        .collect()
+}
+
+/// Words of declarations at module scope, struct members and parameters of functions excepted.
+fn module_words(text: &str) -> HashSet<&str> {
+    text.lines()
+        .filter(|l| !l.starts_with([' ', '}', '/']))
+        .flat_map(|line| match line.strip_prefix("fn ") {
+            Some(header) => vec![header.split('(').next().unwrap_or(header)],
+            None => free_words(line).collect(),
+        })
+        .collect()
+}
+
+/// Words that are not the name of a member.
+fn free_words(line: &str) -> impl Iterator<Item = &str> {
+    let mut after_dot = false;
+    text::tokens(line).filter_map(move |(kind, range)| {
+        let word = &line[range];
+        let free = kind == Kind::Word && !after_dot;
+        after_dot = word == ".";
+        free.then_some(word)
+    })
+}
+
+struct Body<'a> {
+    module: &'a Module,
+    function: &'a Function,
+    handles: Vec<Handle<Expression>>,
+    impure: &'a HashSet<String>,
+}
+
+/// Whether the text is a name with members and indices; whatever stands in an index is bracketed already.
+fn is_place(text: &str) -> bool {
+    let mut depth = 0usize;
+    text::tokens(text).all(|(kind, range)| {
+        match &text[range] {
+            "[" => depth += 1,
+            "]" => depth = depth.saturating_sub(1),
+            "." => {}
+            _ => return kind != Kind::Mark || depth > 0,
+        }
+        true
+    })
+}
+
+/// What a value depends on that statements may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reads {
+    /// Nothing: it may move anywhere in its scope.
+    Constant,
+    /// A texture: it may move where control flow is the same.
+    Texture,
+    /// A variable.
+    Variable,
+}
+
+/// The right-hand side of a `let` that may be written where it is used.
+struct Value {
+    text: String,
+    reads: Reads,
+}
+
+impl<'a> Body<'a> {
+    fn new(module: &'a Module, function: &'a Function, impure: &'a HashSet<String>) -> Self {
+        Self {
+            module,
+            function,
+            handles: function.expressions.iter().map(|(h, _)| h).collect(),
+            impure,
+        }
+    }
+
+    /// A whole function's lines but for its last brace.
+    fn tidy(&self, whole: &[&str], module_words: &HashSet<&str>) -> Vec<String> {
+        let mut lines = self.write_where_used(whole);
+        let mut words: HashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
+        words.extend(module_words);
+        let mut names = self.result_names(&lines, &words);
+        self.shorten(whole, module_words, &mut names);
+        for line in &mut lines {
+            let renamed =
+                text::rename_words(line, Words::Free, |w| names.get(w).map(String::as_str));
+            *line = without_outer_parentheses(&renamed);
+        }
+        loops::structured(lines)
+    }
+
+    /// The lines with what is used once written where it is used, as far as that changes nothing.
+    fn write_where_used(&self, whole: &[&str]) -> Vec<String> {
+        let mut lines: Vec<Option<String>> = whole.iter().map(|l| Some((*l).to_owned())).collect();
+        let uses = uses(whole);
+        // Lines that now read a variable themselves.
+        let mut reading: HashSet<usize> = HashSet::new();
+        for line in 0..lines.len() {
+            let Some(expression) = lines[line].as_deref().and_then(baked) else {
+                continue;
+            };
+            let (Some(value), Some([_, target])) = (
+                self.movable(expression, lines[line].as_deref()),
+                uses.get(&expression).map(Vec::as_slice),
+            ) else {
+                continue;
+            };
+            let reads = value.reads == Reads::Variable || reading.contains(&line);
+            if (reads || value.reads == Reads::Texture)
+                && !self.nothing_stores(&lines[line + 1..*target])
+            {
+                continue;
+            }
+            let name = format!("_e{expression}");
+            if let Some(text) = &mut lines[*target] {
+                *text = text::rename_words(text, Words::Free, |w| {
+                    (w == name).then_some(value.text.as_str())
+                });
+            }
+            lines[line] = None;
+            if reads {
+                reading.insert(*target);
+            }
+        }
+        lines.into_iter().flatten().collect()
+    }
+
+    /// What a `let` holds, if it can stand as an operand: a load written with names, members and indices alone, or a texture read. Both bind
+    /// tighter than any operator.
+    fn movable(&self, expression: usize, line: Option<&str>) -> Option<Value> {
+        let handle = self.handle(expression)?;
+        let (_, right) = line?.split_once(" = ")?;
+        let right = right.strip_suffix(';')?;
+        let reads = match self.function.expressions[handle] {
+            Expression::Load { pointer } => {
+                match (is_place(right), self.is_constant_memory(pointer)) {
+                    (false, _) => return None,
+                    (true, true) => Reads::Constant,
+                    (true, false) => Reads::Variable,
+                }
+            }
+            Expression::ImageSample { .. } => Reads::Texture,
+            Expression::ImageLoad { image, .. } if !self.is_storage_texture(image) => {
+                Reads::Texture
+            }
+            _ => return None,
+        };
+        Some(Value {
+            text: right.to_owned(),
+            reads,
+        })
+    }
+
+    fn is_storage_texture(&self, image: Handle<Expression>) -> bool {
+        let Expression::GlobalVariable(global) = self.function.expressions[image] else {
+            return true;
+        };
+        matches!(
+            self.module.types[self.module.global_variables[global].ty].inner,
+            TypeInner::Image {
+                class: ImageClass::Storage { .. },
+                ..
+            }
+        )
+    }
+
+    fn handle(&self, index: usize) -> Option<Handle<Expression>> {
+        self.handles.get(index).copied()
+    }
+
+    /// Whether a pointer points into memory that no shader of the draw writes: a uniform, or a read-only buffer.
+    fn is_constant_memory(&self, pointer: Handle<Expression>) -> bool {
+        let Expression::GlobalVariable(global) = *self.root(pointer) else {
+            return false;
+        };
+        match self.module.global_variables[global].space {
+            AddressSpace::Uniform | AddressSpace::Immediate => true,
+            AddressSpace::Storage { access } => !access.contains(StorageAccess::STORE),
+            _ => false,
+        }
+    }
+
+    /// The variable an access chain begins at.
+    fn root(&self, mut at: Handle<Expression>) -> &Expression {
+        loop {
+            match &self.function.expressions[at] {
+                Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
+                    at = *base
+                }
+                other => return other,
+            }
+        }
+    }
+
+    /// Whether these lines, between a load and its use, leave every variable as it is and are run exactly when the load is: `let`s without
+    /// calls of the module's own functions or of built-in functions that write.
+    fn nothing_stores(&self, lines: &[Option<String>]) -> bool {
+        lines.iter().flatten().all(|line| {
+            line.trim_start().starts_with("let ")
+                && text::tokens(line).all(|(kind, range)| {
+                    let word = &line[range];
+                    let writes = self.impure.contains(word)
+                        || word.starts_with("atomic")
+                        || word.starts_with("workgroup")
+                        || word.starts_with("subgroup");
+                    kind != Kind::Word || !writes
+                })
+        })
+    }
+
+    /// New names for the `_e12`s that stay.
+    fn result_names(&self, lines: &[String], words: &HashSet<&str>) -> HashMap<String, String> {
+        let mut names: HashMap<String, String> = HashMap::new();
+        let mut given: HashSet<String> = HashSet::new();
+        for expression in lines.iter().filter_map(|l| baked(l)) {
+            let Some(wanted) = self.handle(expression).and_then(|h| self.wanted_name(h)) else {
+                continue;
+            };
+            let unique = unique(&wanted, |n| words.contains(n) || given.contains(n));
+            given.insert(unique.clone());
+            names.insert(format!("_e{expression}"), unique);
+        }
+        names
+    }
+
+    /// naga's writer numbers names that repeat anywhere in the module: `uv_1`. Within a function the author's `uv` comes back where it is free.
+    fn shorten(
+        &self,
+        whole: &[&str],
+        module_words: &HashSet<&str>,
+        names: &mut HashMap<String, String>,
+    ) {
+        let own: HashSet<&str> = self
+            .function
+            .arguments
+            .iter()
+            .filter_map(|a| a.name.as_deref())
+            .chain(
+                self.function
+                    .local_variables
+                    .iter()
+                    .filter_map(|(_, l)| l.name.as_deref()),
+            )
+            .chain(self.function.named_expressions.values().map(String::as_str))
+            .collect();
+        let used: HashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
+        let mut given: HashSet<String> = names.values().cloned().collect();
+        for word in whole.iter().flat_map(|l| free_words(l)) {
+            let Some((base, number)) = word.rsplit_once('_') else {
+                continue;
+            };
+            let numbered = !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit());
+            let free = !used.contains(base)
+                && !module_words.contains(base)
+                && !given.contains(base)
+                && !is_known(base);
+            if numbered && own.contains(base) && !own.contains(word) && free {
+                given.insert(base.to_owned());
+                names.insert(word.to_owned(), base.to_owned());
+            }
+        }
+    }
+
+    fn wanted_name(&self, handle: Handle<Expression>) -> Option<String> {
+        if let Some(name) = self.function.named_expressions.get(&handle) {
+            return Some(name.clone());
+        }
+        let global = |e: Handle<Expression>| match self.function.expressions[e] {
+            Expression::GlobalVariable(g) => self.module.global_variables[g].name.clone(),
+            _ => None,
+        };
+        match &self.function.expressions[handle] {
+            Expression::CallResult(callee) => {
+                let name = self.module.functions[*callee].name.as_deref()?;
+                Some(format!("{name}_result"))
+            }
+            Expression::ImageSample { image, .. } | Expression::ImageLoad { image, .. } => {
+                Some(format!("{}_texel", global(*image)?))
+            }
+            Expression::ImageQuery { image, .. } => Some(format!("{}_size", global(*image)?)),
+            Expression::Load { pointer } => Some(format!("{}_value", self.member(*pointer)?)),
+            _ => None,
+        }
+    }
+
+    /// The name of what a pointer points at.
+    fn member(&self, pointer: Handle<Expression>) -> Option<String> {
+        let named = match &self.function.expressions[pointer] {
+            Expression::LocalVariable(l) => self.function.local_variables[*l].name.clone(),
+            Expression::GlobalVariable(g) => self.module.global_variables[*g].name.clone(),
+            Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
+                self.member(*base)
+            }
+            _ => None,
+        };
+        named.filter(|n| !n.is_empty())
+    }
+}
+
+/// `name`, or the name with a number that no word of the text has.
+fn unique(name: &str, used: impl Fn(&str) -> bool) -> String {
+    let plain: String = name
+        .chars()
+        .filter(|c| c.is_ascii_alphanumeric() || *c == '_')
+        .collect();
+    // naga and WGSL refuse two underscores in front; `_` alone is no name.
+    let plain = plain.trim_start_matches(|c: char| c == '_' || c.is_ascii_digit());
+    let plain = if plain.is_empty() { "value" } else { plain };
+    let taken = |n: &str| used(n) || is_known(n);
+    if !taken(plain) {
+        return plain.to_owned();
+    }
+    (2..)
+        .map(|i| format!("{plain}{i}"))
+        .find(|n| !taken(n))
+        .unwrap_or_default()
+}
+
+/// Whether WGSL knows the word already.
+fn is_known(word: &str) -> bool {
+    naga::keywords::wgsl::RESERVED_SET.contains(word)
+        || naga::keywords::wgsl::BUILTIN_IDENTIFIER_SET.contains(word)
+}
+
+/// The number in `    let _e12 = ..;`, with or without a type.
+fn baked(line: &str) -> Option<usize> {
+    let rest = line.trim_start().strip_prefix("let _e")?;
+    let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    rest[..digits].parse().ok()
+}
+
+/// The lines each `_e12` is in, once for each time, its `let` first.
+fn uses(body: &[&str]) -> HashMap<usize, Vec<usize>> {
+    let mut uses: HashMap<usize, Vec<usize>> = HashMap::new();
+    for (line, text) in body.iter().enumerate() {
+        for (kind, range) in text::tokens(text) {
+            if kind == Kind::Word
+                && let Some(number) = text[range].strip_prefix("_e")
+                && let Ok(number) = number.parse()
+            {
+                uses.entry(number).or_default().push(line);
+            }
+        }
+    }
+    uses
+}
+
+/// `a = (b + c);` without the parentheses, if they enclose the whole right-hand side of a `let`, an assignment or a return.
+fn without_outer_parentheses(line: &str) -> String {
+    let strip = |start: usize| -> Option<String> {
+        let inner = line[start..].strip_prefix('(')?.strip_suffix(");")?;
+        let mut depth = 0i32;
+        for (_, range) in text::tokens(inner) {
+            match &inner[range] {
+                "(" => depth += 1,
+                ")" => depth -= 1,
+                _ => {}
+            }
+            if depth < 0 {
+                return None;
+            }
+        }
+        Some(format!("{}{inner};", &line[..start]))
+    };
+    let start = match line.find(" = ") {
+        Some(at) => at + 3,
+        None => match line.find("return (") {
+            Some(at) => at + 7,
+            None => return line.to_owned(),
+        },
+    };
+    strip(start).unwrap_or_else(|| line.to_owned())
+}

@@ -1,0 +1,45 @@
+//! A recipe on a scene: one plan a material, refusals kept beside.
+
+use preshade_passes::count;
+use preshade_passes::pass::Facts;
+use preshade_passes::plan::{GpuPass, Plan};
+
+use super::{CountProgram, Variant};
+use crate::recipe::Recipe;
+use crate::report::Kept;
+
+/// `recipe` on every material that takes it. A material that refuses is drawn as its author wrote it, and the refusal is kept.
+pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
+    let mut kept = Vec::new();
+    let plans = originals
+        .iter()
+        .map(|original| {
+            recipe.apply(original, facts).unwrap_or_else(|refusal| {
+                kept.push(Kept {
+                    material: original.material.clone(),
+                    why: refusal.to_string(),
+                });
+                original.clone()
+            })
+        })
+        .collect();
+    let name = recipe.to_string();
+    Variant {
+        recipe: name.clone(),
+        name,
+        plans,
+        kept,
+    }
+}
+
+/// The counting stage of a pass: the slice that decides whether a fragment is kept. A slice that does not validate (a bug) counts every fragment.
+pub fn counting(plan: &Plan, pass: &GpuPass) -> CountProgram {
+    match count::program(plan, pass) {
+        Ok(program) => CountProgram::Sliced {
+            program,
+            vertex: pass.vertex.clone(),
+            fragment: count::ENTRY.to_owned(),
+        },
+        Err(_) => CountProgram::Constant,
+    }
+}

@@ -1,0 +1,147 @@
+//! Compilers that are not ours judge what we emit: Tint for WGSL, spirv-val for SPIR-V, glslang for GLSL.
+//!
+//! Needed: Debian's `spirv-tools` and `glslang-tools`, node 18 or later, and `npm ci --ignore-scripts` in `tests/accept`. A tool that is missing is a
+//! failure, never a skipped check.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use preshade::emit::File;
+
+/// What each judge was shown, so that a test can tell that it was shown anything.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Judged {
+    /// Files given to Tint.
+    pub wgsl: usize,
+    /// Files given to spirv-val.
+    pub spirv: usize,
+    /// Files given to glslang.
+    pub glsl: usize,
+}
+
+/// Has every file of every set judged: a set is a label, for the message, and what `emit::emit` returned. Panics with all rejections, each
+/// with the text that was refused. Files other than shaders pass unread.
+pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
+    let dir = scratch();
+    let mut paths = Vec::new();
+    for (i, (label, files)) in sets.iter().enumerate() {
+        let dir = dir.join(i.to_string());
+        std::fs::create_dir_all(&dir).unwrap();
+        for file in files {
+            let path = dir.join(&file.name);
+            std::fs::write(&path, &file.bytes).unwrap();
+            paths.push((label.as_str(), path));
+        }
+    }
+    let of = |extensions: &[&str]| -> Vec<&(&str, PathBuf)> {
+        paths
+            .iter()
+            .filter(|(_, p)| {
+                p.extension()
+                    .and_then(|e| e.to_str())
+                    .is_some_and(|e| extensions.contains(&e))
+            })
+            .collect()
+    };
+    let (wgsl, spirv, glsl) = (of(&["wgsl"]), of(&["spv"]), of(&["vert", "frag"]));
+    let mut rejections = tint(&wgsl);
+    for (label, path) in &spirv {
+        let mut command = Command::new("spirv-val");
+        command.args(["--target-env", "vulkan1.1"]).arg(path);
+        rejections.extend(run(command, label, path));
+    }
+    for (label, path) in &glsl {
+        let mut command = Command::new("glslangValidator");
+        command.arg(path);
+        rejections.extend(run(command, label, path));
+    }
+    assert!(
+        rejections.is_empty(),
+        "{} of {} files were refused\n\n{}",
+        rejections.len(),
+        paths.len(),
+        rejections.join("\n\n")
+    );
+    std::fs::remove_dir_all(&dir).unwrap();
+    Judged {
+        wgsl: wgsl.len(),
+        spirv: spirv.len(),
+        glsl: glsl.len(),
+    }
+}
+
+fn scratch() -> PathBuf {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    let n = NEXT.fetch_add(1, Ordering::Relaxed);
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("accept-{}-{n}", std::process::id()))
+}
+
+/// All files in one node process.
+fn tint(files: &[&(&str, PathBuf)]) -> Vec<String> {
+    if files.is_empty() {
+        return Vec::new();
+    }
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/accept");
+    let missing = "Tint is not installed: run `npm ci --ignore-scripts` in tests/accept";
+    assert!(here.join("node_modules/webgpu").is_dir(), "{missing}");
+    let mut node = Command::new("node")
+        .arg(here.join("tint.mjs"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap_or_else(|e| panic!("node does not start ({e}): install node 18 or later"));
+    let list: String = files
+        .iter()
+        .map(|(_, path)| format!("{}\n", path.display()))
+        .collect();
+    node.stdin
+        .take()
+        .unwrap()
+        .write_all(list.as_bytes())
+        .unwrap();
+    let output = node.wait_with_output().unwrap();
+    assert!(
+        output.status.success(),
+        "tint.mjs failed: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let verdicts: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let verdicts = verdicts.as_array().unwrap();
+    assert_eq!(verdicts.len(), files.len(), "tint.mjs judged every file");
+    let mut rejections = Vec::new();
+    for ((label, path), verdict) in files.iter().zip(verdicts) {
+        let errors = verdict["errors"].as_array().unwrap();
+        if !errors.is_empty() {
+            let text = std::fs::read_to_string(path).unwrap();
+            rejections.push(format!("Tint on {label}: {errors:#?}\n{}", numbered(&text)));
+        }
+    }
+    rejections
+}
+
+fn run(mut command: Command, label: &str, path: &Path) -> Option<String> {
+    let tool = command.get_program().to_string_lossy().into_owned();
+    let output = command.output().unwrap_or_else(|e| {
+        panic!("{tool} does not start ({e}): apt-get install spirv-tools glslang-tools")
+    });
+    if output.status.success() {
+        return None;
+    }
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    Some(format!(
+        "{tool} on {label}: {}{}\n{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+        numbered(&text)
+    ))
+}
+
+fn numbered(text: &str) -> String {
+    text.lines()
+        .enumerate()
+        .map(|(i, line)| format!("{:4} {line}\n", i + 1))
+        .collect()
+}

@@ -1,0 +1,146 @@
+//! Every fixture material, in every target: emitted text reads back (emission itself sees to that), and other compilers take it.
+#![allow(clippy::unwrap_used, clippy::panic)]
+#![cfg(all(feature = "glsl", feature = "spirv"))]
+
+#[path = "accept/mod.rs"]
+mod accept;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use preshade::emit::{self, File, Target};
+use preshade::front::{self, Code, Color, Parsed, Source};
+use preshade_passes::plan::Plan;
+use preshade_passes::state::MaterialState;
+
+/// The materials under `fixtures/FOLDER`: a file, or two files of one folder or stem.
+fn materials(folder: &str) -> BTreeMap<String, Vec<PathBuf>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("fixtures")
+        .join(folder);
+    let mut found: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    let mut folders = vec![root.clone()];
+    while let Some(dir) = folders.pop() {
+        let Ok(entries) = std::fs::read_dir(&dir) else {
+            continue;
+        };
+        for path in entries.map(|e| e.unwrap().path()) {
+            let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+            if path.is_dir() {
+                folders.push(path);
+            } else if ["wgsl", "vert", "frag"].contains(&extension) {
+                // A pair is a GLSL stem, or a WGSL stem with the stage between (`a.vert.wgsl`).
+                let name = path.file_name().unwrap().to_str().unwrap();
+                let stem = name.split('.').next().unwrap();
+                let place = path.parent().unwrap().strip_prefix(&root).unwrap();
+                let key = place.join(stem).display().to_string();
+                found.entry(key).or_default().push(path);
+            }
+        }
+    }
+    for paths in found.values_mut() {
+        paths.sort();
+    }
+    found
+}
+
+fn parse(paths: &[PathBuf]) -> Vec<Parsed> {
+    let sources: Vec<Source> = paths
+        .iter()
+        .map(|p| {
+            let name = p.file_name().unwrap().to_str().unwrap();
+            Source::new(name, std::fs::read_to_string(p).unwrap())
+        })
+        .collect();
+    match front::parse(&sources, &front::Options::default()) {
+        Ok(parsed) => vec![parsed],
+        // A file of several materials: every pair of entry points whose interfaces fit.
+        Err(e) if e.code() == Code::AmbiguousEntryPoint => pairs(&sources),
+        Err(e) => panic!("{}", e.render(Color::Never)),
+    }
+}
+
+fn pairs(sources: &[Source]) -> Vec<Parsed> {
+    let module = naga::front::wgsl::parse_str(&sources[0].text).unwrap();
+    let of = |stage| {
+        let entries = module.entry_points.iter();
+        let names = entries.filter(move |e| e.stage == stage);
+        names.map(|e| e.name.clone()).collect::<Vec<_>>()
+    };
+    let mut all = Vec::new();
+    for vertex in of(naga::ShaderStage::Vertex) {
+        for fragment in of(naga::ShaderStage::Fragment) {
+            let options = front::Options {
+                vertex: Some(vertex.clone()),
+                fragment: Some(fragment.clone()),
+                ..front::Options::default()
+            };
+            match front::parse(sources, &options) {
+                Ok(parsed) => all.push(parsed),
+                Err(e) => assert_eq!(e.code(), Code::Interface, "{}", e.render(Color::Never)),
+            }
+        }
+    }
+    assert!(!all.is_empty());
+    all
+}
+
+/// All targets' files. GLSL may be unable to say a thing, but must say so; WGSL and SPIR-V may not.
+fn emit_all(name: &str, parsed: &Parsed) -> Vec<File> {
+    let plan = Plan::original(
+        "material",
+        parsed.program.clone(),
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let mut files = Vec::new();
+    for target in Target::ALL {
+        match emit::emit(&plan, &[target], &emit::Options::default()) {
+            Ok(mut emitted) => files.append(&mut emitted),
+            Err(e @ emit::Error::Inexpressible { .. })
+                if matches!(target, Target::Glsl450 | Target::GlslEs300) =>
+            {
+                eprintln!("{name}: {e}");
+            }
+            Err(e) => panic!("{name}: {e}"),
+        }
+    }
+    files
+}
+
+fn check(folder: &str) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("fixtures")
+        .join(folder);
+    if !root.is_dir() {
+        return;
+    }
+    let materials = materials(folder);
+    assert!(!materials.is_empty(), "no material under fixtures/{folder}");
+    let mut sets = Vec::new();
+    for (name, paths) in &materials {
+        for (i, parsed) in parse(paths).iter().enumerate() {
+            let name = format!("{folder}/{name} {i}");
+            sets.push((name.clone(), emit_all(&name, parsed)));
+        }
+    }
+    let judged = accept::accept(&sets);
+    assert!(judged.wgsl >= materials.len(), "{judged:?}");
+    assert!(judged.spirv >= materials.len(), "{judged:?}");
+}
+
+#[test]
+fn wgsl_fixtures_are_accepted_everywhere() {
+    check("shaders");
+}
+
+#[test]
+fn glsl_fixtures_are_accepted_everywhere() {
+    check("glsl");
+}
+
+#[test]
+fn the_handwritten_reference_is_accepted_everywhere() {
+    check("handwritten");
+}

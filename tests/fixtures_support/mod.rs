@@ -1,0 +1,67 @@
+//! The fixture materials and the recipes that every one of them goes through.
+#![allow(dead_code)]
+
+use std::path::{Path, PathBuf};
+
+use preshade::front::{self, Options, Source};
+use preshade::passes::plan::Plan;
+use preshade::passes::state::MaterialState;
+
+/// The recipes whose output is kept as snapshots and shown to other compilers.
+pub const RECIPES: [&str; 8] = [
+    "depth-prepass",
+    "depth-prepass:form=equal",
+    "depth-prepass:form=equal,vertex=sliced",
+    "shadow",
+    "early-discard",
+    "early-discard:texture=float",
+    "early-discard:texture=float,attachment=readonly",
+    "early-discard:quad=lane,mode=invert",
+];
+
+/// A material of one file or two, with the default state.
+pub fn original(files: &[&Path]) -> Plan {
+    let sources: Vec<Source> = files
+        .iter()
+        .map(|path| {
+            Source::new(
+                path.file_name().unwrap().to_string_lossy(),
+                std::fs::read_to_string(path).unwrap(),
+            )
+        })
+        .collect();
+    let parsed = front::parse(&sources, &Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let material = files[0].file_stem().unwrap().to_string_lossy().into_owned();
+    Plan::original(
+        &material,
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    )
+}
+
+/// Every material of `fixtures`: WGSL files, and GLSL pairs.
+pub fn materials() -> Vec<Vec<PathBuf>> {
+    let with_extension = |folder: &str, extension: &str| {
+        let mut found: Vec<PathBuf> =
+            std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder))
+                .unwrap()
+                .map(|e| e.unwrap().path())
+                .filter(|p| p.extension().is_some_and(|e| e == extension))
+                .collect();
+        found.sort();
+        found
+    };
+    let wgsl = with_extension("fixtures/shaders", "wgsl")
+        .into_iter()
+        .map(|p| vec![p]);
+    let glsl = with_extension("fixtures/glsl", "vert")
+        .into_iter()
+        .map(|p| {
+            let frag = p.with_extension("frag");
+            vec![p, frag]
+        });
+    wgsl.chain(glsl).collect()
+}
