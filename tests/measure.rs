@@ -23,7 +23,7 @@ fn constant(_: &Plan, _: &GpuPass) -> CountProgram {
 /// Shaded fragments a covered pixel of `plans`, in each order.
 fn shaded(scene: &Scene, plans: &[Plan], order: DrawOrder) -> f64 {
     let gpu = gpu();
-    let inputs = SceneInputs::new(&gpu, scene).unwrap();
+    let inputs = SceneInputs::new(gpu, scene).unwrap();
     let mut counter = Counter::shaded(&inputs, plans, ShaderForm::Text, constant).unwrap();
     let frame = &scene.cameras[0].frames[0];
     counter.count(frame, order).unwrap().summary().per_pixel
@@ -62,7 +62,7 @@ fn counting_knows_how_much_is_covered() {
         draw("bottom", all, white),
     ];
     let scene = scene([32, 32], vec![material("flat", FLAT)], draws);
-    let inputs = SceneInputs::new(&gpu, &scene).unwrap();
+    let inputs = SceneInputs::new(gpu, &scene).unwrap();
     let plans = originals(&scene);
     let mut counter = Counter::shaded(&inputs, &plans, ShaderForm::Ir, constant).unwrap();
     let frame = &scene.cameras[0].frames[0];
@@ -98,7 +98,7 @@ fn a_sliced_counting_stage_keeps_the_discard() {
     let counting = holes.replace("return object.tint;", "return vec4(1.0);");
     let mut scene = planes([16, 16], 3);
     scene.materials[0] = material("flat", &holes);
-    let inputs = SceneInputs::new(&gpu, &scene).unwrap();
+    let inputs = SceneInputs::new(gpu, &scene).unwrap();
     let plans = originals(&scene);
     let sliced = |_: &Plan, _: &GpuPass| CountProgram::Sliced {
         program: program(&counting),
@@ -123,7 +123,7 @@ fn coplanar_draws_are_ties_and_others_are_not() {
         [1.0; 4],
     ));
     let ties = |scene: &Scene| {
-        let inputs = SceneInputs::new(&gpu, scene).unwrap();
+        let inputs = SceneInputs::new(gpu, scene).unwrap();
         let plans = originals(scene);
         let mut counter = Counter::ties(&inputs, &plans, ShaderForm::Text, constant).unwrap();
         let frame = &scene.cameras[0].frames[0];
@@ -134,7 +134,7 @@ fn coplanar_draws_are_ties_and_others_are_not() {
     // Behind another surface a tie decides nothing.
     scene.draws[3].transform = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.75));
     assert_eq!(ties(&scene), 0);
-    let facts = measure::facts(&gpu, &scene, ShaderForm::Text, constant).unwrap();
+    let facts = measure::facts(gpu, &scene, ShaderForm::Text, constant).unwrap();
     assert_eq!(facts.depth_ties, Some(0));
 }
 
@@ -142,7 +142,7 @@ fn coplanar_draws_are_ties_and_others_are_not() {
 fn the_error_ladder_tells_what_changed_and_where() {
     let gpu = gpu();
     let scene = planes([16, 8], 1);
-    let original = render(&gpu, &scene);
+    let original = render(gpu, &scene);
     assert!(measure::compare(&original, &original).unwrap().is_exact());
 
     // A different tint, one step of 8 bits in red alone.
@@ -151,7 +151,7 @@ fn the_error_ladder_tells_what_changed_and_where() {
     tinted.draws[0]
         .values
         .insert("object.tint".to_owned(), Value::Numbers(tint));
-    let error = measure::compare(&original, &render(&gpu, &tinted)).unwrap();
+    let error = measure::compare(&original, &render(gpu, &tinted)).unwrap();
     assert_eq!((error.changed_pixels, error.changed_alpha), (128, 0));
     assert_eq!((error.changed_depth, error.depth_max_ulp), (0, 0));
     assert!((error.max_abs - 1.0 / 255.0).abs() < 1e-7);
@@ -164,7 +164,7 @@ fn the_error_ladder_tells_what_changed_and_where() {
     clear.draws[0]
         .values
         .insert("object.tint".to_owned(), Value::Numbers(tint));
-    let error = measure::compare(&original, &render(&gpu, &clear)).unwrap();
+    let error = measure::compare(&original, &render(gpu, &clear)).unwrap();
     assert_eq!((error.changed_pixels, error.changed_alpha), (128, 128));
     assert_eq!(error.max_abs, 1.0);
 
@@ -183,7 +183,7 @@ fn the_error_ladder_tells_what_changed_and_where() {
     assert!(!error.is_exact());
 
     // Another size cannot be compared.
-    let other = render(&gpu, &planes([8, 8], 1));
+    let other = render(gpu, &planes([8, 8], 1));
     assert!(measure::compare(&original, &other).is_err());
 }
 
@@ -192,7 +192,7 @@ fn nan_and_infinity_are_counted_on_float_targets() {
     let gpu = gpu();
     let mut scene = planes([8, 8], 1);
     scene.materials[0].state.targets = vec![Some(ColorTarget::opaque("rgba16float"))];
-    let original = render(&gpu, &scene);
+    let original = render(gpu, &scene);
     // 1 / 0 from a uniform, so that no compiler folds it.
     let infinite = FLAT.replace(
         "return object.tint;",
@@ -201,7 +201,7 @@ fn nan_and_infinity_are_counted_on_float_targets() {
     let mut broken = scene.clone();
     broken.materials[0] = material("flat", &infinite);
     broken.materials[0].state = scene.materials[0].state.clone();
-    let error = measure::compare(&original, &render(&gpu, &broken)).unwrap();
+    let error = measure::compare(&original, &render(gpu, &broken)).unwrap();
     assert_eq!((error.changed_pixels, error.nan_pixels), (64, 64));
     assert_eq!(error.max_abs, f64::INFINITY);
     let error = measure::compare(&original, &original).unwrap();
@@ -220,7 +220,7 @@ fn floats_are_counted_across_zero() {
 fn timing_is_interleaved_positive_and_told_with_its_samples() {
     let gpu = gpu();
     let scene = planes([64, 64], 2);
-    let inputs = SceneInputs::new(&gpu, &scene).unwrap();
+    let inputs = SceneInputs::new(gpu, &scene).unwrap();
     let variant = Variant::new(&originals(&scene), ShaderForm::Text).unwrap();
     let settings = FrameSettings::of(&scene);
     let a = Prepared::new(&inputs, &variant, &settings).unwrap();
@@ -233,7 +233,7 @@ fn timing_is_interleaved_positive_and_told_with_its_samples() {
         ..TimingSettings::default()
     };
     let mut last = 0.0;
-    let (_, times) = measure::time(&gpu, &[&a, &b], &timing, |part| last = part).unwrap();
+    let (_, times) = measure::time(gpu, &[&a, &b], &timing, |part| last = part).unwrap();
     assert_eq!(last, 1.0);
     assert_eq!(times.len(), 2);
     for t in &times {
@@ -250,11 +250,11 @@ fn timing_is_interleaved_positive_and_told_with_its_samples() {
 fn invocations_are_the_adapters_own_count() {
     let gpu = gpu();
     let scene = planes([64, 64], 3);
-    let inputs = SceneInputs::new(&gpu, &scene).unwrap();
+    let inputs = SceneInputs::new(gpu, &scene).unwrap();
     let plans: Vec<Plan> = originals(&scene).iter().map(with_prepass).collect();
     let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
     let prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap();
-    let counted = measure::statistics::invocations(&gpu, &prepared).unwrap();
+    let counted = measure::statistics::invocations(gpu, &prepared).unwrap();
     match counted {
         None => assert!(!gpu.has_pipeline_statistics()),
         Some(n) => {

@@ -72,7 +72,7 @@ fn three(scene: &Scene) -> Vec<Variant> {
 fn run(scene: &Scene, variants: &[Variant], settings: &Settings<'_>) -> Outcome {
     let gpu = gpu();
     let mut done = 0.0;
-    let outcome = verify(&gpu, scene, variants, settings, &mut |p| {
+    let outcome = verify(gpu, scene, variants, settings, &mut |p| {
         assert!(p.done >= done && p.done <= 1.0, "{} after {done}", p.done);
         done = p.done;
     })

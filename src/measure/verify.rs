@@ -278,7 +278,14 @@ fn count_view(subjects: &mut [Subject<'_>], view: &View<'_>) -> Result<(), Error
         let Some(counter) = &mut subject.counter else {
             continue;
         };
-        let shading = counter.count(view.frame, view.order)?;
+        let shading = match counter.count(view.frame, view.order) {
+            Ok(shading) => shading,
+            Err(error @ Error::Render(crate::render::Error::Lost(_))) => return Err(error),
+            Err(error) => {
+                subject.give_up(&error);
+                continue;
+            }
+        };
         let per_pixel = Some(shading.summary().per_pixel);
         if let Some(row) = subject.report.by_view.last_mut() {
             row.shaded_per_pixel = per_pixel;

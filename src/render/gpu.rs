@@ -137,8 +137,12 @@ fn enumerate(suits: impl Fn(&wgpu::Adapter) -> bool) -> Vec<wgpu::Adapter> {
     adapters
 }
 
+/// Held while instances come and go: with several threads at it, a driver has been seen to deadlock.
+static OPENING: Mutex<()> = Mutex::new(());
+
 /// The adapters of this machine, best first. OpenGL's are listed only where there are no others.
 pub fn adapters() -> Vec<AdapterReport> {
+    let _opening = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
     enumerate(|_| true).iter().map(report).collect()
 }
 
@@ -184,6 +188,7 @@ impl Gpu {
     /// # Errors
     /// [`Error::NoAdapter`], or [`Error::Lost`] when the driver refuses to open it.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
+        let _opening = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
         let wanted = match choice {
             AdapterChoice::Best => None,
             AdapterChoice::Matching(text) => Some(text.clone()),

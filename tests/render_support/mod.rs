@@ -2,7 +2,7 @@
 #![allow(dead_code)] // Each test binary uses its own part.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
 use preshade::passes::plan::Plan;
@@ -13,13 +13,17 @@ use preshade::render::{
 };
 use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Stream, Value};
 
-/// Opens the adapter of the environment's choice. Tests fail without one: a skipped picture proves nothing.
-pub fn gpu() -> Gpu {
-    let choice = match std::env::var("PRESHADE_ADAPTER") {
-        Ok(name) => AdapterChoice::Matching(name),
-        Err(_) => AdapterChoice::Best,
-    };
-    Gpu::new(&choice).unwrap()
+/// The adapter of the environment's choice, opened once: some drivers deadlock when many devices come and go in one process. Tests fail
+/// without an adapter: a skipped picture proves nothing.
+pub fn gpu() -> &'static Gpu {
+    static GPU: OnceLock<Gpu> = OnceLock::new();
+    GPU.get_or_init(|| {
+        let choice = match std::env::var("PRESHADE_ADAPTER") {
+            Ok(name) => AdapterChoice::Matching(name),
+            Err(_) => AdapterChoice::Best,
+        };
+        Gpu::new(&choice).unwrap()
+    })
 }
 
 /// A flat colour from a uniform, on positions that a uniform transforms.
