@@ -156,10 +156,8 @@ proptest! {
     #![proptest_config(cases(150))]
 
     #[test]
-    fn a_slice_gives_the_sliced_value(bytes in prop::collection::vec(any::<u8>(), 20..500)) {
-        let mut choices = Choices::new(&bytes);
-        let source = random::shader(&mut choices);
-        let program = common::program(&source);
+    fn a_slice_gives_the_sliced_value(bytes in prop::collection::vec(any::<u8>(), 40..600)) {
+        let program = common::program(&random::shader(&bytes));
         let mut module = program.module().clone();
         random::fall_through(&mut module, &mut Choices::new(&bytes[bytes.len() / 2..]));
         for program in [&program, &common::validated(&program, module)] {
