@@ -29,7 +29,9 @@ fn input(binding: &Binding, seed: u32) -> Value {
         Binding::Location { location: 1, .. } => Value::vector(&[number(4), number(5)]),
         Binding::Location { location: 2, .. } => Value::i32((seed % 7) as i32 - 2),
         Binding::Location { location: 3, .. } => Value::f32(number(6)),
-        Binding::BuiltIn(BuiltIn::FrontFacing) => Value::Scalar(Scalar::Bool(seed % 2 == 0)),
+        Binding::BuiltIn(BuiltIn::FrontFacing) => {
+            Value::Scalar(Scalar::Bool(seed.is_multiple_of(2)))
+        }
         other => panic!("no value for {other:?}"),
     }
 }
