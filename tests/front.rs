@@ -398,3 +398,13 @@ fn the_terminal_is_not_driven_by_the_source() {
     let error = parse(&[("a\u{1b}[2J.wgsl", "fn f( \u{1b}[31m {}")]).unwrap_err();
     assert!(!error.render(Color::Never).contains('\u{1b}'));
 }
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_the_text() {
+    let text = format!("\u{feff}{}", material("    return vec4(nothing);"));
+    let error = parse(&[("a.wgsl", &text)]).unwrap_err();
+    let at = error.location().unwrap();
+    assert_eq!((at.line, at.column), (3, 17));
+    let text = format!("\u{feff}{}", material("    return vec4(1.0);"));
+    assert!(parse(&[("a.wgsl", &text)]).is_ok());
+}

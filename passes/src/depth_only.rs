@@ -27,6 +27,44 @@ pub enum VertexStage {
     Sliced,
 }
 
+/// Whether `@invariant` is added to the position of passes whose depths are compared for equality.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Invariance {
+    /// The position stays as the author marked it: not one bit of the picture moves, and the driver is trusted to compile one vertex entry point alike
+    /// in both pipelines. The plan's self-test tells whether it does.
+    AsWritten,
+    /// `@invariant` on both: what the languages offer for the purpose. It forbids the driver contractions that the original may have had, so positions (and
+    /// pixels) may differ from the original's in their last bits.
+    Add,
+}
+
+impl Invariance {
+    /// One entry point of one module is left as it is; two texts need the attribute.
+    pub fn default_for(stage: VertexStage) -> Self {
+        match stage {
+            VertexStage::Same => Self::AsWritten,
+            VertexStage::Sliced => Self::Add,
+        }
+    }
+
+    /// How positions are marked.
+    pub fn position(self) -> PositionInvariance {
+        match self {
+            Self::AsWritten => PositionInvariance::AsWritten,
+            Self::Add => PositionInvariance::Invariant,
+        }
+    }
+
+    /// The author's module, or the same with its position marked.
+    pub fn apply(self, module: Module, vertex: usize) -> Module {
+        match self {
+            Self::AsWritten => module,
+            Self::Add => place::with_invariant_position(&module, vertex),
+        }
+    }
+}
+
 /// The slices that make a material depth-only.
 #[derive(Clone, Debug)]
 pub struct DepthOnly {

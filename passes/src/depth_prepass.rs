@@ -10,7 +10,7 @@
 //!          main     vs + fs          depth less, write: as the author wrote it
 //!
 //! equal:   prepass  vs               depth less, write                             (+ fs_depth)
-//!          main     vs + fs          depth equal, no write; @invariant position
+//!          main     vs + fs          depth equal, no write
 //! ```
 //!
 //! `form=biased` (the default) leaves the author's main pass alone, to the byte: hidden fragments fail against a depth a little behind the
@@ -23,7 +23,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::{Assumption, Contract};
-use crate::depth_only::{self, DepthOnly, VertexStage};
+use crate::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::place::{self, PositionInvariance};
@@ -53,6 +53,9 @@ pub struct Params {
     /// Vertex stage of the pre-pass; default: `sliced` for `biased`, `same` for `equal`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
+    /// `form=equal`: whether `@invariant` is added; default: `as-written` with `vertex=same`, `add` with `vertex=sliced`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub invariant: Option<Invariance>,
     /// `form=biased`: constant bias in steps of the depth format, at least 1; default by format.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bias_constant: Option<u32>,
@@ -79,6 +82,11 @@ impl Params {
             Form::Biased => VertexStage::Sliced,
             Form::Equal => VertexStage::Same,
         })
+    }
+
+    fn invariant(&self) -> Invariance {
+        self.invariant
+            .unwrap_or_else(|| Invariance::default_for(self.vertex()))
     }
 
     /// The bias as the pipeline takes it, pointing away from the viewer, on top of the author's own.
@@ -169,7 +177,11 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
         Form::Equal => {
             // Under LessEqual the last of several tied fragments wins, and so it does under EQUAL.
             if opaque.depth.compare == opaque.strict() {
-                refusals.extend(opaque::refuse_ties(name, facts));
+                refusals.extend(opaque::refuse_ties(
+                    name,
+                    facts,
+                    "take form=biased, which keeps the author's comparison",
+                ));
             }
         }
     }
@@ -252,11 +264,12 @@ fn equal(
 ) -> Result<Plan, Box<Refusal>> {
     let name = DepthPrepass::INFO.name;
     let mut next = plan.clone();
-    let placed = slice.place(opaque, "depth", PositionInvariance::Invariant, None);
+    let invariant = params.invariant();
+    let placed = slice.place(opaque, "depth", invariant.position(), None);
     let mut main = if slice.shares_vertex() {
         placed.module.clone()
     } else {
-        place::with_invariant_position(opaque.program.module(), opaque.vertex)
+        invariant.apply(opaque.program.module().clone(), opaque.vertex)
     };
     let drop_discard = opaque.discards && facts.depth_ties == Some(0);
     if let (true, Some(fragment)) = (drop_discard, opaque.fragment) {

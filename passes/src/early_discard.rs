@@ -23,10 +23,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::{Assumption, Contract};
-use crate::depth_only::{self, DepthOnly, VertexStage};
+use crate::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
-use crate::place::{self, PositionInvariance};
 use crate::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
@@ -106,6 +105,9 @@ pub struct Params {
     /// `@binding` of the depth texture; default: the first free one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub binding: Option<u32>,
+    /// `attachment=readonly`: whether `@invariant` is added; default: `as-written` with `vertex=same`, `add` with `vertex=sliced`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub invariant: Option<Invariance>,
     /// Vertex stage of the depth pass; default: `sliced`, or `same` with `attachment=readonly`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
@@ -117,6 +119,16 @@ impl Params {
             MainAttachment::Own => VertexStage::Sliced,
             MainAttachment::Readonly => VertexStage::Same,
         })
+    }
+
+    fn invariant(&self) -> Invariance {
+        self.invariant
+            .unwrap_or_else(|| Invariance::default_for(self.vertex()))
+    }
+
+    /// Both passes draw with one module: the hardware compares what they rasterise.
+    fn shares_program(&self) -> bool {
+        self.attachment == MainAttachment::Readonly && self.vertex() == VertexStage::Same
     }
 }
 
@@ -130,8 +142,8 @@ impl Pass for EarlyDiscard {
         hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway",
     };
 
-    fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
-        let opaque = match check(plan, params) {
+    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
+        let opaque = match check(plan, facts, params) {
             Ok(o) => o,
             Err(refusals) => return opaque::refused(refusals),
         };
@@ -144,18 +156,18 @@ impl Pass for EarlyDiscard {
 
     fn apply(
         plan: &Plan,
-        _facts: &Facts,
+        facts: &Facts,
         site: &SiteKey,
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
-        let opaque = check(plan, params).map_err(depth_only::first)?;
+        let opaque = check(plan, facts, params).map_err(depth_only::first)?;
         let slice = depth_only::slice(&opaque, params.vertex());
         slice.expect(&opaque, site, Self::INFO.name)?;
         transform(plan, &opaque, &slice, params)
     }
 }
 
-fn check<'a>(plan: &'a Plan, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>> {
+fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>> {
     let name = EarlyDiscard::INFO.name;
     let opaque = Opaque::examine(plan, name)?;
     let mut refusals = Vec::new();
@@ -208,6 +220,13 @@ fn check<'a>(plan: &'a Plan, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>
             "take attachment=own",
         ));
     }
+    if params.attachment == MainAttachment::Readonly && opaque.depth.compare == opaque.strict() {
+        refusals.extend(opaque::refuse_ties(
+            name,
+            facts,
+            "take attachment=own, which keeps the author's comparison",
+        ));
+    }
     if refusals.is_empty() {
         Ok(opaque)
     } else {
@@ -253,24 +272,16 @@ fn transform(
     let slot = free_slot(opaque.program.module(), params, name)?;
     let mut next = plan.clone();
 
-    // The pass that produces the depth.
-    let invariance = match params.attachment {
-        MainAttachment::Own => PositionInvariance::AsWritten,
-        MainAttachment::Readonly => PositionInvariance::Invariant,
+    // The pass that produces the depth, and the main program, whose position is compared for equality only where the hardware tests as well.
+    let (produced, invariant) = match params.attachment {
+        MainAttachment::Own => (PREPASS_DEPTH.to_owned(), Invariance::AsWritten),
+        MainAttachment::Readonly => (opaque.depth.attachment.clone(), params.invariant()),
     };
-    let produced = match params.attachment {
-        MainAttachment::Own => PREPASS_DEPTH.to_owned(),
-        MainAttachment::Readonly => opaque.depth.attachment.clone(),
-    };
-
-    // The main program: the prologue, and an invariant position where the hardware test compares as well.
-    let placed = slice.place(opaque, "depth", invariance, None);
-    let mut main = match params.attachment {
-        MainAttachment::Readonly if slice.shares_vertex() => placed.module.clone(),
-        MainAttachment::Readonly => {
-            place::with_invariant_position(opaque.program.module(), opaque.vertex)
-        }
-        MainAttachment::Own => opaque.program.module().clone(),
+    let placed = slice.place(opaque, "depth", invariant.position(), None);
+    let mut main = if params.shares_program() {
+        placed.module.clone()
+    } else {
+        invariant.apply(opaque.program.module().clone(), opaque.vertex)
     };
     let mut own_depth = None;
     if opaque.writes_depth
@@ -326,7 +337,7 @@ fn transform(
         read_only: false,
         ..opaque.depth.clone()
     };
-    if params.attachment == MainAttachment::Readonly && slice.shares_vertex() {
+    if params.shares_program() {
         depth_only::insert(
             &mut next,
             opaque.pass,

@@ -247,13 +247,13 @@ fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
 }
 
 /// The refusal of a form that needs the absence of ties, if ties were measured.
-pub fn refuse_ties(name: &'static str, facts: &Facts) -> Option<Refusal> {
+pub fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Refusal> {
     facts.depth_ties.filter(|n| *n > 0).map(|n| {
         Refusal::new(
             name,
             "depth-ties",
-            format!("{n} pixels were measured at which several surfaces share the nearest depth: under EQUAL all of them pass and the last one wins"),
-            "take form=biased, which keeps the author's comparison",
+            format!("{n} pixels were measured at which several surfaces share the nearest depth: once it is in the buffer all of them pass, and the last one wins"),
+            remedy,
         )
     })
 }

@@ -22,6 +22,7 @@ mod switch;
 pub(crate) mod varying;
 mod wgsl;
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -150,7 +151,7 @@ fn parse_mapped(
         let mut modules = Vec::new();
         for (source, base) in sources.iter().zip(bases) {
             modules.push(match language {
-                Language::Wgsl => wgsl::parse(&source.text, *base)?,
+                Language::Wgsl => wgsl::parse(&without_mark(&source.text), *base)?,
                 Language::Glsl => parse_glsl(source, *base, options)?,
             });
         }
@@ -178,7 +179,7 @@ fn parse_mapped(
             format!("naga, the parser preshade uses, panicked on {names}"),
         )
         .note(panicked.0)
-        .note("this is a bug in naga or preshade, not in the shader's author; please report it with the file"))
+        .note("this is a bug in naga or in preshade; please report it with the file"))
     })
 }
 
@@ -198,6 +199,14 @@ fn link(first: naga::Module, second: &naga::Module, base: u32) -> Result<naga::M
         e.note.into_iter().fold(error, Error::note)
     })?;
     Ok(linked.module)
+}
+
+/// The text with a byte order mark, which neither parser knows, made as many spaces.
+fn without_mark(text: &str) -> Cow<'_, str> {
+    match text.strip_prefix('\u{feff}') {
+        Some(rest) => Cow::Owned(format!("   {rest}")),
+        None => Cow::Borrowed(text),
+    }
 }
 
 /// Checks that the sources make one material, and says in which language.
@@ -291,7 +300,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
 #[cfg(feature = "glsl")]
 fn parse_glsl(source: &Source, base: u32, options: &Options) -> Result<naga::Module, Error> {
     let stage = source.stage().unwrap_or(ShaderStage::Fragment);
-    glsl::parse(&source.text, stage, &options.defines, base)
+    glsl::parse(&without_mark(&source.text), stage, &options.defines, base)
 }
 
 #[cfg(not(feature = "glsl"))]
