@@ -1,7 +1,7 @@
 //! One draw of a scene as the bytes that a GPU pass asks for.
 //!
 //! What a pass lists (by group, binding and location) is looked up in the author's program by reflection, and each member is filled
-//! from, in this order: the draw's values, the material's values, what its name means by convention ([`Semantic`], mesh streams), and a plausible
+//! from, in this order: the draw's values, the material's values, what its name means by convention ([`Semantic`](super::Semantic), mesh streams), and a plausible
 //! number derived from its name. `docs/scenes.md` lists the names.
 //!
 //! Nothing here depends on the plan: two variants of a material get the same bytes, and the same [`Data::id`]s, so a renderer uploads each once.

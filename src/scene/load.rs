@@ -287,12 +287,13 @@ impl Loader<'_> {
                 .map_err(|e| self.source.at(e, recipe.span()))?;
             material.textures.insert(texture.clone(), Arc::new(image));
         }
-        material::check(&material).map_err(|(key, e)| {
+        material::check(&material).map_err(|e| {
+            let key = e.subject().unwrap_or_default();
             let span = None
-                .or_else(|| entry.values.get(&key).map(Spanned::span))
-                .or_else(|| entry.textures.get(&key).map(Spanned::span))
-                .or_else(|| entry.samplers.get(&key).map(Spanned::span))
-                .or_else(|| entry.attributes.get(&key).map(Spanned::span));
+                .or_else(|| entry.values.get(key).map(Spanned::span))
+                .or_else(|| entry.textures.get(key).map(Spanned::span))
+                .or_else(|| entry.samplers.get(key).map(Spanned::span))
+                .or_else(|| entry.attributes.get(key).map(Spanned::span));
             match span {
                 Some(span) => self.source.at(e, span),
                 None => e,

@@ -41,8 +41,8 @@ pub(super) fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
         })
 }
 
-/// Refuses values, textures, samplers and attribute names that the program does not know: each a misspelling.
-pub(super) fn check(material: &Material) -> Result<(), (String, Error)> {
+/// Refuses values, textures, samplers and attribute names that the program does not know: each a misspelling. The error's subject is the key.
+pub(super) fn check(material: &Material) -> Result<(), Error> {
     let module = material.program.module();
     let (mut textures, mut samplers) = (Vec::new(), Vec::new());
     for g in globals(&material.program) {
@@ -57,11 +57,10 @@ pub(super) fn check(material: &Material) -> Result<(), (String, Error)> {
             "the shader of material `{}` has no {what} `{name}`",
             material.name
         );
-        Err((name.to_owned(), Error::new(text).suggest(name, known)))
+        Err(Error::new(text).suggest(name, known).about(name))
     };
     if let Some(name) = unknown_value(material, &material.values) {
-        let e = unknown_value_error(material, &name);
-        return Err((name, e));
+        return Err(unknown_value_error(material, &name));
     }
     for name in material.textures.keys() {
         if !textures.contains(&name.as_str()) {
@@ -119,6 +118,7 @@ pub(super) fn unknown_value_error(material: &Material, name: &str) -> Error {
         material.name
     ))
     .suggest(name, paths.iter().map(String::as_str))
+    .about(name)
 }
 
 /// `lights[1].color` without its indices.

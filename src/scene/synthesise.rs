@@ -32,15 +32,12 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
     let aspect = size[0] as f32 / size[1] as f32;
     let wants = Wants::of(&parsed);
     let meshes = meshes(&wants, state.primitive.topology);
-    let joints = wants
-        .skin
-        .then(|| {
-            meshes
-                .iter()
-                .map(|m| Skin::default().apply(&mut m.clone()))
-                .collect::<Vec<_>>()
-        })
-        .unwrap_or_default();
+    let joints: Vec<Vec<Mat4>> = if wants.skin {
+        let pose = |m: &Mesh| Skin::default().apply(&mut m.clone());
+        meshes.iter().map(pose).collect()
+    } else {
+        Vec::new()
+    };
     let mut draws = Vec::new();
     for (mesh, transform) in places(&wants, meshes.len()) {
         draws.push(Draw {

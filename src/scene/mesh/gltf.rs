@@ -177,8 +177,8 @@ fn read_primitive(primitive: &gltf::Primitive<'_>, buffers: &[Vec<u8>]) -> Optio
     };
     // The builder makes tangents; the file's own take their place below.
     let mut b = Builder::default();
-    for i in 0..count {
-        b.vertex(places[i], *normals.get(i)?, *uvs.get(i)?);
+    for (i, place) in places.iter().enumerate() {
+        b.vertex(*place, *normals.get(i)?, *uvs.get(i)?);
     }
     for t in indices.chunks_exact(3) {
         b.triangle(t[0], t[1], t[2]);
