@@ -7,7 +7,7 @@ mod accept;
 
 use preshade::emit::{self, File, Target};
 use preshade::front::{self, Color, Source};
-use preshade_passes::plan::Plan;
+use preshade_passes::plan::{Plan, Role};
 use preshade_passes::state::MaterialState;
 
 const LIT: &str = r"
@@ -51,95 +51,7 @@ fn fs_main(in: Varyings) -> @location(0) vec4<f32> {
 ";
 
 /// Loops, a switch, early returns, an array, a private global, padded structs, names that end in digits.
-const EVERYTHING: &str = r"
-struct Light {
-    @size(32) position1: vec3<f32>,
-    @align(16) color: vec3<f32>,
-    range: f32,
-}
-struct Params {
-    lights: array<Light, 4>,
-    count: u32,
-    @align(64) tail: vec2<f32>,
-}
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(3) var map2: texture_2d_array<f32>;
-@group(0) @binding(2) var s: sampler;
-var<private> seed: u32 = 1u;
-const STEPS: i32 = 4;
-
-fn random() -> f32 {
-    seed = seed * 1664525u + 1013904223u;
-    return f32(seed >> 8u) / 16777216.0;
-}
-
-fn fbm(p0: vec2<f32>) -> f32 {
-    var p = p0;
-    var sum = 0.0;
-    var amplitude = 0.5;
-    for (var i = 0; i < STEPS; i++) {
-        sum += amplitude * sin(p.x * 1.7 + p.y);
-        p = p * 2.0 + vec2(random(), 0.5);
-        if sum > 10.0 { return 10.0; }
-        amplitude *= 0.5;
-    }
-    return sum;
-}
-
-fn pick(i: u32) -> vec3<f32> {
-    switch i {
-        case 0u, 1u: { return vec3(1.0, 0.0, 0.0); }
-        case 2u: { break; }
-        default: { return params.lights[i & 3u].color; }
-    }
-    return vec3(0.0);
-}
-
-struct Out {
-    @invariant @builtin(position) clip: vec4f,
-    @location(0) uv: vec2f,
-    @location(1) @interpolate(flat) id: u32,
-    @location(2) @interpolate(perspective, centroid) fade: f32,
-}
-
-@vertex
-fn vs(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32, @location(0) position: vec3f) -> Out {
-    var out: Out;
-    let wave = fbm(position.xz);
-    out.clip = vec4f(position + vec3f(0.0, wave, 0.0), 1.0);
-    out.uv = position.xy;
-    out.id = index + instance;
-    out.fade = params.tail.x;
-    return out;
-}
-
-struct Targets {
-    @location(0) color: vec4f,
-    @location(1) normal: vec4f,
-    @builtin(frag_depth) depth: f32,
-}
-
-@fragment
-fn fs(@builtin(position) at: vec4f, @location(0) uv: vec2f, @location(1) @interpolate(flat) id: u32, @location(2) @interpolate(perspective, centroid) fade: f32, @builtin(front_facing) front: bool) -> Targets {
-    let dx = dpdx(uv);
-    let dy = dpdy(uv);
-    var color = textureSampleGrad(map2, s, uv, i32(id), dx, dy);
-    var i = 0u;
-    loop {
-        if i >= params.count { break; }
-        let light = params.lights[i];
-        if light.range < 0.0 { i++; continue; }
-        color += vec4f(light.color * fade, 0.0);
-        i++;
-    }
-    if color.a < 0.1 { discard; }
-    var out: Targets;
-    out.color = vec4f(color.rgb * pick(id), color.a);
-    out.normal = vec4f(select(-1.0, 1.0, front));
-    out.depth = at.z + 0.25 * fade;
-    return out;
-}
-";
+const EVERYTHING: &str = include_str!("materials/everything.wgsl");
 
 fn plan(name: &str, text: &str) -> Plan {
     let parsed = front::parse(&[Source::new(name, text)], &front::Options::default())
@@ -210,7 +122,7 @@ fn text_reads_like_an_authors() {
     insta::assert_snapshot!("everything_wgsl", text(&files, "material.main.wgsl"));
 }
 
-/// The WGSL text of a material whose fragment stage has this body, after `head`, and all of its files to be judged.
+/// The name and the files of a material, as `accept` takes them.
 fn emitted(name: &str, text: &str, targets: &[Target]) -> (String, Vec<File>) {
     let files = emit::emit(&plan(name, text), targets, &emit::Options::default()).unwrap();
     (name.to_owned(), files)
@@ -418,43 +330,8 @@ fn writing_is_atomic_and_leaves_equal_files_alone() {
 }
 
 /// Inputs, outputs, a global that a helper shares, an early return, a discard, a matrix output through a struct.
-const GLSL_VERTEX: &str = "#version 450
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec2 texcoord;
-layout(location = 0) out vec2 uv;
-layout(location = 1) flat out int kind;
-layout(set = 0, binding = 0) uniform Camera { mat4 view_proj; vec4 tint; } camera;
-void main() {
-    uv = texcoord;
-    kind = 3;
-    gl_Position = camera.view_proj * vec4(position, 1.0);
-}
-";
-const GLSL_FRAGMENT: &str = "#version 450
-layout(location = 0) in vec2 uv;
-layout(location = 1) flat in int kind;
-layout(location = 0) out vec4 color;
-layout(location = 1) out vec4 normal;
-layout(set = 1, binding = 0) uniform texture2D albedo;
-layout(set = 1, binding = 1) uniform sampler filtering;
-float shared_state = 0.5;
-float own_state = 2.0;
-float helper(float x) { shared_state += x; return shared_state; }
-void main() {
-    normal = vec4(0.0);
-    vec4 texel = texture(sampler2D(albedo, filtering), uv);
-    if (texel.a < 0.5) discard;
-    if (kind == 1) {
-        color = vec4(1.0);
-        return;
-    }
-    own_state *= helper(uv.x);
-    for (int i = 0; i < 4; i++) {
-        if (texel.r > float(i)) { color = vec4(own_state); return; }
-    }
-    color = texel * gl_FragCoord.z;
-}
-";
+const GLSL_VERTEX: &str = include_str!("materials/everything.vert");
+const GLSL_FRAGMENT: &str = include_str!("materials/everything.frag");
 
 #[test]
 fn glsl_reads_like_an_authors_wgsl() {
@@ -474,4 +351,116 @@ fn glsl_reads_like_an_authors_wgsl() {
     let files = emit_all(&plan);
     insta::assert_snapshot!("glsl_wgsl", text(&files, "material.main.wgsl"));
     accept::accept(&[("glsl".to_owned(), files)]);
+}
+
+/// A plan that draws one program twice, once without its fragment stage, and with another fragment stage in a third pass.
+fn three_passes() -> Plan {
+    let text = format!(
+        "{LIT}@fragment fn fs_depth(in: Varyings) {{ if textureSample(albedo, linear_sampler, in.uv0).a < 0.5 {{ discard; }} }}\nfn unused() -> f32 {{ return 1.0; }}\n"
+    );
+    let options = front::Options {
+        fragment: Some("fs_main".to_owned()),
+        ..front::Options::default()
+    };
+    let parsed = front::parse(&[Source::new("lit.wgsl", &text)], &options).unwrap();
+    let mut plan = Plan::original(
+        "lit",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let mut prepass = plan.passes[0].clone();
+    prepass.role = Role::Prepass;
+    prepass.fragment = Some("fs_depth".to_owned());
+    let mut shadow = plan.passes[0].clone();
+    shadow.role = Role::Shadow;
+    shadow.fragment = None;
+    plan.passes.insert(0, prepass);
+    plan.passes.insert(0, shadow);
+    plan
+}
+
+#[test]
+fn passes_that_share_a_program_share_its_files() {
+    let plan = three_passes();
+    let files = emit_all(&plan);
+    let names: Vec<&str> = files.iter().map(|f| f.name.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "lit.main.wgsl",
+            "lit.main.vert.spv",
+            "lit.main.fs_depth.frag.spv",
+            "lit.main.fs_main.frag.spv",
+            "lit.main.vert",
+            "lit.main.fs_depth.frag",
+            "lit.main.fs_main.frag",
+            "lit.main.es.vert",
+            "lit.main.fs_depth.es.frag",
+            "lit.main.fs_main.es.frag",
+            "lit.plan.json",
+        ]
+    );
+    assert!(!text(&files, "lit.main.wgsl").contains("unused"));
+    let plan_file: emit::PlanFile = serde_json::from_str(text(&files, "lit.plan.json")).unwrap();
+    assert_eq!(plan_file.plan.passes, plan.passes);
+    let of = |pass: usize, target| {
+        let files = &plan_file.files[pass];
+        (
+            files.vertex[&target].file.clone(),
+            files.fragment.get(&target).map(|f| f.file.clone()),
+        )
+    };
+    assert_eq!(of(0, Target::Spirv), ("lit.main.vert.spv".to_owned(), None));
+    assert_eq!(
+        of(1, Target::Glsl450),
+        (
+            "lit.main.vert".to_owned(),
+            Some("lit.main.fs_depth.frag".to_owned())
+        )
+    );
+    assert_eq!(
+        of(2, Target::Wgsl),
+        ("lit.main.wgsl".to_owned(), Some("lit.main.wgsl".to_owned()))
+    );
+    accept::accept(&[("three passes".to_owned(), files)]);
+}
+
+#[test]
+fn a_broken_plan_is_told_as_our_bug() {
+    let mut plan = three_passes();
+    plan.passes[0].vertex = "nowhere".to_owned();
+    let error = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap_err();
+    assert!(matches!(error, emit::Error::BrokenPlan { .. }), "{error}");
+}
+
+#[test]
+fn a_pass_without_its_program_is_told_as_our_bug() {
+    let mut plan = three_passes();
+    plan.passes[0].program = "nothing".to_owned();
+    let error = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap_err();
+    assert!(matches!(error, emit::Error::BrokenPlan { .. }), "{error}");
+}
+
+#[test]
+fn names_that_the_host_holds_on_to_are_kept() {
+    let text_in = "override level_: f32 = 1.0;
+@id(3) override 强度: f32 = 2.0;
+fn f1(x1: f32) -> f32 { return x1; }
+@vertex fn vs_1() -> @builtin(position) vec4<f32> { return vec4(level_); }
+@fragment fn naïve_() -> @location(0) vec4<f32> { return vec4(f1(强度)); }
+";
+    let (name, files) = emitted("names.wgsl", text_in, &[Target::Wgsl]);
+    let written = text(&files, "material.main.wgsl");
+    for item in [
+        "override level_: f32",
+        "@id(3) override 强度: f32",
+        "fn f1(x1: f32)",
+        "fn vs_1()",
+        "fn naïve_()",
+    ] {
+        assert!(written.contains(item), "{item}\n{written}");
+    }
+    accept::accept(&[(name, files)]);
 }

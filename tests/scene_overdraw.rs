@@ -143,3 +143,14 @@ fn the_shrine_hides_much_behind_its_wall_and_little_in_the_open() {
     assert!(worst >= 2.0, "{worst}");
     assert!(open < 1.15, "{open}");
 }
+
+#[test]
+fn the_overdraw_scenes_cost_what_their_names_say() {
+    for layers in [1, 2, 5, 10, 20] {
+        let scene = load(&format!("overdraw-{layers}"));
+        let worst = overdraw(&scene, "front", DrawOrder::BackToFront);
+        let best = overdraw(&scene, "front", DrawOrder::FrontToBack);
+        assert_eq!(worst, f64::from(layers));
+        assert_eq!(best, 1.0);
+    }
+}

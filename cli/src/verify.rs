@@ -209,13 +209,7 @@ fn scene(args: &Args) -> Result<Scene, Failure> {
                 "error: a scene file stands alone: its materials name their shaders".to_owned(),
             ));
         }
-        None => {
-            let parsed = args.shader.parse()?;
-            return Err(Failure(format!(
-                "error: {} has no scene yet",
-                parsed.vertex
-            )));
-        }
+        None => scene::synthesise(args.shader.parse()?, state.state()?),
     };
     if toml.is_some() {
         let format = state.depth_format.unwrap_or(scene.depth_format);

@@ -196,6 +196,16 @@ struct Stage {
 }
 
 fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
+    if let Some(pass) = plan
+        .passes
+        .iter()
+        .find(|p| !plan.programs.contains_key(&p.program))
+    {
+        return Err(Error::BrokenPlan {
+            material: plan.material.clone(),
+            what: format!("it has no program `{}`", pass.program),
+        });
+    }
     let mut files = Vec::new();
     // (program, stage, entry point, target) to what `plan.json` says of it.
     let mut written: BTreeMap<(String, Written, Target), StageFile> = BTreeMap::new();

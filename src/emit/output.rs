@@ -1,13 +1,13 @@
-//! Files onto the disk: all of them, or none.
+//! Files onto the disk, each whole.
 
 use std::fs;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::File;
 
 /// Writes `files` into `dir`, which is made if it is not there. Everything is first written to temporary files in `dir` and only then
-/// renamed into place, so that a failure to write leaves what was there before. A file that already has these bytes is not touched: its time
+/// renamed into place, so that a failure to write (a full disk, a folder in the way) leaves what was there before. A file that already has these bytes is not touched: its time
 /// stays, and a build that watches it does not run again.
 ///
 /// Returns the paths of the files that changed.
@@ -27,12 +27,7 @@ pub fn write(dir: &Path, files: &[File]) -> io::Result<Vec<PathBuf>> {
         }
         let temporary = dir.join(format!(".{}.{}.tmp", file.name, std::process::id()));
         staged.0.push((temporary.clone(), target));
-        let write = || -> io::Result<()> {
-            let mut out = fs::File::create(&temporary)?;
-            out.write_all(&file.bytes)?;
-            out.sync_all()
-        };
-        write().map_err(|e| at(&temporary, &e))?;
+        fs::write(&temporary, &file.bytes).map_err(|e| at(&temporary, &e))?;
     }
     let mut changed = Vec::new();
     while let Some((temporary, target)) = staged.0.first().cloned() {

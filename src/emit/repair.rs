@@ -4,10 +4,10 @@
 //! The text is taken apart by what the writer promises of its own layout: structs in the order of the type arena, functions in the order of their
 //! arena and then entry points, each beginning a line. If a later naga breaks that promise the fingerprint comparison fails.
 
-use std::collections::{HashMap, HashSet};
-
 use naga::proc::Layouter;
-use naga::{ConservativeDepth, EarlyDepthTest, Handle, Module, Type, TypeInner};
+use naga::{
+    ConservativeDepth, EarlyDepthTest, FastHashMap, FastHashSet, Handle, Module, Type, TypeInner,
+};
 
 use super::fingerprint::filters;
 use super::text::{self, Kind, Words};
@@ -172,31 +172,57 @@ fn is_predeclared(module: &Module, ty: Handle<Type>) -> bool {
 /// apart by it the author's name comes back.
 fn authors_names(module: &Module, text: &str) -> String {
     let authors = names(module);
-    let words: HashSet<&str> = text::tokens(text)
+    let words: FastHashSet<&str> = text::tokens(text)
         .filter(|(kind, _)| *kind == Kind::Word)
         .map(|(_, range)| &text[range])
         .collect();
-    let renames: HashMap<&str, &str> = words
+    let mut renames: FastHashMap<&str, &str> = words
         .iter()
         .filter_map(|word| {
             let short = word.strip_suffix('_')?;
             let free = short.ends_with(|c: char| c.is_ascii_digit())
                 && authors.contains(short)
                 && !words.contains(short)
-                && !naga::keywords::wgsl::RESERVED.contains(&short)
-                && !naga::keywords::wgsl::BUILTIN_IDENTIFIERS.contains(&short);
+                && !naga::keywords::wgsl::RESERVED_SET.contains(short)
+                && !naga::keywords::wgsl::BUILTIN_IDENTIFIER_SET.contains(short);
             free.then_some((*word, short))
         })
         .collect();
+    let kept_by_host = host_names(module, text).filter(|(_, wanted)| !words.contains(wanted));
+    renames.extend(kept_by_host);
     if renames.is_empty() {
         return text.to_owned();
     }
     text::rename_words(text, Words::All, |word| renames.get(word).copied())
 }
 
+/// Names the host holds on to that the writer changed: entry points and overrides, as written and as they should be. The writer also drops
+/// trailing underscores and spells letters beyond ASCII out.
+fn host_names<'a>(module: &'a Module, text: &'a str) -> impl Iterator<Item = (&'a str, &'a str)> {
+    let entries = text
+        .lines()
+        .filter_map(|l| l.strip_prefix("fn ")?.split_once('('))
+        .map(|(name, _)| name)
+        .skip(module.functions.len())
+        .zip(module.entry_points.iter().map(|e| e.name.as_str()));
+    let overrides = text
+        .lines()
+        .filter(|l| l.starts_with("override ") || l.starts_with("@id("))
+        .filter_map(|l| Some(l.split_once("override ")?.1.split_once(':')?.0))
+        .zip(
+            module
+                .overrides
+                .iter()
+                .map(|(_, o)| o.name.as_deref().unwrap_or("")),
+        );
+    entries
+        .chain(overrides)
+        .filter(|(written, wanted)| written != wanted && !wanted.is_empty())
+}
+
 /// Every name in the module.
-fn names(module: &Module) -> HashSet<&str> {
-    let mut names: HashSet<&str> = HashSet::new();
+fn names(module: &Module) -> FastHashSet<&str> {
+    let mut names: FastHashSet<&str> = FastHashSet::default();
     for (_, ty) in module.types.iter() {
         names.extend(ty.name.as_deref());
         if let TypeInner::Struct { members, .. } = &ty.inner {

@@ -5,7 +5,7 @@
 //! - a load or a texture read that is used once is written where it is used, if nothing in between could change what it reads;
 //! - a call's result gets the author's `let` name back, which the writer drops; other results are named after what they read or call;
 //! - names that the writer numbered because another function has them too lose their number;
-//! - the parentheses around a whole right-hand side go, and loops become `for` and `while` again.
+//! - the parentheses around a whole right-hand side or argument go, and loops become `for` and `while` again.
 //!
 //! before
 //! ```wgsl
@@ -19,10 +19,9 @@
 //! let color = shade(normal);
 //! ```
 
-use std::collections::{HashMap, HashSet};
-
 use naga::{
-    AddressSpace, Expression, Function, Handle, ImageClass, Module, StorageAccess, TypeInner,
+    AddressSpace, Expression, FastHashMap, FastHashSet, Function, Handle, ImageClass, Module,
+    StorageAccess, TypeInner,
 };
 
 use super::loops;
@@ -68,7 +67,7 @@ pub(super) fn tidy(module: &Module, text: &str) -> String {
 }
 
 /// Names of the functions the text declares: a call of one may store to anything.
-fn declared_functions(module: &Module, text: &str) -> HashSet<String> {
+fn declared_functions(module: &Module, text: &str) -> FastHashSet<String> {
     let count = module.functions.len() + module.entry_points.len();
     text.lines()
         .filter_map(|l| l.strip_prefix("fn "))
@@ -78,7 +77,7 @@ fn declared_functions(module: &Module, text: &str) -> HashSet<String> {
 }
 
 /// Words of declarations at module scope, struct members and parameters of functions excepted.
-fn module_words(text: &str) -> HashSet<&str> {
+fn module_words(text: &str) -> FastHashSet<&str> {
     text.lines()
         .filter(|l| !l.starts_with([' ', '}', '/']))
         .flat_map(|line| match line.strip_prefix("fn ") {
@@ -103,7 +102,7 @@ struct Body<'a> {
     module: &'a Module,
     function: &'a Function,
     handles: Vec<Handle<Expression>>,
-    impure: &'a HashSet<String>,
+    impure: &'a FastHashSet<String>,
 }
 
 /// Whether the text is a name with members and indices; whatever stands in an index is bracketed already.
@@ -138,7 +137,7 @@ struct Value {
 }
 
 impl<'a> Body<'a> {
-    fn new(module: &'a Module, function: &'a Function, impure: &'a HashSet<String>) -> Self {
+    fn new(module: &'a Module, function: &'a Function, impure: &'a FastHashSet<String>) -> Self {
         Self {
             module,
             function,
@@ -148,16 +147,16 @@ impl<'a> Body<'a> {
     }
 
     /// A whole function's lines but for its last brace.
-    fn tidy(&self, whole: &[&str], module_words: &HashSet<&str>) -> Vec<String> {
+    fn tidy(&self, whole: &[&str], module_words: &FastHashSet<&str>) -> Vec<String> {
         let mut lines = self.write_where_used(whole);
-        let mut words: HashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
+        let mut words: FastHashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
         words.extend(module_words);
         let mut names = self.result_names(&lines, &words);
         self.shorten(whole, module_words, &mut names);
         for line in &mut lines {
             let renamed =
                 text::rename_words(line, Words::Free, |w| names.get(w).map(String::as_str));
-            *line = without_outer_parentheses(&renamed);
+            *line = without_argument_parentheses(&without_outer_parentheses(&renamed));
         }
         loops::structured(lines)
     }
@@ -166,8 +165,9 @@ impl<'a> Body<'a> {
     fn write_where_used(&self, whole: &[&str]) -> Vec<String> {
         let mut lines: Vec<Option<String>> = whole.iter().map(|l| Some((*l).to_owned())).collect();
         let uses = uses(whole);
+        let barriers = self.barriers(whole);
         // Lines that now read a variable themselves.
-        let mut reading: HashSet<usize> = HashSet::new();
+        let mut reading: FastHashSet<usize> = FastHashSet::default();
         for line in 0..lines.len() {
             let Some(expression) = lines[line].as_deref().and_then(baked) else {
                 continue;
@@ -179,9 +179,7 @@ impl<'a> Body<'a> {
                 continue;
             };
             let reads = value.reads == Reads::Variable || reading.contains(&line);
-            if (reads || value.reads == Reads::Texture)
-                && !self.nothing_stores(&lines[line + 1..*target])
-            {
+            if (reads || value.reads == Reads::Texture) && barriers[line + 1] != barriers[*target] {
                 continue;
             }
             let name = format!("_e{expression}");
@@ -265,10 +263,10 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Whether these lines, between a load and its use, leave every variable as it is and are run exactly when the load is: `let`s without
+    /// For each line, and past the last one, how many lines before it may change a variable or begin or end a block: all but `let`s without
     /// calls of the module's own functions or of built-in functions that write.
-    fn nothing_stores(&self, lines: &[Option<String>]) -> bool {
-        lines.iter().flatten().all(|line| {
+    fn barriers(&self, lines: &[&str]) -> Vec<usize> {
+        let pure = |line: &str| {
             line.trim_start().starts_with("let ")
                 && text::tokens(line).all(|(kind, range)| {
                     let word = &line[range];
@@ -278,13 +276,24 @@ impl<'a> Body<'a> {
                         || word.starts_with("subgroup");
                     kind != Kind::Word || !writes
                 })
-        })
+        };
+        let mut count = 0;
+        let mut counts = vec![0];
+        for line in lines {
+            count += usize::from(!pure(line));
+            counts.push(count);
+        }
+        counts
     }
 
     /// New names for the `_e12`s that stay.
-    fn result_names(&self, lines: &[String], words: &HashSet<&str>) -> HashMap<String, String> {
-        let mut names: HashMap<String, String> = HashMap::new();
-        let mut given: HashSet<String> = HashSet::new();
+    fn result_names(
+        &self,
+        lines: &[String],
+        words: &FastHashSet<&str>,
+    ) -> FastHashMap<String, String> {
+        let mut names: FastHashMap<String, String> = FastHashMap::default();
+        let mut given: FastHashSet<String> = FastHashSet::default();
         for expression in lines.iter().filter_map(|l| baked(l)) {
             let Some(wanted) = self.handle(expression).and_then(|h| self.wanted_name(h)) else {
                 continue;
@@ -300,10 +309,10 @@ impl<'a> Body<'a> {
     fn shorten(
         &self,
         whole: &[&str],
-        module_words: &HashSet<&str>,
-        names: &mut HashMap<String, String>,
+        module_words: &FastHashSet<&str>,
+        names: &mut FastHashMap<String, String>,
     ) {
-        let own: HashSet<&str> = self
+        let own: FastHashSet<&str> = self
             .function
             .arguments
             .iter()
@@ -316,8 +325,8 @@ impl<'a> Body<'a> {
             )
             .chain(self.function.named_expressions.values().map(String::as_str))
             .collect();
-        let used: HashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
-        let mut given: HashSet<String> = names.values().cloned().collect();
+        let used: FastHashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
+        let mut given: FastHashSet<String> = names.values().cloned().collect();
         for word in whole.iter().flat_map(|l| free_words(l)) {
             let Some((base, number)) = word.rsplit_once('_') else {
                 continue;
@@ -352,7 +361,7 @@ impl<'a> Body<'a> {
             }
             Expression::ImageQuery { image, .. } => Some(format!("{}_size", global(*image)?)),
             Expression::Load { pointer } => Some(format!("{}_value", self.member(*pointer)?)),
-            _ => None,
+            _ => Some("value".to_owned()),
         }
     }
 
@@ -403,8 +412,8 @@ fn baked(line: &str) -> Option<usize> {
 }
 
 /// The lines each `_e12` is in, once for each time, its `let` first.
-fn uses(body: &[&str]) -> HashMap<usize, Vec<usize>> {
-    let mut uses: HashMap<usize, Vec<usize>> = HashMap::new();
+fn uses(body: &[&str]) -> FastHashMap<usize, Vec<usize>> {
+    let mut uses: FastHashMap<usize, Vec<usize>> = FastHashMap::default();
     for (line, text) in body.iter().enumerate() {
         for (kind, range) in text::tokens(text) {
             if kind == Kind::Word
@@ -443,4 +452,55 @@ fn without_outer_parentheses(line: &str) -> String {
         },
     };
     strip(start).unwrap_or_else(|| line.to_owned())
+}
+
+/// `f((a + b), (c))` without the parentheses around whole arguments and indices. Those around a comparison stay: `f((a < b), (c > d))` would else
+/// be read as a template.
+fn without_argument_parentheses(line: &str) -> String {
+    let tokens: Vec<_> = text::tokens(line).map(|(_, range)| range).collect();
+    let word = |i: usize| tokens.get(i).map_or("", |r| &line[r.clone()]);
+    let mut dropped: Vec<usize> = Vec::new();
+    let mut open: Vec<usize> = Vec::new();
+    for i in 0..tokens.len() {
+        match word(i) {
+            "(" => open.push(i),
+            ")" => {
+                let Some(start) = open.pop() else { continue };
+                let before = start.checked_sub(1).map_or("", word);
+                let whole =
+                    matches!(before, "(" | "," | "[") && matches!(word(i + 1), ")" | "," | "]");
+                let inside = &line[tokens[start].end..tokens[i].start];
+                if whole && !inside.contains(" <") && !inside.contains(" >") {
+                    dropped.extend([tokens[start].start, tokens[i].start]);
+                }
+            }
+            _ => {}
+        }
+    }
+    if dropped.is_empty() {
+        return line.to_owned();
+    }
+    line.char_indices()
+        .filter(|(at, _)| !dropped.contains(at))
+        .map(|(_, c)| c)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_needless_parentheses_go() {
+        let bare = |l| without_argument_parentheses(&without_outer_parentheses(l));
+        assert_eq!(bare("x = (a + (b * c));"), "x = a + (b * c);");
+        assert_eq!(bare("x = (a + b) * (c + d);"), "x = (a + b) * (c + d);");
+        assert_eq!(bare("return ((a + b));"), "return (a + b);");
+        assert_eq!(
+            bare("f((a + b), c[(i & 3u)], (&p));"),
+            "f(a + b, c[i & 3u], &p);"
+        );
+        assert_eq!(bare("f((a < b), (c > d));"), "f((a < b), (c > d));");
+        assert_eq!(bare("if ((a + b) == c) {"), "if ((a + b) == c) {");
+    }
 }

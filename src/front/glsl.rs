@@ -5,7 +5,7 @@ use naga::front::glsl::{Frontend, Options};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::error::{Code, Error};
-use super::{promote, switch};
+use super::{macros, promote, switch};
 use preshade_passes::link::offset;
 
 /// Parses `text` as GLSL 440 to 460 (all that naga reads). Error labels are offset by `base`; the module's own spans are not. The entry point
@@ -16,6 +16,7 @@ pub(super) fn parse(
     defines: &[(String, String)],
     base: u32,
 ) -> Result<naga::Module, Error> {
+    macros::check(text, defines)?;
     let mut options = Options::from(stage);
     options.defines.extend(defines.iter().cloned());
     let mut module = Frontend::default()

@@ -11,6 +11,8 @@ mod error;
 #[cfg(feature = "glsl")]
 mod glsl;
 pub(crate) mod guard;
+#[cfg(feature = "glsl")]
+mod macros;
 mod nesting;
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]

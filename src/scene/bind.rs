@@ -238,6 +238,20 @@ pub fn frame_buffers(
     Ok(out)
 }
 
+/// Packs the uniforms of one draw and drops them: whether its values fit their variables.
+///
+/// # Errors
+/// As [`draw`], for uniforms alone.
+pub(super) fn check(
+    scene: &Scene,
+    material: &Material,
+    pass: &GpuPass,
+    draw: &Draw,
+    frame: &Frame,
+) -> Result<(), Error> {
+    frame_buffers(scene, material, pass, draw, frame).map(drop)
+}
+
 fn authored(pass: &GpuPass) -> impl Iterator<Item = &BindingUse> {
     pass.bindings
         .iter()
@@ -270,9 +284,6 @@ fn buffer(
 ) -> Result<BufferBinding, Error> {
     let (name, ty) = variable(material, binding)?;
     let module = material.program.module();
-    let in_material = |what: Error| {
-        Error::new(format!("material `{}`: {}", material.name, what.message())).help_from(&what)
-    };
     let any = Value::Numbers(Vec::new());
     let has_any = !draw.values.is_empty() || !material.values.is_empty();
     // The empty path asks whether there is any value at all, so that large arrays without one are not looked up by element.
@@ -311,18 +322,20 @@ fn buffer(
                     return Ok(numbers);
                 }
                 None if forced => {
+                    let path = leaf.text();
                     return Err(Error::new(format!(
-                        "`${}` does not fit `{}`: one is a matrix, the other is not",
-                        normalise(leaf.name()),
-                        leaf.name()
-                    )));
+                        "`${}` does not fit `{path}`: one is a matrix, the other is not",
+                        semantic.name()
+                    ))
+                    .about(path));
                 }
                 None => {}
             }
         }
         Ok(plausible(leaf))
     };
-    let bytes = layout::pack(module, name, ty, dynamic, &values, &mut leaf).map_err(in_material)?;
+    let bytes = layout::pack(module, name, ty, dynamic, &values, &mut leaf)
+        .map_err(|e| e.within(&format!("material `{}`", material.name)))?;
     Ok(BufferBinding {
         group: binding.group,
         binding: binding.binding,

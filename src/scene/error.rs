@@ -15,6 +15,7 @@ pub struct Error {
     help: Option<String>,
     place: Option<Box<Place>>,
     detail: Option<String>,
+    subject: Option<String>,
 }
 
 #[derive(Clone, Debug)]
@@ -32,6 +33,7 @@ impl Error {
             help: None,
             place: None,
             detail: None,
+            subject: None,
         }
     }
 
@@ -78,10 +80,22 @@ impl Error {
         self
     }
 
-    /// Adds another error's help.
+    /// Names the value it is about, by its path in the shader.
     #[must_use]
-    pub(crate) fn help_from(mut self, other: &Self) -> Self {
-        self.help.clone_from(&other.help);
+    pub(crate) fn about(mut self, path: impl Into<String>) -> Self {
+        self.subject = Some(path.into());
+        self
+    }
+
+    /// The value it is about.
+    pub(crate) fn subject(&self) -> Option<&str> {
+        self.subject.as_deref()
+    }
+
+    /// Puts a name before the message.
+    #[must_use]
+    pub(crate) fn within(mut self, what: &str) -> Self {
+        self.message = format!("{what}: {}", self.message);
         self
     }
 

@@ -35,6 +35,11 @@ impl Leaf<'_> {
 }
 
 impl Leaf<'_> {
+    /// The path as users write it.
+    pub fn text(&self) -> String {
+        join(self.path, false)
+    }
+
     /// What the name means by convention: with the struct's before it (`camera.position`), or alone.
     pub fn named(&self) -> Option<Semantic> {
         let mut names = self.path.iter().rev().filter_map(|s| match s {
@@ -203,7 +208,8 @@ impl<'a> Packer<'a> {
                         "`{}` holds {wanted} numbers, but {} are given",
                         join(&self.path, true),
                         numbers.len()
-                    )));
+                    ))
+                    .about(join(&self.path, false)));
                 }
                 let mut at = 0;
                 self.fill(ty, offset, numbers, &mut at);
@@ -211,7 +217,9 @@ impl<'a> Packer<'a> {
             }
             Some(Value::Semantic(name)) => {
                 self.semantic = Some(Semantic::from_name(name).ok_or_else(|| {
-                    Error::new(format!("unknown value `${name}`")).suggest(name, Semantic::names())
+                    Error::new(format!("unknown value `${name}`"))
+                        .suggest(name, Semantic::names())
+                        .about(join(&self.path, false))
                 })?);
             }
             None => {}

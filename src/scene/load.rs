@@ -6,6 +6,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{EulerRot, Mat4, Quat, Vec3};
+use naga::ShaderStage;
+use preshade_passes::plan::Plan;
 use preshade_passes::state::{Blend, ColorTarget};
 use toml::Spanned;
 
@@ -16,7 +18,7 @@ use super::file::{
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Camera, Draw, DrawOrder, Error, Material, Scene, Stream, Value, error, material, meshes,
+    Camera, Draw, DrawOrder, Error, Material, Scene, Stream, Value, bind, error, material, meshes,
 };
 use crate::front;
 
@@ -184,7 +186,44 @@ impl Loader<'_> {
             return Err(Error::new(format!("`{}` has no camera", self.source.name))
                 .help("add a [[cameras]] table with an eye and a target"));
         }
+        self.check_values(&scene)?;
         Ok(scene)
+    }
+
+    /// Whether every value fits its variable, each complaint at the value.
+    fn check_values(&self, scene: &Scene) -> Result<(), Error> {
+        let plans: Vec<Plan> = scene.materials.iter().map(Material::plan).collect();
+        let mut seen = Vec::new();
+        for draw in &scene.draws {
+            // Draws without values of their own differ in nothing that could be wrong.
+            if draw.values.is_empty() && seen.contains(&draw.material) {
+                continue;
+            }
+            seen.push(draw.material);
+            let material = &scene.materials[draw.material];
+            let (Some(pass), Some((_, frame))) =
+                (plans[draw.material].main(), scene.frames().next())
+            else {
+                continue;
+            };
+            bind::check(scene, material, pass, draw, frame).map_err(|e| {
+                let entry = &self.file.materials[&material.name];
+                let values = self
+                    .file
+                    .draws
+                    .iter()
+                    .map(|d| &d.get_ref().values)
+                    .chain([&entry.get_ref().values]);
+                let raw = e.subject().and_then(|subject| {
+                    values
+                        .flat_map(|v| v.iter())
+                        .find(|(key, _)| material::without_indices(key) == subject)
+                        .map(|(_, raw)| raw.span())
+                });
+                self.source.at(e, raw.unwrap_or_else(|| entry.span()))
+            })?;
+        }
+        Ok(())
     }
 
     fn material(&self, name: &str, entry: &MaterialEntry, samples: u32) -> Result<Material, Error> {
@@ -205,10 +244,12 @@ impl Loader<'_> {
                 .map_err(|e| self.source.at(e, file.span()))?;
             texts.push(front::Source::new(shown, text));
         }
-        if let ([_, _], Some(source)) = (files.as_slice(), texts.first_mut())
-            && source.stage.is_none()
-        {
-            source.stage = Some(naga::ShaderStage::Vertex);
+        // The keys say the stages, whatever the files are called.
+        if entry.shader.is_none() {
+            let stages = [ShaderStage::Vertex, ShaderStage::Fragment];
+            for (source, stage) in texts.iter_mut().zip(stages) {
+                source.stage = Some(stage);
+            }
         }
         let options = front::Options {
             vertex: entry.entry.vertex.clone(),

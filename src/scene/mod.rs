@@ -13,6 +13,7 @@ mod noise;
 mod place;
 mod semantic;
 mod setup;
+mod synthesise;
 
 pub mod bind;
 pub mod camera;
@@ -22,11 +23,13 @@ pub mod mesh;
 pub use error::Error;
 pub use load::load;
 pub use semantic::Semantic;
+pub use synthesise::synthesise;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
+use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::state::{CompareFunction, DepthDirection, DepthFormat, MaterialState};
 
@@ -241,6 +244,19 @@ pub struct Frame {
     pub eye: Vec3,
     /// Seconds.
     pub time: f32,
+}
+
+impl Material {
+    /// The plan that draws the material as its author wrote it.
+    pub fn plan(&self) -> Plan {
+        Plan::original(
+            &self.name,
+            self.program.clone(),
+            &self.vertex,
+            self.fragment.as_deref(),
+            &self.state,
+        )
+    }
 }
 
 impl Scene {

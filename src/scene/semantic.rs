@@ -180,6 +180,14 @@ impl Semantic {
         NAMES.iter().find(|(n, _)| *n == name).map(|(_, s)| *s)
     }
 
+    /// The first of its names.
+    pub(crate) fn name(self) -> &'static str {
+        NAMES
+            .iter()
+            .find(|(_, s)| *s == self)
+            .map_or("?", |(n, _)| n)
+    }
+
     /// All names, as they stand after normalising.
     pub(crate) fn names() -> impl Iterator<Item = &'static str> {
         NAMES.iter().map(|(n, _)| *n)

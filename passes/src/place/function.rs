@@ -8,25 +8,32 @@ use naga::{
 };
 
 use super::interface::{self, Narrowed, Placement, Returned};
+use super::members::Slot;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
 use crate::slice::{Coverage, Part, Slice};
 
 pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placement<'_>) -> Module {
     let mut module = onto.clone();
-    // The function each part became.
-    let mut placed: Vec<Option<Handle<Function>>> = Vec::new();
+    let mut placed: Vec<Option<Placed>> = Vec::new();
     for part in &slice.parts {
-        let handle = match part.function {
-            FunctionId::Function(h) if part.coverage == Coverage::Whole => Some(h),
+        let became = match part.function {
+            FunctionId::Function(h) if part.coverage == Coverage::Whole => Some(Placed {
+                function: h,
+                arguments: BTreeMap::new(),
+                returned: Returned::Whole,
+            }),
             FunctionId::Function(h) => {
-                let mut function = Copier::new(graph, part, &slice.parts, &placed).callee();
+                let copier = Copier::new(graph, part, &slice.parts, &placed);
+                let (mut function, arguments, returned) =
+                    copier.callee(&mut module, placement.suffix);
                 let name = graph.module().functions[h].name.as_deref();
                 function.name = name.map(|n| free_name(&module, n, placement.suffix));
-                Some(
-                    module
-                        .functions
-                        .append(function, graph.module().functions.get_span(h)),
-                )
+                let span = graph.module().functions.get_span(h);
+                Some(Placed {
+                    function: module.functions.append(function, span),
+                    arguments,
+                    returned,
+                })
             }
             FunctionId::EntryPoint(index) => {
                 let original = &graph.module().entry_points[index];
@@ -42,9 +49,19 @@ pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placem
                 None
             }
         };
-        placed.push(handle);
+        placed.push(became);
     }
     module
+}
+
+/// What a part of a slice became.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    pub function: Handle<Function>,
+    /// The original's arguments of which only some members are passed.
+    pub arguments: BTreeMap<u32, Narrowed>,
+    /// What of the original's result is returned.
+    pub returned: Returned,
 }
 
 fn free_name(module: &Module, name: &str, suffix: &str) -> String {
@@ -68,26 +85,28 @@ fn free_name(module: &Module, name: &str, suffix: &str) -> String {
     }
 }
 
-struct Copier<'a, 'p> {
-    module: &'p Module,
-    f: &'a FunctionGraph<'p>,
-    part: &'a Part,
-    parts: &'a [Part],
+pub(super) struct Copier<'a, 'p> {
+    pub(super) module: &'p Module,
+    pub(super) f: &'a FunctionGraph<'p>,
+    pub(super) part: &'a Part,
+    pub(super) parts: &'a [Part],
     /// The function each part of the slice became.
-    placed: &'a [Option<Handle<Function>>],
-    out: Function,
-    map: Vec<Option<Handle<Expression>>>,
-    locals: BTreeMap<Handle<LocalVariable>, Handle<LocalVariable>>,
+    pub(super) placed: &'a [Option<Placed>],
+    pub(super) out: Function,
+    pub(super) map: Vec<Option<Handle<Expression>>>,
+    pub(super) locals: BTreeMap<Handle<LocalVariable>, Handle<LocalVariable>>,
     /// New index of each kept argument.
-    arguments: Vec<Option<u32>>,
-    narrowed: BTreeMap<u32, Narrowed>,
-    /// A narrowed argument put together again with zeros, for those who use it whole.
-    reassembled: BTreeMap<u32, Handle<Expression>>,
-    zeros: BTreeMap<Handle<Type>, Handle<Expression>>,
-    returned: Returned,
+    pub(super) arguments: Vec<Option<u32>>,
+    pub(super) narrowed: BTreeMap<u32, Narrowed>,
+    /// Call results of which the callee returns only a part.
+    pub(super) results: BTreeMap<Handle<Expression>, Returned>,
+    /// Narrowed arguments and results put together again with zeros, for those who use them whole.
+    pub(super) whole: BTreeMap<Handle<Expression>, Handle<Expression>>,
+    pub(super) zeros: BTreeMap<Handle<Type>, Handle<Expression>>,
+    pub(super) returned: Returned,
     /// Expressions only a narrowed `return` reads: it reads their parts instead.
-    dissolved: Vec<bool>,
-    next: usize,
+    pub(super) dissolved: Vec<bool>,
+    pub(super) next: usize,
 }
 
 impl<'a, 'p> Copier<'a, 'p> {
@@ -95,7 +114,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         graph: &'a Graph<'p>,
         part: &'a Part,
         parts: &'a [Part],
-        placed: &'a [Option<Handle<Function>>],
+        placed: &'a [Option<Placed>],
     ) -> Self {
         let f = graph.function(part.function);
         let mut arguments = Vec::new();
@@ -120,7 +139,8 @@ impl<'a, 'p> Copier<'a, 'p> {
             locals: BTreeMap::new(),
             arguments,
             narrowed: BTreeMap::new(),
-            reassembled: BTreeMap::new(),
+            results: BTreeMap::new(),
+            whole: BTreeMap::new(),
             zeros: BTreeMap::new(),
             returned: Returned::Whole,
             dissolved: vec![false; f.function.expressions.len()],
@@ -128,85 +148,44 @@ impl<'a, 'p> Copier<'a, 'p> {
         }
     }
 
-    fn callee(mut self) -> Function {
-        let original = self.f.function;
-        self.out.arguments = original
-            .arguments
-            .iter()
-            .zip(&self.part.kept.arguments)
-            .filter(|(_, need)| need.is_some())
-            .map(|(a, _)| a.clone())
-            .collect();
-        match self.part.demand.result {
-            Some(_) => self.out.result.clone_from(&original.result),
-            None => self.returned = Returned::Nothing,
-        }
-        self.finish()
+    fn callee(
+        mut self,
+        module: &mut Module,
+        suffix: &str,
+    ) -> (Function, BTreeMap<u32, Narrowed>, Returned) {
+        self.narrow_arguments(module, suffix);
+        self.returned = match (&self.part.demand.result, &self.f.function.result) {
+            (Some(need), Some(result)) => {
+                let (result, returned) = interface::callee_result(module, result, need, suffix);
+                self.out.result = Some(result);
+                returned
+            }
+            _ => Returned::Nothing,
+        };
+        self.dissolve();
+        let (narrowed, returned) = (self.narrowed.clone(), self.returned.clone());
+        (self.finish(), narrowed, returned)
     }
 
     fn entry(mut self, module: &mut Module, slice: &Slice, placement: &Placement<'_>) -> Function {
-        let original = self.f.function;
-        for (i, (argument, need)) in original
-            .arguments
-            .iter()
-            .zip(&self.part.kept.arguments)
-            .enumerate()
-        {
+        self.narrow_arguments(module, placement.suffix);
+        let result = self.f.function.result.as_ref();
+        (self.out.result, self.returned) =
+            interface::result(module, result, &slice.outputs, placement);
+        self.dissolve();
+        self.finish()
+    }
+
+    fn narrow_arguments(&mut self, module: &mut Module, suffix: &str) {
+        let arguments = self.f.function.arguments.iter();
+        for (i, (argument, need)) in arguments.zip(&self.part.kept.arguments).enumerate() {
             if let Some(need) = need {
-                let (argument, narrowed) =
-                    interface::argument(module, argument, need, placement.suffix);
+                let (argument, narrowed) = interface::argument(module, argument, need, suffix);
                 self.out.arguments.push(argument);
                 if let Some(narrowed) = narrowed {
                     self.narrowed.insert(i as u32, narrowed);
                 }
             }
-        }
-        let (result, returned) =
-            interface::result(module, original.result.as_ref(), &slice.outputs, placement);
-        self.out.result = result;
-        self.returned = returned;
-        self.dissolve();
-        self.finish()
-    }
-
-    /// What only a narrowed `return` reads need not be built: a `Compose` gives its components, a load of a variable becomes loads of its
-    /// members where nothing happens between the two.
-    fn dissolve(&mut self) {
-        if !matches!(self.returned, Returned::Member(_) | Returned::Members(..)) {
-            return;
-        }
-        let mut uses = vec![0_usize; self.map.len()];
-        let mut returned = Vec::new();
-        let mut last_emit = None;
-        for (id, node) in self.f.statements.iter() {
-            if let Statement::Return { value: Some(value) } = node.statement
-                && self.part.kept.statements[id.index()]
-            {
-                returned.push((*value, last_emit));
-            }
-            last_emit = matches!(node.statement, Statement::Emit(_)).then_some(id);
-            if self.part.kept.statements[id.index()] {
-                for e in operands::of_statement(node.statement) {
-                    uses[e.index()] += 1;
-                }
-            }
-        }
-        for (e, expression) in self.f.function.expressions.iter() {
-            if self.part.kept.expressions[e.index()].is_some() {
-                for operand in operands::of_expression(expression) {
-                    uses[operand.index()] += 1;
-                }
-            }
-        }
-        for (value, emit) in returned {
-            let alone = uses[value.index()] == 1;
-            self.dissolved[value.index()] = match &self.f.function.expressions[value] {
-                Expression::Compose { .. } => alone,
-                Expression::Load { .. } => {
-                    alone && emit.is_some() && self.f.statements.evaluated_at(value) == emit
-                }
-                _ => false,
-            };
         }
     }
 
@@ -248,7 +227,7 @@ impl<'a, 'p> Copier<'a, 'p> {
             }
         }
         let mut body = Block::new();
-        self.reassemble(&mut body);
+        self.reassemble_arguments(&mut body);
         self.block(&f.body, &mut body);
         if self.out.result.is_none() {
             while matches!(body.last(), Some(Statement::Return { value: None })) {
@@ -264,11 +243,11 @@ impl<'a, 'p> Copier<'a, 'p> {
         self.out
     }
 
-    fn append(&mut self, expression: Expression, span: Span) -> Handle<Expression> {
+    pub(super) fn append(&mut self, expression: Expression, span: Span) -> Handle<Expression> {
         self.out.expressions.append(expression, span)
     }
 
-    fn zero(&mut self, ty: Handle<Type>) -> Handle<Expression> {
+    pub(super) fn zero(&mut self, ty: Handle<Type>) -> Handle<Expression> {
         if let Some(zero) = self.zeros.get(&ty) {
             return *zero;
         }
@@ -278,98 +257,15 @@ impl<'a, 'p> Copier<'a, 'p> {
     }
 
     /// The copy of an expression: for an operand that is not kept, whatever was made of it must be there already.
-    fn copied(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
+    pub(super) fn copied(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
         self.map[e.index()]
     }
 
-    /// Builds narrowed struct arguments up again for uses of the whole struct.
-    fn reassemble(&mut self, body: &mut Block) {
-        let mut whole = Vec::new();
-        for (argument, narrowed) in self.narrowed.clone() {
-            let is_argument = |e: Handle<Expression>| matches!(self.f.function.expressions[e], Expression::FunctionArgument(i) if i == argument);
-            let by_expression = self.f.function.expressions.iter().any(|(e, expression)| {
-                self.part.kept.expressions[e.index()].is_some()
-                    && !matches!(expression, Expression::AccessIndex { .. })
-                    && operands::of_expression(expression)
-                        .into_iter()
-                        .any(is_argument)
-            });
-            let by_statement = self.f.statements.iter().any(|(id, node)| {
-                self.part.kept.statements[id.index()]
-                    && operands::of_statement(node.statement)
-                        .into_iter()
-                        .any(is_argument)
-            });
-            if by_expression || by_statement {
-                whole.push((argument, narrowed));
-            }
-        }
-        for (argument, narrowed) in whole {
-            let TypeInner::Struct { members, .. } = &self.module.types[narrowed.whole].inner else {
-                continue;
-            };
-            let Some(base) = self
-                .f
-                .function
-                .expressions
-                .iter()
-                .find_map(|(e, expression)| {
-                    matches!(expression, Expression::FunctionArgument(i) if *i == argument)
-                        .then(|| self.copied(e))
-                        .flatten()
-                })
-            else {
-                continue;
-            };
-            let zeros: Vec<_> = members
-                .iter()
-                .enumerate()
-                .map(|(i, m)| (!narrowed.members.contains(&(i as u32))).then(|| self.zero(m.ty)))
-                .collect();
-            let start = self.out.expressions.len();
-            let mut index = 0;
-            let components = zeros
-                .into_iter()
-                .map(|zero| {
-                    zero.unwrap_or_else(|| {
-                        index += 1;
-                        self.append(
-                            Expression::AccessIndex {
-                                base,
-                                index: index - 1,
-                            },
-                            Span::UNDEFINED,
-                        )
-                    })
-                })
-                .collect();
-            let built = self.append(
-                Expression::Compose {
-                    ty: narrowed.whole,
-                    components,
-                },
-                Span::UNDEFINED,
-            );
-            self.emit(start, Span::UNDEFINED, body);
-            self.reassembled.insert(argument, built);
-        }
-    }
-
-    fn emit(&mut self, start: usize, span: Span, body: &mut Block) {
+    pub(super) fn emit(&mut self, start: usize, span: Span, body: &mut Block) {
         if self.out.expressions.len() > start {
             let range: Range<Expression> = self.out.expressions.range_from(start);
             body.push(Statement::Emit(range), span);
         }
-    }
-
-    /// The copy of an operand as its user wants it: a narrowed argument's whole where the user is not a member access.
-    fn operand(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
-        if let Expression::FunctionArgument(i) = self.f.function.expressions[e]
-            && let Some(whole) = self.reassembled.get(&i)
-        {
-            return Some(*whole);
-        }
-        self.copied(e)
     }
 
     fn copy_expression(&mut self, e: Handle<Expression>) {
@@ -385,20 +281,14 @@ impl<'a, 'p> Copier<'a, 'p> {
                     *i = new;
                 }
             }
-            Expression::AccessIndex { base, index } => {
-                let narrowed = match self.f.function.expressions[*base] {
-                    Expression::FunctionArgument(i) => self.narrowed.get(&i),
-                    _ => None,
-                };
-                if let Some(narrowed) = narrowed
-                    && let Some(new) = narrowed.members.iter().position(|m| m == index)
-                {
-                    *index = new as u32;
+            Expression::AccessIndex { base, index } => match self.slot(*base, *index) {
+                Some(Slot::Whole(value)) => {
+                    self.map[e.index()] = Some(value);
+                    return;
                 }
-                if let Some(new) = self.copied(*base) {
-                    *base = new;
-                }
-            }
+                Some(Slot::Member(new, at)) => (*base, *index) = (new, at),
+                None => {}
+            },
             Expression::Compose { ty, components } => {
                 let members = match &self.module.types[*ty].inner {
                     TypeInner::Struct { members, .. } => members.as_slice(),
@@ -471,7 +361,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         out
     }
 
-    fn value(&self, e: Handle<Expression>) -> Handle<Expression> {
+    pub(super) fn value(&self, e: Handle<Expression>) -> Handle<Expression> {
         self.operand(e).unwrap_or(e)
     }
 
@@ -550,19 +440,28 @@ impl<'a, 'p> Copier<'a, 'p> {
         else {
             return;
         };
-        let Some(function) = self.placed[part] else {
+        let Some(placed) = &self.placed[part] else {
             return;
         };
+        let function = placed.function;
         // Which parameters the callee still has follows from what it needs of its caller.
-        let arguments = self.parts[part]
-            .kept
-            .arguments
+        let mut passed = Vec::new();
+        for (i, (argument, need)) in arguments
             .iter()
-            .zip(arguments)
-            .filter(|(need, _)| need.is_some())
-            .map(|(_, a)| self.value(*a))
-            .collect();
-        let result = result.filter(|_| asked.result.is_some()).map(|r| {
+            .zip(&self.parts[part].kept.arguments)
+            .enumerate()
+        {
+            if need.is_some() {
+                passed.push(match placed.arguments.get(&(i as u32)) {
+                    Some(narrowed) => self.pass_members(*argument, narrowed, span, out),
+                    None => self.value(*argument),
+                });
+            }
+        }
+        let arguments = passed;
+        let asked = asked.result.is_some();
+        let provides = result;
+        let result = result.filter(|_| asked).map(|r| {
             let new = self.append(
                 Expression::CallResult(function),
                 self.f.function.expressions.get_span(r),
@@ -578,60 +477,8 @@ impl<'a, 'p> Copier<'a, 'p> {
             },
             span,
         );
-    }
-
-    /// The value a `return` gives in place of the author's.
-    fn returned(
-        &mut self,
-        value: Handle<Expression>,
-        out: &mut Block,
-    ) -> Option<Handle<Expression>> {
-        let members = match &self.returned {
-            Returned::Nothing => return None,
-            Returned::Whole => return Some(self.value(value)),
-            Returned::Member(m) => vec![*m],
-            Returned::Members(members, _) => members.clone(),
-        };
-        let span = self.f.function.expressions.get_span(value);
-        let start = self.out.expressions.len();
-        let parts: Vec<Handle<Expression>> = match &self.f.function.expressions[value] {
-            Expression::Compose { components, .. } if self.dissolved[value.index()] => members
-                .iter()
-                .map(|m| self.value(components[*m as usize]))
-                .collect(),
-            Expression::Load { pointer } if self.dissolved[value.index()] => {
-                let base = self.value(*pointer);
-                members
-                    .iter()
-                    .map(|m| {
-                        let pointer =
-                            self.append(Expression::AccessIndex { base, index: *m }, span);
-                        self.append(Expression::Load { pointer }, span)
-                    })
-                    .collect()
-            }
-            _ => {
-                let base = self.value(value);
-                members
-                    .iter()
-                    .map(|m| self.append(Expression::AccessIndex { base, index: *m }, span))
-                    .collect()
-            }
-        };
-        let result = match (&self.returned, parts.as_slice()) {
-            (Returned::Members(_, ty), _) => {
-                let ty = *ty;
-                self.append(
-                    Expression::Compose {
-                        ty,
-                        components: parts,
-                    },
-                    span,
-                )
-            }
-            (_, parts) => *parts.first()?,
-        };
-        self.emit(start, span, out);
-        Some(result)
+        if let (Some(original), Some(new)) = (provides, result) {
+            self.narrow_result(original, new, &placed.returned, span, out);
+        }
     }
 }

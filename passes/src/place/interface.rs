@@ -29,11 +29,13 @@ pub struct Placement<'a> {
     pub position: PositionInvariance,
 }
 
-/// A struct argument of which only some members are kept.
+/// A struct of which only some members are kept.
 #[derive(Clone, Debug)]
 pub struct Narrowed {
     /// The author's type.
     pub whole: Handle<Type>,
+    /// The type that holds what is kept.
+    pub ty: Handle<Type>,
     /// The members kept, by index in the author's type.
     pub members: Vec<u32>,
 }
@@ -102,7 +104,7 @@ pub fn mark(binding: Option<Binding>, position: PositionInvariance) -> Option<Bi
     }
 }
 
-/// An entry argument narrowed to a need; `None` for the second where it keeps its type.
+/// An argument narrowed to a need; `None` for the second where it keeps its type.
 pub fn argument(
     module: &mut Module,
     argument: &FunctionArgument,
@@ -132,8 +134,44 @@ pub fn argument(
         narrowed,
         Some(Narrowed {
             whole: argument.ty,
+            ty,
             members: kept,
         }),
+    )
+}
+
+/// A function's result narrowed to a need.
+pub fn callee_result(
+    module: &mut Module,
+    result: &FunctionResult,
+    need: &Need,
+    suffix: &str,
+) -> (FunctionResult, Returned) {
+    let members = match &module.types[result.ty].inner {
+        TypeInner::Struct { members, .. } => members.clone(),
+        _ => return (result.clone(), Returned::Whole),
+    };
+    let kept: Vec<u32> = match need {
+        Need::Members(needed) if needed.len() < members.len() => needed.keys().copied().collect(),
+        _ => return (result.clone(), Returned::Whole),
+    };
+    if let [one] = kept[..] {
+        let bare = FunctionResult {
+            ty: members[one as usize].ty,
+            binding: None,
+        };
+        return (bare, Returned::Member(one));
+    }
+    let ty = narrow_struct(
+        module,
+        result.ty,
+        &kept,
+        suffix,
+        PositionInvariance::AsWritten,
+    );
+    (
+        FunctionResult { ty, binding: None },
+        Returned::Members(kept, ty),
     )
 }
 

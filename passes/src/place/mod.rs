@@ -10,6 +10,7 @@ mod builder;
 mod discard;
 mod function;
 mod interface;
+mod members;
 
 pub use builder::{Builder, prologue};
 pub use discard::without_discard;

@@ -55,7 +55,10 @@ struct Generator<'c, 'a> {
 }
 
 /// A whole shader: private globals, two helpers that take pointers, and a fragment entry point with four outputs.
-pub fn shader(choices: &mut Choices<'_>) -> String {
+pub fn shader(bytes: &[u8]) -> String {
+    // The entry point gets half of the choices.
+    let (helpers, entry) = bytes.split_at(bytes.len() / 2);
+    let (first, second) = helpers.split_at(helpers.len() / 2);
     let mut text = String::from(
         "struct S { a: f32, b: vec2<f32>, n: i32 }
 struct In { @location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) @interpolate(flat) k: i32, @location(3) r: f32 }
@@ -66,7 +69,7 @@ var<private> gi: i32;
 ",
     );
     function(
-        choices,
+        &mut Choices::new(first),
         &mut text,
         "fn h0(p: ptr<function, f32>, x: f32, m: i32) -> S",
         "var f0: f32; var s: S; var arr: array<f32, 4>; var v: vec3<f32>; var i0: i32;",
@@ -83,7 +86,7 @@ var<private> gi: i32;
         },
     );
     function(
-        choices,
+        &mut Choices::new(second),
         &mut text,
         "fn h1(t: ptr<function, S>, arr: ptr<function, array<f32, 4>>, w: S) -> f32",
         "var f0: f32 = 1.5; var f1: f32; var i0: i32; var v: vec3<f32>;",
@@ -100,7 +103,7 @@ var<private> gi: i32;
         },
     );
     function(
-        choices,
+        &mut Choices::new(entry),
         &mut text,
         "@fragment fn fs(in: In, @builtin(front_facing) front: bool) -> Out",
         "var f0: f32; var f1: f32 = 2.0; var f2: f32; var i0: i32; var i1: i32 = 3; var v: vec3<f32>; var s: S; var u: S; var arr: array<f32, 4>; var out: Out;",
@@ -271,7 +274,7 @@ impl Generator<'_, '_> {
         self.depth += 1;
         self.block();
         self.depth -= 1;
-        match self.choices.below(8) {
+        match self.choices.below(7) {
             1 if self.in_breakable => self.line("break;"),
             2 if self.in_loop => self.line("continue;"),
             3 => self.leave(),
@@ -296,7 +299,7 @@ impl Generator<'_, '_> {
     }
 
     fn statement(&mut self) {
-        let kinds = if self.depth < 3 { 13 } else { 7 };
+        let kinds = if self.depth < 3 { 15 } else { 7 };
         match self.choices.below(kinds) {
             0 | 1 => {
                 let floats = self.scope.floats.clone();

@@ -1,0 +1,310 @@
+//! A scene for a bare shader, by reflection: enough objects in front of each other to tell a good variant from a bad one.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{Mat4, Vec3};
+use naga::{ArraySize, BinaryOperator, BuiltIn, Expression, Literal, ShaderStage, TypeInner};
+use preshade_passes::program::Program;
+use preshade_passes::state::{MaterialState, Topology};
+
+use super::camera::{Pose, Range};
+use super::mesh::{Cuboid, Morph, Plane, Skin, Sphere, Vertices, WireSphere};
+use super::noise::random;
+use super::semantic::normalise;
+use super::{Camera, Draw, DrawOrder, Material, Mesh, Scene, Stream, material};
+use crate::front::Parsed;
+
+/// A scene for a material of which nothing is known but its shader and its state: a floor, boxes and spheres in three rows before a camera, in three
+/// draw orders. Values, textures and attributes follow the conventions of [`bind`](super::bind); a program that makes its own vertices gets as many as
+/// its arrays and comparisons of indices call for, one that is instanced gets a field of instances, a skinned or morphed one gets joints or targets.
+pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
+    let name = parsed
+        .program
+        .sources()
+        .files()
+        .first()
+        .and_then(|f| Path::new(&f.name).file_stem())
+        .and_then(|s| s.to_string_lossy().split('.').next().map(str::to_owned))
+        .filter(|s| !s.is_empty() && !s.starts_with('<'))
+        .unwrap_or_else(|| "material".to_owned());
+    let size = [640, 360];
+    let aspect = size[0] as f32 / size[1] as f32;
+    let wants = Wants::of(&parsed);
+    let meshes = meshes(&wants, state.primitive.topology);
+    let joints = wants
+        .skin
+        .then(|| {
+            meshes
+                .iter()
+                .map(|m| Skin::default().apply(&mut m.clone()))
+                .collect::<Vec<_>>()
+        })
+        .unwrap_or_default();
+    let mut draws = Vec::new();
+    for (mesh, transform) in places(&wants, meshes.len()) {
+        draws.push(Draw {
+            name: format!("{}#{}", meshes[mesh].name, draws.len()),
+            mesh,
+            material: 0,
+            transform,
+            instances: 1,
+            instance_streams: BTreeMap::new(),
+            joints: joints.get(mesh).cloned().unwrap_or_default(),
+            morph_weights: if wants.morph {
+                vec![0.6, 0.4]
+            } else {
+                Vec::new()
+            },
+            values: BTreeMap::new(),
+        });
+    }
+    if wants.instances {
+        instance(&mut draws);
+    }
+    let pose = Pose {
+        eye: Vec3::new(2.2, 2.6, 7.0),
+        target: Vec3::new(0.0, 0.8, 0.0),
+        fov: 55.0,
+        time: 1.0,
+    };
+    let range = Range {
+        near: 0.1,
+        far: 60.0,
+    };
+    Scene {
+        name: name.clone(),
+        size,
+        viewport: None,
+        depth_format: state.depth_format,
+        depth_direction: state.depth_direction,
+        samples: state.multisample.count,
+        clear_color: [0.05, 0.07, 0.1, 1.0],
+        cameras: vec![Camera {
+            name: "front".to_owned(),
+            frames: vec![pose.frame(Vec3::Y, aspect, range, state.depth_direction)],
+        }],
+        materials: vec![Material {
+            name,
+            program: parsed.program,
+            vertex: parsed.vertex,
+            fragment: parsed.fragment,
+            state,
+            values: BTreeMap::new(),
+            textures: BTreeMap::new(),
+            samplers: BTreeMap::new(),
+            attributes: BTreeMap::new(),
+        }],
+        meshes,
+        draws,
+        orders: vec![
+            DrawOrder::FrontToBack,
+            DrawOrder::BackToFront,
+            DrawOrder::Shuffled,
+        ],
+        light: (
+            Vec3::new(0.4, 0.8, 0.45).normalize(),
+            Vec3::new(2.2, 2.1, 1.9),
+        ),
+    }
+}
+
+/// What a program asks of its meshes.
+struct Wants {
+    /// It reads vertex data, through attributes or from storage.
+    data: bool,
+    /// Vertices it makes itself, where it reads none.
+    own_vertices: u32,
+    instances: bool,
+    skin: bool,
+    morph: bool,
+}
+
+impl Wants {
+    fn of(parsed: &Parsed) -> Self {
+        let program = &parsed.program;
+        let module = program.module();
+        let mut wants = Self {
+            data: false,
+            own_vertices: 0,
+            instances: false,
+            skin: false,
+            morph: false,
+        };
+        if let Some((_, entry)) = program.entry_point(ShaderStage::Vertex, &parsed.vertex) {
+            for io in preshade_passes::reflect::inputs(module, &entry.function) {
+                let name = normalise(io.name.as_deref().unwrap_or(""));
+                match io.binding {
+                    Some(naga::Binding::BuiltIn(BuiltIn::InstanceIndex)) => wants.instances = true,
+                    Some(naga::Binding::Location { .. }) => {
+                        wants.data = true;
+                        wants.instances |=
+                            name.starts_with("instance") || name.starts_with("model");
+                        wants.skin |= name.contains("joint") || name.contains("bone");
+                        wants.morph |= name.starts_with("morph");
+                    }
+                    _ => {}
+                }
+            }
+        }
+        wants.data |= material::globals(program).any(|g| {
+            let name = normalise(g.name);
+            let data = ["position", "vert", "indices", "points"];
+            g.is_storage && data.iter().any(|d| name.starts_with(d))
+        });
+        wants.own_vertices = own_vertices(program);
+        wants
+    }
+}
+
+/// How many vertices a program that makes them from `vertex_index` has in mind: the longest array of vectors it holds, or one more than the largest number it
+/// compares an index with, in whole triangles; at least one triangle.
+fn own_vertices(program: &Program) -> u32 {
+    let module = program.module();
+    let arrays = module.types.iter().filter_map(|(_, t)| match t.inner {
+        TypeInner::Array {
+            base,
+            size: ArraySize::Constant(n),
+            ..
+        } if matches!(module.types[base].inner, TypeInner::Vector { .. }) => Some(n.get()),
+        _ => None,
+    });
+    let functions = module
+        .entry_points
+        .iter()
+        .filter(|e| e.stage == ShaderStage::Vertex)
+        .map(|e| &e.function)
+        .chain(module.functions.iter().map(|(_, f)| f));
+    let compared = functions.flat_map(|f| {
+        f.expressions.iter().filter_map(|(_, e)| match *e {
+            Expression::Binary {
+                op:
+                    BinaryOperator::Equal
+                    | BinaryOperator::NotEqual
+                    | BinaryOperator::GreaterEqual
+                    | BinaryOperator::Greater,
+                right,
+                ..
+            } => match f.expressions[right] {
+                Expression::Literal(Literal::U32(n)) => n.checked_add(1),
+                _ => None,
+            },
+            _ => None,
+        })
+    });
+    let most = arrays.chain(compared).filter(|n| *n <= 65_535).max();
+    most.unwrap_or(3).max(3).next_multiple_of(3)
+}
+
+fn meshes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
+    let mut meshes = if !wants.data {
+        vec![
+            Vertices {
+                count: wants.own_vertices,
+            }
+            .mesh("vertices"),
+        ]
+    } else if topology == Topology::LineList {
+        vec![WireSphere::default().mesh("sphere")]
+    } else {
+        vec![
+            Plane {
+                size: [12.0; 2],
+                segments: [8; 2],
+                tiling: 0.5,
+            }
+            .mesh("floor"),
+            Sphere {
+                radius: 0.8,
+                ..Sphere::default()
+            }
+            .mesh("sphere"),
+            Cuboid {
+                size: [1.3; 3],
+                segments: 4,
+                tiling: 1.0,
+            }
+            .mesh("box"),
+        ]
+    };
+    for mesh in &mut meshes {
+        if wants.skin {
+            Skin::default().apply(mesh);
+        }
+        if wants.morph {
+            Morph::default().apply(mesh);
+        }
+        if topology != Topology::TriangleList && topology != Topology::LineList {
+            mesh.indices = None;
+        }
+    }
+    meshes
+}
+
+/// Which mesh stands where. A shader that places its own vertices is drawn in three places, should it look at a matrix.
+fn places(wants: &Wants, meshes: usize) -> Vec<(usize, Mat4)> {
+    let row = |z: f32, count: usize, width: f32| {
+        (0..count).map(move |i| {
+            let x = (i as f32 - (count - 1) as f32 * 0.5) * width + 0.3 * z;
+            Vec3::new(x, 0.95 + 0.15 * random(i as u32, z.to_bits(), 5), z)
+        })
+    };
+    let objects = row(1.8, 2, 2.3)
+        .chain(row(-0.6, 3, 2.2))
+        .chain(row(-3.2, 4, 2.1));
+    if meshes == 1 {
+        let count = if wants.data { 9 } else { 3 };
+        return objects
+            .take(count)
+            .map(|p| (0, Mat4::from_translation(p)))
+            .collect();
+    }
+    std::iter::once((0, Mat4::from_translation(Vec3::ZERO)))
+        .chain(objects.enumerate().map(|(i, p)| {
+            let turn = Mat4::from_rotation_y(i as f32 * 0.7);
+            (1 + i % (meshes - 1), Mat4::from_translation(p) * turn)
+        }))
+        .collect()
+}
+
+/// The objects of each mesh as instances of one draw, after the floor.
+fn instance(draws: &mut Vec<Draw>) {
+    let all = std::mem::take(draws);
+    for draw in all {
+        match draws.iter_mut().find(|d| d.mesh == draw.mesh) {
+            Some(first) => {
+                push_instance(first, draw.transform);
+            }
+            None => {
+                let mut first = Draw {
+                    transform: Mat4::IDENTITY,
+                    instances: 0,
+                    ..draw.clone()
+                };
+                push_instance(&mut first, draw.transform);
+                draws.push(first);
+            }
+        }
+    }
+}
+
+fn push_instance(draw: &mut Draw, transform: Mat4) {
+    let i = draw.instances;
+    let color = |c: u32| 0.4 + 0.6 * random(i, c, 17);
+    for (name, components, numbers) in [
+        ("instance_transform", 16, transform.to_cols_array().to_vec()),
+        ("instance_color", 4, vec![color(0), color(1), color(2), 1.0]),
+    ] {
+        let stream = draw
+            .instance_streams
+            .entry(name.to_owned())
+            .or_insert_with(|| Stream::Float {
+                components,
+                data: Vec::new(),
+            });
+        if let Stream::Float { data, .. } = stream {
+            data.extend(numbers);
+        }
+    }
+    draw.instances += 1;
+}

@@ -1,0 +1,154 @@
+//! Bad scenes are refused with a clear message at the right place.
+#![cfg(feature = "verify")]
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::path::{Path, PathBuf};
+
+use preshade::scene;
+
+/// A scene that is right but for what a case changes.
+const GOOD: &str = r#"size = [64, 32]
+
+[materials.tiles]
+shader = "../shaders/tiles.wgsl"
+values = { "light.ambient" = [0.2, 0.2, 0.2] }
+textures.albedo = { pattern = "checker", size = 16 }
+
+[meshes]
+cube.box = { size = [1, 1, 1] }
+
+[[draws]]
+mesh = "cube"
+material = "tiles"
+
+[[cameras]]
+eye = [1, 2, 5]
+target = [0, 0, 0]
+"#;
+
+/// A folder of its own, with a scene beside a shader folder as in the fixtures.
+fn folder(case: &str) -> PathBuf {
+    let root = Path::new(env!("CARGO_TARGET_TMPDIR"))
+        .join("scene_errors")
+        .join(case);
+    std::fs::create_dir_all(root.join("scenes")).unwrap();
+    std::fs::create_dir_all(root.join("shaders")).unwrap();
+    std::fs::write(root.join("preshade.toml"), "").unwrap();
+    let shader = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders/textured.wgsl");
+    std::fs::copy(shader, root.join("shaders/tiles.wgsl")).unwrap();
+    root
+}
+
+fn load(case: &str, text: &str) -> Result<scene::Scene, scene::Error> {
+    let path = folder(case).join("scenes/bad.toml");
+    std::fs::write(&path, text).unwrap();
+    scene::load(&path)
+}
+
+/// The frame, without the folder the test ran in.
+fn refusal(case: &str, from: &str, to: &str) -> String {
+    assert!(GOOD.contains(from), "{from}");
+    let error = load(case, &GOOD.replace(from, to)).unwrap_err();
+    let root = folder(case).display().to_string();
+    error.render().replace(&root, "ROOT").trim_end().to_owned()
+}
+
+#[test]
+fn the_scene_that_cases_spoil_is_good() {
+    let scene = load("good", GOOD).unwrap();
+    assert_eq!(scene.draws.len(), 1);
+}
+
+#[test]
+fn unknown_keys_are_told_with_the_nearest_known_one() {
+    insta::assert_snapshot!(refusal("top", "size = [64", "sizes = [64"));
+    insta::assert_snapshot!(refusal("nested", "box = { size", "box = { syze"));
+    insta::assert_snapshot!(refusal("pattern", "\"checker\"", "\"chequer\""));
+    insta::assert_snapshot!(refusal("far", "target =", "elephant = 3\ntarget ="));
+}
+
+#[test]
+fn names_that_lead_nowhere_are_told() {
+    insta::assert_snapshot!(refusal("mesh", "mesh = \"cube\"", "mesh = \"cub\""));
+    insta::assert_snapshot!(refusal(
+        "material",
+        "material = \"tiles\"",
+        "material = \"wood\""
+    ));
+    insta::assert_snapshot!(refusal("value", "light.ambient", "light.ambiant"));
+    insta::assert_snapshot!(refusal(
+        "texture-name",
+        "textures.albedo",
+        "textures.albedoo"
+    ));
+}
+
+#[test]
+fn files_that_are_missing_or_out_of_bounds_are_told() {
+    insta::assert_snapshot!(refusal("missing", "tiles.wgsl", "tyles.wgsl"));
+    insta::assert_snapshot!(refusal(
+        "picture",
+        "pattern = \"checker\"",
+        "file = \"nothing.png\""
+    ));
+    let outside = folder("outside").parent().unwrap().join("secret.wgsl");
+    std::fs::write(outside, "// not yours").unwrap();
+    insta::assert_snapshot!(refusal(
+        "outside",
+        "../shaders/tiles.wgsl",
+        "../../secret.wgsl"
+    ));
+}
+
+#[test]
+fn sizes_that_cannot_be_drawn_are_told() {
+    insta::assert_snapshot!(refusal("zero", "[64, 32]", "[0, 0]"));
+    insta::assert_snapshot!(refusal(
+        "viewport",
+        "size = [64, 32]",
+        "size = [64, 32]\nviewport = [40, 0, 32, 32]"
+    ));
+    insta::assert_snapshot!(refusal(
+        "samples",
+        "size = [64, 32]",
+        "size = [64, 32]\nsamples = 3"
+    ));
+    insta::assert_snapshot!(refusal("camera", "target =", "near = 3\nfar = 2\ntarget ="));
+}
+
+#[test]
+fn values_that_do_not_fit_are_told() {
+    insta::assert_snapshot!(refusal("short", "[0.2, 0.2, 0.2]", "[0.2, 0.2]"));
+    insta::assert_snapshot!(refusal(
+        "semantic",
+        "[0.2, 0.2, 0.2]",
+        "\"$camera_positin\""
+    ));
+    insta::assert_snapshot!(refusal("matrix", "[0.2, 0.2, 0.2]", "\"$view\""));
+}
+
+#[test]
+fn broken_shaders_keep_their_own_frame() {
+    let root = folder("shader");
+    std::fs::write(
+        root.join("shaders/broken.wgsl"),
+        "@vertex fn v() -> f32 {\n    return x;\n}\n",
+    )
+    .unwrap();
+    insta::assert_snapshot!(refusal("shader", "tiles.wgsl", "broken.wgsl"));
+}
+
+#[test]
+fn syntax_errors_are_framed() {
+    insta::assert_snapshot!(refusal("syntax", "size = [64, 32]", "size = [64, 32"));
+    insta::assert_snapshot!(refusal(
+        "merge-loop",
+        "cube.box = { size = [1, 1, 1] }",
+        "cube.merge = [{ mesh = \"other\" }]\nother.merge = [{ mesh = \"cube\" }]"
+    ));
+    insta::assert_snapshot!(refusal(
+        "two-shapes",
+        "cube.box = { size = [1, 1, 1] }",
+        "cube = { box = {}, sphere = {} }"
+    ));
+}
