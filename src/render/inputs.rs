@@ -234,7 +234,7 @@ impl Uploads {
                 Some(_) => wgpu::SamplerBindingType::Comparison,
                 None => wgpu::SamplerBindingType::Filtering,
             });
-            let sampler = gpu.device.create_sampler(&sampler(&s.sampler));
+            let sampler = gpu.device.create_sampler(&sampler(&s.sampler, anisotropy_limit(gpu)));
             resources.insert((s.group, s.binding), Resource::Sampler(sampler, layout));
         }
         let vertex_buffers = bound
@@ -474,7 +474,19 @@ fn cleared(
     texture
 }
 
-fn sampler(s: &crate::scene::Sampler) -> wgpu::SamplerDescriptor<'static> {
+/// Most anisotropy to ask for: 1 on software adapters. Mesa 22.3's llvmpipe walks the footprint texel by texel, and gradients that overflow
+/// keep it walking for minutes.
+fn anisotropy_limit(gpu: &Gpu) -> u16 {
+    match gpu.adapter().kind.as_str() {
+        "software" => 1,
+        _ => 16,
+    }
+}
+
+fn sampler(
+    s: &crate::scene::Sampler,
+    anisotropy_limit: u16,
+) -> wgpu::SamplerDescriptor<'static> {
     let address = match s.address {
         Address::Repeat => wgpu::AddressMode::Repeat,
         Address::MirrorRepeat => wgpu::AddressMode::MirrorRepeat,
@@ -494,7 +506,7 @@ fn sampler(s: &crate::scene::Sampler) -> wgpu::SamplerDescriptor<'static> {
         mipmap_filter,
         compare: s.compare.map(state::compare),
         anisotropy_clamp: match s.filter {
-            Filter::Linear => s.anisotropy.max(1),
+            Filter::Linear => s.anisotropy.clamp(1, anisotropy_limit),
             Filter::Nearest => 1,
         },
         ..Default::default()

@@ -2,7 +2,7 @@
 
 use preshade_passes::contract::Verdict;
 
-use super::{Report, VariantReport};
+use super::{Kept, Report, VariantReport};
 use crate::measure::Clock;
 
 /// The report as lines of text.
@@ -126,10 +126,15 @@ fn notes(report: &Report) -> String {
             }
             Verdict::Holds => {}
         }
-        for kept in &v.kept {
+    }
+    // Variants of one pass leave a material alone for one reason: told once.
+    let mut told: Vec<&Kept> = Vec::new();
+    for kept in report.variants.iter().flat_map(|v| &v.kept) {
+        if !told.contains(&kept) {
+            told.push(kept);
             out.push_str(&format!(
-                "{}: material `{}` is drawn as it is: {}\n",
-                v.name, kept.material, kept.why
+                "material `{}` is drawn as it is: {}\n",
+                kept.material, kept.why
             ));
         }
     }
