@@ -388,9 +388,27 @@ impl<'g, 'p> Export<'g, 'p> {
                 self.node(Key::Argument(index, (i as u32) << 16 | m as u32), node);
             }
         }
-        for (v, version) in f.memory.versions.iter().enumerate() {
-            if version.origin == Origin::Initial {
-                self.version(index, VersionId(v as u32));
+        // What a variable holds at entry is shown where something reads it, or a write leaves some of it.
+        let mut read: Vec<VersionId> = f
+            .memory
+            .loads
+            .values()
+            .chain(f.memory.reads.values())
+            .flatten()
+            .copied()
+            .collect();
+        for version in &f.memory.versions {
+            match &version.origin {
+                Origin::Initial => {}
+                Origin::Written { over, .. } => read.extend(over),
+                Origin::Phi { operands, .. } => read.extend(operands),
+            }
+        }
+        read.sort_unstable();
+        read.dedup();
+        for version in read {
+            if *f.memory.origin(version) == Origin::Initial {
+                self.version(index, version);
             }
         }
         for (id, node) in f.statements.iter() {
@@ -439,19 +457,18 @@ impl<'g, 'p> Export<'g, 'p> {
                     (None, Some(naga::Binding::Location { location, .. })) => {
                         format!("@location({location})")
                     }
-                    (None, Some(naga::Binding::BuiltIn(b))) => format!("{b:?}"),
+                    (None, Some(naga::Binding::BuiltIn(b))) => format!("@builtin({b:?})"),
                     (None, None) => "result".to_owned(),
                 };
-                let node = self.blank(index, NodeKind::Output, text, Fact::default());
+                let fact = self.graph.result_facts(f.id).get(i).copied();
+                let fact = fact.unwrap_or_default();
+                let node = self.blank(index, NodeKind::Output, text, fact);
                 self.node(Key::Output(index, i as u32), node);
             }
         } else if f.function.result.is_some() {
-            let node = self.blank(
-                index,
-                NodeKind::Output,
-                "result".to_owned(),
-                Fact::default(),
-            );
+            let members = self.graph.result_facts(f.id).iter().copied();
+            let fact = members.reduce(Fact::join).unwrap_or_default();
+            let node = self.blank(index, NodeKind::Output, "result".to_owned(), fact);
             self.node(Key::Output(index, 0), node);
         }
     }

@@ -198,10 +198,10 @@ impl<'p> Graph<'p> {
         self.rates.version(function, version)
     }
 
-    /// Rate and stages of each output of an entry point, in the order of [`crate::reflect::outputs`].
-    pub fn output_facts(&self, entry: usize) -> &[Fact] {
-        self.rates
-            .outputs(self.index(FunctionId::EntryPoint(entry)))
+    /// Rate and stages of each member of a function's struct result, or of its result: for an entry point in the order of
+    /// [`crate::reflect::outputs`].
+    pub fn result_facts(&self, function: FunctionId) -> &[Fact] {
+        self.rates.outputs(self.index(function))
     }
 
     /// Whether `within` is a function or something it calls, directly or not.

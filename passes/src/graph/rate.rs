@@ -165,7 +165,9 @@ impl Fact {
         Self { rate, stages }
     }
 
-    fn join(self, other: Self) -> Self {
+    /// The fact of what depends on both.
+    #[must_use]
+    pub fn join(self, other: Self) -> Self {
         Self {
             rate: self.rate.join(other.rate),
             stages: self.stages.and(other.stages),
