@@ -25,6 +25,8 @@ use crate::slice::Slice;
 ///
 /// Functions of which the slice keeps everything are used as they are, of others it gets `{name}_{suffix}`; the entry's arguments and
 /// results are narrowed to what the slice reads and decides, structs to new types `{name}_{suffix}`.
+///
+/// A slice of a vertex stage has to decide the position: without one it is no vertex stage, and does not validate.
 pub fn entry_point(
     graph: &Graph<'_>,
     slice: &Slice,
