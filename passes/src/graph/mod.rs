@@ -16,13 +16,17 @@ use crate::program::Program;
 pub mod cells;
 pub mod control;
 pub mod cost;
+mod dot;
 pub mod effect;
 pub mod export;
 pub mod memory;
 pub mod operands;
 pub mod rate;
+pub mod rates;
 pub mod statements;
 pub mod text;
+mod touch;
+mod versions;
 
 pub use cells::{Cell, Path, Place, Root};
 pub use effect::{Effect, Effects};
@@ -65,7 +69,7 @@ pub struct Graph<'p> {
     program: &'p Program,
     functions: Vec<FunctionGraph<'p>>,
     reach: Vec<Reach>,
-    rates: rate::Rates,
+    rates: rates::Rates,
 }
 
 /// What lies below a function, itself included.
@@ -136,7 +140,7 @@ impl<'p> Graph<'p> {
         }
         Self {
             program,
-            rates: rate::Rates::new(module, &functions),
+            rates: rates::Rates::new(module, &functions),
             functions,
             reach,
         }
