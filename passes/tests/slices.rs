@@ -389,3 +389,70 @@ fn a_prologue_stands_before_all_else() {
     let module = place::retain(&module, &[(ShaderStage::Fragment, "fs")]);
     insta::assert_snapshot!(common::wgsl(&common::validated(&program, module)));
 }
+
+#[test]
+fn retaining_drops_constants_nobody_uses() {
+    let text = discard(
+        "const LIMIT = 0.5f; const BRIGHT = vec3<f32>(1.0, 2.0, 3.0); const COUNT: u32 = 3u; const TWICE: u32 = COUNT * 2u;
+        @fragment fn fs(@location(0) x: vec4<f32>, @location(1) @interpolate(flat) n: u32) -> @location(0) vec4<f32> {
+            if x.w < LIMIT { discard; }
+            return vec4(x.rgb * BRIGHT, f32(n + TWICE));
+        }",
+    );
+    for gone in ["BRIGHT", "COUNT", "TWICE"] {
+        assert!(!text.contains(gone), "{text}");
+    }
+}
+
+#[test]
+fn a_value_in_a_callee_keeps_the_calls_that_lead_to_it() {
+    let program = common::program(
+        "fn inner(x: f32, y: f32) -> f32 { let wanted = sin(x); return wanted + cos(y); }
+        fn other(x: f32) -> f32 { return exp(x); }
+        @fragment fn fs(@location(0) x: f32, @location(1) y: f32) -> @location(0) f32 {
+            if y > 0.0 { return inner(x * 2.0, y); }
+            return other(y);
+        }",
+    );
+    let graph = Graph::build(&program);
+    let (inner, function) = program
+        .module()
+        .functions
+        .iter()
+        .find(|(_, f)| f.name.as_deref() == Some("inner"))
+        .unwrap();
+    let (expression, _) = function
+        .named_expressions
+        .iter()
+        .find(|(_, name)| *name == "wanted")
+        .unwrap();
+    let slice = slice::backward(
+        &graph,
+        0,
+        &[Criterion::Value {
+            function: FunctionId::Function(inner),
+            expression: *expression,
+        }],
+    );
+    assert_eq!(slice.inputs, [0, 1]);
+    let parts: Vec<String> = slice.parts.iter().map(|p| graph.name(p.function)).collect();
+    assert_eq!(parts, ["inner", "fs"]);
+    assert_eq!(
+        slice.parts[0]
+            .kept
+            .arguments
+            .iter()
+            .filter(|a| a.is_some())
+            .count(),
+        1
+    );
+    let placed = place::entry_point(
+        &graph,
+        &slice,
+        program.module(),
+        "wanted",
+        "cut",
+        PositionInvariance::AsWritten,
+    );
+    common::validated(&program, placed);
+}

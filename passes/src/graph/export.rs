@@ -1,6 +1,6 @@
 //! The graph as one petgraph graph, as Graphviz, and as data.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, Handle, ShaderStage, Statement, TypeInner};
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -138,6 +138,7 @@ impl Graph<'_> {
             graph: self,
             out: DiGraph::new(),
             nodes: BTreeMap::new(),
+            edges: BTreeSet::new(),
         };
         let reached: Vec<usize> = self.reached();
         for index in &reached {
@@ -223,6 +224,7 @@ struct Export<'g, 'p> {
     graph: &'g Graph<'p>,
     out: DiGraph<Node, EdgeKind>,
     nodes: BTreeMap<Key, NodeIndex>,
+    edges: BTreeSet<(NodeIndex, NodeIndex, EdgeKind)>,
 }
 
 impl<'g, 'p> Export<'g, 'p> {
@@ -421,12 +423,7 @@ impl<'g, 'p> Export<'g, 'p> {
     fn edge(&mut self, from: Key, to: Key, kind: EdgeKind) {
         if let (Some(from), Some(to)) = (self.nodes.get(&from), self.nodes.get(&to)) {
             let (from, to) = (*from, *to);
-            if from != to
-                && !self
-                    .out
-                    .edges_connecting(from, to)
-                    .any(|e| *e.weight() == kind)
-            {
+            if from != to && self.edges.insert((from, to, kind)) {
                 self.out.add_edge(from, to, kind);
             }
         }
