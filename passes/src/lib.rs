@@ -5,7 +5,7 @@
 //!
 //! 1. [`program`]: a validated naga module with the author's source beside it;
 //! 2. [`graph`]: an analysis overlay on it (dependence, rate, effect, cost);
-//! 3. [`slice`]: what decides a value, an output or an effect;
+//! 3. [`mod@slice`]: what decides a value, an output or an effect;
 //! 4. [`place`]: a slice rebuilt as an entry point of its own;
 //! 5. [`depth_prepass`], [`early_discard`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
 //! 6. [`frame`]: the plans of several materials merged into one frame.

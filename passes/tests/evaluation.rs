@@ -155,7 +155,7 @@ fn cases(default: u32) -> ProptestConfig {
 }
 
 proptest! {
-    #![proptest_config(cases(150))]
+    #![proptest_config(cases(64))]
 
     #[test]
     fn a_slice_gives_the_sliced_value(bytes in prop::collection::vec(any::<u8>(), 40..600)) {

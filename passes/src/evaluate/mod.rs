@@ -36,8 +36,8 @@ pub enum Stuck {
 /// A texture access.
 #[derive(Clone, Debug)]
 pub struct Lookup<'a> {
-    /// Which texture.
-    pub texture: Handle<GlobalVariable>,
+    /// Group and binding of the texture.
+    pub binding: Option<(u32, u32)>,
     /// Coordinates, array index, level or gradients, depth reference: in this order, those there are.
     pub coordinates: &'a [f32],
 }
@@ -489,7 +489,10 @@ impl<'a> Machine<'a> {
             coordinates.extend(floats.floats()?);
         }
         Ok((self.environment.texture)(&Lookup {
-            texture,
+            binding: self.module.global_variables[texture]
+                .binding
+                .as_ref()
+                .map(|b| (b.group, b.binding)),
             coordinates: &coordinates,
         }))
     }

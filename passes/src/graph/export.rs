@@ -1,7 +1,6 @@
 //! The graph as one petgraph graph, as Graphviz, and as data.
 
-use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, Handle, ShaderStage, Statement, TypeInner};
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -139,6 +138,7 @@ impl Graph<'_> {
             graph: self,
             out: DiGraph::new(),
             nodes: BTreeMap::new(),
+            edges: BTreeSet::new(),
         };
         let reached: Vec<usize> = self.reached();
         for index in &reached {
@@ -148,56 +148,6 @@ impl Graph<'_> {
             out.edges_of(*index);
         }
         out.out
-    }
-
-    /// The graph as Graphviz text, a cluster for each function.
-    pub fn to_dot(&self) -> String {
-        let graph = self.to_petgraph();
-        let mut dot = String::from(
-            "digraph preshade {\n  rankdir=TB;\n  node [fontname=\"monospace\", fontsize=10];\n",
-        );
-        let mut functions: Vec<(&str, Vec<NodeIndex>)> = Vec::new();
-        for index in graph.node_indices() {
-            let name = graph[index].function.as_str();
-            match functions.last_mut() {
-                Some((last, nodes)) if *last == name => nodes.push(index),
-                _ => functions.push((name, vec![index])),
-            }
-        }
-        for (i, (name, nodes)) in functions.iter().enumerate() {
-            let _ = writeln!(
-                dot,
-                "  subgraph cluster_{i} {{\n    label=\"{}\";",
-                escape(name)
-            );
-            for index in nodes {
-                let node = &graph[*index];
-                let _ = writeln!(
-                    dot,
-                    "    n{} [shape={}, label=\"{}\"];",
-                    index.index(),
-                    shape(node.kind),
-                    escape(&label(node))
-                );
-            }
-            dot.push_str("  }\n");
-        }
-        for edge in graph.edge_references() {
-            let style = match edge.weight() {
-                EdgeKind::Data => "",
-                EdgeKind::Control => " [style=dashed, color=firebrick]",
-                EdgeKind::Memory => " [color=steelblue]",
-                EdgeKind::Call => " [style=dotted]",
-            };
-            let _ = writeln!(
-                dot,
-                "  n{} -> n{}{style};",
-                edge.source().index(),
-                edge.target().index()
-            );
-        }
-        dot.push_str("}\n");
-        dot
     }
 
     /// The graph as data, for JSON.
@@ -261,47 +211,6 @@ impl Graph<'_> {
     }
 }
 
-fn shape(kind: NodeKind) -> &'static str {
-    match kind {
-        NodeKind::Input | NodeKind::Initial => "invhouse",
-        NodeKind::Expression => "ellipse",
-        NodeKind::Statement => "box",
-        NodeKind::Version => "note",
-        NodeKind::Phi => "diamond",
-        NodeKind::Output => "house",
-    }
-}
-
-fn label(node: &Node) -> String {
-    let mut label = match &node.name {
-        Some(name) => format!("{name} = {}", node.text),
-        None => node.text.clone(),
-    };
-    let _ = write!(label, "\n{}", node.rate);
-    if node.stages != "any" {
-        let _ = write!(label, ", {} only", node.stages);
-    }
-    if node.cost > 0.0 {
-        let _ = write!(label, ", cost {}", node.cost);
-    }
-    if node.times > 1.0 {
-        let _ = write!(label, " x{}", node.times);
-    }
-    if !node.effects.is_empty() {
-        let _ = write!(label, "\n{}", node.effects.join(", "));
-    }
-    if let Some(line) = &node.line {
-        let _ = write!(label, "\n{line}");
-    }
-    label
-}
-
-fn escape(text: &str) -> String {
-    text.replace('\\', "\\\\")
-        .replace('"', "\\\"")
-        .replace('\n', "\\n")
-}
-
 fn stages_name(stages: Stages) -> &'static str {
     match (stages.vertex, stages.fragment) {
         (true, true) => "any",
@@ -315,6 +224,7 @@ struct Export<'g, 'p> {
     graph: &'g Graph<'p>,
     out: DiGraph<Node, EdgeKind>,
     nodes: BTreeMap<Key, NodeIndex>,
+    edges: BTreeSet<(NodeIndex, NodeIndex, EdgeKind)>,
 }
 
 impl<'g, 'p> Export<'g, 'p> {
@@ -388,9 +298,27 @@ impl<'g, 'p> Export<'g, 'p> {
                 self.node(Key::Argument(index, (i as u32) << 16 | m as u32), node);
             }
         }
-        for (v, version) in f.memory.versions.iter().enumerate() {
-            if version.origin == Origin::Initial {
-                self.version(index, VersionId(v as u32));
+        // What a variable holds at entry is shown where something reads it, or a write leaves some of it.
+        let mut read: Vec<VersionId> = f
+            .memory
+            .loads
+            .values()
+            .chain(f.memory.reads.values())
+            .flatten()
+            .copied()
+            .collect();
+        for version in &f.memory.versions {
+            match &version.origin {
+                Origin::Initial => {}
+                Origin::Written { over, .. } => read.extend(over),
+                Origin::Phi { operands, .. } => read.extend(operands),
+            }
+        }
+        read.sort_unstable();
+        read.dedup();
+        for version in read {
+            if *f.memory.origin(version) == Origin::Initial {
+                self.version(index, version);
             }
         }
         for (id, node) in f.statements.iter() {
@@ -439,19 +367,18 @@ impl<'g, 'p> Export<'g, 'p> {
                     (None, Some(naga::Binding::Location { location, .. })) => {
                         format!("@location({location})")
                     }
-                    (None, Some(naga::Binding::BuiltIn(b))) => format!("{b:?}"),
+                    (None, Some(naga::Binding::BuiltIn(b))) => format!("@builtin({b:?})"),
                     (None, None) => "result".to_owned(),
                 };
-                let node = self.blank(index, NodeKind::Output, text, Fact::default());
+                let fact = self.graph.result_facts(f.id).get(i).copied();
+                let fact = fact.unwrap_or_default();
+                let node = self.blank(index, NodeKind::Output, text, fact);
                 self.node(Key::Output(index, i as u32), node);
             }
         } else if f.function.result.is_some() {
-            let node = self.blank(
-                index,
-                NodeKind::Output,
-                "result".to_owned(),
-                Fact::default(),
-            );
+            let members = self.graph.result_facts(f.id).iter().copied();
+            let fact = members.reduce(Fact::join).unwrap_or_default();
+            let node = self.blank(index, NodeKind::Output, "result".to_owned(), fact);
             self.node(Key::Output(index, 0), node);
         }
     }
@@ -496,12 +423,7 @@ impl<'g, 'p> Export<'g, 'p> {
     fn edge(&mut self, from: Key, to: Key, kind: EdgeKind) {
         if let (Some(from), Some(to)) = (self.nodes.get(&from), self.nodes.get(&to)) {
             let (from, to) = (*from, *to);
-            if from != to
-                && !self
-                    .out
-                    .edges_connecting(from, to)
-                    .any(|e| *e.weight() == kind)
-            {
+            if from != to && self.edges.insert((from, to, kind)) {
                 self.out.add_edge(from, to, kind);
             }
         }

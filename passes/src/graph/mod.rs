@@ -16,13 +16,17 @@ use crate::program::Program;
 pub mod cells;
 pub mod control;
 pub mod cost;
+mod dot;
 pub mod effect;
 pub mod export;
 pub mod memory;
 pub mod operands;
 pub mod rate;
+pub mod rates;
 pub mod statements;
 pub mod text;
+mod touch;
+mod versions;
 
 pub use cells::{Cell, Path, Place, Root};
 pub use effect::{Effect, Effects};
@@ -65,7 +69,7 @@ pub struct Graph<'p> {
     program: &'p Program,
     functions: Vec<FunctionGraph<'p>>,
     reach: Vec<Reach>,
-    rates: rate::Rates,
+    rates: rates::Rates,
 }
 
 /// What lies below a function, itself included.
@@ -136,7 +140,7 @@ impl<'p> Graph<'p> {
         }
         Self {
             program,
-            rates: rate::Rates::new(module, &functions),
+            rates: rates::Rates::new(module, &functions),
             functions,
             reach,
         }
@@ -198,10 +202,10 @@ impl<'p> Graph<'p> {
         self.rates.version(function, version)
     }
 
-    /// Rate and stages of each output of an entry point, in the order of [`crate::reflect::outputs`].
-    pub fn output_facts(&self, entry: usize) -> &[Fact] {
-        self.rates
-            .outputs(self.index(FunctionId::EntryPoint(entry)))
+    /// Rate and stages of each member of a function's struct result, or of its result: for an entry point in the order of
+    /// [`crate::reflect::outputs`].
+    pub fn result_facts(&self, function: FunctionId) -> &[Fact] {
+        self.rates.outputs(self.index(function))
     }
 
     /// Whether `within` is a function or something it calls, directly or not.

@@ -75,14 +75,12 @@ fn free_name(module: &Module, name: &str, suffix: &str) -> String {
     if !taken(&first) {
         return first;
     }
-    let mut n = 2;
-    loop {
-        let next = format!("{first}{n}");
-        if !taken(&next) {
-            return next;
-        }
-        n += 1;
-    }
+    // Letters: a writer that keeps names apart by numbers would add its own to a digit.
+    let letters = ('b'..='z').map(|letter| format!("{first}_{letter}"));
+    letters
+        .into_iter()
+        .find(|name| !taken(name))
+        .unwrap_or(first)
 }
 
 pub(super) struct Copier<'a, 'p> {

@@ -25,6 +25,8 @@ use crate::slice::Slice;
 ///
 /// Functions of which the slice keeps everything are used as they are, of others it gets `{name}_{suffix}`; the entry's arguments and
 /// results are narrowed to what the slice reads and decides, structs to new types `{name}_{suffix}`.
+///
+/// A slice of a vertex stage has to decide the position: without one it is no vertex stage, and does not validate.
 pub fn entry_point(
     graph: &Graph<'_>,
     slice: &Slice,
@@ -62,7 +64,36 @@ pub fn retain(module: &Module, entries: &[(ShaderStage, &str)]) -> Module {
         drop_dead_names(function);
     }
     naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
+    // Compaction keeps every constant with a name; without one it goes, and with it what only it refers to.
+    while drop_unused_constant_names(&mut module) {
+        naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
+    }
     module
+}
+
+/// Takes the names off constants that no expression refers to; tells whether there were any.
+fn drop_unused_constant_names(module: &mut Module) -> bool {
+    let mut used = vec![false; module.constants.len()];
+    let functions = module
+        .functions
+        .iter()
+        .map(|(_, f)| f)
+        .chain(module.entry_points.iter().map(|e| &e.function));
+    let arenas = functions
+        .map(|f| &f.expressions)
+        .chain(std::iter::once(&module.global_expressions));
+    for (_, expression) in arenas.flat_map(|a| a.iter()) {
+        if let naga::Expression::Constant(c) = expression {
+            used[c.index()] = true;
+        }
+    }
+    let mut dropped = false;
+    for (handle, constant) in module.constants.iter_mut() {
+        if !used[handle.index()] {
+            dropped |= constant.name.take().is_some();
+        }
+    }
+    dropped
 }
 
 /// Takes the names off expressions no statement depends on: compaction takes a named expression for a used one.
