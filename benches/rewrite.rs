@@ -67,10 +67,11 @@ fn fixtures() -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
+/// Milliseconds of each step; `None` where a target cannot say what the material does.
+type Medians = [Option<f64>; STEPS.len()];
+
 /// The number of expressions of a material, and the median of each step in milliseconds.
-fn measure(
-    source: &Source,
-) -> Result<(usize, [Option<f64>; STEPS.len()]), Box<dyn std::error::Error>> {
+fn measure(source: &Source) -> Result<(usize, Medians), Box<dyn std::error::Error>> {
     let recipe = Recipe::parse(["depth-prepass"])?;
     let mut runs: Vec<[f64; STEPS.len()]> = Vec::new();
     let mut expressions = 0;
