@@ -226,8 +226,8 @@ fn biased(
     params: &Params,
 ) -> Result<Plan, Box<Refusal>> {
     let format = plan
-        .attachment(&opaque.depth.attachment)
-        .map_or_else(DepthFormat::default, |a| a.format);
+        .depth_format(&opaque.depth.attachment)
+        .unwrap_or_default();
     let bias = params.bias(opaque.depth.bias, format, opaque.direction);
     // The rasteriser's bias does not reach a depth that the shader writes.
     let constant = params.bias_constant.unwrap_or_else(|| default_bias(format));

@@ -221,7 +221,9 @@ fn counting_plan(
         let mut pass = pass.clone();
         // A pass for coverage alone keeps no colour target: alpha to coverage has none to take its alpha from.
         pass.multisample.alpha_to_coverage = false;
-        pass.targets.clear();
+        // A pre-pass that draws to an attachment of its own still does.
+        let is_own = |t: &ColorTarget| t.attachment.is_some();
+        pass.targets.retain(|t| t.as_ref().is_some_and(is_own));
         if pass.role == Role::Main && pass.fragment.is_some() {
             let key = format!("count-{}", out.passes.len());
             let (program, vertex, fragment) = match count(plan, &pass) {

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use preshade_passes::frame::FramePass;
+use preshade_passes::frame::{ColorAttachments, FramePass};
 use preshade_passes::plan::{Draws, Phase};
 use preshade_passes::state::StencilState;
 
@@ -210,7 +210,10 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the frame; each render pass is one query of `statistics`.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, statistics: Option<&wgpu::QuerySet>) {
-        let last_color = self.passes.iter().rposition(|p| p.frame.color);
+        let last_color = self
+            .passes
+            .iter()
+            .rposition(|p| p.frame.colors == ColorAttachments::Scene);
         for (index, pass) in self.passes.iter().enumerate() {
             let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: None,
@@ -342,8 +345,30 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
         last: bool,
     ) -> Vec<Option<wgpu::RenderPassColorAttachment<'_>>> {
-        if !pass.frame.color {
-            return Vec::new();
+        let ops = |clear: wgpu::Color, store| wgpu::Operations {
+            load: match pass.frame.clear_color {
+                true => wgpu::LoadOp::Clear(clear),
+                false => wgpu::LoadOp::Load,
+            },
+            store,
+        };
+        match &pass.frame.colors {
+            ColorAttachments::None => return Vec::new(),
+            ColorAttachments::Named(names) => {
+                return names
+                    .iter()
+                    .map(|name| {
+                        let target = self.targets.named(name.as_deref()?)?;
+                        Some(wgpu::RenderPassColorAttachment {
+                            view: &target.view,
+                            depth_slice: None,
+                            resolve_target: None,
+                            ops: ops(target.clear, wgpu::StoreOp::Store),
+                        })
+                    })
+                    .collect();
+            }
+            ColorAttachments::Scene => {}
         }
         let [r, g, b, a] = self.clear_color;
         self.targets
@@ -354,17 +379,14 @@ impl<'a> Prepared<'a> {
                     view: &target.view,
                     depth_slice: None,
                     resolve_target: target.resolved.as_ref().filter(|_| last).map(|(_, v)| v),
-                    ops: wgpu::Operations {
-                        load: match pass.frame.clear_color {
-                            true => wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a }),
-                            false => wgpu::LoadOp::Load,
-                        },
+                    ops: ops(
+                        wgpu::Color { r, g, b, a },
                         // What resolves is shown resolved: a host throws the samples away.
-                        store: match last && target.resolved.is_some() {
+                        match last && target.resolved.is_some() {
                             true => wgpu::StoreOp::Discard,
                             false => wgpu::StoreOp::Store,
                         },
-                    },
+                    ),
                 })
             })
             .collect()
@@ -375,14 +397,13 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
     ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
         let target = self.targets.depth(pass.frame.depth.as_deref()?)?;
-        let direction = self.inputs.scene().depth_direction;
         let read_only = pass.frame.depth_read_only;
         let stencil = target.format.has_stencil() && (!read_only || pass.stencil_write);
         Some(wgpu::RenderPassDepthStencilAttachment {
             view: &target.view,
             depth_ops: (!read_only).then(|| wgpu::Operations {
                 load: match pass.frame.clear_depth {
-                    true => wgpu::LoadOp::Clear(direction.clear_depth()),
+                    true => wgpu::LoadOp::Clear(target.clear),
                     false => wgpu::LoadOp::Load,
                 },
                 store: wgpu::StoreOp::Store,

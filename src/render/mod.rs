@@ -82,6 +82,14 @@ pub enum Error {
         /// What is wrong with it.
         message: String,
     },
+    /// An attachment of a plan that cannot be.
+    #[error("attachment `{name}`: {message}")]
+    Attachment {
+        /// Attachment.
+        name: String,
+        /// What is wrong with it.
+        message: String,
+    },
     /// The frame has no pixels, or more than the adapter can hold.
     #[error("cannot draw a frame of {0}x{1} pixels")]
     Size(u32, u32),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::frame::FramePass;
+use preshade_passes::frame::{ColorAttachments, FramePass};
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::state::ColorTarget;
 
@@ -155,15 +155,22 @@ impl Build<'_> {
 
     /// The colour targets of the frame pass, with this pass's blending and masks; those it does not write are masked off.
     fn color_targets(&self) -> Vec<Option<wgpu::ColorTargetState>> {
-        if !self.frame.color {
-            return Vec::new();
-        }
-        self.targets
-            .colors
-            .iter()
+        let formats: Vec<Option<wgpu::TextureFormat>> = match &self.frame.colors {
+            ColorAttachments::None => Vec::new(),
+            ColorAttachments::Scene => {
+                let scene = self.targets.colors.iter();
+                scene.map(|slot| Some(slot.as_ref()?.format)).collect()
+            }
+            ColorAttachments::Named(names) => names
+                .iter()
+                .map(|name| Some(self.targets.named(name.as_deref()?)?.format()))
+                .collect(),
+        };
+        formats
+            .into_iter()
             .enumerate()
-            .map(|(location, slot)| {
-                let format = slot.as_ref()?.format;
+            .map(|(location, format)| {
+                let format = format?;
                 let own = self.pass.targets.get(location).and_then(Option::as_ref);
                 Some(wgpu::ColorTargetState {
                     format,

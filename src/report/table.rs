@@ -135,11 +135,6 @@ fn notes(report: &Report) -> String {
 /// One line a reason: which variants leave which materials as written.
 fn left_alone(report: &Report) -> String {
     let mut reasons: Vec<(&str, Vec<&str>, Vec<&str>)> = Vec::new();
-    let push = |list: &mut Vec<&str>, item| {
-        if !list.contains(&item) {
-            list.push(item);
-        }
-    };
     for v in &report.variants {
         for kept in &v.kept {
             let at = reasons
@@ -149,8 +144,12 @@ fn left_alone(report: &Report) -> String {
                     reasons.push((&kept.why, Vec::new(), Vec::new()));
                     reasons.len() - 1
                 });
-            push(&mut reasons[at].1, &v.name);
-            push(&mut reasons[at].2, &kept.material);
+            if !reasons[at].1.contains(&v.name.as_str()) {
+                reasons[at].1.push(&v.name);
+            }
+            if !reasons[at].2.contains(&kept.material.as_str()) {
+                reasons[at].2.push(&kept.material);
+            }
         }
     }
     let quoted = |names: &[&str]| {
