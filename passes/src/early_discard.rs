@@ -29,7 +29,7 @@ use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
-use crate::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
+use crate::state::{CompareFunction, DepthDirection, DepthState};
 
 mod prologue;
 use prologue::Prologue;
@@ -267,7 +267,7 @@ fn transform(
         )));
     };
     let scene = plan.attachment(&opaque.depth.attachment);
-    let format = scene.map_or_else(DepthFormat::default, |a| a.format);
+    let format = scene.and_then(|a| a.format.depth()).unwrap_or_default();
     let samples = scene.map_or(1, |a| a.samples);
     let slot = free_slot(opaque.program.module(), params, name)?;
     let mut next = plan.clone();
@@ -361,10 +361,8 @@ fn transform(
     match next.attachments.iter_mut().find(|a| a.name == produced) {
         Some(a) => a.sampled = true,
         None => next.attachments.push(Attachment {
-            name: produced,
-            format,
-            samples,
             sampled: true,
+            ..Attachment::depth(produced, format, opaque.direction, samples)
         }),
     }
 
@@ -373,11 +371,8 @@ fn transform(
         given.push(Assumption::InvariantDiscard);
     }
     if params.attachment == MainAttachment::Readonly {
-        given.extend([
-            Assumption::InvariantPosition,
-            Assumption::NoDepthTies,
-            Assumption::SameDrawOrder,
-        ]);
+        given.extend(invariant.assumptions(opaque));
+        given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     given.sort();

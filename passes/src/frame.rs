@@ -2,7 +2,50 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::plan::{Attachment, Phase, Plan};
+use crate::plan::{Attachment, GpuPass, Phase, Plan};
+
+/// The colour attachments of a render pass.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColorAttachments {
+    /// None.
+    None,
+    /// The scene's own, which the host has.
+    Scene,
+    /// Attachments of the plans, by location.
+    Named(Vec<Option<String>>),
+}
+
+impl ColorAttachments {
+    fn of(plan: &Plan, pass: &GpuPass) -> Result<Self, FrameError> {
+        let names: Vec<Option<String>> = pass
+            .targets
+            .iter()
+            .map(|t| t.as_ref()?.attachment.clone())
+            .collect();
+        let named = names.iter().flatten().count();
+        if named == 0 {
+            let scene = pass.phase != Phase::Depth || !pass.targets.is_empty();
+            return Ok(if scene { Self::Scene } else { Self::None });
+        }
+        if named < pass.targets.iter().flatten().count() {
+            return Err(FrameError::MixedTargets {
+                material: plan.material.clone(),
+                role: pass.role.name(),
+            });
+        }
+        Ok(Self::Named(names))
+    }
+
+    /// The plans' attachments among them.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let names: &[Option<String>] = match self {
+            Self::Named(names) => names,
+            Self::None | Self::Scene => &[],
+        };
+        names.iter().flatten().map(String::as_str)
+    }
+}
 
 /// One render pass of a frame: a set of material passes that share their attachments. The host sorts draws within it as it likes
 /// (opaque draws in any order, blended ones in its own).
@@ -16,18 +59,18 @@ pub struct FramePass {
     pub depth_read_only: bool,
     /// Clear the depth attachment first: no earlier pass of the frame wrote it.
     pub clear_depth: bool,
-    /// The pass has the scene's colour attachments.
-    pub color: bool,
-    /// Clear the colour attachments first.
+    /// Colour attachments.
+    pub colors: ColorAttachments,
+    /// Clear the colour attachments first: no earlier pass of the frame wrote them.
     pub clear_color: bool,
     /// `(material, index in that material's plan.passes)`.
     pub members: Vec<(String, usize)>,
 }
 
 /// A frame.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FramePlan {
-    /// All depth attachments, each once.
+    /// All attachments, each once; the scene's colour is the host's.
     pub attachments: Vec<Attachment>,
     /// Render passes in order.
     pub passes: Vec<FramePass>,
@@ -50,31 +93,48 @@ pub enum FrameError {
         /// Its description.
         b: String,
     },
+    /// A pass draws to the scene's colour and to attachments of its own at once.
+    #[error(
+        "the {role} pass of material `{material}` draws to the scene's colour and to attachments of its own"
+    )]
+    MixedTargets {
+        /// Material.
+        material: String,
+        /// Role of the pass.
+        role: &'static str,
+    },
 }
 
 impl FramePlan {
     /// Merges plans. Shadow passes are left out: they run under the host's light view, outside the camera's frame.
     ///
     /// # Errors
-    /// When two plans disagree on an attachment's format or sample count.
+    /// When two plans disagree on an attachment's format, sample count or clear value, or a pass mixes the scene's colour with attachments.
     pub fn merge<'a>(
         plans: impl IntoIterator<Item = &'a Plan> + Clone,
     ) -> Result<Self, FrameError> {
         let mut attachments: Vec<(Attachment, String)> = Vec::new();
         for plan in plans.clone() {
             let bound = |name: &str| {
+                let targets = |p: &GpuPass| {
+                    p.targets
+                        .iter()
+                        .flatten()
+                        .any(|t| t.attachment.as_deref() == Some(name))
+                };
                 plan.passes.iter().any(|p| {
                     p.phase != Phase::Shadow
-                        && p.depth.as_ref().is_some_and(|d| d.attachment == name)
+                        && (p.depth.as_ref().is_some_and(|d| d.attachment == name) || targets(p))
                 })
             };
             for a in plan.attachments.iter().filter(|a| bound(&a.name)) {
                 match attachments.iter_mut().find(|(b, _)| b.name == a.name) {
                     None => attachments.push((a.clone(), plan.material.clone())),
                     Some((b, first)) => {
-                        if (a.format, a.samples) != (b.format, b.samples) {
+                        if (&a.format, a.samples, a.clear) != (&b.format, b.samples, b.clear) {
                             let describe = |a: &Attachment| {
-                                format!("{:?} x{}", a.format, a.samples).to_lowercase()
+                                format!("{:?} x{}, cleared to {:?}", a.format, a.samples, a.clear)
+                                    .to_lowercase()
                             };
                             return Err(FrameError::AttachmentMismatch {
                                 name: a.name.clone(),
@@ -101,10 +161,10 @@ impl FramePlan {
                 {
                     let depth = pass.depth.as_ref().map(|d| d.attachment.clone());
                     let read_only = pass.depth.as_ref().is_some_and(|d| d.read_only);
-                    let color = phase != Phase::Depth || !pass.targets.is_empty();
+                    let colors = ColorAttachments::of(plan, pass)?;
                     let member = (plan.material.clone(), index);
                     let same = passes[first_of_phase..].iter_mut().find(|f| {
-                        f.depth == depth && f.depth_read_only == read_only && f.color == color
+                        f.depth == depth && f.depth_read_only == read_only && f.colors == colors
                     });
                     match same {
                         Some(f) => f.members.push(member),
@@ -113,7 +173,7 @@ impl FramePlan {
                             depth,
                             depth_read_only: read_only,
                             clear_depth: false,
-                            color,
+                            colors,
                             clear_color: false,
                             members: vec![member],
                         }),
@@ -123,7 +183,7 @@ impl FramePlan {
         }
         // The first pass to touch an attachment clears it.
         let mut cleared: Vec<&str> = Vec::new();
-        let mut color_cleared = false;
+        let mut scene_cleared = false;
         for pass in &mut passes {
             if let Some(name) = attachments
                 .iter()
@@ -134,10 +194,19 @@ impl FramePlan {
                 cleared.push(name);
                 pass.clear_depth = true;
             }
-            if pass.color && !color_cleared {
-                color_cleared = true;
-                pass.clear_color = true;
-            }
+            pass.clear_color = match &pass.colors {
+                ColorAttachments::None => false,
+                ColorAttachments::Scene => !std::mem::replace(&mut scene_cleared, true),
+                named @ ColorAttachments::Named(_) => {
+                    let first: Vec<&str> = attachments
+                        .iter()
+                        .map(|(a, _)| a.name.as_str())
+                        .filter(|n| named.names().any(|m| m == *n) && !cleared.contains(n))
+                        .collect();
+                    cleared.extend(&first);
+                    !first.is_empty()
+                }
+            };
         }
         Ok(Self {
             attachments: attachments.into_iter().map(|(a, _)| a).collect(),

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::contract::Contract;
 use crate::program::Program;
 use crate::state::{
-    ColorTarget, DepthFormat, DepthState, MaterialState, Multisample, PrimitiveState, StencilState,
+    ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState, Multisample,
+    PrimitiveState, StencilState,
 };
 
 /// Version of the JSON that [`Plan`] serialises to.
@@ -64,17 +65,67 @@ pub enum Phase {
     Blended,
 }
 
-/// A texture that passes write or read.
+/// Format of an attachment, in WebGPU's spelling.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum AttachmentFormat {
+    /// A depth format.
+    Depth(DepthFormat),
+    /// A colour format, `rgba8unorm` say.
+    Color(String),
+}
+
+impl AttachmentFormat {
+    /// The depth format, if it is one.
+    pub fn depth(&self) -> Option<DepthFormat> {
+        match self {
+            Self::Depth(format) => Some(*format),
+            Self::Color(_) => None,
+        }
+    }
+}
+
+/// What an attachment is cleared to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum ClearValue {
+    /// A depth in `[0, 1]`. A stencil aspect is cleared to 0.
+    Depth(f32),
+    /// Red, green, blue and alpha.
+    Color([f64; 4]),
+}
+
+/// A texture that passes write or read. Size and origin follow the host's colour attachment; a shader indexes it by `position.xy`, mip 0, layer 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Attachment {
     /// The name passes refer to.
     pub name: String,
-    /// Depth format.
-    pub format: DepthFormat,
+    /// Format.
+    pub format: AttachmentFormat,
     /// Samples a pixel.
     pub samples: u32,
-    /// Size and origin follow the host's colour attachment; the texture is indexed by `position.xy`, mip 0, layer 0.
+    /// Some pass binds it as a texture.
     pub sampled: bool,
+    /// What the first pass of a frame that draws to it clears it to.
+    pub clear: ClearValue,
+}
+
+impl Attachment {
+    /// A depth attachment, cleared to the far plane.
+    pub fn depth(
+        name: impl Into<String>,
+        format: DepthFormat,
+        direction: DepthDirection,
+        samples: u32,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            format: AttachmentFormat::Depth(format),
+            samples,
+            sampled: false,
+            clear: ClearValue::Depth(direction.clear_depth()),
+        }
+    }
 }
 
 /// Where a binding's resource comes from.
@@ -243,7 +294,7 @@ pub struct Plan {
     /// Programs by key. Not part of the JSON: they travel as text, named `MATERIAL.KEY.wgsl` and so on.
     #[serde(skip)]
     pub programs: BTreeMap<String, Program>,
-    /// Depth attachments, the scene's first.
+    /// Attachments, the scene's depth first. The scene's colour is not among them: it is the host's.
     pub attachments: Vec<Attachment>,
     /// GPU passes in the order they run.
     pub passes: Vec<GpuPass>,
@@ -310,12 +361,12 @@ impl Plan {
             schema: SCHEMA.to_owned(),
             material: material.to_owned(),
             programs: BTreeMap::from([(Role::Main.name().to_owned(), program)]),
-            attachments: vec![Attachment {
-                name: SCENE_DEPTH.to_owned(),
-                format: state.depth_format,
-                samples: state.multisample.count,
-                sampled: false,
-            }],
+            attachments: vec![Attachment::depth(
+                SCENE_DEPTH,
+                state.depth_format,
+                state.depth_direction,
+                state.multisample.count,
+            )],
             passes: vec![pass],
             steps: Vec::new(),
             contract: Contract::exact(),
@@ -333,6 +384,11 @@ impl Plan {
     /// The program a pass draws with.
     pub fn program(&self, pass: &GpuPass) -> Option<&Program> {
         self.programs.get(&pass.program)
+    }
+
+    /// Format of the depth attachment of that name.
+    pub fn depth_format(&self, name: &str) -> Option<DepthFormat> {
+        self.attachment(name)?.format.depth()
     }
 
     /// The attachment of that name.

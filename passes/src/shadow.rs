@@ -24,7 +24,7 @@ use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::place::PositionInvariance;
 use crate::plan::{Attachment, Phase, Plan, Role, Step};
 use crate::program::Program;
-use crate::state::{CompareFunction, DepthFormat, DepthState};
+use crate::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
 
 /// Name of the depth attachment that the shadow pass writes.
 pub const SHADOW_DEPTH: &str = "shadow-depth";
@@ -94,10 +94,8 @@ impl Pass for Shadow {
             Self::INFO.name,
         )?;
         next.attachments.push(Attachment {
-            name: SHADOW_DEPTH.to_owned(),
-            format: params.format,
-            samples: 1,
             sampled: true,
+            ..Attachment::depth(SHADOW_DEPTH, params.format, DepthDirection::Forward, 1)
         });
         next.steps.push(Step {
             pass: Self::INFO.name.to_owned(),

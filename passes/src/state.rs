@@ -358,6 +358,9 @@ impl Blend {
 pub struct ColorTarget {
     /// Texture format in WebGPU's spelling, `rgba8unorm-srgb` say.
     pub format: String,
+    /// Attachment of the plan that is drawn to; `None`: the scene's own colour of this location.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attachment: Option<String>,
     /// `None` writes the colour unblended.
     #[serde(default)]
     pub blend: Option<Blend>,
@@ -375,6 +378,7 @@ impl ColorTarget {
     pub fn opaque(format: impl Into<String>) -> Self {
         Self {
             format: format.into(),
+            attachment: None,
             blend: None,
             write_mask: all_channels(),
         }

@@ -3,8 +3,6 @@
 //!
 //! Why not the adapter's pipeline statistics: software adapters count fragments before the early depth test.
 
-use std::sync::Arc;
-
 use naga::{Literal, ShaderStage};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
@@ -223,7 +221,9 @@ fn counting_plan(
         let mut pass = pass.clone();
         // A pass for coverage alone keeps no colour target: alpha to coverage has none to take its alpha from.
         pass.multisample.alpha_to_coverage = false;
-        pass.targets.clear();
+        // A pre-pass that draws to an attachment of its own still does.
+        let is_own = |t: &ColorTarget| t.attachment.is_some();
+        pass.targets.retain(|t| t.as_ref().is_some_and(is_own));
         if pass.role == Role::Main && pass.fragment.is_some() {
             let key = format!("count-{}", out.passes.len());
             let (program, vertex, fragment) = match count(plan, &pass) {
@@ -315,12 +315,11 @@ fn constant(plan: &Plan, program: &Program) -> Result<(Program, String), Error> 
         task_payload: None,
         incoming_ray_payload: None,
     });
-    let program =
-        Program::new(module, Arc::clone(program.sources()), program.language()).map_err(|e| {
-            render::Error::Plan {
-                material: plan.material.clone(),
-                message: format!("its counting program is invalid: {e}"),
-            }
+    let program = program
+        .with_module(module)
+        .map_err(|e| render::Error::Plan {
+            material: plan.material.clone(),
+            message: format!("its counting program is invalid: {e}"),
         })?;
     Ok((program, name))
 }

@@ -1,18 +1,18 @@
 //! One frame of a variant: everything built once, encoded as often as needed.
 
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use preshade_passes::frame::FramePass;
-use preshade_passes::plan::{Draws, GpuPass, Phase, Plan};
-use preshade_passes::state::{ColorTarget, StencilState};
+use preshade_passes::frame::{ColorAttachments, FramePass};
+use preshade_passes::plan::{Draws, Phase};
+use preshade_passes::state::StencilState;
 
 use super::gpu::Gpu;
-use super::inputs::{DrawInputs, SceneInputs};
+use super::inputs::SceneInputs;
 use super::picture::{ColorImage, DepthImage};
-use super::shader::{Stage, Variant};
+use super::pipeline::{Build, PipelineKey, blank_fragment};
+use super::shader::Variant;
 use super::targets::Targets;
-use super::{Error, layout, order, readback, state, trusted};
+use super::{Error, order, readback};
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// What a frame is drawn with that is neither the scene's nor the plan's.
@@ -210,7 +210,10 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the frame; each render pass is one query of `statistics`.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, statistics: Option<&wgpu::QuerySet>) {
-        let last_color = self.passes.iter().rposition(|p| p.frame.color);
+        let last_color = self
+            .passes
+            .iter()
+            .rposition(|p| p.frame.colors == ColorAttachments::Scene);
         for (index, pass) in self.passes.iter().enumerate() {
             let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: None,
@@ -342,8 +345,30 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
         last: bool,
     ) -> Vec<Option<wgpu::RenderPassColorAttachment<'_>>> {
-        if !pass.frame.color {
-            return Vec::new();
+        let ops = |clear: wgpu::Color, store| wgpu::Operations {
+            load: match pass.frame.clear_color {
+                true => wgpu::LoadOp::Clear(clear),
+                false => wgpu::LoadOp::Load,
+            },
+            store,
+        };
+        match &pass.frame.colors {
+            ColorAttachments::None => return Vec::new(),
+            ColorAttachments::Named(names) => {
+                return names
+                    .iter()
+                    .map(|name| {
+                        let target = self.targets.named(name.as_deref()?)?;
+                        Some(wgpu::RenderPassColorAttachment {
+                            view: &target.view,
+                            depth_slice: None,
+                            resolve_target: None,
+                            ops: ops(target.clear, wgpu::StoreOp::Store),
+                        })
+                    })
+                    .collect();
+            }
+            ColorAttachments::Scene => {}
         }
         let [r, g, b, a] = self.clear_color;
         self.targets
@@ -354,17 +379,14 @@ impl<'a> Prepared<'a> {
                     view: &target.view,
                     depth_slice: None,
                     resolve_target: target.resolved.as_ref().filter(|_| last).map(|(_, v)| v),
-                    ops: wgpu::Operations {
-                        load: match pass.frame.clear_color {
-                            true => wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a }),
-                            false => wgpu::LoadOp::Load,
-                        },
+                    ops: ops(
+                        wgpu::Color { r, g, b, a },
                         // What resolves is shown resolved: a host throws the samples away.
-                        store: match last && target.resolved.is_some() {
+                        match last && target.resolved.is_some() {
                             true => wgpu::StoreOp::Discard,
                             false => wgpu::StoreOp::Store,
                         },
-                    },
+                    ),
                 })
             })
             .collect()
@@ -375,14 +397,13 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
     ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
         let target = self.targets.depth(pass.frame.depth.as_deref()?)?;
-        let direction = self.inputs.scene().depth_direction;
         let read_only = pass.frame.depth_read_only;
         let stencil = target.format.has_stencil() && (!read_only || pass.stencil_write);
         Some(wgpu::RenderPassDepthStencilAttachment {
             view: &target.view,
             depth_ops: (!read_only).then(|| wgpu::Operations {
                 load: match pass.frame.clear_depth {
-                    true => wgpu::LoadOp::Clear(direction.clear_depth()),
+                    true => wgpu::LoadOp::Clear(target.clear),
                     false => wgpu::LoadOp::Load,
                 },
                 store: wgpu::StoreOp::Store,
@@ -428,259 +449,4 @@ impl<'a> Prepared<'a> {
             }
         }
     }
-}
-
-/// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
-#[derive(Clone, PartialEq)]
-struct PipelineKey {
-    material: usize,
-    member: usize,
-    vertex: Vec<VertexLayout>,
-    strip: Option<wgpu::IndexFormat>,
-}
-
-#[derive(Clone, PartialEq)]
-struct VertexLayout {
-    /// Index in the draw's vertex buffers.
-    source: usize,
-    stride: u64,
-    step: wgpu::VertexStepMode,
-    attributes: Vec<wgpu::VertexAttribute>,
-}
-
-/// What one pipeline is built from.
-struct Build<'b> {
-    gpu: &'b Gpu,
-    targets: &'b Targets,
-    shaders: &'b BTreeMap<&'b str, wgpu::ShaderModule>,
-    plan: &'b Plan,
-    pass: &'b GpuPass,
-    stages: &'b (Stage, Option<Stage>),
-    frame: &'b FramePass,
-    draw: &'b DrawInputs,
-}
-
-impl Build<'_> {
-    fn failed(&self, message: impl Into<String>) -> Error {
-        Error::Plan {
-            material: self.plan.material.clone(),
-            message: message.into(),
-        }
-    }
-
-    fn what(&self) -> String {
-        format!(
-            "the pipeline of pass `{}` of material `{}`",
-            self.pass.program, self.plan.material
-        )
-    }
-
-    fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
-        self.shaders
-            .get(stage.shader.as_str())
-            .ok_or_else(|| self.failed(format!("there is no shader `{}`", stage.shader)))
-    }
-
-    fn strip_format(&self) -> Option<wgpu::IndexFormat> {
-        let strip = state::primitive(&self.pass.primitive).topology.is_strip();
-        self.draw
-            .indices
-            .as_ref()
-            .filter(|_| strip)
-            .map(|i| i.format)
-    }
-
-    /// The buffers and attributes the pass reads, by location, as the scene lays them out.
-    fn vertex_layout(&self) -> Result<Vec<VertexLayout>, Error> {
-        let mut layouts: Vec<VertexLayout> = Vec::new();
-        for wanted in &self.pass.attributes {
-            let (source, buffer, attribute) = self
-                .draw
-                .vertex_buffers
-                .iter()
-                .enumerate()
-                .find_map(|(i, b)| {
-                    let a = b.attributes.iter().find(|a| a.location == wanted.location)?;
-                    Some((i, b, a))
-                })
-                .ok_or_else(|| {
-                    self.failed(format!(
-                        "its attribute `{}` at location {} is not one the author's vertex stage reads",
-                        wanted.name, wanted.location
-                    ))
-                })?;
-            let at = wgpu::VertexAttribute {
-                format: attribute.format,
-                offset: attribute.offset,
-                shader_location: attribute.location,
-            };
-            match layouts.iter_mut().find(|l| l.source == source) {
-                Some(layout) => layout.attributes.push(at),
-                None => layouts.push(VertexLayout {
-                    source,
-                    stride: buffer.stride,
-                    step: buffer.step,
-                    attributes: vec![at],
-                }),
-            }
-        }
-        Ok(layouts)
-    }
-
-    /// Layout and bind group of each group the pass uses.
-    fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
-        let filled =
-            layout::fill(self.pass, self.draw, self.targets).map_err(|m| self.failed(m))?;
-        let device = &self.gpu.device;
-        self.gpu
-            .checked(&format!("the bindings of {}", self.what()), || {
-                filled
-                    .iter()
-                    .map(|(group, bindings)| {
-                        let layout = layout::layout(device, bindings);
-                        let entries: Vec<_> = bindings
-                            .iter()
-                            .map(|(b, filled)| wgpu::BindGroupEntry {
-                                binding: b.binding,
-                                resource: filled.binding(),
-                            })
-                            .collect();
-                        let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
-                            label: None,
-                            layout: &layout,
-                            entries: &entries,
-                        });
-                        (*group, layout, bound)
-                    })
-                    .collect()
-            })
-    }
-
-    fn depth_stencil(&self) -> Result<Option<wgpu::DepthStencilState>, Error> {
-        let Some(depth) = &self.pass.depth else {
-            return Ok(None);
-        };
-        let target = self
-            .targets
-            .depth(&depth.attachment)
-            .ok_or_else(|| self.failed(format!("it has no attachment `{}`", depth.attachment)))?;
-        Ok(Some(state::depth_stencil(
-            target.format,
-            depth,
-            self.pass.stencil.as_ref(),
-        )))
-    }
-
-    /// The colour targets of the frame pass, with this pass's blending and masks; those it does not write are masked off.
-    fn color_targets(&self) -> Vec<Option<wgpu::ColorTargetState>> {
-        if !self.frame.color {
-            return Vec::new();
-        }
-        self.targets
-            .colors
-            .iter()
-            .enumerate()
-            .map(|(location, slot)| {
-                let format = slot.as_ref()?.format;
-                let own = self.pass.targets.get(location).and_then(Option::as_ref);
-                Some(wgpu::ColorTargetState {
-                    format,
-                    blend: own
-                        .and_then(|t: &ColorTarget| t.blend)
-                        .as_ref()
-                        .map(state::blend),
-                    write_mask: own.map_or(wgpu::ColorWrites::empty(), |t| {
-                        wgpu::ColorWrites::from_bits_truncate(u32::from(t.write_mask))
-                    }),
-                })
-            })
-            .collect()
-    }
-
-    fn pipeline(
-        &self,
-        blank: &wgpu::ShaderModule,
-        layouts: &[(u32, &wgpu::BindGroupLayout)],
-        key: &PipelineKey,
-    ) -> Result<wgpu::RenderPipeline, Error> {
-        let what = self.what();
-        for feature in &self.pass.features {
-            self.gpu.require(&what, feature)?;
-        }
-        if self.pass.primitive.unclipped_depth {
-            self.gpu.require(&what, "depth-clip-control")?;
-        }
-        let depth_stencil = self.depth_stencil()?;
-        let targets = self.color_targets();
-        // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
-        let (vertex, fragment) = self.stages;
-        let vertex = (self.shader(vertex)?, vertex.entry_point.as_str());
-        let fragment = match fragment {
-            Some(stage) => Some((self.shader(stage)?, stage.entry_point.as_str())),
-            None if !targets.is_empty() => Some((blank, BLANK)),
-            None => None,
-        };
-        let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
-        let by_group: Vec<_> = (0..count)
-            .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
-            .collect();
-        let buffers: Vec<_> = key
-            .vertex
-            .iter()
-            .map(|v| {
-                Some(wgpu::VertexBufferLayout {
-                    array_stride: v.stride,
-                    step_mode: v.step,
-                    attributes: &v.attributes,
-                })
-            })
-            .collect();
-        let mut primitive = state::primitive(&self.pass.primitive);
-        primitive.strip_index_format = key.strip;
-        let device = &self.gpu.device;
-        self.gpu.checked(&what, || {
-            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: None,
-                bind_group_layouts: &by_group,
-                immediate_size: 0,
-            });
-            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: Some(&what),
-                layout: Some(&layout),
-                vertex: wgpu::VertexState {
-                    module: vertex.0,
-                    entry_point: Some(vertex.1),
-                    compilation_options: compilation(),
-                    buffers: &buffers,
-                },
-                primitive,
-                depth_stencil,
-                multisample: state::multisample(&self.pass.multisample),
-                fragment: fragment.map(|(module, entry)| wgpu::FragmentState {
-                    module,
-                    entry_point: Some(entry),
-                    compilation_options: compilation(),
-                    targets: &targets,
-                }),
-                multiview_mask: None,
-                cache: None,
-            })
-        })
-    }
-}
-
-fn compilation() -> wgpu::PipelineCompilationOptions<'static> {
-    wgpu::PipelineCompilationOptions::default()
-}
-
-const BLANK: &str = "blank";
-
-fn blank_fragment(device: &wgpu::Device) -> wgpu::ShaderModule {
-    trusted::compile(
-        device,
-        wgpu::ShaderModuleDescriptor {
-            label: Some(BLANK),
-            source: wgpu::ShaderSource::Wgsl("@fragment fn blank() {}".into()),
-        },
-    )
 }

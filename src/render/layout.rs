@@ -53,27 +53,23 @@ pub(super) fn fill<'a>(
                 })?)
             }
             BindingSource::Attachment { name } => {
-                let depth = targets.depth(name).ok_or_else(|| {
-                    format!("`{}` reads `{name}`, which is no attachment", b.name)
-                })?;
-                let view = depth.sampled_view.as_ref().ok_or_else(|| {
-                    format!(
-                        "`{}` reads `{name}`, which the plan does not mark as sampled",
-                        b.name
-                    )
-                })?;
+                let sampled = targets
+                    .sampled(name)
+                    .map_err(|why| format!("`{}` reads `{name}`, {why}", b.name))?;
                 Filled::Attachment(
-                    view,
+                    sampled.view,
                     wgpu::BindingType::Texture {
-                        sample_type: match b.kind {
-                            BindingKind::DepthTexture => wgpu::TextureSampleType::Depth,
-                            BindingKind::Texture => {
+                        sample_type: match (b.kind, sampled.is_depth) {
+                            (BindingKind::DepthTexture, true) => wgpu::TextureSampleType::Depth,
+                            (BindingKind::Texture, _) => {
                                 wgpu::TextureSampleType::Float { filterable: false }
                             }
-                            kind => return Err(format!("`{}` reads a depth as {kind:?}", b.name)),
+                            (kind, _) => {
+                                return Err(format!("`{}` reads `{name}` as {kind:?}", b.name));
+                            }
                         },
                         view_dimension: wgpu::TextureViewDimension::D2,
-                        multisampled: depth.samples > 1,
+                        multisampled: sampled.samples > 1,
                     },
                 )
             }

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::frame::FramePlan;
-use preshade_passes::plan::{GpuPass, SCENE_COLOR};
+use preshade_passes::frame::{ColorAttachments, FramePlan};
+use preshade_passes::plan::{Attachment, AttachmentFormat, ClearValue, GpuPass, SCENE_COLOR};
 use preshade_passes::state::DepthFormat;
 
 use super::gpu::Gpu;
@@ -19,6 +19,28 @@ pub(super) struct DepthTarget {
     pub sampled_view: Option<wgpu::TextureView>,
     pub format: DepthFormat,
     pub samples: u32,
+    pub clear: f32,
+}
+
+/// A colour attachment of the plans' own.
+pub(super) struct NamedColor {
+    texture: wgpu::Texture,
+    pub view: wgpu::TextureView,
+    pub clear: wgpu::Color,
+    sampled: bool,
+}
+
+impl NamedColor {
+    pub fn format(&self) -> wgpu::TextureFormat {
+        self.texture.format()
+    }
+}
+
+/// An attachment that a pass binds as a texture.
+pub(super) struct Sampled<'a> {
+    pub view: &'a wgpu::TextureView,
+    pub samples: u32,
+    pub is_depth: bool,
 }
 
 /// A colour attachment; with several samples, also what it resolves to, where its format resolves.
@@ -32,6 +54,7 @@ pub(super) struct ColorTarget {
 /// All targets of a frame.
 pub(super) struct Targets {
     depths: BTreeMap<String, DepthTarget>,
+    named: BTreeMap<String, NamedColor>,
     /// By location; a hole no pass writes.
     pub colors: Vec<Option<ColorTarget>>,
 }
@@ -45,6 +68,7 @@ impl Targets {
         }
         Ok(Self {
             depths: depths(gpu, variant.frame(), size)?,
+            named: named(gpu, variant.frame(), size)?,
             colors: colors(gpu, variant, size)?,
         })
     }
@@ -59,8 +83,9 @@ impl Targets {
                 * u64::from(texel)
         };
         let depths = self.depths.values().map(|d| bytes(&d.texture));
+        let named = self.named.values().map(|c| bytes(&c.texture));
         let colors = self.colors.iter().flatten();
-        depths.sum::<u64>()
+        depths.chain(named).sum::<u64>()
             + colors
                 .map(|c| bytes(&c.drawn) + c.resolved.as_ref().map_or(0, |(t, _)| bytes(t)))
                 .sum::<u64>()
@@ -68,6 +93,34 @@ impl Targets {
 
     pub fn depth(&self, name: &str) -> Option<&DepthTarget> {
         self.depths.get(name)
+    }
+
+    pub fn named(&self, name: &str) -> Option<&NamedColor> {
+        self.named.get(name)
+    }
+
+    /// The attachment of that name as a texture.
+    ///
+    /// # Errors
+    /// In words, when there is none, or none that the plan marks as sampled.
+    pub fn sampled(&self, name: &str) -> Result<Sampled<'_>, &'static str> {
+        const UNMARKED: &str = "which the plan does not mark as sampled";
+        if let Some(depth) = self.depths.get(name) {
+            return Ok(Sampled {
+                view: depth.sampled_view.as_ref().ok_or(UNMARKED)?,
+                samples: depth.samples,
+                is_depth: true,
+            });
+        }
+        match self.named.get(name) {
+            Some(color) if color.sampled => Ok(Sampled {
+                view: &color.view,
+                samples: color.texture.sample_count(),
+                is_depth: false,
+            }),
+            Some(_) => Err(UNMARKED),
+            None => Err("which is no attachment"),
+        }
     }
 }
 
@@ -87,12 +140,16 @@ fn depths(
     frame
         .attachments
         .iter()
-        .map(|a| {
+        .filter_map(|a| Some((a, a.format.depth()?)))
+        .map(|(a, format)| {
             let what = format!("the attachment `{}`", a.name);
-            if a.format == DepthFormat::Depth32floatStencil8 {
+            if format == DepthFormat::Depth32floatStencil8 {
                 gpu.require(&what, "depth32float-stencil8")?;
             }
-            let copyable = readback::is_copyable(a.format, a.samples);
+            let ClearValue::Depth(clear) = a.clear else {
+                return Err(wrong_clear(a));
+            };
+            let copyable = readback::is_copyable(format, a.samples);
             let mut usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
             usage.set(wgpu::TextureUsages::COPY_SRC, copyable);
             usage.set(wgpu::TextureUsages::TEXTURE_BINDING, a.sampled || !copyable);
@@ -103,7 +160,7 @@ fn depths(
                     mip_level_count: 1,
                     sample_count: a.samples,
                     dimension: wgpu::TextureDimension::D2,
-                    format: state::depth_format(a.format),
+                    format: state::depth_format(format),
                     usage,
                     view_formats: &[],
                 })
@@ -118,21 +175,71 @@ fn depths(
                 view: texture.create_view(&Default::default()),
                 sampled_view,
                 texture,
-                format: a.format,
+                format,
                 samples: a.samples,
+                clear,
             };
             Ok((a.name.clone(), target))
         })
         .collect()
 }
 
-/// The passes of a frame that have colour attachments, with the material they belong to.
+fn named(
+    gpu: &Gpu,
+    frame: &FramePlan,
+    size: [u32; 2],
+) -> Result<BTreeMap<String, NamedColor>, Error> {
+    let mut out = BTreeMap::new();
+    for a in &frame.attachments {
+        let AttachmentFormat::Color(name) = &a.format else {
+            continue;
+        };
+        let format = state::color_format(name).ok_or_else(|| Error::Attachment {
+            name: a.name.clone(),
+            message: format!("`{name}` is not a format preshade's renderer draws to"),
+        })?;
+        let ClearValue::Color([r, g, b, alpha]) = a.clear else {
+            return Err(wrong_clear(a));
+        };
+        let mut usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        usage.set(wgpu::TextureUsages::TEXTURE_BINDING, a.sampled);
+        let texture = gpu.checked(&format!("the attachment `{}`", a.name), || {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(&a.name),
+                size: extent(size),
+                mip_level_count: 1,
+                sample_count: a.samples,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage,
+                view_formats: &[],
+            })
+        })?;
+        let color = NamedColor {
+            view: texture.create_view(&Default::default()),
+            texture,
+            clear: wgpu::Color { r, g, b, a: alpha },
+            sampled: a.sampled,
+        };
+        out.insert(a.name.clone(), color);
+    }
+    Ok(out)
+}
+
+fn wrong_clear(a: &Attachment) -> Error {
+    Error::Attachment {
+        name: a.name.clone(),
+        message: format!("{:?} cannot be cleared to {:?}", a.format, a.clear),
+    }
+}
+
+/// The passes of a frame that have the scene's colour attachments, with the material they belong to.
 fn color_passes(variant: &Variant) -> impl Iterator<Item = (&str, &GpuPass)> {
     let frame = variant.frame();
     frame
         .passes
         .iter()
-        .filter(|p| p.color)
+        .filter(|p| p.colors == ColorAttachments::Scene)
         .flat_map(|p| &p.members)
         .filter_map(|(material, index)| {
             let plan = variant.plans().iter().find(|p| p.material == *material)?;
