@@ -72,7 +72,7 @@ pub(super) fn choose(
             error.note("mark a function with @vertex, or add the vertex file")
         } else {
             error.note(format!(
-                "there is {}: mark a function with @vertex, or add the vertex file",
+                "there is {}; add the vertex stage: a file of its own or, in WGSL, a function marked @vertex",
                 others.join(", ")
             ))
         });
