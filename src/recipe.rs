@@ -77,6 +77,18 @@ pub enum RecipeError {
         /// The words there are, separated by commas.
         known: String,
     },
+    /// The parameter is a number, and this is none.
+    #[error("{pass}: `{name}` is {kind}, which `{value}` is not (see `preshade passes {pass}`)")]
+    NotNumber {
+        /// Name of the pass.
+        pass: &'static str,
+        /// Name of the parameter.
+        name: String,
+        /// `a number` or `a whole number`.
+        kind: &'static str,
+        /// As given.
+        value: String,
+    },
     /// A parameter is given twice.
     #[error("in `{text}`: `{name}` is given twice")]
     Twice {
@@ -153,6 +165,19 @@ fn check(pass: &dyn AnyPass, name: &str, value: &str) -> Result<(), RecipeError>
             known: names.join(", "),
         });
     };
+    let kind = match parameter.kind.as_deref() {
+        Some("integer") if value.parse::<i64>().is_err() => Some("a whole number"),
+        Some("number") if value.parse::<f64>().is_err() => Some("a number"),
+        _ => None,
+    };
+    if let Some(kind) = kind {
+        return Err(RecipeError::NotNumber {
+            pass: pass.info().name,
+            name: name.to_owned(),
+            kind,
+            value: value.to_owned(),
+        });
+    }
     let words: Vec<&str> = parameter.choices.iter().map(|c| c.value.as_str()).collect();
     if words.is_empty() || words.contains(&value) {
         return Ok(());

@@ -25,14 +25,15 @@ Examples:
 
 A refusal says where, why, and what would make the pass legal; it is no failure (exit status 0).")]
 pub struct Args {
-    #[command(flatten)]
-    shader: ShaderArgs,
     /// Explain these passes, with these parameters; default: all, with their defaults.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
+    // Last, for its help heading holds for what follows it.
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Serialize)]

@@ -14,11 +14,12 @@ Examples:
   preshade graph lit.wgsl --format json
   preshade graph scene.toml --name floor          one material of a scene")]
 pub struct Args {
-    #[command(flatten)]
-    shader: ShaderArgs,
     /// Output form.
     #[arg(long, value_enum, default_value_t = GraphFormat::Dot)]
     format: GraphFormat,
+    // Last, for its help heading holds for what follows it.
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

@@ -13,6 +13,7 @@ use preshade::passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
 };
+use preshade::render;
 use preshade::scene::{self, Scene};
 
 use crate::Failure;
@@ -211,6 +212,7 @@ impl StateArgs {
                 target.blend = blend;
             }
         }
+        check(&state)?;
         Ok(state)
     }
 
@@ -230,6 +232,25 @@ impl StateArgs {
             Some(_) => scene.with_samples(1),
         }
     }
+}
+
+/// What a state file can say and no adapter can do.
+fn check(state: &MaterialState) -> Result<(), Failure> {
+    let samples = state.multisample.count;
+    if !matches!(samples, 1 | 4) {
+        return Err(Failure(format!(
+            "error: multisample.count is 1 or 4, not {samples}"
+        )));
+    }
+    for target in state.targets.iter().flatten() {
+        if render::state::color_format(&target.format).is_none() {
+            return Err(Failure(format!(
+                "error: there is no colour format `{}` that can be drawn to and compared; in WebGPU's spelling: rgba8unorm, say",
+                target.format
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// What the files are.

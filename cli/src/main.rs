@@ -32,8 +32,9 @@ Examples:
   preshade verify lit.wgsl
   preshade verify scene.toml --pass depth-prepass:form=equal --out report/
 
-Data goes to stdout, messages to stderr. Exit status: 0 fine (a refused pass is fine: the original is kept),
-1 a variant broke its contract, 2 bad usage or input."
+Data goes to stdout, messages to stderr.
+Exit status: 0 fine (also where a pass is refused: the original is kept), 1 a variant broke its
+contract, 2 bad usage or input."
 )]
 struct Cli {
     #[command(subcommand)]

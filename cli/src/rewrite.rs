@@ -21,29 +21,30 @@ Examples:
   preshade rewrite scene.toml --pass depth-prepass -o out/             every material of a scene
   preshade rewrite - --lang wgsl --pass depth-prepass < lit.wgsl
 
-A pass that does not apply is told on stderr with its reason, and the material is written without it. `preshade passes` lists the passes.
-What is written is written whole or not at all.")]
+A pass that does not apply is told on stderr with its reason, and the material is written without
+it. `preshade passes` lists the passes. Files are written whole or not at all.")]
 pub struct Args {
-    #[command(flatten)]
-    shader: ShaderArgs,
     /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
-    /// What to write.
+    /// What to write, separated by commas; `plan.json` comes with it.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "wgsl")]
     emit: Vec<EmitTarget>,
     /// Folder to write to, made if it is not there; without it the texts and the plan go to stdout.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, alias = "out", value_name = "DIR")]
     output: Option<PathBuf>,
+    // Last, for its help heading holds for what follows it.
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum EmitTarget {
-    /// `MATERIAL.ROLE.wgsl`
+    /// WGSL, one file a program.
     Wgsl,
     /// SPIR-V binaries.
     Spirv,
-    /// GLSL 4.50 for Vulkan and desktop GL.
+    /// GLSL 4.50 for OpenGL.
     Glsl,
     /// GLSL ES 3.00 for WebGL 2.
     GlslEs,

@@ -25,10 +25,9 @@ Examples:
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
-Each --pass is a variant of its own; --recipe puts several passes into one. Exit status 1: a variant broke its contract.")]
+Each --pass is a variant of its own; --recipe puts several passes into one.
+Exit status 1: a variant broke its contract.")]
 pub struct Args {
-    #[command(flatten)]
-    shader: ShaderArgs,
     /// A variant of one pass; may be given several times. Default: the depth passes in their main forms.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
@@ -63,11 +62,14 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = FormArg::Text)]
     form: FormArg,
     /// Folder for pictures and `report.json`.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
+    // Last, for its help heading holds for what follows it.
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
