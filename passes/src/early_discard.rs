@@ -21,7 +21,7 @@
 //!
 //! It hurts where little is hidden, and on hardware whose early test already rejects: a texture read and a vote for each fragment, for nothing.
 
-use naga::Module;
+use naga::{Expression, Module};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,7 @@ use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
+use crate::slice::{self, Criterion, OutputFilter};
 use crate::state::{CompareFunction, DepthDirection, DepthState};
 
 mod gradients;
@@ -208,17 +209,8 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     }
     if params.quad == Quad::Lane
         && let Some(fragment) = opaque.fragment
-        && let Err(span) = gradients::find(&opaque.graph, fragment)
     {
-        refusals.push(
-            Refusal::new(
-                name,
-                "lane-spoils-derivatives",
-                "the fragment stage takes a derivative, or an implicit level of detail, of something that cannot be computed ahead of the discard, and a lane that left would spoil it for its neighbours",
-                "take quad=vote, which leaves only when the whole quad is behind",
-            )
-            .at(opaque.program.sources(), span),
-        );
+        refusals.extend(refuse_lane(&opaque, fragment));
     }
     let toward_viewer = |bias: f32| bias * opaque.direction.away() < 0.0;
     let bias = opaque.depth.bias;
@@ -280,6 +272,46 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     } else {
         Err(refusals)
     }
+}
+
+/// Why lanes may not leave one by one: a derivative that cannot be taken first, or a rounding of one that would decide coverage.
+fn refuse_lane(opaque: &Opaque, fragment: usize) -> Option<Refusal> {
+    let refuse = |code: &str, reason: &str, span| {
+        let remedy =
+            "take quad=vote, which leaves only when the whole quad is behind and touches no sample";
+        Refusal::new(EarlyDiscard::INFO.name, code, reason, remedy)
+            .at(opaque.program.sources(), span)
+    };
+    let taken = match gradients::find(&opaque.graph, fragment) {
+        Ok(taken) => taken,
+        Err(span) => {
+            return Some(refuse(
+                "lane-spoils-derivatives",
+                "the fragment stage takes a derivative, or an implicit level of detail, of something that cannot be computed ahead of the discard, and a lane that left would spoil it for its neighbours",
+                span,
+            ));
+        }
+    };
+    let decides = slice::backward(
+        &opaque.graph,
+        fragment,
+        &[
+            Criterion::Discard,
+            Criterion::Output(OutputFilter::FragDepth),
+        ],
+    );
+    let expressions = &opaque.program.module().entry_points[fragment]
+        .function
+        .expressions;
+    let sample = taken.into_iter().find(|e| {
+        matches!(expressions[*e], Expression::ImageSample { .. })
+            && decides.root().kept.expressions[e.index()].is_some()
+    })?;
+    Some(refuse(
+        "lane-decides-coverage",
+        "a sample decides whether a fragment is kept, or its depth: with gradients taken first it would round otherwise than in the pre-pass",
+        expressions.get_span(sample),
+    ))
 }
 
 fn what(params: &Params, opaque: &Opaque) -> String {
