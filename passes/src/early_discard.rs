@@ -11,14 +11,17 @@
 //! ```
 //!
 //! `quad=vote` (the default) leaves only when all four lanes of the 2x2 quad are behind, so that every derivative and every implicit level of detail of a
-//! surviving pixel is what it was. `quad=lane` leaves at once, for materials that take no derivative.
+//! surviving pixel is what it was. `quad=lane` leaves at once; derivatives and gradients are taken first ([`gradients`]), which is not exact.
 //!
 //! A fragment is dropped only when it is strictly behind by more than two pipelines may differ: the tolerance is derived from depth format, depth and slope
-//! ([`Tolerance::Derived`]). The article's fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
+//! ([`Params::tolerance`]). The article's fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
+//!
+//! Every lane decides for itself whether it is behind: in GLSL ES, which may take coarse derivatives where fine ones are asked for, a vote can at worst let a
+//! lane go that `quad=lane` would have let go. There the picture of `quad=vote` is to be measured like that of `quad=lane`.
 //!
 //! It hurts where little is hidden, and on hardware whose early test already rejects: a texture read and a vote for each fragment, for nothing.
 
-use naga::Module;
+use naga::{Expression, Module};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -29,10 +32,14 @@ use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
+use crate::slice::{self, Criterion, OutputFilter};
 use crate::state::{CompareFunction, DepthDirection, DepthState};
 
+mod gradients;
+mod packed;
 mod prologue;
-use prologue::Prologue;
+pub use packed::PREPASS_PACKED;
+use prologue::{DepthRange, Prologue};
 
 /// Name of the depth attachment the prologue reads when the main pass has one of its own.
 pub const PREPASS_DEPTH: &str = "prepass-depth";
@@ -60,6 +67,8 @@ pub enum DepthTexture {
     Depth,
     /// `texture_2d<f32>` with an unfilterable sample type: what the GLSL writer can express.
     Float,
+    /// `texture_2d<f32>` over an `rgba8unorm` colour attachment that holds the depth as three.js of 2022 packs it: for a host that cannot bind a depth texture.
+    Packed,
 }
 
 /// Which lanes leave.
@@ -99,7 +108,7 @@ pub struct Params {
     /// A fixed tolerance in units of depth, at least 0, in place of the derived one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f32>,
-    /// `@group` of the depth texture; default: the highest group that the fragment stage already uses.
+    /// `@group` of the depth texture; default: the highest group that the shader already uses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<u32>,
     /// `@binding` of the depth texture; default: the first free one.
@@ -200,17 +209,22 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     }
     if params.quad == Quad::Lane
         && let Some(fragment) = opaque.fragment
-        && let Some(span) = opaque::derivative(&opaque.graph, fragment)
     {
-        refusals.push(
-            Refusal::new(
-                name,
-                "lane-spoils-derivatives",
-                "the fragment stage takes a derivative or an implicit level of detail, which a lane that left would spoil for its neighbours",
-                "take quad=vote, which leaves only when the whole quad is behind",
-            )
-            .at(opaque.program.sources(), span),
-        );
+        refusals.extend(refuse_lane(&opaque, fragment));
+    }
+    let toward_viewer = |bias: f32| bias * opaque.direction.away() < 0.0;
+    let bias = opaque.depth.bias;
+    let biased = (bias.constant as f32, bias.slope_scale);
+    if toward_viewer(biased.0)
+        || toward_viewer(biased.1)
+        || (params.texture == DepthTexture::Packed && biased != (0.0, 0.0))
+    {
+        refusals.push(Refusal::new(
+            name,
+            "depth-bias",
+            "the material has a depth bias of its own, which a fragment stage does not see on every API: it could take itself for hidden",
+            "take depth-prepass, where the hardware compares biased depths with biased depths",
+        ));
     }
     if params.attachment == MainAttachment::Readonly && opaque.writes_depth {
         refusals.push(Refusal::new(
@@ -219,6 +233,32 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             "the material writes depth, which a read-only attachment cannot take",
             "take attachment=own",
         ));
+    }
+    if params.attachment == MainAttachment::Readonly && params.mode == Mode::Invert {
+        refusals.push(Refusal::new(
+            name,
+            "readonly-invert",
+            "under a read-only attachment the hardware rejects what mode=invert would show",
+            "take attachment=own",
+        ));
+    }
+    if params.texture == DepthTexture::Packed {
+        if params.attachment == MainAttachment::Readonly {
+            refusals.push(Refusal::new(
+                name,
+                "packed-readonly",
+                "a packed depth is a colour, which cannot be attached as depth",
+                "take attachment=own, or texture=float",
+            ));
+        }
+        if opaque.pass.multisample.count > 1 {
+            refusals.push(Refusal::new(
+                name,
+                "packed-msaa",
+                "under multisampling the fragment stage packs one depth for all samples of a pixel, which is not that of each",
+                "take texture=depth or texture=float, which hold every sample's depth",
+            ));
+        }
     }
     if params.attachment == MainAttachment::Readonly && opaque.depth.compare == opaque.strict() {
         refusals.extend(opaque::refuse_ties(
@@ -232,6 +272,46 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     } else {
         Err(refusals)
     }
+}
+
+/// Why lanes may not leave one by one: a derivative that cannot be taken first, or a rounding of one that would decide coverage.
+fn refuse_lane(opaque: &Opaque, fragment: usize) -> Option<Refusal> {
+    let refuse = |code: &str, reason: &str, span| {
+        let remedy =
+            "take quad=vote, which leaves only when the whole quad is behind and touches no sample";
+        Refusal::new(EarlyDiscard::INFO.name, code, reason, remedy)
+            .at(opaque.program.sources(), span)
+    };
+    let taken = match gradients::find(&opaque.graph, fragment) {
+        Ok(taken) => taken,
+        Err(span) => {
+            return Some(refuse(
+                "lane-spoils-derivatives",
+                "the fragment stage takes a derivative, or an implicit level of detail, of something that cannot be computed ahead of the discard, and a lane that left would spoil it for its neighbours",
+                span,
+            ));
+        }
+    };
+    let decides = slice::backward(
+        &opaque.graph,
+        fragment,
+        &[
+            Criterion::Discard,
+            Criterion::Output(OutputFilter::FragDepth),
+        ],
+    );
+    let expressions = &opaque.program.module().entry_points[fragment]
+        .function
+        .expressions;
+    let sample = taken.into_iter().find(|e| {
+        matches!(expressions[*e], Expression::ImageSample { .. })
+            && decides.root().kept.expressions[e.index()].is_some()
+    })?;
+    Some(refuse(
+        "lane-decides-coverage",
+        "a sample decides whether a fragment is kept, or its depth: with gradients taken first it would round otherwise than in the pre-pass",
+        expressions.get_span(sample),
+    ))
 }
 
 fn what(params: &Params, opaque: &Opaque) -> String {
@@ -277,7 +357,12 @@ fn transform(
         MainAttachment::Own => (PREPASS_DEPTH.to_owned(), Invariance::AsWritten),
         MainAttachment::Readonly => (opaque.depth.attachment.clone(), params.invariant()),
     };
-    let placed = slice.place(opaque, "depth", invariant.position(), None);
+    let mut placed = slice.place(opaque, "depth", invariant.position(), None);
+    if params.texture == DepthTexture::Packed {
+        let entry = &opaque.program.module().entry_points[fragment];
+        placed = packed::write(placed, &format!("{}_depth", entry.name))
+            .map_err(|e| Refusal::bug(name, e))?;
+    }
     let mut main = if params.shares_program() {
         placed.module.clone()
     } else {
@@ -297,11 +382,20 @@ fn transform(
         direction: opaque.direction,
         quad: params.quad,
         mode: params.mode,
+        range: if opaque.writes_depth || opaque.pass.primitive.unclipped_depth {
+            DepthRange::Clamped
+        } else {
+            DepthRange::Clipped
+        },
         tolerance: params.tolerance,
         slot,
     };
+    let taken = match params.quad {
+        Quad::Vote => Vec::new(),
+        Quad::Lane => gradients::find(&opaque.graph, fragment).unwrap_or_default(),
+    };
     let main = prologue
-        .inject(main, fragment, own_depth.as_ref())
+        .inject(main, fragment, own_depth.as_ref(), &taken)
         .map_err(|e| Refusal::bug(name, e))?;
     let main = opaque
         .program
@@ -319,7 +413,10 @@ fn transform(
                 fragment: true,
             },
             source: BindingSource::Attachment {
-                name: produced.clone(),
+                name: match params.texture {
+                    DepthTexture::Depth | DepthTexture::Float => produced.clone(),
+                    DepthTexture::Packed => PREPASS_PACKED.to_owned(),
+                },
             },
         });
         if let (MainAttachment::Readonly, Some(depth)) = (params.attachment, &mut pass.depth) {
@@ -358,12 +455,17 @@ fn transform(
             name,
         )?;
     }
-    match next.attachments.iter_mut().find(|a| a.name == produced) {
-        Some(a) => a.sampled = true,
-        None => next.attachments.push(Attachment {
-            sampled: true,
-            ..Attachment::depth(produced, format, opaque.direction, samples)
-        }),
+    if next.attachment(&produced).is_none() {
+        let depth = Attachment::depth(&produced, format, opaque.direction, samples);
+        next.attachments.push(depth);
+    }
+    if params.texture == DepthTexture::Packed {
+        next.attachments.push(packed::attachment(opaque.direction));
+        for pass in next.passes.iter_mut().filter(|p| p.role == Role::Prepass) {
+            pass.targets = vec![Some(packed::target())];
+        }
+    } else if let Some(depth) = next.attachments.iter_mut().find(|a| a.name == produced) {
+        depth.sampled = true;
     }
 
     let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
@@ -376,13 +478,15 @@ fn transform(
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     given.sort();
+    let max_abs = |budget| Contract::Approximate {
+        metric: "max_abs".to_owned(),
+        budget,
+    };
     let contract = match params.mode {
-        Mode::Cull => Contract::Exact { given },
         // A diagnostic picture: every pixel may differ.
-        Mode::Invert => Contract::Approximate {
-            metric: "max_abs".to_owned(),
-            budget: 1.0,
-        },
+        Mode::Invert => max_abs(1.0),
+        Mode::Cull if !taken.is_empty() => max_abs(gradients::BUDGET),
+        Mode::Cull => Contract::Exact { given },
     };
     if params.mode == Mode::Invert {
         next.notes

@@ -221,9 +221,9 @@ const STORES: [Effect; 3] = [Effect::Store, Effect::ImageStore, Effect::Atomic];
 /// Effects that read the neighbours in the quad.
 const DERIVATIVES: [Effect; 2] = [Effect::Derivative, Effect::ImplicitLod];
 
-/// Where an entry point, or a function it calls, first takes a derivative: by name, or by an implicit level of detail.
-pub fn derivative(graph: &Graph, entry: usize) -> Option<Span> {
-    find(graph, FunctionId::EntryPoint(entry), &DERIVATIVES)
+/// Where a function, or one that it calls, first takes a derivative: by name, or by an implicit level of detail.
+pub fn derivative(graph: &Graph, function: FunctionId) -> Option<Span> {
+    find(graph, function, &DERIVATIVES)
 }
 
 /// The first node of a function with one of these effects; a call stands for what it calls where that has no place of its own.

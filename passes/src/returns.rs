@@ -27,6 +27,26 @@ impl<'e> Emitter<'e> {
         handle
     }
 
+    /// Calls a function; the expression is its result.
+    pub fn call(
+        &mut self,
+        function: Handle<Function>,
+        arguments: Vec<Handle<Expression>>,
+    ) -> Handle<Expression> {
+        let result = self
+            .expressions
+            .append(Expression::CallResult(function), Span::UNDEFINED);
+        self.block.push(
+            Statement::Call {
+                function,
+                arguments,
+                result: Some(result),
+            },
+            Span::UNDEFINED,
+        );
+        result
+    }
+
     /// An expression that naga evaluates before the function runs: a literal, a constant, an argument.
     pub fn constant(&mut self, expression: Expression) -> Handle<Expression> {
         self.expressions.append(expression, Span::UNDEFINED)

@@ -99,6 +99,11 @@ impl DepthFormat {
         }
     }
 
+    /// Whether the format stores a 32-bit float. `depth24plus` may, and is not trusted to.
+    pub fn is_float(self) -> bool {
+        matches!(self, Self::Depth32float | Self::Depth32floatStencil8)
+    }
+
     /// Whether the format has a stencil aspect.
     pub fn has_stencil(self) -> bool {
         matches!(self, Self::Depth24plusStencil8 | Self::Depth32floatStencil8)

@@ -375,7 +375,7 @@ impl<'a> Subject<'a> {
             let counter = Counter::shaded(inputs, &variant.plans, settings.form, settings.count)?;
             Ok((prepared, counter))
         };
-        if !is_original && variant.plans.iter().all(|plan| plan.steps.is_empty()) {
+        if !variant.plans.is_empty() && variant.kept.len() == variant.plans.len() {
             // Its picture is the original's, which says nothing of the recipe.
             subject.report.verdict = Verdict::NotMeasured {
                 why: "every material refuses it".to_owned(),

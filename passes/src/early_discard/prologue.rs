@@ -1,10 +1,11 @@
 //! The prologue's text, and its place at the start of a fragment entry point.
 
 use naga::{
-    Binding, BuiltIn, Expression, Handle, Module, Scalar, Statement, TypeInner, VectorSize,
+    Binding, BuiltIn, Expression, Function, Handle, MathFunction, Module, Scalar, Statement,
+    TypeInner, VectorSize,
 };
 
-use super::{DepthTexture, Mode, Quad, Slot};
+use super::{DepthTexture, Mode, Quad, Slot, gradients, packed};
 use crate::depth_only::{Argument, DepthFunction};
 use crate::place::{self, Builder};
 use crate::state::{DepthDirection, DepthFormat};
@@ -12,8 +13,20 @@ use crate::state::{DepthDirection, DepthFormat};
 /// Name of the depth texture in the emitted module.
 pub const TEXTURE: &str = "prepass_depth";
 
+/// Name of the prologue's function in the emitted module.
+const HIDDEN: &str = "hidden_by_prepass";
+
 /// An offset past every file of a source map: our own text has no place in the author's.
 const NOWHERE: u32 = u32::MAX / 2;
+
+/// Range of a fragment's depth, before it is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DepthRange {
+    /// The rasteriser clipped it to 0 to 1.
+    Clipped,
+    /// The shader writes it, or clipping is off: it may be anything, and is clamped.
+    Clamped,
+}
 
 /// What the prologue must know.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +43,8 @@ pub struct Prologue {
     pub quad: Quad,
     /// Drop hidden fragments, or visible ones.
     pub mode: Mode,
+    /// Range of the depths that are compared.
+    pub range: DepthRange,
     /// A fixed tolerance.
     pub tolerance: Option<f32>,
     /// Where the texture is bound.
@@ -44,12 +59,8 @@ impl Prologue {
         let ty = match (self.texture, multisampled) {
             (DepthTexture::Depth, false) => "texture_depth_2d",
             (DepthTexture::Depth, true) => "texture_depth_multisampled_2d",
-            (DepthTexture::Float, false) => "texture_2d<f32>",
-            (DepthTexture::Float, true) => "texture_multisampled_2d<f32>",
-        };
-        let texel = match self.texture {
-            DepthTexture::Depth => "",
-            DepthTexture::Float => ".x",
+            (DepthTexture::Float | DepthTexture::Packed, false) => "texture_2d<f32>",
+            (DepthTexture::Float | DepthTexture::Packed, true) => "texture_multisampled_2d<f32>",
         };
         // Behind every sample: compare with the farthest of them.
         let farther = match self.direction {
@@ -57,39 +68,58 @@ impl Prologue {
             DepthDirection::Reversed => "min",
         };
         let nearest = (0..self.samples.max(1))
-            .map(|s| format!("textureLoad({TEXTURE}, pixel, {s}){texel}"))
+            .map(|s| self.texel(&format!("textureLoad({TEXTURE}, pixel, {s})")))
             .reduce(|a, b| format!("{farther}({a}, {b})"))
             .unwrap_or_default();
         let behind = match self.direction {
             DepthDirection::Forward => "depth > nearest + tolerance",
             DepthDirection::Reversed => "depth < nearest - tolerance",
         };
-        let answer = match (self.mode, self.quad) {
-            (Mode::Invert, _) => "return !behind;".to_owned(),
-            (Mode::Cull, Quad::Lane) => "return behind;".to_owned(),
-            // A fine derivative is the difference of two neighbouring lanes, so a lane's partner is it plus or minus that.
-            (Mode::Cull, Quad::Vote) => "let lane = select(0.0, 1.0, behind);
-    let row = 2.0 * lane + select(1.0, -1.0, (pixel.x & 1) == 1) * dpdxFine(lane);
-    let votes = 2.0 * row + select(1.0, -1.0, (pixel.y & 1) == 1) * dpdyFine(row);
-    return votes > 3.5;"
-                .to_owned(),
+        // A fine derivative is the difference of two neighbouring lanes, so a lane less its magnitude is 1 only where both are. Where a language has
+        // coarse ones only the vote may be wrong about a neighbour, but never about the lane itself.
+        let (vote, hidden) = match self.quad {
+            Quad::Lane => ("", "behind"),
+            Quad::Vote => (
+                "let lane = select(0.0, 1.0, behind);
+    let row = lane - abs(dpdxFine(lane));
+    let quad = row - abs(dpdyFine(row));
+    ",
+                "quad > 0.5",
+            ),
+        };
+        let answer = match self.mode {
+            Mode::Cull => hidden.to_owned(),
+            Mode::Invert => format!("!({hidden})"),
         };
         format!(
             "@group({group}) @binding({binding}) var {TEXTURE}: {ty};
-fn hidden_by_prepass(position: vec4<f32>, depth: f32) -> bool {{
+fn {HIDDEN}(position: vec4<f32>, depth: f32) -> bool {{
     let pixel = vec2<i32>(position.xy);
     let nearest = {nearest};
     {tolerance}
     let behind = {behind};
-    {answer}
+    {vote}return {answer};
 }}
 ",
             tolerance = self.tolerance_wgsl(),
         )
     }
 
+    /// The depth in a texel.
+    fn texel(&self, load: &str) -> String {
+        match self.texture {
+            DepthTexture::Depth => load.to_owned(),
+            DepthTexture::Float => format!("{load}.x"),
+            DepthTexture::Packed => {
+                let [r, g, b, a] = packed::UNPACK;
+                format!("dot({load}, vec4<f32>({r:?}, {g:?}, {b:?}, {a:?}))")
+            }
+        }
+    }
+
     /// How far behind is surely behind: what the format rounds away, what two pipelines may make of one position (a few steps of the mantissa, and 1/64 of a
-    /// pixel along the slope: four of the rasteriser's 1/256 subpixel steps), and under MSAA the half pixel between centre and sample.
+    /// pixel along the slope: four of the rasteriser's 1/256 subpixel steps), and under MSAA the half pixel between centre and sample. Packing adds its last
+    /// digit, and the rounding of four bytes, four products and three sums.
     fn tolerance_wgsl(&self) -> String {
         if let Some(fixed) = self.tolerance {
             return format!("let tolerance = f32({fixed:?});");
@@ -99,22 +129,26 @@ fn hidden_by_prepass(position: vec4<f32>, depth: f32) -> bool {{
         } else {
             1.0 / 64.0
         };
-        let mut rounding = "max(abs(depth), abs(nearest)) * 9.5367431640625e-7".to_owned();
-        if !matches!(
-            self.format,
-            DepthFormat::Depth32float | DepthFormat::Depth32floatStencil8
-        ) {
-            rounding.push_str(&format!(" + {:?}", 2.0 * self.format.step()));
+        let (relative, mut absolute) = match self.texture {
+            DepthTexture::Depth | DepthTexture::Float => (f32::EPSILON * 8.0, 0.0),
+            DepthTexture::Packed => (f32::EPSILON * 16.0, 2.0 * packed::STEP),
+        };
+        if !self.format.is_float() {
+            absolute += 2.0 * self.format.step();
+        }
+        let mut rounding = format!("max(abs(depth), abs(nearest)) * {relative:?}");
+        if absolute > 0.0 {
+            rounding.push_str(&format!(" + {absolute:?}"));
         }
         format!(
-            "let slope = abs(dpdxFine(depth)) + abs(dpdyFine(depth));\n    let tolerance = {rounding} + slope * {pixels:?};"
+            "let slope = fwidthFine(depth);\n    let tolerance = {rounding} + slope * {pixels:?};"
         )
     }
 }
 
 impl Prologue {
     /// `module` with the prologue called first thing in the fragment entry point `entry`. `depth` computes the depth that the material writes;
-    /// without one it is the rasteriser's.
+    /// without one it is the rasteriser's. The derivatives of `taken` ([`gradients::find`]) are taken ahead of it.
     ///
     /// # Errors
     /// When our own text does not parse or link.
@@ -123,15 +157,12 @@ impl Prologue {
         module: Module,
         entry: usize,
         depth: Option<&DepthFunction>,
+        taken: &[Handle<Expression>],
     ) -> Result<Module, InjectError> {
-        let snippet = naga::front::wgsl::parse_str(&self.wgsl())
-            .map_err(|e| InjectError(e.message().to_owned()))?;
-        let linked = crate::link::link(module, &snippet, NOWHERE, "preshade")
-            .map_err(|e| InjectError(e.to_string()))?;
-        let [hidden] = linked.functions[..] else {
-            return Err(InjectError("the prologue is not one function".to_owned()));
-        };
-        Ok(place::prologue(&linked.module, entry, |build| {
+        let (module, hidden) = link_snippet(module, &self.wgsl())?;
+        let author = &module.entry_points[entry].function;
+        Ok(place::prologue_replacing(&module, entry, |build| {
+            let replacements = gradients::take(build, author, taken);
             let vec4 = build.ty(TypeInner::Vector {
                 size: VectorSize::Quad,
                 scalar: Scalar::F32,
@@ -141,21 +172,50 @@ impl Prologue {
                 vec4,
                 &Binding::BuiltIn(BuiltIn::Position { invariant: false }),
             );
-            let depth = match depth {
-                Some(d) => {
-                    let arguments = d.arguments.iter().map(|a| argument(build, a)).collect();
-                    build.call(d.function, arguments)
-                }
-                None => Some(build.expression(Expression::AccessIndex {
+            let computed = depth.and_then(|d| {
+                let arguments = d.arguments.iter().map(|a| argument(build, a)).collect();
+                let written = build.call(d.function, arguments)?;
+                build.name(written, "own_depth");
+                Some(written)
+            });
+            let depth = computed.unwrap_or_else(|| {
+                build.expression(Expression::AccessIndex {
                     base: position,
                     index: 2,
-                })),
+                })
+            });
+            // What is written, or not clipped, is clamped before it is stored (WebGPU section 23.2.8).
+            let depth = match self.range {
+                DepthRange::Clipped => depth,
+                DepthRange::Clamped => build.expression(Expression::Math {
+                    fun: MathFunction::Saturate,
+                    arg: depth,
+                    arg1: None,
+                    arg2: None,
+                    arg3: None,
+                }),
             };
-            let is_hidden = depth.and_then(|depth| build.call(hidden, vec![position, depth]));
-            if let Some(is_hidden) = is_hidden {
+            if let Some(is_hidden) = build.call(hidden, vec![position, depth]) {
+                build.name(is_hidden, "hidden");
                 build.if_then(is_hidden, |build| build.statement(Statement::Kill));
             }
+            replacements
         }))
+    }
+}
+
+/// `module` with a snippet of ours, and the snippet's one function.
+///
+/// # Errors
+/// When it does not parse or link.
+pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Function>), InjectError> {
+    let snippet =
+        naga::front::wgsl::parse_str(wgsl).map_err(|e| InjectError(e.message().to_owned()))?;
+    let linked = crate::link::link(module, &snippet, NOWHERE, "preshade")
+        .map_err(|e| InjectError(e.to_string()))?;
+    match linked.functions[..] {
+        [function] => Ok((linked.module, function)),
+        _ => Err(InjectError("the snippet is not one function".to_owned())),
     }
 }
 
@@ -178,4 +238,4 @@ fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> 
 /// A snippet of ours that does not parse: a bug.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct InjectError(String);
+pub struct InjectError(pub(super) String);

@@ -1,8 +1,10 @@
 //! Statements put in front of everything else in an entry point.
 
+use std::collections::BTreeMap;
+
 use naga::{
     Binding, Block, BuiltIn, Expression, Function, FunctionArgument, Handle, Literal,
-    LocalVariable, Module, Span, Statement, Type, TypeInner,
+    LocalVariable, Module, SampleLevel, Span, Statement, Type, TypeInner,
 };
 
 use crate::graph::operands;
@@ -17,9 +19,38 @@ pub struct Builder<'m> {
     emitting: Option<usize>,
 }
 
+/// What takes the place of one of the author's expressions behind a prologue.
+#[derive(Clone, Copy, Debug)]
+pub enum Replacement {
+    /// A value that the prologue computed.
+    Value(Handle<Expression>),
+    /// The same texture sample, with gradients that the prologue computed.
+    Gradients {
+        /// Along x.
+        x: Handle<Expression>,
+        /// Along y.
+        y: Handle<Expression>,
+    },
+}
+
+/// Replacements by the author's expression.
+pub type Replacements = BTreeMap<Handle<Expression>, Replacement>;
+
 /// The module with what `build` writes at the start of an entry point, ahead of all the author's statements. The author's expressions
 /// are copied into a fresh arena behind it; `build` may add arguments, types and globals.
 pub fn prologue(module: &Module, entry: usize, build: impl FnOnce(&mut Builder<'_>)) -> Module {
+    prologue_replacing(module, entry, |builder| {
+        build(builder);
+        Replacements::new()
+    })
+}
+
+/// [`prologue`], and the author's code reads what `build` returns in place of its own expressions.
+pub fn prologue_replacing(
+    module: &Module,
+    entry: usize,
+    build: impl FnOnce(&mut Builder<'_>) -> Replacements,
+) -> Module {
     let mut module = module.clone();
     let original = std::mem::take(&mut module.entry_points[entry].function);
     let locals = original.local_variables.len();
@@ -36,24 +67,33 @@ pub fn prologue(module: &Module, entry: usize, build: impl FnOnce(&mut Builder<'
         block: Block::new(),
         emitting: None,
     };
-    build(&mut builder);
+    let replacements = build(&mut builder);
     builder.flush();
     let Builder {
         mut function,
         block: mut body,
         ..
     } = builder;
-    append_body(&original, locals, &mut function, &mut body);
+    append_body(&original, locals, &replacements, &mut function, &mut body);
     function.body = body;
     module.entry_points[entry].function = function;
     module
 }
 
 /// Copies the whole body of `original` behind `body`. `function` has the original's local variables, at the same handles, as its first `locals`.
-fn append_body(original: &Function, locals: usize, function: &mut Function, body: &mut Block) {
+fn append_body(
+    original: &Function,
+    locals: usize,
+    replacements: &Replacements,
+    function: &mut Function,
+    body: &mut Block,
+) {
     let mut emitted = vec![false; original.expressions.len()];
     note_evaluated(&original.body, &mut emitted);
-    let mut map = vec![None; original.expressions.len()];
+    let mut map = Map {
+        copies: vec![None; original.expressions.len()],
+        replacements,
+    };
     for (e, _) in original.expressions.iter() {
         if !emitted[e.index()] {
             copy(original, e, &mut map, function);
@@ -61,10 +101,10 @@ fn append_body(original: &Function, locals: usize, function: &mut Function, body
     }
     copy_block(original, &original.body, &mut map, function, body);
     for (_, variable) in function.local_variables.iter_mut().take(locals) {
-        variable.init = variable.init.and_then(|i| map[i.index()]);
+        variable.init = variable.init.and_then(|i| map.copies[i.index()]);
     }
     for (e, name) in &original.named_expressions {
-        if let Some(new) = map[e.index()] {
+        if let Some(new) = map.copies[e.index()] {
             function.named_expressions.insert(new, name.clone());
         }
     }
@@ -86,23 +126,37 @@ fn note_evaluated(block: &Block, emitted: &mut [bool]) {
     }
 }
 
-type Map = Vec<Option<Handle<Expression>>>;
+struct Map<'r> {
+    /// The new handle of each of the author's expressions.
+    copies: Vec<Option<Handle<Expression>>>,
+    replacements: &'r Replacements,
+}
 
-fn copy(original: &Function, e: Handle<Expression>, map: &mut Map, function: &mut Function) {
+fn copy(original: &Function, e: Handle<Expression>, map: &mut Map<'_>, function: &mut Function) {
+    let replacement = map.replacements.get(&e);
+    if let Some(Replacement::Value(value)) = replacement {
+        map.copies[e.index()] = Some(*value);
+        return;
+    }
     let mut expression = original.expressions[e].clone();
     operands::map_expression(&mut expression, &mut |o| {
-        if let Some(new) = map[o.index()] {
+        if let Some(new) = map.copies[o.index()] {
             *o = new;
         }
     });
+    if let (Some(Replacement::Gradients { x, y }), Expression::ImageSample { level, .. }) =
+        (replacement, &mut expression)
+    {
+        *level = SampleLevel::Gradient { x: *x, y: *y };
+    }
     let span = original.expressions.get_span(e);
-    map[e.index()] = Some(function.expressions.append(expression, span));
+    map.copies[e.index()] = Some(function.expressions.append(expression, span));
 }
 
 fn copy_block(
     original: &Function,
     block: &Block,
-    map: &mut Map,
+    map: &mut Map<'_>,
     function: &mut Function,
     out: &mut Block,
 ) {
@@ -121,7 +175,7 @@ fn copy_block(
         let mut shell = operands::shell(statement);
         if let Some(result) = operands::result_mut(&mut shell) {
             copy(original, *result, map, function);
-            if let Some(new) = map[result.index()] {
+            if let Some(new) = map.copies[result.index()] {
                 *result = new;
             }
         }
@@ -160,7 +214,7 @@ fn copy_block(
         drop(inner);
         // A loop's `break_if` may read what its blocks evaluate, so operands are mapped last.
         operands::map_statement(&mut shell, &mut |o| {
-            if let Some(new) = map[o.index()] {
+            if let Some(new) = map.copies[o.index()] {
                 *o = new;
             }
         });
@@ -196,8 +250,13 @@ impl Builder<'_> {
     /// Appends an expression and names it: it is printed as a `let`.
     pub fn named(&mut self, name: &str, expression: Expression) -> Handle<Expression> {
         let e = self.expression(expression);
-        self.function.named_expressions.insert(e, name.to_owned());
+        self.name(e, name);
         e
+    }
+
+    /// Names an expression of the prologue, a call's result say.
+    pub fn name(&mut self, e: Handle<Expression>, name: &str) {
+        self.function.named_expressions.insert(e, name.to_owned());
     }
 
     /// A literal.

@@ -12,7 +12,7 @@ mod function;
 mod interface;
 mod members;
 
-pub use builder::{Builder, prologue};
+pub use builder::{Builder, Replacement, Replacements, prologue, prologue_replacing};
 pub use discard::without_discard;
 use interface::Placement;
 pub use interface::PositionInvariance;
