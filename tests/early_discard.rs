@@ -26,17 +26,21 @@ fn scene(name: &str) -> Scene {
     preshade::scene::load(&path).unwrap().resized([160, 90])
 }
 
-/// Five layers of a fixture's material that fill the screen, seen at a slant.
-fn layers(shader: &str, material: &str) -> Scene {
-    let root = env!("CARGO_MANIFEST_DIR");
+/// Five layers of a textured material that fill the screen, seen at a slant. `edit` makes the fixture's text another.
+fn layers(name: &str, edit: impl Fn(String) -> String) -> Scene {
+    let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders/textured.wgsl");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    let path = folder.join(format!("layers-{shader}.toml"));
+    let shader = edit(std::fs::read_to_string(fixture).unwrap());
+    std::fs::write(folder.join(format!("{name}.wgsl")), shader).unwrap();
+    let path = folder.join(format!("{name}.toml"));
     let text = format!(
         r#"
 size = [160, 90]
 [materials.layer]
-shader = "{root}/fixtures/shaders/{shader}.wgsl"
-{material}
+shader = "{name}.wgsl"
+textures.albedo = {{ pattern = "checker", srgb = true }}
+samplers.albedo_sampler = {{ anisotropy = 4 }}
+values = {{ "light.ambient" = [0.2, 0.22, 0.25] }}
 [meshes]
 layer.plane = {{ size = [24, 14], segments = [8, 4] }}
 [[draws]]
@@ -55,6 +59,9 @@ far = 40
     std::fs::write(&path, text).unwrap();
     preshade::scene::load(&path).unwrap()
 }
+
+/// The fixture's one sample.
+const SAMPLE: &str = "textureSample(albedo, albedo_sampler, in.uv)";
 
 fn apply(plan: &Plan, recipe: &str) -> Result<Plan, Box<Refusal>> {
     Recipe::parse([recipe])
@@ -230,23 +237,71 @@ fn a_bias_toward_the_viewer_is_refused() {
 
 #[test]
 fn lanes_leave_one_by_one_with_gradients_taken_first() {
-    let texture = r#"
-textures.albedo = { pattern = "checker", srgb = true }
-samplers.albedo_sampler = { anisotropy = 4 }
-values = { "light.ambient" = [0.2, 0.22, 0.25] }"#;
-    let scene = layers("textured", texture);
-    let plans = transformed(&scene, "early-discard:quad=lane");
-    let Contract::Approximate { metric, budget } = &plans[0].contract else {
-        panic!("{:?}", plans[0].contract);
+    let biased = "textureSampleBias(albedo, albedo_sampler, in.uv * 3.0, 1.5) * (1.0 - min(length(fwidth(in.uv)), 0.5))";
+    for (name, sample) in [("lane-auto", SAMPLE), ("lane-bias", biased)] {
+        let scene = layers(name, |text| text.replace(SAMPLE, sample));
+        let plans = transformed(&scene, "early-discard:quad=lane");
+        let Contract::Approximate { metric, budget } = &plans[0].contract else {
+            panic!("{:?}", plans[0].contract);
+        };
+        let error = error(&scene, &plans);
+        assert_eq!((metric.as_str(), *budget), ("max_abs", 0.01));
+        assert!(error.max_abs <= *budget, "{name}: {error:?}");
+        assert_eq!(error.changed_depth, 0, "{name}: {error:?}");
+        let before = shaded_per_pixel(&scene, &originals(&scene));
+        let after = shaded_per_pixel(&scene, &plans);
+        assert!(before > 3.0, "{name}: {before}");
+        assert!((1.0..1.01).contains(&after), "{name}: {after}");
+    }
+}
+
+#[test]
+fn lanes_stay_where_a_derivative_cannot_come_first() {
+    let refused = |name: &str, edit: &dyn Fn(String) -> String| {
+        let scene = layers(name, edit);
+        let refusal = apply(&originals(&scene)[0], "early-discard:quad=lane").unwrap_err();
+        let location = refusal.location.unwrap_or_else(|| panic!("{name}"));
+        (refusal.code, location.line)
     };
-    let error = error(&scene, &plans);
-    println!("gradients taken first: {error:?}");
-    assert_eq!((metric.as_str(), *budget), ("max_abs", 0.01));
-    assert!(error.max_abs <= *budget, "{error:?}");
-    assert_eq!(error.changed_depth, 0, "{error:?}");
-    assert!(shaded_per_pixel(&scene, &originals(&scene)) > 3.0);
-    let after = shaded_per_pixel(&scene, &plans);
-    assert!((1.0..1.01).contains(&after), "{after}");
+    let line = |text: &str| {
+        let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders/textured.wgsl");
+        let source = std::fs::read_to_string(fixture).unwrap();
+        1 + source.lines().position(|l| l.contains(text)).unwrap() as u32
+    };
+    let at_sample = line(SAMPLE);
+    // A dependent read, a variable, and a sample in a callee.
+    let dependent =
+        "textureSample(albedo, albedo_sampler, textureLoad(albedo, vec2<i32>(0), 0).xy)";
+    let spoils = "lane-spoils-derivatives".to_owned();
+    assert_eq!(
+        refused("lane-dependent", &|t| t.replace(SAMPLE, dependent)),
+        (spoils.clone(), at_sample)
+    );
+    assert_eq!(
+        refused("lane-variable", &|t| t
+            .replace(
+                "    let base = ",
+                "    var uv = in.uv; uv *= 2.0; let base = "
+            )
+            .replace(SAMPLE, "textureSample(albedo, albedo_sampler, uv)")),
+        (spoils.clone(), at_sample)
+    );
+    assert_eq!(
+        refused("lane-callee", &|t| format!(
+            "{}\nfn look(uv: vec2<f32>) -> vec4<f32> {{ return textureSample(albedo, albedo_sampler, uv); }}\n",
+            t.replace(SAMPLE, "look(in.uv)")
+        ))
+        .0,
+        spoils
+    );
+    // An alpha test by a sample would round otherwise than in the pre-pass.
+    assert_eq!(
+        refused("lane-alpha", &|t| t.replace(
+            "    let lambert",
+            "    if base.a < 0.5 { discard; }\n    let lambert"
+        )),
+        ("lane-decides-coverage".to_owned(), at_sample)
+    );
 }
 
 #[test]
@@ -285,17 +340,9 @@ fn inverting_draws_what_would_be_saved() {
 #[test]
 fn inverting_and_culling_share_out_the_fragments() {
     let scene = scene("simple.toml");
-    let all = worked_per_pixel(&scene, &originals(&scene));
-    let plans = transformed(&scene, "early-discard");
-    let culled = worked_per_pixel(&scene, &plans);
-    assert!(culled < all, "{culled} of {all}");
-    // Per covered pixel, and inverting covers fewer: compare fragments.
+    // Whatever the depth test makes of them.
     let fragments = |recipe: Option<&str>| {
-        let plans = match recipe {
-            Some(recipe) => transformed(&scene, recipe),
-            None => originals(&scene),
-        };
-        let mut plans = plans;
+        let mut plans = recipe.map_or_else(|| originals(&scene), |r| transformed(&scene, r));
         for pass in plans.iter_mut().flat_map(|p| &mut p.passes) {
             if let (Role::Main, Some(depth)) = (pass.role, &mut pass.depth) {
                 depth.compare = CompareFunction::Always;
@@ -312,6 +359,7 @@ fn inverting_and_culling_share_out_the_fragments() {
         fragments(Some("early-discard")),
         fragments(Some("early-discard:mode=invert")),
     );
+    assert!(saved > 0);
     assert_eq!(kept + saved, fragments(None));
 }
 
@@ -391,10 +439,31 @@ fn it_saves_where_the_hardware_cannot_test_early() {
         let plans = transformed(&scene, recipe);
         assert_exact(recipe, &scene, &plans);
         let [before, after] = [&originals(&scene), &plans].map(|p| worked_per_pixel(&scene, p));
-        println!("{recipe}: {before:.3} fragments a pixel before, {after:.3} after");
         assert!(
             before > 2.0 && after < 1.3,
             "{before} before, {after} after"
         );
     }
+}
+
+#[cfg(feature = "glsl")]
+#[test]
+fn packed_depth_is_for_webgl() {
+    use preshade::emit::{self, Target};
+    let scene = scene("frag-depth.toml");
+    for plan in transformed(&self::scene("simple.toml"), "early-discard:texture=packed") {
+        let files = emit::emit(&plan, &[Target::GlslEs300], &emit::Options::default()).unwrap();
+        let text = |part: &str| {
+            let file = files
+                .iter()
+                .find(|f| f.name.contains(part) && f.name.ends_with(".frag"))
+                .unwrap();
+            String::from_utf8(file.bytes.clone()).unwrap()
+        };
+        assert!(text(".main.").contains("texelFetch("));
+        assert!(text(".prepass.").contains("pack_depth("));
+    }
+    // A depth texture is what GLSL cannot say.
+    let plan = apply(&originals(&scene)[0], "early-discard").unwrap();
+    assert!(emit::emit(&plan, &[Target::GlslEs300], &emit::Options::default()).is_err());
 }

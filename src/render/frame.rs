@@ -401,7 +401,7 @@ impl<'a> Prepared<'a> {
         let stencil = target.format.has_stencil() && (!read_only || pass.stencil_write);
         Some(wgpu::RenderPassDepthStencilAttachment {
             view: &target.view,
-            depth_ops: (!read_only).then(|| wgpu::Operations {
+            depth_ops: (!read_only).then_some(wgpu::Operations {
                 load: match pass.frame.clear_depth {
                     true => wgpu::LoadOp::Clear(target.clear),
                     false => wgpu::LoadOp::Load,
