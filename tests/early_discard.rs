@@ -414,6 +414,8 @@ fn the_slot_is_free_or_the_one_asked_for() {
     let refusal = apply(&originals(&scene)[0], "early-discard:group=1,binding=0").unwrap_err();
     assert_eq!(refusal.code, "binding-taken");
     assert!(refusal.reason.contains("`object`"), "{}", refusal.reason);
+    let refusal = apply(&originals(&scene)[0], "early-discard:group=4").unwrap_err();
+    assert_eq!(refusal.code, "group-limit");
 }
 
 #[test]
