@@ -6,6 +6,7 @@
 pub mod emit;
 pub mod front;
 pub mod nearest;
+pub mod parameters;
 pub mod recipe;
 
 #[cfg(feature = "verify")]

@@ -7,6 +7,9 @@ use preshade_passes::plan::Plan;
 use preshade_passes::{PASSES, pass_named};
 use serde::{Deserialize, Serialize};
 
+use crate::nearest::nearest;
+use crate::parameters::parameters;
+
 /// One step: a pass, its parameters, and the site if the recipe pins it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -48,13 +51,60 @@ pub enum RecipeError {
         /// The part that does not fit.
         found: String,
     },
-    /// The pass has no such parameter, or not that value for it.
+    /// The pass has no parameter of that name.
+    #[error("{pass} has no parameter `{name}`{}; it has: {known} (see `preshade passes {pass}`)", suggestion(.nearest))]
+    UnknownParameter {
+        /// Name of the pass.
+        pass: &'static str,
+        /// As given.
+        name: String,
+        /// The nearest name there is.
+        nearest: Option<String>,
+        /// The names there are, separated by commas.
+        known: String,
+    },
+    /// The parameter is one of several words, and this is none of them.
+    #[error("{pass}: `{name}` cannot be `{value}`{}; it is one of: {known} (see `preshade passes {pass}`)", suggestion(.nearest))]
+    UnknownValue {
+        /// Name of the pass.
+        pass: &'static str,
+        /// Name of the parameter.
+        name: String,
+        /// As given.
+        value: String,
+        /// The nearest word there is.
+        nearest: Option<String>,
+        /// The words there are, separated by commas.
+        known: String,
+    },
+    /// The parameter is a number, and this is none.
+    #[error("{pass}: `{name}` is {kind}, which `{value}` is not (see `preshade passes {pass}`)")]
+    NotNumber {
+        /// Name of the pass.
+        pass: &'static str,
+        /// Name of the parameter.
+        name: String,
+        /// `a number` or `a whole number`.
+        kind: &'static str,
+        /// As given.
+        value: String,
+    },
+    /// A parameter is given twice.
+    #[error("in `{text}`: `{name}` is given twice")]
+    Twice {
+        /// The whole step.
+        text: String,
+        /// Name of the parameter.
+        name: String,
+    },
+    /// The values do not fit the pass: another type, or out of range.
     #[error(transparent)]
     Params(#[from] ParamError),
 }
 
-fn suggestion(nearest: &Option<&'static str>) -> String {
+fn suggestion(nearest: &Option<impl fmt::Display>) -> String {
     nearest
+        .as_ref()
         .map(|n| format!(" (did you mean `{n}`?)"))
         .unwrap_or_default()
 }
@@ -84,7 +134,14 @@ impl Step {
                     found: part.to_owned(),
                 });
             };
-            params.insert(key.trim().to_owned(), scalar(value.trim()));
+            let (key, value) = (key.trim(), value.trim());
+            check(pass, key, value)?;
+            if params.insert(key.to_owned(), scalar(value)).is_some() {
+                return Err(RecipeError::Twice {
+                    text: text.to_owned(),
+                    name: key.to_owned(),
+                });
+            }
         }
         pass.complete(&serde_json::Value::Object(params.clone()))?;
         Ok(Self {
@@ -93,6 +150,45 @@ impl Step {
             site: None,
         })
     }
+}
+
+/// Whether `pass` has a parameter of that name and, where it is a choice, that word for it.
+fn check(pass: &dyn AnyPass, name: &str, value: &str) -> Result<(), RecipeError> {
+    let known = parameters(pass);
+    let near = |word: &str, words: &[&str]| nearest(word, words.iter().copied()).map(str::to_owned);
+    let Some(parameter) = known.iter().find(|p| p.name == name) else {
+        let names: Vec<&str> = known.iter().map(|p| p.name.as_str()).collect();
+        return Err(RecipeError::UnknownParameter {
+            pass: pass.info().name,
+            name: name.to_owned(),
+            nearest: near(name, &names),
+            known: names.join(", "),
+        });
+    };
+    let kind = match parameter.kind.as_deref() {
+        Some("integer") if value.parse::<i64>().is_err() => Some("a whole number"),
+        Some("number") if value.parse::<f64>().is_err() => Some("a number"),
+        _ => None,
+    };
+    if let Some(kind) = kind {
+        return Err(RecipeError::NotNumber {
+            pass: pass.info().name,
+            name: name.to_owned(),
+            kind,
+            value: value.to_owned(),
+        });
+    }
+    let words: Vec<&str> = parameter.choices.iter().map(|c| c.value.as_str()).collect();
+    if words.is_empty() || words.contains(&value) {
+        return Ok(());
+    }
+    Err(RecipeError::UnknownValue {
+        pass: pass.info().name,
+        name: name.to_owned(),
+        value: value.to_owned(),
+        nearest: near(value, &words),
+        known: words.join(", "),
+    })
 }
 
 /// `true`, `12`, `0.5` or a word.
@@ -106,7 +202,7 @@ fn scalar(text: &str) -> serde_json::Value {
 fn find(name: &str) -> Result<&'static dyn AnyPass, RecipeError> {
     pass_named(name).ok_or_else(|| RecipeError::UnknownPass {
         name: name.to_owned(),
-        nearest: crate::nearest::nearest(name, PASSES.iter().map(|p| p.info().name)),
+        nearest: nearest(name, PASSES.iter().map(|p| p.info().name)),
     })
 }
 
@@ -166,7 +262,7 @@ impl Step {
             refuse(
                 "parameters",
                 e.to_string(),
-                "see `preshade explain --passes`",
+                &format!("see `preshade passes {}`", self.pass),
             )
         })?;
         let site = match (&self.site, found.sites.as_slice()) {

@@ -8,6 +8,7 @@ mod accept;
 use preshade::emit::{self, File, Target};
 use preshade::front::{self, Color, Source};
 use preshade_passes::plan::{Plan, Role};
+use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 
 const LIT: &str = r"
@@ -53,12 +54,17 @@ fn fs_main(in: Varyings) -> @location(0) vec4<f32> {
 /// Loops, a switch, early returns, an array, a private global, padded structs, names that end in digits.
 const EVERYTHING: &str = include_str!("materials/everything.wgsl");
 
+/// A program that the writer has to write: one that no transform has touched ships as its author's own text.
+fn touched(program: &Program) -> Program {
+    program.with_module(program.module().clone()).unwrap()
+}
+
 fn plan(name: &str, text: &str) -> Plan {
     let parsed = front::parse(&[Source::new(name, text)], &front::Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
     Plan::original(
         "material",
-        parsed.program,
+        touched(&parsed.program),
         &parsed.vertex,
         parsed.fragment.as_deref(),
         &MaterialState::default(),
@@ -221,7 +227,7 @@ void main() {
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
     let plan = Plan::original(
         "material",
-        parsed.program,
+        touched(&parsed.program),
         &parsed.vertex,
         parsed.fragment.as_deref(),
         &MaterialState::default(),
@@ -343,7 +349,7 @@ fn glsl_reads_like_an_authors_wgsl() {
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
     let plan = Plan::original(
         "material",
-        parsed.program,
+        touched(&parsed.program),
         &parsed.vertex,
         parsed.fragment.as_deref(),
         &MaterialState::default(),
@@ -365,7 +371,7 @@ fn three_passes() -> Plan {
     let parsed = front::parse(&[Source::new("lit.wgsl", &text)], &options).unwrap();
     let mut plan = Plan::original(
         "lit",
-        parsed.program,
+        touched(&parsed.program),
         &parsed.vertex,
         parsed.fragment.as_deref(),
         &MaterialState::default(),
@@ -463,4 +469,22 @@ fn f1(x1: f32) -> f32 { return x1; }
         assert!(written.contains(item), "{item}\n{written}");
     }
     accept::accept(&[(name, files)]);
+}
+
+#[test]
+fn an_untouched_program_ships_as_its_author_wrote_it() {
+    let source = format!("// The author's comment.\n{VS}");
+    let parsed = front::parse(
+        &[Source::new("plain.wgsl", &source)],
+        &front::Options::default(),
+    )
+    .unwrap();
+    let plan = Plan::original(
+        "plain",
+        parsed.program,
+        &parsed.vertex,
+        None,
+        &MaterialState::default(),
+    );
+    assert_eq!(text(&emit_all(&plan), "plain.main.wgsl"), source);
 }

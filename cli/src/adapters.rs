@@ -2,10 +2,14 @@
 
 use preshade::render;
 
+use crate::output;
 use crate::{Failure, Format, Outcome};
 
 /// Arguments of `adapters`.
 #[derive(clap::Args)]
+#[command(after_help = "\
+The first one listed is the one that is used. `preshade verify --adapter TEXT` takes another, by a
+part of its name, driver or backend.")]
 pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
@@ -16,15 +20,19 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let adapters = render::adapters();
     match args.format {
-        Format::Json => println!("{}", serde_json::to_string_pretty(&adapters)?),
+        Format::Json => output::json(&adapters)?,
         Format::Human => {
             for a in &adapters {
-                println!("{}", a);
+                output::data(&a.to_string())?;
             }
         }
     }
     if adapters.is_empty() {
-        return Err(Failure("error: no adapter found; on Debian or Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1".to_owned()));
+        return Err(render::Error::NoAdapter {
+            wanted: None,
+            found: Vec::new(),
+        }
+        .into());
     }
     Ok(Outcome::Fine)
 }

@@ -20,11 +20,16 @@ use preshade::render::{
 use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
 use serde::Serialize;
 
-use crate::verify::parse_size;
+use crate::output;
+use crate::verify::{parse_seconds, parse_size};
 use crate::{Failure, Format, Outcome};
 
 /// Arguments of `bench`.
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples, from the root of the repository:
+  preshade bench
+  preshade bench --layers 4 --size 320x180 --seconds 0.2 --format json")]
 pub struct Args {
     /// The hand-written reference.
     #[arg(
@@ -37,10 +42,10 @@ pub struct Args {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
     /// Layers of noise, one over the other.
-    #[arg(long, value_delimiter = ',', default_value = "4,16")]
+    #[arg(long, value_delimiter = ',', default_value = "4,16", value_name = "N,..", value_parser = clap::value_parser!(u32).range(1..=256))]
     layers: Vec<u32>,
     /// Seconds to spend on each pair.
-    #[arg(long, value_name = "SECONDS", default_value_t = 1.5)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.5, value_parser = parse_seconds)]
     seconds: f64,
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
@@ -98,7 +103,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let text = std::fs::read_to_string(&args.reference)
         .map_err(|e| Failure(format!("error: {}: {e}", args.reference.display())))?;
     let timing = TimingSettings {
-        budget: Duration::from_secs_f64(args.seconds.clamp(0.0, 600.0)),
+        budget: Duration::from_secs_f64(args.seconds),
         ..TimingSettings::default()
     };
     let mut rows = Vec::new();
@@ -111,7 +116,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 .next()
                 .ok_or_else(|| Failure("error: no plan".to_owned()))?;
             for (form, recipe) in FORMS {
-                eprintln!("{layers} layers {order}: {form}");
+                output::message(&format!("{layers} layers {order}: {form}"));
                 let hand = handwritten(&forward, form)?;
                 let generated = Recipe::parse([recipe])?
                     .apply(
@@ -155,23 +160,25 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         rows,
     };
     match args.format {
-        Format::Json => println!("{}", serde_json::to_string_pretty(&report)?),
-        Format::Human => print(&report),
+        Format::Json => output::json(&report)?,
+        Format::Human => output::data(&table(&report))?,
     }
     Ok(Outcome::Fine)
 }
 
-fn print(report: &Report) {
-    println!(
-        "{}x{} on {}\n",
-        report.resolution[0], report.resolution[1], report.adapter.name
-    );
-    println!(
-        "{:>6}  {:<13}  {:<15}  {:>9}  {:>9}  {:>22}  {:>10}",
-        "layers", "order", "form", "hand ms", "ours ms", "hand / ours", "changed px"
-    );
-    for r in &report.rows {
-        println!(
+fn table(report: &Report) -> String {
+    let mut lines = vec![
+        format!(
+            "{}x{} on {}\n",
+            report.resolution[0], report.resolution[1], report.adapter.name
+        ),
+        format!(
+            "{:>6}  {:<13}  {:<15}  {:>9}  {:>9}  {:>22}  {:>10}",
+            "layers", "order", "form", "hand ms", "ours ms", "hand / ours", "changed px"
+        ),
+    ];
+    lines.extend(report.rows.iter().map(|r| {
+        format!(
             "{:>6}  {:<13}  {:<15}  {:>9.3}  {:>9.3}  {:>6.3} [{:>5.3}, {:>5.3}]  {:>10}",
             r.layers,
             r.order,
@@ -182,8 +189,9 @@ fn print(report: &Report) {
             r.ratio.low,
             r.ratio.high,
             r.changed_pixels
-        );
-    }
+        )
+    }));
+    lines.join("\n")
 }
 
 /// The layers of noise as a scene: no vertex data, one instance a layer.

@@ -11,24 +11,39 @@ use preshade::recipe::Step;
 use serde::Serialize;
 
 use crate::input::ShaderArgs;
+use crate::output;
 use crate::{Failure, Format, Outcome};
 
 /// Arguments of `explain`.
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade explain lit.wgsl
+  preshade explain lit.vert lit.frag --depth-format depth24plus --blend alpha
+  preshade explain lit.wgsl --pass depth-prepass:form=equal --format json
+  preshade explain scene.toml                       every material of a scene
+
+A refusal says where, why, and what would make the pass legal; it is no failure (exit status 0).")]
 pub struct Args {
-    #[command(flatten)]
-    shader: ShaderArgs,
     /// Explain these passes, with these parameters; default: all, with their defaults.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
+    // Last, for its help heading holds for what follows it.
+    #[command(flatten)]
+    shader: ShaderArgs,
+}
+
+#[derive(Serialize)]
+struct Report {
+    schema: &'static str,
+    materials: Vec<Explained>,
 }
 
 #[derive(Serialize)]
 struct Explained {
-    schema: &'static str,
     material: String,
     stages: Vec<Stage>,
     passes: Vec<PassExplained>,
@@ -53,9 +68,8 @@ struct PassExplained {
     sites: Sites,
 }
 
-/// Explains a material.
+/// Explains a material, or every material of a scene.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let plan = args.shader.plan()?;
     let steps = if args.passes.is_empty() {
         PASSES
             .iter()
@@ -67,10 +81,32 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .map(|p| Step::parse(p))
             .collect::<Result<Vec<_>, _>>()?
     };
-    let explained = Explained {
-        schema: "preshade.explain.v1",
+    let plans = args.shader.plans()?;
+    let materials = plans
+        .iter()
+        .map(|plan| explain(plan, &steps))
+        .collect::<Result<Vec<_>, _>>()?;
+    match args.format {
+        Format::Json => output::json(&Report {
+            schema: "preshade.explain.v1",
+            materials,
+        })?,
+        Format::Human => {
+            let texts: Vec<String> = materials
+                .iter()
+                .zip(&plans)
+                .map(|(explained, plan)| print(explained, plan))
+                .collect();
+            output::data(&texts.join("\n"))?;
+        }
+    }
+    Ok(Outcome::Fine)
+}
+
+fn explain(plan: &Plan, steps: &[Step]) -> Result<Explained, Failure> {
+    Ok(Explained {
         material: plan.material.clone(),
-        stages: stages(&plan),
+        stages: stages(plan),
         passes: steps
             .iter()
             .map(|step| {
@@ -79,7 +115,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 };
                 let info = pass.info();
                 let sites = pass.sites(
-                    &plan,
+                    plan,
                     &Facts::default(),
                     &serde_json::Value::Object(step.params.clone()),
                 )?;
@@ -92,12 +128,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 })
             })
             .collect::<Result<_, _>>()?,
-    };
-    match args.format {
-        Format::Json => println!("{}", serde_json::to_string_pretty(&explained)?),
-        Format::Human => print(&explained, &plan),
-    }
-    Ok(Outcome::Fine)
+    })
 }
 
 fn stages(plan: &Plan) -> Vec<Stage> {
@@ -132,34 +163,39 @@ fn stages(plan: &Plan) -> Vec<Stage> {
     stages
 }
 
-fn print(explained: &Explained, plan: &Plan) {
-    println!("material {}", explained.material);
+fn print(explained: &Explained, plan: &Plan) -> String {
+    let mut lines = vec![format!("material {}", explained.material)];
     for s in &explained.stages {
         let effects = if s.effects.is_empty() {
             String::new()
         } else {
             format!("; {}", s.effects.join(", "))
         };
-        println!(
+        lines.push(format!(
             "  {} `{}`: static cost {:.0}, {} expressions{effects}",
             s.stage, s.entry_point, s.cost, s.expressions
-        );
+        ));
     }
     for p in &explained.passes {
-        println!("\n{}\n  {}", p.pass, p.summary);
+        lines.push(format!("\n{}\n  {}", p.pass, p.summary));
         for site in &p.sites.sites {
-            println!("  applies to `{}`: {}", site.key.entry_point, site.what);
-            println!(
-                "    static cost {:.0} of {:.0}; site {}",
-                site.cost.slice, site.cost.whole, site.key.slice
-            );
-            println!("    hurts {}", p.hurts);
+            lines.push(format!(
+                "  applies to `{}`: {}\n    static cost {:.0} of {:.0}; site {}\n    hurts {}",
+                site.key.entry_point,
+                site.what,
+                site.cost.slice,
+                site.cost.whole,
+                site.key.slice,
+                p.hurts
+            ));
         }
         for r in &p.sites.refusals {
-            println!("{}", indent(&refusal(r, plan)));
+            lines.push(indent(&refusal(r, plan)));
         }
-        println!("  source: {}", p.source);
+        lines.push(format!("  source: {}", p.source));
     }
+    lines.push(String::new());
+    lines.join("\n")
 }
 
 fn indent(text: &str) -> String {

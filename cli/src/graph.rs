@@ -3,16 +3,23 @@
 use preshade::passes::graph::Graph;
 
 use crate::input::ShaderArgs;
+use crate::output;
 use crate::{Failure, Outcome};
 
 /// Arguments of `graph`.
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade graph lit.wgsl | dot -Tsvg > lit.svg
+  preshade graph lit.wgsl --format json
+  preshade graph scene.toml --name floor          one material of a scene")]
 pub struct Args {
-    #[command(flatten)]
-    shader: ShaderArgs,
     /// Output form.
     #[arg(long, value_enum, default_value_t = GraphFormat::Dot)]
     format: GraphFormat,
+    // Last, for its help heading holds for what follows it.
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -25,11 +32,24 @@ enum GraphFormat {
 
 /// Prints the graph.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let parsed = args.shader.parse()?;
-    let graph = Graph::build(&parsed.program);
+    let plans = args.shader.plans()?;
+    let [plan] = &plans[..] else {
+        let names: Vec<&str> = plans.iter().map(|p| p.material.as_str()).collect();
+        return Err(Failure(format!(
+            "error: a graph is of one material: choose one with --name; there are: {}",
+            names.join(", ")
+        )));
+    };
+    let Some(program) = plan.main().and_then(|p| plan.program(p)) else {
+        return Err(Failure(format!(
+            "error: `{}` has no program",
+            plan.material
+        )));
+    };
+    let graph = Graph::build(program);
     match args.format {
-        GraphFormat::Dot => println!("{}", graph.to_dot()),
-        GraphFormat::Json => println!("{}", serde_json::to_string_pretty(&graph.to_data())?),
+        GraphFormat::Dot => output::data(&graph.to_dot())?,
+        GraphFormat::Json => output::json(&graph.to_data())?,
     }
     Ok(Outcome::Fine)
 }

@@ -3,20 +3,25 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use preshade::front::{self, Source};
+use preshade::measure;
+use preshade::passes::naga::ShaderStage;
 use preshade::passes::plan::Plan;
 use preshade::passes::program::Language;
 use preshade::passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
 };
+use preshade::render;
+use preshade::scene::{self, Scene};
 
 use crate::Failure;
 
-/// A shader and the state it is drawn with.
+/// A shader and the state it is drawn with, or a scene.
 #[derive(clap::Args)]
 pub struct ShaderArgs {
-    /// A WGSL file with both entry points, or a vertex and a fragment file; `-` is stdin.
+    /// A WGSL file with both entry points, or a vertex and a fragment file, or a scene (.toml); `-` is stdin and needs --lang.
     #[arg(required = true, num_args = 1..=2, value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Language of the input; needed for stdin, otherwise told by the file's ending.
@@ -28,7 +33,7 @@ pub struct ShaderArgs {
     /// Fragment entry point, where the shader has several.
     #[arg(long, value_name = "NAME")]
     pub fragment: Option<String>,
-    /// Name of the material; default: the file's.
+    /// Name of the material, default: the file's; of a scene's materials, the one to take.
     #[arg(long)]
     pub name: Option<String>,
     #[command(flatten)]
@@ -61,10 +66,10 @@ pub struct StateArgs {
     #[arg(long, value_name = "FILE")]
     pub state: Option<PathBuf>,
     /// Depth comparison; default: less, or greater with --reversed-z.
-    #[arg(long, value_parser = parse_enum::<CompareFunction>)]
+    #[arg(long, value_parser = words::<CompareFunction>(&COMPARE), value_name = "NAME")]
     pub depth_compare: Option<CompareFunction>,
     /// Depth format.
-    #[arg(long, value_parser = parse_enum::<DepthFormat>)]
+    #[arg(long, value_parser = words::<DepthFormat>(&DEPTH_FORMATS), value_name = "NAME")]
     pub depth_format: Option<DepthFormat>,
     /// Depth is 1 at the near plane and 0 at the far one.
     #[arg(long)]
@@ -76,10 +81,10 @@ pub struct StateArgs {
     #[arg(long, value_enum)]
     pub blend: Option<BlendArg>,
     /// Faces that are dropped.
-    #[arg(long, value_parser = parse_enum::<CullMode>)]
+    #[arg(long, value_parser = words::<CullMode>(&CULL), value_name = "NAME")]
     pub cull: Option<CullMode>,
     /// Primitive topology.
-    #[arg(long, value_parser = parse_enum::<Topology>)]
+    #[arg(long, value_parser = words::<Topology>(&TOPOLOGIES), value_name = "NAME")]
     pub topology: Option<Topology>,
     /// Samples a pixel.
     #[arg(long, value_parser = ["1", "4"])]
@@ -100,9 +105,54 @@ pub enum BlendArg {
     Add,
 }
 
-/// Reads a state enum by the name it has in JSON, which is WebGPU's.
-fn parse_enum<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
-    serde_json::from_value(serde_json::Value::String(text.to_owned())).map_err(|e| e.to_string())
+/// The names of state enumerations in JSON, which are WebGPU's.
+const COMPARE: [&str; 8] = [
+    "never",
+    "less",
+    "equal",
+    "less-equal",
+    "greater",
+    "not-equal",
+    "greater-equal",
+    "always",
+];
+const DEPTH_FORMATS: [&str; 5] = [
+    "depth16unorm",
+    "depth24plus",
+    "depth24plus-stencil8",
+    "depth32float",
+    "depth32float-stencil8",
+];
+const CULL: [&str; 3] = ["none", "front", "back"];
+const TOPOLOGIES: [&str; 5] = [
+    "point-list",
+    "line-list",
+    "line-strip",
+    "triangle-list",
+    "triangle-strip",
+];
+
+/// Reads a state enumeration by its name.
+fn words<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: serde::de::DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names)
+        .try_map(|name| serde_json::from_value::<T>(serde_json::Value::String(name)))
+}
+
+/// What serde says of an unknown name, with the nearest of those it expected.
+fn with_suggestion(message: &str) -> String {
+    let mut words = message.split('`').skip(1).step_by(2);
+    let near = message
+        .contains("unknown ")
+        .then(|| words.next())
+        .flatten()
+        .and_then(|wrong| preshade::nearest::nearest(wrong, words));
+    match near {
+        Some(near) => format!("{}\n  = help: did you mean `{near}`?", message.trim_end()),
+        None => message.to_owned(),
+    }
 }
 
 impl StateArgs {
@@ -118,7 +168,13 @@ impl StateArgs {
                 } else {
                     toml::from_str(&text).map_err(|e| e.to_string())
                 };
-                read.map_err(|e| Failure(format!("error: {}: {e}", path.display())))?
+                read.map_err(|e| {
+                    Failure(format!(
+                        "error: {}: {}",
+                        path.display(),
+                        with_suggestion(&e)
+                    ))
+                })?
             }
         };
         if let Some(compare) = self.depth_compare {
@@ -156,30 +212,136 @@ impl StateArgs {
                 target.blend = blend;
             }
         }
+        check(&state)?;
         Ok(state)
+    }
+
+    /// The scene with the depth format, direction and samples asked for.
+    fn set_up(&self, mut scene: Scene) -> Scene {
+        let format = self.depth_format.unwrap_or(scene.depth_format);
+        let direction = match self.reversed_z {
+            true => DepthDirection::Reversed,
+            false => scene.depth_direction,
+        };
+        if (format, direction) != (scene.depth_format, scene.depth_direction) {
+            scene = scene.with_depth(format, direction);
+        }
+        match self.samples.as_deref() {
+            None => scene,
+            Some("4") => scene.with_samples(4),
+            Some(_) => scene.with_samples(1),
+        }
     }
 }
 
+/// What a state file can say and no adapter can do.
+fn check(state: &MaterialState) -> Result<(), Failure> {
+    let samples = state.multisample.count;
+    if !matches!(samples, 1 | 4) {
+        return Err(Failure(format!(
+            "error: multisample.count is 1 or 4, not {samples}"
+        )));
+    }
+    for target in state.targets.iter().flatten() {
+        if render::state::color_format(&target.format).is_none() {
+            return Err(Failure(format!(
+                "error: there is no colour format `{}` that can be drawn to and compared; in WebGPU's spelling: rgba8unorm, say",
+                target.format
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// What the files are.
+pub enum Input {
+    /// One material and its state.
+    Shader(front::Parsed, MaterialState),
+    /// A scene, under the depth format, direction and samples asked for.
+    Scene(Scene),
+}
+
 impl ShaderArgs {
-    /// Reads and parses the shader, and makes its original plan.
-    pub fn plan(&self) -> Result<Plan, Failure> {
-        let parsed = self.parse()?;
-        let state = self.state.state()?;
-        Ok(Plan::original(
-            &self.material_name(),
-            parsed.program,
-            &parsed.vertex,
-            parsed.fragment.as_deref(),
-            &state,
-        ))
+    /// The original plan of each material: one of a shader; of a scene all, or the one that `--name` says.
+    pub fn plans(&self) -> Result<Vec<Plan>, Failure> {
+        match self.input()? {
+            Input::Shader(parsed, state) => Ok(vec![Plan::original(
+                &self.material_name(),
+                parsed.program,
+                &parsed.vertex,
+                parsed.fragment.as_deref(),
+                &state,
+            )]),
+            Input::Scene(scene) => {
+                let plans = measure::originals(&scene);
+                let Some(name) = &self.name else {
+                    return Ok(plans);
+                };
+                let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+                match plans.into_iter().find(|p| p.material == *name) {
+                    Some(plan) => Ok(vec![plan]),
+                    None => Err(Failure::unknown("material", name, &names)),
+                }
+            }
+        }
+    }
+
+    /// Reads the files.
+    pub fn input(&self) -> Result<Input, Failure> {
+        match self.scene_file() {
+            None => Ok(Input::Shader(self.parse()?, self.state.state()?)),
+            Some(path) if self.files.len() == 1 => {
+                self.check_scene_flags()?;
+                let scene = scene::load(path).map_err(|e| Failure(e.render()))?;
+                Ok(Input::Scene(self.state.set_up(scene)))
+            }
+            Some(_) => Err(Failure(
+                "error: a scene file stands alone: its materials name their shaders".to_owned(),
+            )),
+        }
+    }
+
+    /// The scene among the files, by its ending.
+    fn scene_file(&self) -> Option<&Path> {
+        let toml = |f: &&PathBuf| f.extension().is_some_and(|e| e == "toml");
+        self.files.iter().find(toml).map(PathBuf::as_path)
+    }
+
+    /// A scene says itself what belongs to a material: flags would be ignored, so they are refused.
+    fn check_scene_flags(&self) -> Result<(), Failure> {
+        let s = &self.state;
+        let given = [
+            ("--lang", self.lang.is_some()),
+            ("--vertex", self.vertex.is_some()),
+            ("--fragment", self.fragment.is_some()),
+            ("--state", s.state.is_some()),
+            ("--depth-compare", s.depth_compare.is_some()),
+            ("--no-depth-write", s.no_depth_write),
+            ("--blend", s.blend.is_some()),
+            ("--cull", s.cull.is_some()),
+            ("--topology", s.topology.is_some()),
+            ("--alpha-to-coverage", s.alpha_to_coverage),
+        ];
+        match given.iter().find(|(_, given)| *given) {
+            None => Ok(()),
+            Some((flag, _)) => Err(Failure(format!(
+                "error: {flag} belongs to one material: with a scene, say it in the scene file"
+            ))),
+        }
     }
 
     /// Reads and parses the shader.
-    pub fn parse(&self) -> Result<front::Parsed, Failure> {
+    fn parse(&self) -> Result<front::Parsed, Failure> {
+        if self.files.iter().filter(|f| is_stdin(f)).count() > 1 {
+            return Err(Failure(
+                "error: `-` is given twice: stdin can be read only once".to_owned(),
+            ));
+        }
         let sources = self
             .files
             .iter()
-            .map(|f| self.source(f))
+            .enumerate()
+            .map(|(i, f)| self.source(f, i))
             .collect::<Result<Vec<_>, _>>()?;
         let options = front::Options {
             vertex: self.vertex.clone(),
@@ -189,9 +351,10 @@ impl ShaderArgs {
         front::parse(&sources, &options).map_err(|e| Failure(e.render(color())))
     }
 
-    fn source(&self, path: &Path) -> Result<Source, Failure> {
+    /// Reads the file at place `index` among those given.
+    fn source(&self, path: &Path, index: usize) -> Result<Source, Failure> {
         let language = self.lang.map(Language::from);
-        if path == Path::new("-") {
+        if is_stdin(path) {
             if language.is_none() {
                 return Err(Failure("error: stdin has no file name to tell its language from: give --lang wgsl or --lang glsl".to_owned()));
             }
@@ -204,7 +367,11 @@ impl ShaderArgs {
                 name: "<stdin>".to_owned(),
                 text: utf8(bytes, "stdin")?,
                 language,
-                stage: None,
+                // No ending tells the stage: of two files the vertex stage comes first.
+                stage: (self.files.len() == 2).then_some(match index {
+                    0 => ShaderStage::Vertex,
+                    _ => ShaderStage::Fragment,
+                }),
             });
         }
         let bytes =
@@ -219,19 +386,26 @@ impl ShaderArgs {
         })
     }
 
-    /// Name of the material.
+    /// Name of the material: as given, or the file's without the endings for stage and language.
     pub fn material_name(&self) -> String {
-        self.name.clone().unwrap_or_else(|| {
-            self.files
-                .first()
-                .filter(|f| *f != Path::new("-"))
-                .and_then(|f| f.file_stem())
-                .map_or_else(
-                    || "material".to_owned(),
-                    |s| s.to_string_lossy().into_owned(),
-                )
-        })
+        if let Some(name) = &self.name {
+            return name.clone();
+        }
+        let file = self.files.iter().find(|f| !is_stdin(f));
+        let Some(stem) = file.and_then(|f| f.file_stem()) else {
+            return "material".to_owned();
+        };
+        let stem = stem.to_string_lossy();
+        [".vert", ".frag", ".vs", ".fs"]
+            .iter()
+            .find_map(|stage| stem.strip_suffix(stage))
+            .unwrap_or(&stem)
+            .to_owned()
     }
+}
+
+fn is_stdin(path: &Path) -> bool {
+    path == Path::new("-")
 }
 
 fn utf8(bytes: Vec<u8>, name: &str) -> Result<String, Failure> {
@@ -248,5 +422,41 @@ fn color() -> front::Color {
         front::Color::Always
     } else {
         front::Color::Never
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::panic)]
+
+    use super::*;
+
+    /// The names in serde's complaint of an unknown one.
+    fn expected<T: serde::de::DeserializeOwned>() -> Vec<String> {
+        let said = serde_json::from_str::<T>("\"?\"")
+            .err()
+            .unwrap()
+            .to_string();
+        said.split('`')
+            .skip(3)
+            .step_by(2)
+            .map(str::to_owned)
+            .collect()
+    }
+
+    #[test]
+    fn the_help_lists_every_name_there_is() {
+        assert_eq!(expected::<CompareFunction>(), COMPARE);
+        assert_eq!(expected::<DepthFormat>(), DEPTH_FORMATS);
+        assert_eq!(expected::<CullMode>(), CULL);
+        assert_eq!(expected::<Topology>(), TOPOLOGIES);
+    }
+
+    #[test]
+    fn a_slip_in_a_key_is_seen() {
+        let said = toml::from_str::<MaterialState>("dept_write = false")
+            .err()
+            .unwrap();
+        assert!(with_suggestion(&said.to_string()).ends_with("did you mean `depth_write`?"));
     }
 }

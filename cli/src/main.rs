@@ -6,12 +6,15 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use preshade::nearest::nearest;
 
 mod adapters;
 mod bench;
 mod explain;
 mod graph;
 mod input;
+mod output;
+mod passes;
 mod rewrite;
 mod verify;
 
@@ -20,9 +23,18 @@ mod verify;
 #[command(
     name = "preshade",
     version,
-    about,
     propagate_version = true,
-    max_term_width = 110
+    max_term_width = 110,
+    after_help = "\
+Examples:
+  preshade explain lit.wgsl
+  preshade rewrite lit.wgsl --pass depth-prepass --emit wgsl,glsl -o out/
+  preshade verify lit.wgsl
+  preshade verify scene.toml --pass depth-prepass:form=equal --out report/
+
+Data goes to stdout, messages to stderr.
+Exit status: 0 fine (also where a pass is refused: the original is kept), 1 a variant broke its
+contract, 2 bad usage or input."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -35,6 +47,8 @@ enum Command {
     Explain(explain::Args),
     /// The dataflow graph, as dot or JSON.
     Graph(graph::Args),
+    /// The passes there are, and the parameters of each.
+    Passes(passes::Args),
     /// Rewrites a shader by a recipe of passes.
     Rewrite(rewrite::Args),
     /// Draws a scene (or a bare shader) with the original and its variants: error, time, verdict.
@@ -56,6 +70,27 @@ pub enum Outcome {
 /// Bad usage or input: a message that is already fit to print.
 #[derive(Debug)]
 pub struct Failure(pub String);
+
+impl Failure {
+    /// There is no `what` of that name: the nearest one, and all there are.
+    pub fn unknown(what: &str, name: &str, known: &[&str]) -> Self {
+        Self(format!("error: {}", unknown(what, name, known)))
+    }
+}
+
+/// As [`Failure::unknown`], for the argument parser, which says `error:` itself.
+pub fn unknown(what: &str, name: &str, known: &[&str]) -> String {
+    let near = nearest(name, known.iter().copied())
+        .map(|n| format!(" (did you mean `{n}`?)"))
+        .unwrap_or_default();
+    match known {
+        [] => format!("there is no {what} `{name}`: there are none"),
+        _ => format!(
+            "there is no {what} `{name}`{near}; there are: {}",
+            known.join(", ")
+        ),
+    }
+}
 
 impl<E: std::error::Error> From<E> for Failure {
     fn from(error: E) -> Self {
@@ -83,10 +118,30 @@ pub fn color_on_stderr() -> bool {
     std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()) && std::io::stderr().is_terminal()
 }
 
+/// Keeps Mesa's device-select layer from looking for a Wayland display where there is none, which it complains of on stderr: nothing is
+/// shown on a screen, and adapters are sorted by kind here.
+fn keep_drivers_quiet() {
+    const ABOUT_DISPLAYS: [&str; 4] = [
+        "XDG_RUNTIME_DIR",
+        "WAYLAND_DISPLAY",
+        "MESA_VK_DEVICE_SELECT",
+        "NODEVICE_SELECT",
+    ];
+    if cfg!(target_os = "linux") && ABOUT_DISPLAYS.iter().all(|v| std::env::var_os(v).is_none()) {
+        // SAFETY: called first thing in `main`, while this is the only thread.
+        #[allow(unsafe_code)]
+        unsafe {
+            std::env::set_var("NODEVICE_SELECT", "1");
+        }
+    }
+}
+
 fn main() -> ExitCode {
+    keep_drivers_quiet();
     let result = match Cli::parse().command {
         Command::Explain(a) => explain::run(&a),
         Command::Graph(a) => graph::run(&a),
+        Command::Passes(a) => passes::run(&a),
         Command::Rewrite(a) => rewrite::run(&a),
         Command::Verify(a) => verify::run(&a),
         Command::Adapters(a) => adapters::run(&a),
@@ -96,7 +151,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
         Ok(Outcome::ContractBroken) => ExitCode::from(1),
         Err(Failure(message)) => {
-            eprintln!("{}", message.trim_end());
+            output::message(&message);
             ExitCode::from(2)
         }
     }

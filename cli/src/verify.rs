@@ -7,21 +7,27 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
 use preshade::passes::pass::Facts;
-use preshade::passes::state::DepthDirection;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
 use preshade::scene::{self, DrawOrder, Scene};
 
-use crate::input::ShaderArgs;
+use crate::input::{Input, ShaderArgs};
+use crate::output;
 use crate::{Failure, Format, Outcome};
 
 /// Arguments of `verify`.
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade verify scene.toml
+  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane --out report/
+  preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
+  preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
+
+Each --pass is a variant of its own; --recipe puts several passes into one.
+Exit status 1: a variant broke its contract.")]
 pub struct Args {
-    /// A scene (.toml), or a shader to synthesise one for.
-    #[command(flatten)]
-    shader: ShaderArgs,
     /// A variant of one pass; may be given several times. Default: the depth passes in their main forms.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
@@ -32,8 +38,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
     /// Draw in these orders only; the first is the headline.
-    #[arg(long, value_name = "ORDER", value_parser = parse_order)]
-    order: Vec<DrawOrder>,
+    #[arg(long, value_name = "ORDER", value_enum)]
+    order: Vec<OrderArg>,
     /// Resolution, `1920x1080` say.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
@@ -41,13 +47,13 @@ pub struct Args {
     #[arg(long)]
     invariant: bool,
     /// Frames of each camera path to compare, evenly spaced.
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = parse_frames)]
     frames: usize,
     /// Views to time.
     #[arg(long, value_enum, default_value_t = TimeArg::FirstFrames)]
     time: TimeArg,
     /// Seconds to spend on timing each view.
-    #[arg(long, value_name = "SECONDS", default_value_t = 4.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 4.0, value_parser = parse_seconds)]
     seconds: f64,
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
@@ -56,11 +62,14 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = FormArg::Text)]
     form: FormArg,
     /// Folder for pictures and `report.json`.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
+    // Last, for its help heading holds for what follows it.
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -95,8 +104,44 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([side(w)?, side(h)?])
 }
 
-fn parse_order(text: &str) -> Result<DrawOrder, String> {
-    serde_json::from_value(serde_json::Value::String(text.to_owned())).map_err(|e| e.to_string())
+/// A draw order, by its name in scene files.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum OrderArg {
+    /// By the distance of objects, nearest first, as a good engine draws.
+    FrontToBack,
+    /// Farthest first: the worst case.
+    BackToFront,
+    /// A fixed pseudo-random order.
+    Shuffled,
+    /// As in the file.
+    AsGiven,
+}
+
+impl From<OrderArg> for DrawOrder {
+    fn from(order: OrderArg) -> Self {
+        match order {
+            OrderArg::FrontToBack => Self::FrontToBack,
+            OrderArg::BackToFront => Self::BackToFront,
+            OrderArg::Shuffled => Self::Shuffled,
+            OrderArg::AsGiven => Self::AsGiven,
+        }
+    }
+}
+
+/// Reads a number of frames.
+fn parse_frames(text: &str) -> Result<usize, String> {
+    match text.trim().parse::<usize>() {
+        Ok(n @ 1..) => Ok(n),
+        _ => Err("expected a whole number from 1".to_owned()),
+    }
+}
+
+/// Reads a number of seconds.
+pub fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(n) if (0.0..=3600.0).contains(&n) => Ok(n),
+        _ => Err("expected a number of seconds from 0 to 3600".to_owned()),
+    }
 }
 
 /// The variants `verify` draws when none are named.
@@ -106,6 +151,9 @@ const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let recipes = recipes(args)?;
     let scene = scene(args)?;
+    if let Some(dir) = &args.out {
+        check_folder(dir)?;
+    }
     let choice = args
         .adapter
         .clone()
@@ -118,7 +166,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     bar.set_message("looking for depth ties");
     let facts = measure::facts(&gpu, &scene, form, measure::counting).unwrap_or_else(|e| {
-        eprintln!("warning: depth ties were not measured: {e}");
+        bar.suspend(|| {
+            output::message(&format!("warning: depth ties were not measured: {e}"));
+        });
         Facts::default()
     });
     let originals = measure::originals(&scene);
@@ -135,7 +185,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             TimeArg::Everything => Timed::Everything,
         },
         timing: TimingSettings {
-            budget: Duration::from_secs_f64(args.seconds.clamp(0.0, 3600.0)),
+            budget: Duration::from_secs_f64(args.seconds),
             ..TimingSettings::default()
         },
         frames_per_camera: args.frames,
@@ -147,6 +197,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         bar.set_message(p.what);
     })?;
     bar.finish_and_clear();
+    // Told before it is written: a full disk does not lose what was measured.
+    match args.format {
+        Format::Human => output::data(&report::table::render(&outcome.report))?,
+        Format::Json => output::data(&outcome.report.to_json()?)?,
+    }
     if let Some(dir) = &args.out {
         let mut files = vec![preshade::emit::File {
             name: "report.json".to_owned(),
@@ -159,19 +214,27 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 }
             }
         }
-        preshade::emit::write(dir, &files)
-            .map_err(|e| Failure(format!("error: {}: {e}", dir.display())))?;
-        eprintln!("wrote {} files to {}", files.len(), dir.display());
-    }
-    match args.format {
-        Format::Human => print!("{}", report::table::render(&outcome.report)),
-        Format::Json => print!("{}", outcome.report.to_json()?),
+        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        output::message(&format!("wrote {} files to {}", files.len(), dir.display()));
     }
     Ok(if outcome.report.is_broken() {
         Outcome::ContractBroken
     } else {
         Outcome::Fine
     })
+}
+
+/// Whether `dir` is a folder or can become one: before anything is drawn, so that a slip costs no minute.
+fn check_folder(dir: &Path) -> Result<(), Failure> {
+    let there = dir.ancestors().find(|d| d.exists());
+    match there {
+        Some(found) if !found.is_dir() => Err(Failure(format!(
+            "error: {}: {} is not a folder",
+            dir.display(),
+            found.display()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {
@@ -194,37 +257,22 @@ fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {
 
 /// The scene asked for, under the set-up asked for.
 fn scene(args: &Args) -> Result<Scene, Failure> {
-    let toml = args
-        .shader
-        .files
-        .iter()
-        .find(|f| f.extension().is_some_and(|e| e == "toml"));
-    let state = &args.shader.state;
-    let mut scene = match toml {
-        Some(path) if args.shader.files.len() == 1 => {
-            scene::load(Path::new(path)).map_err(|e| Failure(e.render()))?
-        }
-        Some(_) => {
+    let mut scene = match args.shader.input()? {
+        Input::Scene(_) if args.shader.name.is_some() => {
             return Err(Failure(
-                "error: a scene file stands alone: its materials name their shaders".to_owned(),
+                "error: --name is for a shader: all materials of a scene are drawn".to_owned(),
             ));
         }
-        None => scene::synthesise(args.shader.parse()?, state.state()?),
+        Input::Scene(scene) => scene,
+        Input::Shader(parsed, state) => {
+            let mut scene = scene::synthesise(parsed, state);
+            if let (Some(name), Some(material)) = (&args.shader.name, scene.materials.first_mut()) {
+                scene.name.clone_from(name);
+                material.name.clone_from(name);
+            }
+            scene
+        }
     };
-    if toml.is_some() {
-        let format = state.depth_format.unwrap_or(scene.depth_format);
-        let direction = if state.reversed_z {
-            DepthDirection::Reversed
-        } else {
-            scene.depth_direction
-        };
-        if (format, direction) != (scene.depth_format, scene.depth_direction) {
-            scene = scene.with_depth(format, direction);
-        }
-        if let Some(samples) = &state.samples {
-            scene = scene.with_samples(if samples == "4" { 4 } else { 1 });
-        }
-    }
     if let Some(size) = args.size {
         scene = scene.resized(size);
     }
@@ -238,16 +286,13 @@ fn scene(args: &Args) -> Result<Scene, Failure> {
                 Some(camera) => scene.cameras.push(camera.clone()),
                 None => {
                     let names: Vec<_> = all.iter().map(|c| c.name.as_str()).collect();
-                    return Err(Failure(format!(
-                        "error: the scene has no camera `{name}`; it has: {}",
-                        names.join(", ")
-                    )));
+                    return Err(Failure::unknown("camera", name, &names));
                 }
             }
         }
     }
     if !args.order.is_empty() {
-        scene.orders = args.order.clone();
+        scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
 }

@@ -11,6 +11,8 @@ pub enum Assumption {
     NoDepthTies,
     /// Both passes rasterise the same position bits from the same inputs.
     InvariantPosition,
+    /// The original's position is `@invariant` already. Where it is not, marking it may move positions by their last bits.
+    InvariantOriginal,
     /// The discard or depth slice gives the same answer in both passes.
     InvariantDiscard,
     /// All passes of a frame use one viewport and one jitter.

@@ -7,7 +7,7 @@ use naga::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::contract::Contract;
+use crate::contract::{Assumption, Contract};
 use crate::opaque::Opaque;
 use crate::pass::{Refusal, Site, SiteCost, SiteKey};
 use crate::place::{self, PositionInvariance};
@@ -46,6 +46,15 @@ impl Invariance {
             VertexStage::Same => Self::AsWritten,
             VertexStage::Sliced => Self::Add,
         }
+    }
+
+    /// What the promise of an unchanged picture rests on.
+    pub fn assumptions(self, opaque: &Opaque) -> Vec<Assumption> {
+        let mut given = vec![Assumption::InvariantPosition];
+        if self == Self::Add && !opaque.has_invariant_position() {
+            given.push(Assumption::InvariantOriginal);
+        }
+        given
     }
 
     /// How positions are marked.

@@ -478,11 +478,8 @@ fn transform(
         given.push(Assumption::InvariantDiscard);
     }
     if params.attachment == MainAttachment::Readonly {
-        given.extend([
-            Assumption::InvariantPosition,
-            Assumption::NoDepthTies,
-            Assumption::SameDrawOrder,
-        ]);
+        given.extend(invariant.assumptions(opaque));
+        given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     given.sort();

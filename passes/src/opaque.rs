@@ -42,6 +42,14 @@ impl<'a> Opaque<'a> {
         self.discards || self.writes_depth
     }
 
+    /// Whether the author marked the position `@invariant`.
+    pub fn has_invariant_position(&self) -> bool {
+        let entry = &self.program.module().entry_points[self.vertex];
+        reflect::outputs(self.program.module(), &entry.function)
+            .iter()
+            .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::Position { invariant: true })))
+    }
+
     /// The strict comparison of the direction.
     pub fn strict(&self) -> CompareFunction {
         match self.direction {

@@ -251,7 +251,7 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
                 P::INFO.name,
                 "parameters",
                 e.message,
-                "see `preshade explain --passes`",
+                format!("see `preshade passes {}`", P::INFO.name),
             )
         })?;
         P::apply(plan, facts, site, &params)

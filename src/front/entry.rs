@@ -71,7 +71,10 @@ pub(super) fn choose(
         return Err(if others.is_empty() {
             error.note("mark a function with @vertex, or add the vertex file")
         } else {
-            error.note(format!("there is {}", others.join(", ")))
+            error.note(format!(
+                "there is {}: mark a function with @vertex, or add the vertex file",
+                others.join(", ")
+            ))
         });
     };
     let fragment = one(

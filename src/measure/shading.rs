@@ -3,8 +3,6 @@
 //!
 //! Why not the adapter's pipeline statistics: software adapters count fragments before the early depth test.
 
-use std::sync::Arc;
-
 use naga::{Literal, ShaderStage};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
@@ -317,12 +315,11 @@ fn constant(plan: &Plan, program: &Program) -> Result<(Program, String), Error> 
         task_payload: None,
         incoming_ray_payload: None,
     });
-    let program =
-        Program::new(module, Arc::clone(program.sources()), program.language()).map_err(|e| {
-            render::Error::Plan {
-                material: plan.material.clone(),
-                message: format!("its counting program is invalid: {e}"),
-            }
+    let program = program
+        .with_module(module)
+        .map_err(|e| render::Error::Plan {
+            material: plan.material.clone(),
+            message: format!("its counting program is invalid: {e}"),
         })?;
     Ok((program, name))
 }

@@ -1,6 +1,6 @@
 //! A scene drawn with the original and its variants, view by view.
 
-use preshade_passes::contract::{Contract, Verdict};
+use preshade_passes::contract::{Assumption, Contract, Verdict};
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::shading::{CountProgram, Counter, Shading};
@@ -375,6 +375,13 @@ impl<'a> Subject<'a> {
             let counter = Counter::shaded(inputs, &variant.plans, settings.form, settings.count)?;
             Ok((prepared, counter))
         };
+        if !variant.plans.is_empty() && variant.kept.len() == variant.plans.len() {
+            // Its picture is the original's, which says nothing of the recipe.
+            subject.report.verdict = Verdict::NotMeasured {
+                why: "every material refuses it".to_owned(),
+            };
+            return Ok(subject);
+        }
         match built() {
             Ok((prepared, counter)) => {
                 let (pipelines, creation) = prepared.creation();
@@ -457,6 +464,14 @@ impl<'a> Subject<'a> {
     fn finish(mut self, lost: Option<&str>) -> (VariantReport, Option<Pictures>) {
         let drawn = self.prepared.is_some() && self.report.error.is_some();
         match (self.broken, lost) {
+            // What the contract takes as given is not so here: neither kept nor broken.
+            (Some(r#where), _) if needs_invariant_original(&self.report.contract) => {
+                self.report.verdict = Verdict::NotMeasured {
+                    why: format!(
+                        "it is exact against an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
+                    ),
+                };
+            }
             (Some(r#where), _) => self.report.verdict = Verdict::Broken { r#where },
             (None, Some(why)) => {
                 self.report.verdict = Verdict::NotMeasured {
@@ -469,6 +484,11 @@ impl<'a> Subject<'a> {
         let is_original = self.report.name == ORIGINAL;
         (self.report, self.pictures.filter(|_| !is_original))
     }
+}
+
+/// Whether the contract is about an original with `@invariant` positions, which the one drawn does not have.
+fn needs_invariant_original(contract: &Contract) -> bool {
+    matches!(contract, Contract::Exact { given } if given.contains(&Assumption::InvariantOriginal))
 }
 
 /// How a difference breaks a contract; `None` where it does not.

@@ -234,7 +234,9 @@ impl Uploads {
                 Some(_) => wgpu::SamplerBindingType::Comparison,
                 None => wgpu::SamplerBindingType::Filtering,
             });
-            let sampler = gpu.device.create_sampler(&sampler(&s.sampler, anisotropy_limit(gpu)));
+            let sampler = gpu
+                .device
+                .create_sampler(&sampler(&s.sampler, anisotropy_limit(gpu)));
             resources.insert((s.group, s.binding), Resource::Sampler(sampler, layout));
         }
         let vertex_buffers = bound
@@ -483,10 +485,7 @@ fn anisotropy_limit(gpu: &Gpu) -> u16 {
     }
 }
 
-fn sampler(
-    s: &crate::scene::Sampler,
-    anisotropy_limit: u16,
-) -> wgpu::SamplerDescriptor<'static> {
+fn sampler(s: &crate::scene::Sampler, anisotropy_limit: u16) -> wgpu::SamplerDescriptor<'static> {
     let address = match s.address {
         Address::Repeat => wgpu::AddressMode::Repeat,
         Address::MirrorRepeat => wgpu::AddressMode::MirrorRepeat,

@@ -6,7 +6,7 @@
 //! 2. [`shader`]: a plan goes through its JSON, its programs through the text that is emitted (or as IR);
 //! 3. [`inputs`]: what a scene's draws bind, uploaded once and shared by every variant;
 //! 4. [`state`], `layout`: a plan's pipeline state and bindings in wgpu's terms;
-//! 5. [`frame`]: targets, pipelines and bind groups of one frame, built once, encoded as often as needed;
+//! 5. [`frame`]: `targets`, `pipeline`s and bind groups of one frame, built once, encoded as often as needed;
 //! 6. [`readback`]: colour bytes and depth at full precision, as [`picture`]s.
 
 pub mod frame;
@@ -15,6 +15,7 @@ pub mod inputs;
 mod layout;
 pub mod order;
 pub mod picture;
+mod pipeline;
 pub mod readback;
 pub mod shader;
 pub mod state;

@@ -78,9 +78,12 @@ fn legend(picture: &mut Picture, scale: f32) {
 }
 
 /// Widest panel of a contact sheet, in pixels; larger pictures are reduced by a whole factor.
-const PANEL: u32 = 640;
+const PANEL: u32 = 480;
 
-/// All pictures of a variant in a row, labelled.
+/// Panels a row: the pictures above, the overdraw below.
+const COLUMNS: u32 = 3;
+
+/// All pictures of a variant on one sheet, labelled.
 pub fn contact(pictures: &Pictures) -> Picture {
     let scale = pictures.overdraw_scale();
     let per_pixel = |s: &Shading| s.summary().per_pixel;
@@ -111,14 +114,15 @@ pub fn contact(pictures: &Pictures) -> Picture {
     let zoom = 2;
     let (gap, header) = (8, GLYPH[1] * zoom + 12);
     let [w, h] = panels.first().map_or([1, 1], |(_, p)| p.size);
-    let count = panels.len() as u32;
-    let mut sheet = Picture::filled([count * w + (count + 1) * gap, h + header + gap], PAPER);
-    for (i, (label, panel)) in panels.iter().enumerate() {
-        let x = gap + i as u32 * (w + gap);
-        paste(&mut sheet, [x, header], panel);
+    let rows = (panels.len() as u32).div_ceil(COLUMNS);
+    let size = [COLUMNS * w + (COLUMNS + 1) * gap, rows * (h + header) + gap];
+    let mut sheet = Picture::filled(size, PAPER);
+    for (i, (label, panel)) in (0..).zip(&panels) {
+        let (x, y) = (gap + i % COLUMNS * (w + gap), i / COLUMNS * (h + header));
+        paste(&mut sheet, [x, y + header], panel);
         let fits = (w / text_width("m", zoom).max(1)) as usize;
         let label: String = label.chars().take(fits).collect();
-        text(&mut sheet, [x, 6], &label, zoom);
+        text(&mut sheet, [x, y + 6], &label, zoom);
     }
     sheet
 }

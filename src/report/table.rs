@@ -2,7 +2,7 @@
 
 use preshade_passes::contract::Verdict;
 
-use super::{Kept, Report, VariantReport};
+use super::{Report, VariantReport};
 use crate::measure::Clock;
 
 /// The report as lines of text.
@@ -59,6 +59,7 @@ pub fn render(report: &Report) -> String {
         out.push_str(&line(row.each_ref().map(String::as_str)));
     }
     out.push('\n');
+    out.push_str(&by_view(report));
     out.push_str(&notes(report));
     out
 }
@@ -127,16 +128,100 @@ fn notes(report: &Report) -> String {
             Verdict::Holds => {}
         }
     }
-    // Variants of one pass leave a material alone for one reason: told once.
-    let mut told: Vec<&Kept> = Vec::new();
-    for kept in report.variants.iter().flat_map(|v| &v.kept) {
-        if !told.contains(&kept) {
-            told.push(kept);
-            out.push_str(&format!(
-                "material `{}` is drawn as it is: {}\n",
-                kept.material, kept.why
-            ));
+    out.push_str(&left_alone(report));
+    out
+}
+
+/// One line a reason: which variants leave which materials as written.
+fn left_alone(report: &Report) -> String {
+    let mut reasons: Vec<(&str, Vec<&str>, Vec<&str>)> = Vec::new();
+    for v in &report.variants {
+        for kept in &v.kept {
+            let at = reasons
+                .iter()
+                .position(|r| r.0 == kept.why)
+                .unwrap_or_else(|| {
+                    reasons.push((&kept.why, Vec::new(), Vec::new()));
+                    reasons.len() - 1
+                });
+            if !reasons[at].1.contains(&v.name.as_str()) {
+                reasons[at].1.push(&v.name);
+            }
+            if !reasons[at].2.contains(&kept.material.as_str()) {
+                reasons[at].2.push(&kept.material);
+            }
         }
     }
+    let quoted = |names: &[&str]| {
+        names
+            .iter()
+            .map(|n| format!("`{n}`"))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    reasons
+        .iter()
+        .map(|(why, variants, materials)| {
+            format!(
+                "{} as written in {}: {why}\n",
+                quoted(materials),
+                quoted(variants)
+            )
+        })
+        .collect()
+}
+
+/// The speedups of every timed view, where there are several: what pays here may cost there.
+fn by_view(report: &Report) -> String {
+    let [original, variants @ ..] = report.variants.as_slice() else {
+        return String::new();
+    };
+    let timed: Vec<usize> = (0..original.by_view.len())
+        .filter(|i| original.by_view[*i].time_ms.is_some())
+        .collect();
+    if timed.len() < 2 || variants.is_empty() {
+        return String::new();
+    }
+    let mut rows = vec![["view".to_owned(), "shaded/px".to_owned(), "ms".to_owned()].to_vec()];
+    rows[0].extend(variants.iter().map(|v| v.name.clone()));
+    for i in timed {
+        let view = &original.by_view[i];
+        let mut cells = vec![
+            format!(
+                "{} {}, {}",
+                view.camera,
+                view.frame,
+                crate::render::order::name(view.order)
+            ),
+            view.shaded_per_pixel
+                .map_or_else(|| "-".to_owned(), |s| format!("{s:.2}")),
+            view.time_ms
+                .as_ref()
+                .map_or_else(|| "-".to_owned(), |t| format!("{:.3}", t.estimate.median)),
+        ];
+        for v in variants {
+            let speedup = v.by_view.get(i).and_then(|w| w.speedup.as_ref());
+            cells.push(speedup.map_or_else(|| "-".to_owned(), |s| format!("{:.2}x", s.median)));
+        }
+        rows.push(cells);
+    }
+    let mut out = "The original by view, and the speedup of each variant:\n\n".to_owned();
+    let columns = rows[0].len();
+    let widths: Vec<usize> = (0..columns)
+        .map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0))
+        .collect();
+    for row in &rows {
+        let mut line = String::new();
+        for (c, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            if c == 0 {
+                line.push_str(&format!("{cell:<width$}  "));
+            } else {
+                line.push_str(&format!("{cell:>width$}  "));
+            }
+        }
+        out.push_str(line.trim_end());
+        out.push('\n');
+    }
+    out.push('\n');
     out
 }

@@ -32,7 +32,11 @@ pub enum Pattern {
 
 /// A texture as a scene file describes it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(
+    default,
+    deny_unknown_fields,
+    expecting = "a table: { pattern = \"checker\" } or { file = \"albedo.png\" } say"
+)]
 pub struct Recipe {
     /// A pattern to generate; or else `file`.
     pub pattern: Option<Pattern>,

@@ -1,67 +1,66 @@
 //! A canonical form of a slice and its hash.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::fmt::{self, Write};
 
 use naga::{Expression, Handle, LocalVariable, Module, Statement, Type, TypeInner};
 
 use super::Slice;
 use crate::graph::{FunctionGraph, Graph, StmtId, operands};
 
-/// FNV-1a, 64 bits: stable across platforms and releases, which is all that is asked of it.
-fn fnv(text: &str) -> u64 {
-    text.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| {
-        (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
-    })
+/// FNV-1a, 64 bits, over the text written to it: stable across platforms and releases, which is all that is asked of it. The text itself,
+/// tens of kilobytes of a large material, is never kept.
+struct Fnv(u64);
+
+impl Write for Fnv {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0 = text.bytes().fold(self.0, |h, b| {
+            (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
+        });
+        Ok(())
+    }
 }
 
 /// 16 hex digits over the functions of a slice in order: expressions numbered as they are first evaluated, variables as they are first used,
 /// globals by binding, types by structure; no names, no spans.
 pub fn canonical(graph: &Graph<'_>, slice: &Slice) -> String {
-    let mut text = format!("{:?} {:?}\n", slice.stage, slice.outputs);
+    let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+    // Writing to a hash cannot fail, here and below.
+    let _ = writeln!(hash, "{:?} {:?}", slice.stage, slice.outputs);
     for part in &slice.parts {
+        let f = graph.function(part.function);
         let mut writer = Writer {
             module: graph.module(),
-            f: graph.function(part.function),
-            numbers: BTreeMap::new(),
+            f,
+            numbers: vec![None; f.function.expressions.len()],
+            numbered: 0,
             locals: BTreeMap::new(),
-            text: String::new(),
+            debug: String::new(),
+            hash,
         };
-        let _ = writeln!(writer.text, "fn {:?}", part.demand.result);
-        for (id, node) in writer.f.statements.iter() {
+        let _ = writeln!(writer.hash, "fn {:?}", part.demand.result);
+        for (id, node) in f.statements.iter() {
             if part.kept.statements[id.index()] {
-                let depth = writer.f.statements.ancestors(id).count();
+                let depth = f.statements.ancestors(id).count();
                 let callee = part.calls.get(&id).copied();
                 writer.statement(id, node.statement, depth, callee, part);
             }
         }
-        text.push_str(&writer.text);
+        hash = writer.hash;
     }
-    format!("{:016x}", fnv(&text))
+    format!("{:016x}", hash.0)
 }
 
 struct Writer<'a, 'p> {
     module: &'a Module,
     f: &'a FunctionGraph<'p>,
-    numbers: BTreeMap<Handle<Expression>, usize>,
+    /// Number of each expression that has one, by its handle's index.
+    numbers: Vec<Option<usize>>,
+    numbered: usize,
     locals: BTreeMap<Handle<LocalVariable>, usize>,
-    text: String,
-}
-
-/// Debug text with the handles (`[12]`) taken out: what is left says which variant with which constants.
-fn without_handles(debug: &str) -> String {
-    let mut out = String::with_capacity(debug.len());
-    let mut rest = debug;
-    while let Some(open) = rest.find('[') {
-        out.push_str(&rest[..=open]);
-        rest = &rest[open + 1..];
-        let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
-        if rest[digits..].starts_with(']') {
-            rest = &rest[digits..];
-        }
-    }
-    out.push_str(rest);
-    out
+    /// Room for debug text, used again and again.
+    debug: String,
+    hash: Fnv,
 }
 
 impl Writer<'_, '_> {
@@ -73,9 +72,10 @@ impl Writer<'_, '_> {
         callee: Option<usize>,
         part: &super::Part,
     ) {
+        let kept = |e: Handle<Expression>| part.kept.expressions[e.index()].is_some();
         if let Statement::Emit(range) = statement {
             for e in range.clone() {
-                if part.kept.expressions[e.index()].is_some() {
+                if kept(e) {
                     self.number(e);
                 }
             }
@@ -93,109 +93,164 @@ impl Writer<'_, '_> {
                     id.index() < at
                 })
         });
-        let shell = match statement {
-            Statement::Switch { cases, .. } => format!(
-                "Switch {:?}",
-                cases
-                    .iter()
-                    .map(|c| (c.value, c.fall_through))
-                    .collect::<Vec<_>>()
-            ),
-            Statement::Return { .. } => "Return".to_owned(),
-            other => without_handles(&format!("{:?}", operands::shell(other))),
-        };
-        let kept: Vec<String> = operands::of_statement(statement)
-            .into_iter()
-            .map(|e| {
-                if part.kept.expressions[e.index()].is_some() {
-                    self.number(e).to_string()
-                } else {
-                    "_".to_owned()
+        let operands = operands::of_statement(statement);
+        for e in &operands {
+            if kept(*e) {
+                self.number(*e);
+            }
+        }
+        let _ = write!(self.hash, "{depth} {in_block:?} ");
+        match statement {
+            Statement::Switch { cases, .. } => {
+                let cases: Vec<_> = cases.iter().map(|c| (c.value, c.fall_through)).collect();
+                let _ = write!(self.hash, "Switch {cases:?}");
+            }
+            Statement::Return { .. } => self.word("Return"),
+            other => self.without_handles(format_args!("{:?}", operands::shell(other))),
+        }
+        self.word(" [");
+        for (i, e) in operands.iter().enumerate() {
+            self.word(if i == 0 { "\"" } else { ", \"" });
+            match self.numbers[e.index()].filter(|_| kept(*e)) {
+                Some(n) => {
+                    let _ = write!(self.hash, "{n}");
                 }
-            })
-            .collect();
-        let _ = writeln!(
-            self.text,
-            "{depth} {in_block:?} {shell} {kept:?} {callee:?}"
-        );
+                None => self.word("_"),
+            }
+            self.word("\"");
+        }
+        let _ = writeln!(self.hash, "] {callee:?}");
         if let Some(result) = operands::result(statement) {
-            let next = self.numbers.len();
-            self.numbers.insert(result, next);
+            self.name(result);
         }
     }
 
-    fn number(&mut self, e: Handle<Expression>) -> usize {
-        if let Some(n) = self.numbers.get(&e) {
-            return *n;
+    /// Gives `e` the next number.
+    fn name(&mut self, e: Handle<Expression>) -> usize {
+        let n = self.numbered;
+        if self.numbers[e.index()].replace(n).is_none() {
+            self.numbered += 1;
         }
-        let expression = &self.f.function.expressions[e];
-        let operands: Vec<usize> = operands::of_expression(expression)
-            .into_iter()
-            .map(|o| self.number(o))
-            .collect();
-        let what = match expression {
-            Expression::Constant(c) => self.constant(*c),
-            Expression::Override(o) => format!("override {:?}", self.module.overrides[*o].id),
-            Expression::ZeroValue(ty) => format!("zero {}", self.ty(*ty)),
-            Expression::Compose { ty, .. } => format!("compose {}", self.ty(*ty)),
-            Expression::GlobalVariable(g) => {
-                let global = &self.module.global_variables[*g];
-                format!(
-                    "global {:?} {:?} {}",
-                    global.space,
-                    global.binding,
-                    self.ty(global.ty)
-                )
-            }
-            Expression::LocalVariable(v) => {
-                let next = self.locals.len();
-                let n = *self.locals.entry(*v).or_insert(next);
-                let variable = &self.f.function.local_variables[*v];
-                let init = variable.init.map(|i| self.number(i));
-                format!("local {n} {} {init:?}", self.ty(variable.ty))
-            }
-            Expression::AtomicResult { ty, .. }
-            | Expression::WorkGroupUniformLoadResult { ty }
-            | Expression::SubgroupOperationResult { ty } => format!("result {}", self.ty(*ty)),
-            Expression::CallResult(_) => "call".to_owned(),
-            other => without_handles(&format!("{other:?}")),
-        };
-        let n = self.numbers.len();
-        let _ = writeln!(self.text, "{n} = {what} {operands:?}");
-        self.numbers.insert(e, n);
         n
     }
 
-    fn constant(&self, constant: Handle<naga::Constant>) -> String {
-        let mut text = String::new();
-        let mut stack = vec![self.module.constants[constant].init];
+    fn number(&mut self, e: Handle<Expression>) -> usize {
+        if let Some(n) = self.numbers[e.index()] {
+            return n;
+        }
+        let (module, function) = (self.module, self.f.function);
+        let expression = &function.expressions[e];
+        let operands = operands::of_expression(expression);
+        for o in &operands {
+            self.number(*o);
+        }
+        let init = match expression {
+            Expression::LocalVariable(v) => {
+                let next = self.locals.len();
+                self.locals.entry(*v).or_insert(next);
+                function.local_variables[*v].init.map(|i| self.number(i))
+            }
+            _ => None,
+        };
+        let n = self.name(e);
+        let _ = write!(self.hash, "{n} = ");
+        match expression {
+            Expression::Constant(c) => self.constant(*c),
+            Expression::Override(o) => {
+                let _ = write!(self.hash, "override {:?}", module.overrides[*o].id);
+            }
+            Expression::ZeroValue(ty) => self.typed("zero ", *ty),
+            Expression::Compose { ty, .. } => self.typed("compose ", *ty),
+            Expression::GlobalVariable(g) => {
+                let global = &module.global_variables[*g];
+                let _ = write!(self.hash, "global {:?} {:?} ", global.space, global.binding);
+                self.ty(global.ty);
+            }
+            Expression::LocalVariable(v) => {
+                let _ = write!(self.hash, "local {} ", self.locals[v]);
+                self.ty(function.local_variables[*v].ty);
+                let _ = write!(self.hash, " {init:?}");
+            }
+            Expression::AtomicResult { ty, .. }
+            | Expression::WorkGroupUniformLoadResult { ty }
+            | Expression::SubgroupOperationResult { ty } => self.typed("result ", *ty),
+            Expression::CallResult(_) => self.word("call"),
+            other => self.without_handles(format_args!("{other:?}")),
+        }
+        self.word(" [");
+        for (i, o) in operands.iter().enumerate() {
+            let comma = if i == 0 { "" } else { ", " };
+            let _ = write!(self.hash, "{comma}{}", self.numbers[o.index()].unwrap_or(n));
+        }
+        self.word("]\n");
+        n
+    }
+
+    fn word(&mut self, text: &str) {
+        let _ = self.hash.write_str(text);
+    }
+
+    fn typed(&mut self, what: &str, ty: Handle<Type>) {
+        self.word(what);
+        self.ty(ty);
+    }
+
+    /// Debug text with the handles (`[12]`) taken out: what is left says which variant with which constants.
+    fn without_handles(&mut self, debug: fmt::Arguments<'_>) {
+        self.debug.clear();
+        let _ = self.debug.write_fmt(debug);
+        let mut rest = self.debug.as_str();
+        while let Some(open) = rest.find('[') {
+            let _ = self.hash.write_str(&rest[..=open]);
+            rest = &rest[open + 1..];
+            let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
+            if rest[digits..].starts_with(']') {
+                rest = &rest[digits..];
+            }
+        }
+        let _ = self.hash.write_str(rest);
+    }
+
+    fn constant(&mut self, constant: Handle<naga::Constant>) {
+        let module = self.module;
+        let mut stack = vec![module.constants[constant].init];
         while let Some(e) = stack.pop() {
-            let expression = &self.module.global_expressions[e];
+            let expression = &module.global_expressions[e];
             match expression {
-                Expression::Constant(c) => text.push_str(&self.constant(*c)),
-                Expression::ZeroValue(ty) => text.push_str(&self.ty(*ty)),
-                other => text.push_str(&without_handles(&format!("{other:?}"))),
+                Expression::Constant(c) => self.constant(*c),
+                Expression::ZeroValue(ty) => self.ty(*ty),
+                other => self.without_handles(format_args!("{other:?}")),
             }
             stack.extend(operands::of_expression(expression));
         }
-        text
     }
 
-    fn ty(&self, ty: Handle<Type>) -> String {
-        match &self.module.types[ty].inner {
+    fn ty(&mut self, ty: Handle<Type>) {
+        let module = self.module;
+        match &module.types[ty].inner {
             TypeInner::Struct { members, .. } => {
-                let members: Vec<String> = members
-                    .iter()
-                    .map(|m| format!("{:?} {}", m.binding, self.ty(m.ty)))
-                    .collect();
-                format!("{{{}}}", members.join(", "))
+                for (i, m) in members.iter().enumerate() {
+                    let before = if i == 0 { "{" } else { ", " };
+                    let _ = write!(self.hash, "{before}{:?} ", m.binding);
+                    self.ty(m.ty);
+                }
+                self.word("}");
             }
-            TypeInner::Array { base, size, .. } => format!("array {size:?} {}", self.ty(*base)),
+            TypeInner::Array { base, size, .. } => {
+                let _ = write!(self.hash, "array {size:?} ");
+                self.ty(*base);
+            }
             TypeInner::BindingArray { base, size } => {
-                format!("binding array {size:?} {}", self.ty(*base))
+                let _ = write!(self.hash, "binding array {size:?} ");
+                self.ty(*base);
             }
-            TypeInner::Pointer { base, space } => format!("ptr {space:?} {}", self.ty(*base)),
-            inner => format!("{inner:?}"),
+            TypeInner::Pointer { base, space } => {
+                let _ = write!(self.hash, "ptr {space:?} ");
+                self.ty(*base);
+            }
+            inner => {
+                let _ = write!(self.hash, "{inner:?}");
+            }
         }
     }
 }

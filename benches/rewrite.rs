@@ -1,0 +1,171 @@
+//! What `preshade rewrite` costs in process: parse, graph and `depth-prepass`, and each target's emission, apart and in all.
+//!
+//! `cargo bench -p preshade --features glsl,spirv --bench rewrite [-- FILE.wgsl..]`. Without files it takes the WGSL fixtures of one file and a made material of
+//! about 1,500 expressions. Median of 20 runs, in milliseconds; the limit set for `rewrite` in all is 10 ms.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use preshade::emit::{self, Options, Target};
+use preshade::front::{self, Color, Source};
+use preshade::passes::graph::Graph;
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::state::MaterialState;
+use preshade::recipe::Recipe;
+
+const RUNS: usize = 20;
+
+/// What is timed, in the order of the columns.
+const STEPS: [&str; 8] = [
+    "parse", "graph", "pass", "wgsl", "spirv", "glsl", "glsl-es", "rewrite",
+];
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    // cargo passes `--bench`.
+    let given: Vec<PathBuf> = std::env::args()
+        .skip(1)
+        .filter(|a| !a.starts_with("--"))
+        .map(PathBuf::from)
+        .collect();
+    let mut sources = vec![
+        Source::new("made-8-functions.wgsl", made(8, 7)),
+        Source::new("made-1-function.wgsl", made(1, 56)),
+    ];
+    for file in if given.is_empty() { fixtures()? } else { given } {
+        let name = file.display().to_string();
+        sources.push(Source::new(&name, std::fs::read_to_string(&file)?));
+    }
+    print!("{:<40} {:>6}", "material", "exprs");
+    for step in STEPS {
+        print!(" {step:>8}");
+    }
+    println!();
+    for source in &sources {
+        let (expressions, times) = measure(source)?;
+        let name = Path::new(&source.name).file_name().unwrap_or_default();
+        print!("{:<40} {expressions:>6}", name.to_string_lossy());
+        for median in times {
+            // A target that cannot say what the material does is left out, of the whole as well.
+            match median {
+                Some(median) => print!(" {median:>8.2}"),
+                None => print!(" {:>8}", "-"),
+            }
+        }
+        println!();
+    }
+    Ok(())
+}
+
+fn fixtures() -> std::io::Result<Vec<PathBuf>> {
+    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders");
+    let mut files: Vec<PathBuf> = std::fs::read_dir(dir)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<_>>()?;
+    files.retain(|f| f.extension().is_some_and(|e| e == "wgsl"));
+    files.sort();
+    Ok(files)
+}
+
+/// Milliseconds of each step; `None` where a target cannot say what the material does.
+type Medians = [Option<f64>; STEPS.len()];
+
+/// The number of expressions of a material, and the median of each step in milliseconds.
+fn measure(source: &Source) -> Result<(usize, Medians), Box<dyn std::error::Error>> {
+    let recipe = Recipe::parse(["depth-prepass"])?;
+    let mut runs: Vec<[f64; STEPS.len()]> = Vec::new();
+    let mut expressions = 0;
+    for _ in 0..RUNS {
+        let mut run = [0.0; STEPS.len()];
+        let clock = Instant::now();
+        let parsed = front::parse(std::slice::from_ref(source), &front::Options::default())
+            .map_err(|e| e.render(Color::Never))?;
+        let program = parsed.program.clone();
+        run[0] = ms(clock);
+        let module = program.module();
+        let entries = module.entry_points.iter().map(|e| &e.function);
+        let functions = module.functions.iter().map(|(_, f)| f);
+        expressions = functions.chain(entries).map(|f| f.expressions.len()).sum();
+
+        // The pass builds its own graph: this column is a part of the next one.
+        let clock = Instant::now();
+        std::hint::black_box(Graph::build(&program));
+        run[1] = ms(clock);
+
+        let clock = Instant::now();
+        let original = Plan::original(
+            "m",
+            parsed.program,
+            &parsed.vertex,
+            parsed.fragment.as_deref(),
+            &MaterialState::default(),
+        );
+        // A refusal is a normal outcome, and keeps the original.
+        let plan = recipe
+            .apply(&original, &Facts::default())
+            .unwrap_or(original);
+        run[2] = ms(clock);
+
+        let mut targets = Vec::new();
+        for (column, target) in run[3..].iter_mut().zip(Target::ALL) {
+            let clock = Instant::now();
+            match std::hint::black_box(emit::emit(&plan, &[target], &Options::default())) {
+                Ok(_) => targets.push(target),
+                Err(emit::Error::Inexpressible { .. }) => continue,
+                Err(error) => return Err(error.into()),
+            }
+            *column = ms(clock);
+        }
+        let clock = Instant::now();
+        std::hint::black_box(emit::emit(&plan, &targets, &Options::default())?);
+        run[7] = run[0] + run[2] + ms(clock);
+        runs.push(run);
+    }
+    Ok((
+        expressions,
+        std::array::from_fn(|step| {
+            let mut column: Vec<f64> = runs.iter().map(|run| run[step]).collect();
+            column.sort_by(f64::total_cmp);
+            Some(column[RUNS / 2]).filter(|median| *median > 0.0)
+        }),
+    ))
+}
+
+fn ms(clock: Instant) -> f64 {
+    clock.elapsed().as_secs_f64() * 1e3
+}
+
+/// A fragment stage of `layers` functions of `steps` small steps each: 8 x 7, or 1 x 56, is about 1,500 expressions.
+fn made(layers: usize, steps: usize) -> String {
+    let mut functions = String::new();
+    let mut calls = String::new();
+    for f in 0..layers {
+        functions.push_str(&format!(
+            "fn layer_{f}(p: vec2<f32>) -> f32 {{\n    var sum = 0.0;\n    var q = p;\n"
+        ));
+        for i in 0..steps {
+            functions.push_str(&format!(
+                "    sum += sin(q.x * {i}.5 + u.time) * cos(q.y - {f}.25);\n    q = q.yx * 1.5 + vec2<f32>(sum, {i}.0);\n"
+            ));
+        }
+        functions.push_str("    return sum;\n}\n");
+        calls.push_str(&format!("    color += vec3<f32>(layer_{f}(in.uv), {f}.0, 1.0) * textureSample(t, s, in.uv).rgb;\n"));
+    }
+    format!(
+        "struct Uniforms {{ view_proj: mat4x4<f32>, time: f32 }}
+@group(0) @binding(0) var<uniform> u: Uniforms;
+@group(0) @binding(1) var t: texture_2d<f32>;
+@group(0) @binding(2) var s: sampler;
+struct Varyings {{ @builtin(position) @invariant clip: vec4<f32>, @location(0) uv: vec2<f32> }}
+{functions}
+@vertex fn vs(@location(0) p: vec3<f32>) -> Varyings {{
+    return Varyings(u.view_proj * vec4<f32>(p, 1.0), p.xy);
+}}
+@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
+    var color = vec3<f32>(0.0);
+{calls}    if color.x < 0.1 {{ discard; }}
+    return vec4<f32>(color, 1.0);
+}}
+"
+    )
+}

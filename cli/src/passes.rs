@@ -1,0 +1,134 @@
+//! `preshade passes`: the transforms there are and what each takes.
+
+use std::fmt::Write;
+
+use preshade::parameters::{Parameter, parameters};
+use preshade::passes::{PASSES, pass_named};
+use serde::Serialize;
+
+use crate::output;
+use crate::{Failure, Format, Outcome};
+
+/// Arguments of `passes`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade passes                          every pass in a line
+  preshade passes depth-prepass            one pass and its parameters
+  preshade passes --format json            all of it, for programs")]
+pub struct Args {
+    /// Show this pass with its parameters; default: every pass in a line.
+    #[arg(value_name = "NAME")]
+    name: Option<String>,
+    /// Output form.
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
+}
+
+#[derive(Serialize)]
+struct Listing {
+    schema: &'static str,
+    passes: Vec<PassListed>,
+}
+
+#[derive(Serialize)]
+struct PassListed {
+    name: &'static str,
+    summary: &'static str,
+    hurts: &'static str,
+    source: &'static str,
+    parameters: Vec<Parameter>,
+}
+
+/// Lists the passes.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    if let Some(name) = &args.name
+        && pass_named(name).is_none()
+    {
+        let names: Vec<&str> = PASSES.iter().map(|p| p.info().name).collect();
+        return Err(Failure::unknown("pass", name, &names));
+    }
+    let passes: Vec<PassListed> = PASSES
+        .iter()
+        .filter(|p| args.name.as_ref().is_none_or(|n| p.info().name == n))
+        .map(|p| {
+            let info = p.info();
+            PassListed {
+                name: info.name,
+                summary: info.summary,
+                hurts: info.hurts,
+                source: info.source,
+                parameters: parameters(*p),
+            }
+        })
+        .collect();
+    match (args.format, &args.name) {
+        (Format::Json, _) => output::json(&Listing {
+            schema: "preshade.passes.v1",
+            passes,
+        })?,
+        (Format::Human, None) => {
+            let mut text = String::new();
+            for p in &passes {
+                let _ = writeln!(text, "{:<14} {}", p.name, p.summary);
+            }
+            text.push_str("\n`preshade passes NAME` shows the parameters of one.\n");
+            output::data(&text)?;
+        }
+        (Format::Human, Some(_)) => {
+            for p in &passes {
+                output::data(&details(p))?;
+            }
+        }
+    }
+    Ok(Outcome::Fine)
+}
+
+fn details(pass: &PassListed) -> String {
+    let mut text = format!(
+        "{}\n  {}\n  hurts {}\n  source: {}\n",
+        pass.name, pass.summary, pass.hurts, pass.source
+    );
+    for p in &pass.parameters {
+        let kind = match &p.kind {
+            Some(kind) if p.choices.is_empty() => format!("={kind}"),
+            _ => String::new(),
+        };
+        let _ = writeln!(text, "\n  {}{kind}\n      {}", p.name, p.what);
+        for c in &p.choices {
+            let default = if p.default.as_ref().and_then(|d| d.as_str()) == Some(&c.value) {
+                " (the default)"
+            } else {
+                ""
+            };
+            let _ = writeln!(text, "      {:<12} {}{default}", c.value, c.what);
+        }
+        if let Some(default) = &p.default
+            && p.choices.is_empty()
+        {
+            let _ = writeln!(text, "      default: {default}");
+        }
+    }
+    let _ = writeln!(
+        text,
+        "\nAs in: --pass {}{}",
+        pass.name,
+        example(&pass.parameters)
+    );
+    text
+}
+
+/// `:name=value` of the first choice that is not the default.
+fn example(parameters: &[Parameter]) -> String {
+    parameters
+        .iter()
+        .filter(|p| p.default.is_some())
+        .find_map(|p| {
+            let other = p
+                .choices
+                .iter()
+                .find(|c| p.default.as_ref().and_then(|d| d.as_str()) != Some(&c.value))?;
+            Some(format!(":{}={}", p.name, other.value))
+        })
+        .unwrap_or_default()
+}

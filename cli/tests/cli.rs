@@ -1,0 +1,288 @@
+//! What every command says to good and bad input, and what it leaves behind: exit status, stdout, stderr, files.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// Every transcript in `tests/cmd`. `TRYCMD=overwrite` brings them up to date.
+#[test]
+fn transcripts() {
+    trycmd::TestCases::new()
+        .env("COLUMNS", "100")
+        .env("NO_COLOR", "1")
+        .case("tests/cmd/*.md");
+}
+
+/// The binary, run in the folder of this crate.
+fn preshade() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_preshade"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+fn run(args: &[&str]) -> Output {
+    preshade().args(args).stdin(Stdio::null()).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// A path below which nothing is yet.
+fn nowhere(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&path);
+    path
+}
+
+fn names(dir: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(dir)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+const TOON: &str = "../fixtures/shaders/toon.wgsl";
+
+#[test]
+fn rewrite_writes_every_target_and_the_plan() {
+    let out = nowhere("every-target");
+    let dir = out.to_str().unwrap();
+    let args = [
+        "rewrite",
+        TOON,
+        "--pass",
+        "depth-prepass",
+        "--emit",
+        "wgsl,spirv,glsl,glsl-es",
+        "-o",
+        dir,
+    ];
+    let first = run(&args);
+    assert_eq!(first.status.code(), Some(0), "{}", stderr(&first));
+    assert!(first.stdout.is_empty());
+    let stages = [
+        "es.frag", "es.vert", "frag", "frag.spv", "vert", "vert.spv", "wgsl",
+    ];
+    let mut expected: Vec<String> = ["main", "prepass"]
+        .iter()
+        .flat_map(|role| stages.iter().map(move |s| format!("toon.{role}.{s}")))
+        .chain(["toon.plan.json".to_owned()])
+        .collect();
+    expected.sort();
+    assert_eq!(names(&out), expected);
+
+    let again = run(&args);
+    assert_eq!(again.status.code(), Some(0));
+    assert_eq!(stderr(&again), format!("{dir} is up to date\n"));
+}
+
+#[test]
+fn nothing_is_written_on_failure() {
+    let cases: [&[&str]; 7] = [
+        // The vertex stage could be written in GLSL, the fragment stage cannot.
+        &[
+            "rewrite",
+            TOON,
+            "--pass",
+            "early-discard",
+            "--emit",
+            "wgsl,glsl",
+        ],
+        &["rewrite", TOON, "--pass", "depth-prepass:form=equl"],
+        &["rewrite", TOON, "--name", "../toon"],
+        &["rewrite", TOON, "--state", "tests/bad/state-key.toml"],
+        &["rewrite", "tests/bad/two-fragments.wgsl"],
+        &["rewrite", "tests/bad/scene-texture.toml"],
+        &["rewrite", "-"],
+    ];
+    for (i, case) in cases.iter().enumerate() {
+        let out = nowhere(&format!("nothing-{i}"));
+        let mut args = case.to_vec();
+        args.extend(["-o", out.to_str().unwrap()]);
+        let output = run(&args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(
+            stderr(&output).starts_with("error"),
+            "{args:?}: {}",
+            stderr(&output)
+        );
+        assert!(output.stdout.is_empty(), "{args:?}");
+        assert!(!out.exists(), "{args:?} left something behind");
+    }
+}
+
+#[test]
+fn an_output_folder_that_is_a_file_is_told() {
+    let out = nowhere("a-file");
+    fs::write(&out, "in the way").unwrap();
+    let dir = out.to_str().unwrap();
+    for args in [["rewrite", TOON, "-o", dir], ["verify", TOON, "--out", dir]] {
+        let output = run(&args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(
+            stderr(&output).starts_with("error: "),
+            "{}",
+            stderr(&output)
+        );
+    }
+    assert_eq!(fs::read_to_string(&out).unwrap(), "in the way");
+    fs::remove_file(&out).unwrap();
+}
+
+#[test]
+fn a_refused_pass_keeps_the_original() {
+    let refused = run(&[
+        "rewrite",
+        TOON,
+        "--pass",
+        "depth-prepass",
+        "--blend",
+        "alpha",
+    ]);
+    let plain = run(&["rewrite", TOON, "--blend", "alpha"]);
+    assert_eq!(refused.status.code(), Some(0));
+    assert!(stderr(&refused).starts_with("note[depth-prepass/blended]: does not apply"));
+    assert_eq!(refused.stdout, plain.stdout);
+    assert_eq!(stderr(&plain), "");
+}
+
+#[test]
+fn stdin_is_a_file_like_any_other() {
+    let output = preshade()
+        .args([
+            "rewrite",
+            "-",
+            "--lang",
+            "wgsl",
+            "--name",
+            "toon",
+            "--pass",
+            "depth-prepass",
+        ])
+        .stdin(fs::File::open(Path::new(env!("CARGO_MANIFEST_DIR")).join(TOON)).unwrap())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let from_stdin = String::from_utf8(output.stdout).unwrap();
+    let from_file = run(&["rewrite", TOON, "--pass", "depth-prepass"]).stdout;
+    let from_file = String::from_utf8(from_file).unwrap();
+    assert!(from_stdin.contains("toon.prepass.wgsl"));
+    assert_eq!(from_stdin.replace("<stdin>", "toon.wgsl"), from_file);
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_failure() {
+    let mut child = preshade()
+        .args(["graph", "../fixtures/shaders/hex-tiling.wgsl"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = [0; 7];
+    child.stdout.take().unwrap().read_exact(&mut first).unwrap();
+    assert_eq!(&first, b"digraph");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(stderr(&output), "");
+}
+
+#[test]
+fn machine_output_parses_and_names_its_schema() {
+    for (args, schema) in [
+        (["explain", TOON], "preshade.explain.v1"),
+        (["passes", "early-discard"], "preshade.passes.v1"),
+    ] {
+        let mut args = args.to_vec();
+        args.extend(["--format", "json"]);
+        let output = run(&args);
+        let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(value["schema"], schema);
+        assert_eq!(stderr(&output), "");
+    }
+    let graph = run(&["graph", TOON, "--format", "json"]);
+    assert!(serde_json::from_slice::<serde_json::Value>(&graph.stdout).is_ok());
+}
+
+#[test]
+fn without_an_adapter_verify_says_what_to_install() {
+    // Vulkan's loader and EGL's find no driver; elsewhere than on Linux the variables mean nothing.
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    let out = nowhere("no-adapter");
+    let dir = out.to_str().unwrap();
+    for args in [
+        &["adapters"][..],
+        &[
+            "verify", TOON, "--size", "16x16", "--time", "no", "--out", dir,
+        ],
+    ] {
+        let output = preshade()
+            .args(args)
+            .env("VK_DRIVER_FILES", "/nonexistent")
+            .env("VK_ICD_FILENAMES", "/nonexistent")
+            .env("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
+            .output()
+            .unwrap();
+        assert_eq!(
+            output.status.code(),
+            Some(2),
+            "{args:?}: {}",
+            stderr(&output)
+        );
+        assert!(
+            stderr(&output).contains("error: no graphics adapter was found")
+                && stderr(&output).contains("mesa-vulkan-drivers"),
+            "{}",
+            stderr(&output)
+        );
+        assert!(output.stdout.is_empty());
+    }
+    assert!(!out.exists());
+}
+
+/// What would exhaust a recursive parser's stack is refused, and soon.
+#[test]
+fn deep_nesting_is_refused() {
+    let deep = 200_000;
+    let shaders = [
+        format!(
+            "@vertex fn vs() -> @builtin(position) vec4<f32> {{ return vec4<f32>({}1.0{}); }}",
+            "(".repeat(deep),
+            ")".repeat(deep)
+        ),
+        format!(
+            "@vertex fn vs() -> @builtin(position) vec4<f32> {{ {} {} return vec4<f32>(); }}",
+            "{".repeat(deep),
+            "}".repeat(deep)
+        ),
+        format!(
+            "@vertex fn vs() -> @builtin(position) vec4<f32> {{ return vec4<f32>({}1.0); }}",
+            "-".repeat(deep)
+        ),
+        format!(
+            "var<private> a: {}f32{};",
+            "array<".repeat(deep),
+            ">".repeat(deep)
+        ),
+    ];
+    let file = nowhere("deep.wgsl");
+    for shader in shaders {
+        fs::write(&file, &shader).unwrap();
+        let output = run(&["explain", file.to_str().unwrap()]);
+        assert_eq!(
+            output.status.code(),
+            Some(2),
+            "{}...: {}",
+            &shader[..60],
+            stderr(&output)
+        );
+        assert!(stderr(&output).starts_with("error["), "{}", stderr(&output));
+    }
+    fs::remove_file(&file).unwrap();
+}

@@ -1,0 +1,105 @@
+//! What a pass takes, read from the JSON schema of its parameters: for listings, and to say what was meant by a name that is not there.
+
+use preshade_passes::pass::AnyPass;
+use serde::Serialize;
+use serde_json::Value;
+
+/// One parameter of a pass.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Name, as in `--pass PASS:NAME=VALUE`.
+    pub name: String,
+    /// What it is.
+    pub what: String,
+    /// Type, where it is not a choice: `number`, `integer` and so on.
+    #[serde(rename = "type", skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+    /// The words it may be; empty where it is not a choice.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub choices: Vec<Choice>,
+    /// Value when it is not given; `None`: the pass derives it, as `what` says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub default: Option<Value>,
+}
+
+/// One word a parameter may be.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Choice {
+    /// The word.
+    pub value: String,
+    /// What it means.
+    pub what: String,
+}
+
+/// The parameters of `pass`, by name.
+pub fn parameters(pass: &dyn AnyPass) -> Vec<Parameter> {
+    let schema = pass.schema();
+    let Some(properties) = schema.get("properties").and_then(Value::as_object) else {
+        return Vec::new();
+    };
+    properties
+        .iter()
+        .map(|(name, property)| Parameter {
+            name: name.clone(),
+            what: description(property),
+            kind: kind(property),
+            choices: choices(&schema, property),
+            default: property.get("default").filter(|d| !d.is_null()).cloned(),
+        })
+        .collect()
+}
+
+fn description(node: &Value) -> String {
+    let text = node.get("description").and_then(Value::as_str);
+    text.unwrap_or_default().replace('\n', " ")
+}
+
+/// The type of a property, `null` (not given) apart.
+fn kind(property: &Value) -> Option<String> {
+    match property.get("type")? {
+        Value::String(one) => Some(one.clone()),
+        Value::Array(several) => several
+            .iter()
+            .filter_map(Value::as_str)
+            .find(|t| *t != "null")
+            .map(str::to_owned),
+        _ => None,
+    }
+}
+
+/// The words of an enumeration, through references and the `anyOf` of what is optional.
+fn choices(schema: &Value, node: &Value) -> Vec<Choice> {
+    if let Some(target) = node
+        .get("$ref")
+        .and_then(Value::as_str)
+        .and_then(|r| schema.pointer(r.trim_start_matches('#')))
+    {
+        return choices(schema, target);
+    }
+    let word = |value: &Value, what: String| {
+        value.as_str().map(|v| Choice {
+            value: v.to_owned(),
+            what,
+        })
+    };
+    if let Some(value) = node.get("const") {
+        return word(value, description(node)).into_iter().collect();
+    }
+    let mut found = Vec::new();
+    for value in array(node, "enum") {
+        found.extend(word(value, String::new()));
+    }
+    for key in ["oneOf", "anyOf", "allOf"] {
+        for part in array(node, key) {
+            found.extend(choices(schema, part));
+        }
+    }
+    found
+}
+
+fn array<'a>(node: &'a Value, key: &str) -> impl Iterator<Item = &'a Value> {
+    node.get(key)
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten()
+}

@@ -1,0 +1,275 @@
+//! One pipeline of a frame, and the bind groups it draws with.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::frame::{ColorAttachments, FramePass};
+use preshade_passes::plan::{GpuPass, Plan};
+use preshade_passes::state::ColorTarget;
+
+use super::gpu::Gpu;
+use super::inputs::DrawInputs;
+use super::shader::Stage;
+use super::targets::Targets;
+use super::{Error, layout, state, trusted};
+
+/// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
+#[derive(Clone, PartialEq)]
+pub(super) struct PipelineKey {
+    pub material: usize,
+    pub member: usize,
+    pub vertex: Vec<VertexLayout>,
+    pub strip: Option<wgpu::IndexFormat>,
+}
+
+#[derive(Clone, PartialEq)]
+pub(super) struct VertexLayout {
+    /// Index in the draw's vertex buffers.
+    pub source: usize,
+    pub stride: u64,
+    pub step: wgpu::VertexStepMode,
+    pub attributes: Vec<wgpu::VertexAttribute>,
+}
+
+/// What one pipeline is built from.
+pub(super) struct Build<'b> {
+    pub gpu: &'b Gpu,
+    pub targets: &'b Targets,
+    pub shaders: &'b BTreeMap<&'b str, wgpu::ShaderModule>,
+    pub plan: &'b Plan,
+    pub pass: &'b GpuPass,
+    pub stages: &'b (Stage, Option<Stage>),
+    pub frame: &'b FramePass,
+    pub draw: &'b DrawInputs,
+}
+
+impl Build<'_> {
+    fn failed(&self, message: impl Into<String>) -> Error {
+        Error::Plan {
+            material: self.plan.material.clone(),
+            message: message.into(),
+        }
+    }
+
+    fn what(&self) -> String {
+        format!(
+            "the pipeline of pass `{}` of material `{}`",
+            self.pass.program, self.plan.material
+        )
+    }
+
+    fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
+        self.shaders
+            .get(stage.shader.as_str())
+            .ok_or_else(|| self.failed(format!("there is no shader `{}`", stage.shader)))
+    }
+
+    pub fn strip_format(&self) -> Option<wgpu::IndexFormat> {
+        let strip = state::primitive(&self.pass.primitive).topology.is_strip();
+        self.draw
+            .indices
+            .as_ref()
+            .filter(|_| strip)
+            .map(|i| i.format)
+    }
+
+    /// The buffers and attributes the pass reads, by location, as the scene lays them out.
+    pub fn vertex_layout(&self) -> Result<Vec<VertexLayout>, Error> {
+        let mut layouts: Vec<VertexLayout> = Vec::new();
+        for wanted in &self.pass.attributes {
+            let (source, buffer, attribute) = self
+                .draw
+                .vertex_buffers
+                .iter()
+                .enumerate()
+                .find_map(|(i, b)| {
+                    let a = b.attributes.iter().find(|a| a.location == wanted.location)?;
+                    Some((i, b, a))
+                })
+                .ok_or_else(|| {
+                    self.failed(format!(
+                        "its attribute `{}` at location {} is not one the author's vertex stage reads",
+                        wanted.name, wanted.location
+                    ))
+                })?;
+            let at = wgpu::VertexAttribute {
+                format: attribute.format,
+                offset: attribute.offset,
+                shader_location: attribute.location,
+            };
+            match layouts.iter_mut().find(|l| l.source == source) {
+                Some(layout) => layout.attributes.push(at),
+                None => layouts.push(VertexLayout {
+                    source,
+                    stride: buffer.stride,
+                    step: buffer.step,
+                    attributes: vec![at],
+                }),
+            }
+        }
+        Ok(layouts)
+    }
+
+    /// Layout and bind group of each group the pass uses.
+    pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
+        let filled =
+            layout::fill(self.pass, self.draw, self.targets).map_err(|m| self.failed(m))?;
+        let device = &self.gpu.device;
+        self.gpu
+            .checked(&format!("the bindings of {}", self.what()), || {
+                filled
+                    .iter()
+                    .map(|(group, bindings)| {
+                        let layout = layout::layout(device, bindings);
+                        let entries: Vec<_> = bindings
+                            .iter()
+                            .map(|(b, filled)| wgpu::BindGroupEntry {
+                                binding: b.binding,
+                                resource: filled.binding(),
+                            })
+                            .collect();
+                        let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                            label: None,
+                            layout: &layout,
+                            entries: &entries,
+                        });
+                        (*group, layout, bound)
+                    })
+                    .collect()
+            })
+    }
+
+    fn depth_stencil(&self) -> Result<Option<wgpu::DepthStencilState>, Error> {
+        let Some(depth) = &self.pass.depth else {
+            return Ok(None);
+        };
+        let target = self
+            .targets
+            .depth(&depth.attachment)
+            .ok_or_else(|| self.failed(format!("it has no attachment `{}`", depth.attachment)))?;
+        Ok(Some(state::depth_stencil(
+            target.format,
+            depth,
+            self.pass.stencil.as_ref(),
+        )))
+    }
+
+    /// The colour targets of the frame pass, with this pass's blending and masks; those it does not write are masked off.
+    fn color_targets(&self) -> Vec<Option<wgpu::ColorTargetState>> {
+        let formats: Vec<Option<wgpu::TextureFormat>> = match &self.frame.colors {
+            ColorAttachments::None => Vec::new(),
+            ColorAttachments::Scene => {
+                let scene = self.targets.colors.iter();
+                scene.map(|slot| Some(slot.as_ref()?.format)).collect()
+            }
+            ColorAttachments::Named(names) => names
+                .iter()
+                .map(|name| Some(self.targets.named(name.as_deref()?)?.format()))
+                .collect(),
+        };
+        formats
+            .into_iter()
+            .enumerate()
+            .map(|(location, format)| {
+                let format = format?;
+                let own = self.pass.targets.get(location).and_then(Option::as_ref);
+                Some(wgpu::ColorTargetState {
+                    format,
+                    blend: own
+                        .and_then(|t: &ColorTarget| t.blend)
+                        .as_ref()
+                        .map(state::blend),
+                    write_mask: own.map_or(wgpu::ColorWrites::empty(), |t| {
+                        wgpu::ColorWrites::from_bits_truncate(u32::from(t.write_mask))
+                    }),
+                })
+            })
+            .collect()
+    }
+
+    pub fn pipeline(
+        &self,
+        blank: &wgpu::ShaderModule,
+        layouts: &[(u32, &wgpu::BindGroupLayout)],
+        key: &PipelineKey,
+    ) -> Result<wgpu::RenderPipeline, Error> {
+        let what = self.what();
+        for feature in &self.pass.features {
+            self.gpu.require(&what, feature)?;
+        }
+        if self.pass.primitive.unclipped_depth {
+            self.gpu.require(&what, "depth-clip-control")?;
+        }
+        let depth_stencil = self.depth_stencil()?;
+        let targets = self.color_targets();
+        // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
+        let (vertex, fragment) = self.stages;
+        let vertex = (self.shader(vertex)?, vertex.entry_point.as_str());
+        let fragment = match fragment {
+            Some(stage) => Some((self.shader(stage)?, stage.entry_point.as_str())),
+            None if !targets.is_empty() => Some((blank, BLANK)),
+            None => None,
+        };
+        let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
+        let by_group: Vec<_> = (0..count)
+            .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
+            .collect();
+        let buffers: Vec<_> = key
+            .vertex
+            .iter()
+            .map(|v| {
+                Some(wgpu::VertexBufferLayout {
+                    array_stride: v.stride,
+                    step_mode: v.step,
+                    attributes: &v.attributes,
+                })
+            })
+            .collect();
+        let mut primitive = state::primitive(&self.pass.primitive);
+        primitive.strip_index_format = key.strip;
+        let device = &self.gpu.device;
+        self.gpu.checked(&what, || {
+            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: None,
+                bind_group_layouts: &by_group,
+                immediate_size: 0,
+            });
+            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(&what),
+                layout: Some(&layout),
+                vertex: wgpu::VertexState {
+                    module: vertex.0,
+                    entry_point: Some(vertex.1),
+                    compilation_options: compilation(),
+                    buffers: &buffers,
+                },
+                primitive,
+                depth_stencil,
+                multisample: state::multisample(&self.pass.multisample),
+                fragment: fragment.map(|(module, entry)| wgpu::FragmentState {
+                    module,
+                    entry_point: Some(entry),
+                    compilation_options: compilation(),
+                    targets: &targets,
+                }),
+                multiview_mask: None,
+                cache: None,
+            })
+        })
+    }
+}
+
+fn compilation() -> wgpu::PipelineCompilationOptions<'static> {
+    wgpu::PipelineCompilationOptions::default()
+}
+
+const BLANK: &str = "blank";
+
+pub(super) fn blank_fragment(device: &wgpu::Device) -> wgpu::ShaderModule {
+    trusted::compile(
+        device,
+        wgpu::ShaderModuleDescriptor {
+            label: Some(BLANK),
+            source: wgpu::ShaderSource::Wgsl("@fragment fn blank() {}".into()),
+        },
+    )
+}
