@@ -8,7 +8,7 @@ use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 
 /// The recipes whose output is kept as snapshots and shown to other compilers.
-pub const RECIPES: [&str; 8] = [
+pub const RECIPES: [&str; 10] = [
     "depth-prepass",
     "depth-prepass:form=equal",
     "depth-prepass:form=equal,vertex=sliced",
@@ -16,6 +16,8 @@ pub const RECIPES: [&str; 8] = [
     "early-discard",
     "early-discard:texture=float",
     "early-discard:texture=float,attachment=readonly",
+    "early-discard:texture=packed",
+    "early-discard:quad=lane",
     "early-discard:quad=lane,mode=invert",
 ];
 

@@ -180,3 +180,44 @@ fn add_target(
         })
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What [`PACK`] and an `rgba8unorm` store make of a depth, in the arithmetic of the shader.
+    fn stored(depth: f32) -> [u8; 4] {
+        let v = depth.clamp(0.0, 0.99999994);
+        let shifted = [16_777_216.0, 65_536.0, 256.0].map(|factor: f32| (v * factor).fract());
+        let [x, y, z] = shifted;
+        [x, y - x / 256.0, z - y / 256.0, v - z / 256.0]
+            .map(|digit| (digit * 1.003_921_6 * 255.0).round().clamp(0.0, 255.0) as u8)
+    }
+
+    fn unpacked(texel: [u8; 4]) -> f32 {
+        let products = texel.iter().zip(UNPACK);
+        products
+            .map(|(b, factor)| f32::from(*b) / 255.0 * factor)
+            .sum()
+    }
+
+    #[test]
+    fn digits_are_those_of_base_256() {
+        assert_eq!(stored(0.0), [0, 0, 0, 0]);
+        assert_eq!(stored(0.5), [0, 0, 0, 128]);
+        assert_eq!(stored(1.0 / 256.0), [0, 0, 0, 1]);
+        assert_eq!(stored(258.0 / 65_536.0), [0, 0, 2, 1]);
+        assert_eq!(stored(1.0), [0, 255, 255, 255]);
+    }
+
+    #[test]
+    fn unpacking_stays_within_what_the_tolerance_allows() {
+        for i in 0..=100_000_u32 {
+            // Steps that hit neither the digits nor each other's binades alike.
+            let depth = (i as f32 / 100_000.0).powf(3.7);
+            let error = (unpacked(stored(depth)) - depth).abs();
+            let allowed = depth * f32::EPSILON * 4.0 + 2.0 * STEP;
+            assert!(error <= allowed, "{depth}: {error} of {allowed}");
+        }
+    }
+}

@@ -184,7 +184,7 @@ impl Prologue {
                     index: 2,
                 })
             });
-            // What is written, or not clipped, is clamped before it is stored (WebGPU section 23.2.8).
+            // What is written, or not clipped, is clamped before it is stored.
             let depth = match self.range {
                 DepthRange::Clipped => depth,
                 DepthRange::Clamped => build.expression(Expression::Math {
@@ -239,3 +239,96 @@ fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> 
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct InjectError(pub(super) String);
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const PLAIN: Prologue = Prologue {
+        texture: DepthTexture::Depth,
+        samples: 1,
+        format: DepthFormat::Depth32float,
+        direction: DepthDirection::Forward,
+        quad: Quad::Vote,
+        mode: Mode::Cull,
+        range: DepthRange::Clipped,
+        tolerance: None,
+        slot: Slot {
+            group: 2,
+            binding: 1,
+        },
+    };
+
+    #[test]
+    fn the_text_of_every_form() {
+        let forms = [
+            ("default", PLAIN),
+            (
+                "reversed-lane",
+                Prologue {
+                    direction: DepthDirection::Reversed,
+                    quad: Quad::Lane,
+                    ..PLAIN
+                },
+            ),
+            (
+                "depth16-float-invert",
+                Prologue {
+                    texture: DepthTexture::Float,
+                    format: DepthFormat::Depth16unorm,
+                    mode: Mode::Invert,
+                    ..PLAIN
+                },
+            ),
+            (
+                "packed",
+                Prologue {
+                    texture: DepthTexture::Packed,
+                    ..PLAIN
+                },
+            ),
+            (
+                "multisampled-fixed",
+                Prologue {
+                    samples: 4,
+                    tolerance: Some(0.0001),
+                    ..PLAIN
+                },
+            ),
+        ];
+        for (name, prologue) in forms {
+            let text = prologue.wgsl();
+            let module = naga::front::wgsl::parse_str(&text).unwrap();
+            assert_eq!(module.functions.len(), 1, "{name}");
+            insta::assert_snapshot!(name, text);
+        }
+    }
+
+    #[test]
+    fn names_of_the_authors_own_are_left_alone() {
+        let author = naga::front::wgsl::parse_str(
+            "@group(2) @binding(0) var prepass_depth: texture_2d<f32>;
+             fn hidden_by_prepass() -> f32 { return textureLoad(prepass_depth, vec2(0), 0).x; }
+             @fragment fn fs() -> @location(0) vec4<f32> { return vec4(hidden_by_prepass()); }",
+        )
+        .unwrap();
+        let module = PLAIN.inject(author, 0, None, &[]).unwrap();
+        let names = |names: Vec<&Option<String>>| -> Vec<String> {
+            names.into_iter().flatten().cloned().collect()
+        };
+        let globals = names(
+            module
+                .global_variables
+                .iter()
+                .map(|(_, g)| &g.name)
+                .collect(),
+        );
+        let functions = names(module.functions.iter().map(|(_, f)| &f.name).collect());
+        assert_eq!(globals, ["prepass_depth", "prepass_depth_preshade"]);
+        assert_eq!(
+            functions,
+            ["hidden_by_prepass", "hidden_by_prepass_preshade"]
+        );
+    }
+}
