@@ -21,9 +21,7 @@ fn other_compilers_take_every_variant_of_every_fixture() {
         let mut variants = vec![("original", original.clone())];
         for recipe in fixtures_support::RECIPES {
             // Ties measured to be none: the main pass of `equal` loses its discard, the hardest text of the two.
-            let facts = Facts {
-                depth_ties: Some(0),
-            };
+            let facts = Facts::without_ties();
             if let Ok(plan) = Recipe::parse([recipe]).unwrap().apply(&original, &facts) {
                 variants.push((recipe, plan));
             }

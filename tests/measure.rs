@@ -9,7 +9,7 @@ use std::time::Duration;
 use glam::{Mat4, Vec3};
 use preshade::measure::error::ulps;
 use preshade::measure::timing::estimate;
-use preshade::measure::{self, CountProgram, Counter, TimingSettings};
+use preshade::measure::{self, CountProgram, Counter, Discarded, TimingSettings};
 use preshade::passes::plan::{GpuPass, Plan};
 use preshade::passes::state::{ColorTarget, DepthDirection, DepthFormat};
 use preshade::render::{FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
@@ -125,7 +125,14 @@ fn coplanar_draws_are_ties_and_others_are_not() {
     let ties = |scene: &Scene| {
         let inputs = SceneInputs::new(gpu, scene).unwrap();
         let plans = originals(scene);
-        let mut counter = Counter::ties(&inputs, &plans, ShaderForm::Text, constant).unwrap();
+        let mut counter = Counter::ties(
+            &inputs,
+            &plans,
+            ShaderForm::Text,
+            Discarded::LeftOut,
+            constant,
+        )
+        .unwrap();
         let frame = &scene.cameras[0].frames[0];
         counter.ties_in(frame, DrawOrder::BackToFront).unwrap()
     };

@@ -119,12 +119,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 output::message(&format!("{layers} layers {order}: {form}"));
                 let hand = handwritten(&forward, form)?;
                 let generated = Recipe::parse([recipe])?
-                    .apply(
-                        &forward,
-                        &Facts {
-                            depth_ties: Some(0),
-                        },
-                    )
+                    .apply(&forward, &Facts::without_ties())
                     .map_err(|r| Failure(format!("error: {r}")))?;
                 let prepare = |plan: &Plan| -> Result<Prepared<'_>, Failure> {
                     let variant = Variant::new(std::slice::from_ref(plan), ShaderForm::Text)?;

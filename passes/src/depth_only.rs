@@ -2,7 +2,8 @@
 //! discard and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
 
 use naga::{
-    BinaryOperator, Binding, Expression, Function, Handle, Literal, Module, ShaderStage, Span, Type,
+    AddressSpace, BinaryOperator, Binding, Expression, Function, GlobalVariable, Handle, Literal,
+    Module, ShaderStage, Span, Type,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,11 +12,11 @@ use crate::contract::{Assumption, Contract};
 use crate::opaque::Opaque;
 use crate::pass::{Refusal, Site, SiteCost, SiteKey};
 use crate::place::{self, PositionInvariance};
-use crate::plan::{Draws, GpuPass, Phase, Plan, Role};
+use crate::plan::{Draws, GpuPass, Phase, Plan, Role, SelfTest};
 use crate::reflect;
 use crate::returns;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
-use crate::state::DepthState;
+use crate::state::{CompareFunction, DepthState};
 
 /// Which vertex stage a depth-only pass runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -282,11 +283,15 @@ impl DepthOnly {
         }
         function.name = Some(name.to_owned());
         let function = module.functions.append(function, Span::UNDEFINED);
+        let is_private =
+            |g: &Handle<GlobalVariable>| module.global_variables[*g].space == AddressSpace::Private;
+        let private = slice.globals.iter().copied().filter(is_private).collect();
         Some((
             module,
             DepthFunction {
                 function,
                 arguments,
+                private,
             },
         ))
     }
@@ -299,6 +304,8 @@ pub struct DepthFunction {
     pub function: Handle<Function>,
     /// Its arguments.
     pub arguments: Vec<Argument>,
+    /// Private variables it may write. It runs in the same invocation as the author's code, which must find them as they were.
+    pub private: Vec<Handle<GlobalVariable>>,
 }
 
 /// An argument made of the entry point's inputs.
@@ -379,6 +386,19 @@ pub fn insert_own(
     plan.programs.insert(role.name().to_owned(), program);
     insert(plan, opaque.pass, &placed, role.name(), role, phase, depth);
     Ok(())
+}
+
+/// The self-test of a plan whose main pass compares with what the pre-pass wrote. One triangle, so that no face hides another.
+pub fn self_test(compare: CompareFunction) -> SelfTest {
+    SelfTest {
+        procedure: "draw one triangle of the material twice in occlusion queries: `first` into a cleared depth attachment with its own state, then \
+                    `second` with depth write off and the compare given"
+            .to_owned(),
+        first: Role::Prepass,
+        second: Role::Main,
+        compare,
+        expect: "both queries count the same samples".to_owned(),
+    }
 }
 
 /// What every transform does last: bindings and attributes anew, the contract from the steps.

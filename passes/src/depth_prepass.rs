@@ -27,7 +27,7 @@ use crate::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::place::{self, PositionInvariance};
-use crate::plan::{Phase, Plan, Role, SelfTest, Step};
+use crate::plan::{Phase, Plan, Role, Step};
 use crate::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
 
 /// The pass.
@@ -76,6 +76,9 @@ fn default_bias(format: DepthFormat) -> u32 {
 /// Slope-scaled bias: two subpixel steps of 1/256 would do; 2 is a whole two pixels of slope, so that MSAA and coarse snapping are covered.
 const DEFAULT_SLOPE: f32 = 2.0;
 
+/// Most constant bias there is any use for: the whole range of a 24-bit depth.
+const MOST_BIAS: u32 = 1 << 24;
+
 impl Params {
     fn vertex(&self) -> VertexStage {
         self.vertex.unwrap_or(match self.form {
@@ -92,12 +95,15 @@ impl Params {
     /// The bias as the pipeline takes it, pointing away from the viewer, on top of the author's own.
     fn bias(&self, author: DepthBias, format: DepthFormat, direction: DepthDirection) -> DepthBias {
         let away = direction.away();
-        let constant = self.bias_constant.unwrap_or_else(|| default_bias(format)) as i32;
+        let constant = self
+            .bias_constant
+            .unwrap_or_else(|| default_bias(format))
+            .min(MOST_BIAS) as i32;
         DepthBias {
-            constant: author.constant + constant * away as i32,
+            constant: author.constant.saturating_add(constant * away as i32),
             slope_scale: author.slope_scale + self.bias_slope.unwrap_or(DEFAULT_SLOPE) * away,
-            // A clamp would take the slope away again just where it is needed.
-            clamp: author.clamp,
+            // `check` refuses an author's clamp: the sum would be clamped to what the main pass is, with no margin left.
+            clamp: 0.0,
         }
     }
 }
@@ -152,6 +158,24 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                     "bias-needs-triangles",
                     "depth bias applies to triangles only; these are lines or points",
                     "take form=equal",
+                ));
+            }
+            if opaque.depth.bias.clamp != 0.0 {
+                refusals.push(Refusal::new(
+                    name,
+                    "depth-bias-clamp",
+                    "the material clamps a depth bias of its own: both passes would be clamped to one bias, and no margin be left between them",
+                    "take form=equal, or leave the clamp out",
+                ));
+            }
+            if params.bias_constant.is_some_and(|c| c > MOST_BIAS) {
+                refusals.push(Refusal::new(
+                    name,
+                    "bias-constant",
+                    format!(
+                        "a bias of more than {MOST_BIAS} steps is more than the whole depth range"
+                    ),
+                    "leave it out for the default",
                 ));
             }
             if params.bias_constant == Some(0) {
@@ -259,7 +283,7 @@ fn biased(
             .then_some(Assumption::InvariantDiscard),
     );
     next.steps.push(step(slice, opaque, params, given));
-    next.self_test = Some(self_test(opaque.depth.compare));
+    next.self_test = Some(depth_only::self_test(opaque.depth.compare));
     depth_only::finish(&mut next, "original");
     Ok(next)
 }
@@ -280,10 +304,10 @@ fn equal(
     } else {
         invariant.apply(opaque.program.module().clone(), opaque.vertex)
     };
-    let drop_discard = opaque.discards && facts.depth_ties == Some(0);
+    let drop_discard = opaque.discards && facts.undiscarded_depth_ties == Some(0);
     if let (true, Some(fragment)) = (drop_discard, opaque.fragment) {
         main = place::without_discard(&main, fragment);
-        next.notes.push("no depth ties were measured: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
+        next.notes.push("no depth ties were measured, discarded fragments counted in: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
     }
     let main = opaque
         .program
@@ -329,21 +353,9 @@ fn equal(
             .then_some(Assumption::NoDepthTies),
     );
     next.steps.push(step(slice, opaque, params, given));
-    next.self_test = Some(self_test(CompareFunction::Equal));
+    next.self_test = Some(depth_only::self_test(CompareFunction::Equal));
     depth_only::finish(&mut next, "depth-prepass:form=biased");
     Ok(next)
-}
-
-fn self_test(compare: CompareFunction) -> SelfTest {
-    SelfTest {
-        procedure: "draw one convex object twice in occlusion queries: `first` into a cleared depth attachment with its own state, then `second` with \
-                    depth write off and the compare given"
-            .to_owned(),
-        first: Role::Prepass,
-        second: Role::Main,
-        compare,
-        expect: "both queries count the same samples".to_owned(),
-    }
 }
 
 fn step(slice: &DepthOnly, opaque: &Opaque, params: &Params, mut given: Vec<Assumption>) -> Step {

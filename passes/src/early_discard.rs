@@ -480,6 +480,10 @@ fn transform(
     if params.attachment == MainAttachment::Readonly {
         given.extend(invariant.assumptions(opaque));
         given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
+        next.self_test = next
+            .main()
+            .and_then(|p| p.depth.as_ref())
+            .map(|d| depth_only::self_test(d.compare));
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     given.sort();

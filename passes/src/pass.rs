@@ -126,6 +126,19 @@ pub struct Sites {
 pub struct Facts {
     /// Pixels (samples) at which two or more surviving fragments share the winning depth, over every camera measured; `None`: not measured.
     pub depth_ties: Option<u64>,
+    /// The same with fragments counted that the material discards: those that would tie if the discard were gone.
+    #[serde(default)]
+    pub undiscarded_depth_ties: Option<u64>,
+}
+
+impl Facts {
+    /// What a scene without any ties was measured to be.
+    pub fn without_ties() -> Self {
+        Self {
+            depth_ties: Some(0),
+            undiscarded_depth_ties: Some(0),
+        }
+    }
 }
 
 /// A transform.

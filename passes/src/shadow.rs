@@ -24,7 +24,9 @@ use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::place::PositionInvariance;
 use crate::plan::{Attachment, Phase, Plan, Role, Step};
 use crate::program::Program;
-use crate::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
+use crate::state::{
+    CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState, Multisample,
+};
 
 /// Name of the depth attachment that the shadow pass writes.
 pub const SHADOW_DEPTH: &str = "shadow-depth";
@@ -81,7 +83,8 @@ impl Pass for Shadow {
             attachment: SHADOW_DEPTH.to_owned(),
             compare: CompareFunction::Less,
             write: true,
-            bias: opaque.depth.bias,
+            // The camera's bias points away from the camera's viewer, in units of the camera's format: a light needs its own, which the host knows.
+            bias: DepthBias::default(),
             read_only: false,
         };
         depth_only::insert_own(
@@ -105,7 +108,7 @@ impl Pass for Shadow {
         });
         depth_only::finish(&mut next, "original");
         if let Some(pass) = next.passes.iter_mut().find(|p| p.role == Role::Shadow) {
-            pass.multisample.count = 1;
+            pass.multisample = Multisample::default();
             pass.view_dependent = next
                 .programs
                 .get(Role::Shadow.name())

@@ -11,7 +11,7 @@ pub mod variant;
 pub mod verify;
 
 pub use error::{ErrorLadder, compare};
-pub use shading::{CountProgram, Counter, Shading, ShadingSummary, facts};
+pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
 pub use variant::{counting, variant};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};

@@ -100,8 +100,8 @@ impl<'a> Counter<'a> {
         Self::prepare(inputs, &plans, form)
     }
 
-    /// Prepares counting the surviving fragments that share the winning depth of their pixel: 2 or more are a tie. `plans` are the original
-    /// ones, drawn first with their own state, then with EQUAL.
+    /// Prepares counting the fragments that share the winning depth of their pixel: 2 or more are a tie. `plans` are the original ones, drawn
+    /// first with their own state, then with EQUAL.
     ///
     /// # Errors
     /// As [`Prepared::new`].
@@ -109,23 +109,40 @@ impl<'a> Counter<'a> {
         inputs: &'a SceneInputs<'a>,
         plans: &[Plan],
         form: ShaderForm,
+        discarded: Discarded,
         count: impl Fn(&Plan, &GpuPass) -> CountProgram,
     ) -> Result<Self, Error> {
         let format = count_format(inputs.gpu());
         let plans = plans
             .iter()
-            .map(|plan| {
-                let mut plan = counting_plan(plan, format, &count)?;
+            .map(|original| {
+                let mut plan = counting_plan(original, format, &count)?;
+                let counted = match discarded {
+                    Discarded::LeftOut => plan.passes.clone(),
+                    Discarded::Counted => {
+                        let all = counting_plan(original, format, &|_: &Plan, _: &GpuPass| {
+                            CountProgram::Constant
+                        })?;
+                        let key = |key: &str| format!("{key}-all");
+                        plan.programs
+                            .extend(all.programs.into_iter().map(|(k, p)| (key(&k), p)));
+                        let rename = |mut pass: GpuPass| {
+                            pass.program = key(&pass.program);
+                            pass
+                        };
+                        all.passes.into_iter().map(rename).collect()
+                    }
+                };
                 plan.passes = plan
                     .passes
                     .iter()
-                    .flat_map(|pass| {
+                    .zip(counted)
+                    .flat_map(|(pass, mut equal)| {
                         let mut depth_only = pass.clone();
                         depth_only.phase = Phase::Depth;
                         for target in depth_only.targets.iter_mut().flatten() {
                             target.write_mask = 0;
                         }
-                        let mut equal = pass.clone();
                         if let Some(depth) = &mut equal.depth {
                             depth.compare = CompareFunction::Equal;
                             depth.write = false;
@@ -187,15 +204,28 @@ pub fn facts(
 ) -> Result<Facts, Error> {
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = super::originals(scene);
-    let mut counter = Counter::ties(&inputs, &plans, form, count)?;
-    let mut ties = 0;
-    for (_, frame) in scene.frames() {
-        inputs.set_frame(frame)?;
-        ties += counter.ties_in(frame, DrawOrder::AsGiven)?;
-    }
+    let ties = |discarded| -> Result<Option<u64>, Error> {
+        let mut counter = Counter::ties(&inputs, &plans, form, discarded, &count)?;
+        let mut ties = 0;
+        for (_, frame) in scene.frames() {
+            inputs.set_frame(frame)?;
+            ties += counter.ties_in(frame, DrawOrder::AsGiven)?;
+        }
+        Ok(Some(ties))
+    };
     Ok(Facts {
-        depth_ties: Some(ties),
+        depth_ties: ties(Discarded::LeftOut)?,
+        undiscarded_depth_ties: ties(Discarded::Counted)?,
     })
+}
+
+/// Whether fragments that a material discards count as tying.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Discarded {
+    /// Only those that survive.
+    LeftOut,
+    /// All: what would tie if the discard were gone.
+    Counted,
 }
 
 /// A float format that additive blending is exact in: to 2^24 where the adapter blends 32-bit floats, else to 2^11.

@@ -126,7 +126,13 @@ pub fn verify(
         });
         subjects.push(Subject::new(&inputs, variant, settings, i == 0)?);
     }
-    let mut ties = Counter::ties(&inputs, &original.plans, settings.form, settings.count)?;
+    let mut ties = Counter::ties(
+        &inputs,
+        &original.plans,
+        settings.form,
+        super::Discarded::LeftOut,
+        settings.count,
+    )?;
     let views = views(scene, settings);
     let mut clock = None;
     let mut depth_ties = Some(0);

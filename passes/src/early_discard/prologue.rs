@@ -1,8 +1,8 @@
 //! The prologue's text, and its place at the start of a fragment entry point.
 
 use naga::{
-    Binding, BuiltIn, Expression, Function, Handle, MathFunction, Module, Scalar, Statement,
-    TypeInner, VectorSize,
+    Binding, BuiltIn, Expression, Function, GlobalVariable, Handle, MathFunction, Module, Scalar,
+    Statement, TypeInner, VectorSize,
 };
 
 use super::{DepthTexture, Mode, Quad, Slot, gradients, packed};
@@ -174,8 +174,12 @@ impl Prologue {
             );
             let computed = depth.and_then(|d| {
                 let arguments = d.arguments.iter().map(|a| argument(build, a)).collect();
+                let saved: Vec<_> = d.private.iter().map(|g| save(build, *g)).collect();
                 let written = build.call(d.function, arguments)?;
                 build.name(written, "own_depth");
+                for (pointer, value) in saved {
+                    build.statement(Statement::Store { pointer, value });
+                }
                 Some(written)
             });
             let depth = computed.unwrap_or_else(|| {
@@ -217,6 +221,15 @@ pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Functi
         [function] => Ok((linked.module, function)),
         _ => Err(InjectError("the snippet is not one function".to_owned())),
     }
+}
+
+/// A private variable, and what it holds here.
+fn save(
+    build: &mut Builder<'_>,
+    variable: Handle<GlobalVariable>,
+) -> (Handle<Expression>, Handle<Expression>) {
+    let pointer = build.expression(Expression::GlobalVariable(variable));
+    (pointer, build.expression(Expression::Load { pointer }))
 }
 
 fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> {

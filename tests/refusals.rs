@@ -1,0 +1,233 @@
+//! What the depth transforms refuse, by name and with a remedy: a refusal is a normal outcome, and the original is kept.
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+use preshade::front::{self, Options, Source};
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::state::{
+    Blend, ColorTarget, CompareFunction, DepthBias, MaterialState, StencilFace, StencilOperation,
+    StencilState, Topology,
+};
+use preshade::recipe::Recipe;
+
+const VERTEX: &str =
+    "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }\n";
+const FLAT: &str = "@fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }\n";
+
+fn plan(text: &str, state: &MaterialState) -> Plan {
+    let parsed = front::parse(&[Source::new("case.wgsl", text)], &Options::default()).unwrap();
+    Plan::original(
+        "case",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        state,
+    )
+}
+
+/// The code of the first refusal, or `applies`.
+fn outcome(plan: &Plan, recipe: &str, facts: &Facts) -> String {
+    match Recipe::parse([recipe]).unwrap().apply(plan, facts) {
+        Ok(_) => "applies".to_owned(),
+        Err(refusal) => {
+            assert!(!refusal.remedy.is_empty(), "{refusal} names no remedy");
+            refusal.code.clone()
+        }
+    }
+}
+
+fn state(change: impl FnOnce(&mut MaterialState)) -> MaterialState {
+    let mut state = MaterialState::default();
+    change(&mut state);
+    state
+}
+
+#[test]
+fn states_that_no_prepass_can_stand_in_front_of() {
+    let keep = StencilFace {
+        compare: CompareFunction::Always,
+        fail: StencilOperation::Keep,
+        depth_fail: StencilOperation::Keep,
+        pass: StencilOperation::Keep,
+    };
+    let stencil = |pass| StencilState {
+        front: StencilFace { pass, ..keep },
+        back: StencilFace { pass, ..keep },
+        read_mask: 255,
+        write_mask: 255,
+        reference: 1,
+    };
+    let blended = |blend| {
+        vec![Some(ColorTarget {
+            blend: Some(blend),
+            ..ColorTarget::opaque("rgba8unorm")
+        })]
+    };
+    for (change, code) in [
+        (state(|_| ()), "applies"),
+        (state(|s| s.targets = blended(Blend::ALPHA)), "blended"),
+        (state(|s| s.targets = blended(Blend::REPLACE)), "applies"),
+        (state(|s| s.depth_write = false), "depth-write-off"),
+        (
+            state(|s| s.depth_compare = Some(CompareFunction::Always)),
+            "compare",
+        ),
+        (
+            state(|s| s.depth_compare = Some(CompareFunction::Equal)),
+            "compare",
+        ),
+        (
+            state(|s| s.depth_compare = Some(CompareFunction::LessEqual)),
+            "applies",
+        ),
+        (
+            state(|s| s.stencil = Some(stencil(StencilOperation::Replace))),
+            "stencil-write",
+        ),
+        (
+            state(|s| s.stencil = Some(stencil(StencilOperation::Keep))),
+            "stencil-test",
+        ),
+        (
+            state(|s| s.multisample.alpha_to_coverage = true),
+            "alpha-to-coverage",
+        ),
+    ] {
+        let plan = plan(&format!("{VERTEX}{FLAT}"), &change);
+        for recipe in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
+            assert_eq!(
+                outcome(&plan, recipe, &Facts::default()),
+                code,
+                "{recipe} on {change:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_the_biased_form_alone_refuses() {
+    let clamped = DepthBias {
+        constant: 1000,
+        slope_scale: 1.0,
+        clamp: 1e-6,
+    };
+    for (change, recipe, code) in [
+        (
+            state(|s| s.depth_bias = clamped),
+            "depth-prepass",
+            "depth-bias-clamp",
+        ),
+        (
+            state(|s| s.depth_bias = clamped),
+            "depth-prepass:form=equal",
+            "applies",
+        ),
+        (
+            state(|s| s.primitive.topology = Topology::LineList),
+            "depth-prepass",
+            "bias-needs-triangles",
+        ),
+        (
+            state(|s| s.primitive.topology = Topology::LineList),
+            "depth-prepass:form=equal",
+            "applies",
+        ),
+        (state(|_| ()), "depth-prepass:bias-constant=0", "no-bias"),
+        (
+            state(|_| ()),
+            "depth-prepass:bias-constant=4294967295",
+            "bias-constant",
+        ),
+        (state(|_| ()), "depth-prepass:bias-slope=-1", "bias-slope"),
+    ] {
+        let plan = plan(&format!("{VERTEX}{FLAT}"), &change);
+        assert_eq!(
+            outcome(&plan, recipe, &Facts::default()),
+            code,
+            "{recipe} on {change:?}"
+        );
+    }
+}
+
+#[test]
+fn ties_are_refused_only_where_they_are_measured_and_matter() {
+    let text = format!("{VERTEX}{FLAT}");
+    let tied = Facts {
+        depth_ties: Some(3),
+        undiscarded_depth_ties: Some(3),
+    };
+    let less = plan(&text, &MaterialState::default());
+    let less_equal = plan(
+        &text,
+        &state(|s| s.depth_compare = Some(CompareFunction::LessEqual)),
+    );
+    for (plan, recipe, facts, code) in [
+        (&less, "depth-prepass:form=equal", &tied, "depth-ties"),
+        (
+            &less,
+            "early-discard:attachment=readonly",
+            &tied,
+            "depth-ties",
+        ),
+        (&less, "depth-prepass", &tied, "applies"),
+        (&less, "early-discard", &tied, "applies"),
+        (
+            &less,
+            "depth-prepass:form=equal",
+            &Facts::default(),
+            "applies",
+        ),
+        // The last of several tied fragments wins in both.
+        (&less_equal, "depth-prepass:form=equal", &tied, "applies"),
+    ] {
+        assert_eq!(outcome(plan, recipe, facts), code, "{recipe}");
+    }
+}
+
+#[test]
+fn shaders_that_do_more_than_shade() {
+    let storage = "@group(0) @binding(0) var<storage, read_write> counter: array<atomic<u32>>;\n";
+    let vertex_store = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { atomicAdd(&counter[0], 1u); return p; }\n";
+    let fragment_store = "fn note() { atomicAdd(&counter[0], 1u); }\n@fragment fn fs() -> @location(0) vec4<f32> { note(); return vec4<f32>(1.0); }\n";
+    let mask = "struct O { @location(0) c: vec4<f32>, @builtin(sample_mask) m: u32 }\n@fragment fn fs() -> O { return O(vec4<f32>(1.0), 1u); }\n";
+    let forced = "@early_depth_test(force) @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { if p.x < 3.0 { discard; } return vec4<f32>(1.0); }\n";
+    let depth = "@fragment fn fs() -> @builtin(frag_depth) f32 { return 0.5; }\n";
+    for (text, recipe, code) in [
+        (
+            format!("{storage}{vertex_store}{FLAT}"),
+            "depth-prepass",
+            "vertex-store",
+        ),
+        (
+            format!("{storage}{VERTEX}{fragment_store}"),
+            "depth-prepass",
+            "fragment-store",
+        ),
+        (format!("{VERTEX}{mask}"), "depth-prepass", "sample-mask"),
+        (
+            format!("{VERTEX}{forced}"),
+            "depth-prepass",
+            "forced-early-test",
+        ),
+        (
+            format!("{VERTEX}{depth}"),
+            "depth-prepass:form=equal",
+            "depth-not-invariant",
+        ),
+        (format!("{VERTEX}{depth}"), "depth-prepass", "applies"),
+        (
+            format!("{VERTEX}{depth}"),
+            "early-discard:attachment=readonly",
+            "readonly-depth-writer",
+        ),
+        (VERTEX.to_owned(), "early-discard", "no-fragment-stage"),
+        (VERTEX.to_owned(), "depth-prepass", "applies"),
+    ] {
+        let plan = plan(&text, &MaterialState::default());
+        assert_eq!(
+            outcome(&plan, recipe, &Facts::default()),
+            code,
+            "{recipe} on\n{text}"
+        );
+    }
+}
