@@ -155,6 +155,7 @@ fn ties_are_refused_only_where_they_are_measured_and_matter() {
     let tied = Facts {
         depth_ties: Some(3),
         undiscarded_depth_ties: Some(3),
+        ..Facts::default()
     };
     let less = plan(&text, &MaterialState::default());
     let less_equal = plan(

@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::contract::{Assumption, Contract};
 use crate::depth_only::{self, DepthOnly, Invariance, VertexStage};
+use crate::near_plane;
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::place::{self, PositionInvariance};
@@ -160,6 +161,10 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                     "take form=equal",
                 ));
             }
+            let format = plan.depth_format(&opaque.depth.attachment).unwrap_or_default();
+            if opaque.direction == DepthDirection::Forward && format.may_be_float() {
+                refusals.extend(on_near_plane(&opaque, facts));
+            }
             if opaque.depth.bias.clamp != 0.0 {
                 refusals.push(Refusal::new(
                     name,
@@ -225,6 +230,31 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     }
 }
 
+/// The bias of a float format is relative to the depth: on the near plane, at 0, it is nothing.
+fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
+    let refuse = |reason: String| {
+        Refusal::new(
+            DepthPrepass::INFO.name,
+            "near-plane",
+            format!(
+                "{reason}, where a float depth format has no bias and the pre-pass would hide what it was drawn for"
+            ),
+            "draw it without depth, in its own phase, or with a unorm depth format; or take form=equal",
+        )
+    };
+    let module = opaque.program.module();
+    let vertex = &module.entry_points[opaque.vertex].function;
+    if let Some(span) = near_plane::literal_zero_depth(module, vertex) {
+        let refusal =
+            refuse("the vertex stage puts every position on the near plane (z is 0)".to_owned());
+        return Some(refusal.at(opaque.program.sources(), span));
+    }
+    let n = facts.near_plane_pixels.filter(|n| *n > 0)?;
+    Some(refuse(format!(
+        "{n} pixels of the frame were measured to lie on the near plane, at depth 0"
+    )))
+}
+
 fn what(params: &Params, opaque: &Opaque) -> String {
     let vertex = match params.vertex() {
         VertexStage::Same => "the same vertex stage",
@@ -277,6 +307,10 @@ fn biased(
         DepthPrepass::INFO.name,
     )?;
     let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
+    given.extend(
+        (opaque.direction == DepthDirection::Forward && format.may_be_float())
+            .then_some(Assumption::BeyondNearPlane),
+    );
     given.extend(
         opaque
             .decides_depth()

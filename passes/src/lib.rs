@@ -21,6 +21,7 @@ pub mod evaluate;
 pub mod frame;
 pub mod graph;
 pub mod link;
+mod near_plane;
 pub mod opaque;
 pub mod pass;
 pub mod place;

@@ -129,6 +129,9 @@ pub struct Facts {
     /// The same with fragments counted that the material discards: those that would tie if the discard were gone.
     #[serde(default)]
     pub undiscarded_depth_ties: Option<u64>,
+    /// Pixels (samples) whose final depth is exactly 0 where 0 is the near plane, in the first frame of every camera.
+    #[serde(default)]
+    pub near_plane_pixels: Option<u64>,
 }
 
 impl Facts {
@@ -137,6 +140,7 @@ impl Facts {
         Self {
             depth_ties: Some(0),
             undiscarded_depth_ties: Some(0),
+            near_plane_pixels: Some(0),
         }
     }
 }

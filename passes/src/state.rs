@@ -104,6 +104,11 @@ impl DepthFormat {
         matches!(self, Self::Depth32float | Self::Depth32floatStencil8)
     }
 
+    /// Whether an adapter may store it as a float, whose bias is relative to the depth.
+    pub fn may_be_float(self) -> bool {
+        self != Self::Depth16unorm
+    }
+
     /// Whether the format has a stencil aspect.
     pub fn has_stencil(self) -> bool {
         matches!(self, Self::Depth24plusStencil8 | Self::Depth32floatStencil8)

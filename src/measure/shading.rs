@@ -7,7 +7,7 @@ use naga::{Literal, ShaderStage};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
-use preshade_passes::state::{Blend, ColorTarget, CompareFunction};
+use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
 use serde::Serialize;
 
 use super::Error;
@@ -216,7 +216,32 @@ pub fn facts(
     Ok(Facts {
         depth_ties: ties(Discarded::LeftOut)?,
         undiscarded_depth_ties: ties(Discarded::Counted)?,
+        near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
     })
+}
+
+/// Pixels of the original at depth 0, where that is the near plane, in the first frame of every camera.
+fn near_plane_pixels(
+    inputs: &SceneInputs<'_>,
+    plans: &[Plan],
+    form: ShaderForm,
+) -> Result<Option<u64>, Error> {
+    let scene = inputs.scene();
+    if scene.depth_direction == DepthDirection::Reversed {
+        return Ok(Some(0));
+    }
+    let variant = Variant::new(plans, form)?;
+    let mut prepared = Prepared::new(inputs, &variant, &FrameSettings::of(scene))?;
+    let mut pixels = 0;
+    for frame in scene.cameras.iter().filter_map(|c| c.frames.first()) {
+        inputs.set_frame(frame)?;
+        prepared.aim(frame, DrawOrder::AsGiven);
+        let Some(depth) = prepared.render()?.depth else {
+            return Ok(None);
+        };
+        pixels += depth.values.iter().filter(|d| **d == 0.0).count() as u64;
+    }
+    Ok(Some(pixels))
 }
 
 /// Whether fragments that a material discards count as tying.
