@@ -161,7 +161,9 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                     "take form=equal",
                 ));
             }
-            let format = plan.depth_format(&opaque.depth.attachment).unwrap_or_default();
+            let format = plan
+                .depth_format(&opaque.depth.attachment)
+                .unwrap_or_default();
             if opaque.direction == DepthDirection::Forward && format.may_be_float() {
                 refusals.extend(on_near_plane(&opaque, facts));
             }
@@ -270,7 +272,11 @@ fn what(params: &Params, opaque: &Opaque) -> String {
         Form::Biased => "main pass as written",
         Form::Equal => "main pass EQUAL without depth write",
     };
-    format!("pre-pass with {vertex} and {fragment}; {main}")
+    let late = match opaque.writes_depth {
+        true => "; the material writes depth, so hidden fragments still run before they are tested: take early-discard",
+        false => "",
+    };
+    format!("pre-pass with {vertex} and {fragment}; {main}{late}")
 }
 
 fn biased(

@@ -7,6 +7,7 @@ use naga::{Literal, ShaderStage};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
+use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
 use serde::Serialize;
 
@@ -95,8 +96,8 @@ impl<'a> Counter<'a> {
         let format = count_format(inputs.gpu());
         let plans = plans
             .iter()
-            .map(|plan| counting_plan(plan, format, &count))
-            .collect::<Result<Vec<_>, _>>()?;
+            .map(|plan| Ok(every_late_fragment(counting_plan(plan, format, &count)?)))
+            .collect::<Result<Vec<_>, Error>>()?;
         Self::prepare(inputs, &plans, form)
     }
 
@@ -261,6 +262,43 @@ fn count_format(gpu: &Gpu) -> &'static str {
     }
 }
 
+/// A fragment that writes depth runs before it is tested, whatever lies in front: it is counted whenever it is drawn, and its depth is laid by a pass
+/// of its own.
+fn every_late_fragment(mut plan: Plan) -> Plan {
+    let writes_depth = |pass: &GpuPass| {
+        let entry = plan
+            .program(pass)
+            .zip(pass.fragment.as_deref())
+            .and_then(|(p, f)| Some((p.module(), p.entry_point(ShaderStage::Fragment, f)?.1)));
+        entry.is_some_and(|(module, entry)| {
+            let depth = Some(naga::Binding::BuiltIn(naga::BuiltIn::FragDepth));
+            reflect::outputs(module, &entry.function)
+                .iter()
+                .any(|o| o.binding == depth)
+        })
+    };
+    plan.passes = plan
+        .passes
+        .iter()
+        .flat_map(|pass| {
+            if pass.role != Role::Main || !writes_depth(pass) {
+                return vec![pass.clone()];
+            }
+            let mut counted = pass.clone();
+            if let Some(depth) = &mut counted.depth {
+                depth.compare = CompareFunction::Always;
+                depth.write = false;
+            }
+            let mut tested = pass.clone();
+            for target in tested.targets.iter_mut().flatten() {
+                target.write_mask = 0;
+            }
+            vec![counted, tested]
+        })
+        .collect();
+    plan
+}
+
 /// The plan with every opaque main pass counting instead of shading, and no other colour.
 fn counting_plan(
     plan: &Plan,
@@ -303,7 +341,7 @@ fn counting_plan(
                 blend: Some(Blend::ADD),
                 ..ColorTarget::opaque(format)
             })];
-            preshade_passes::reflect::fill(&mut pass, &program);
+            reflect::fill(&mut pass, &program);
             out.programs.insert(key, program);
         }
         out.passes.push(pass);
