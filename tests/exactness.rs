@@ -119,11 +119,19 @@ fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String
             continue;
         }
         if transformed == 0 {
-            // What a shader writes as depth is neither read-only nor invariant; nothing else may keep a fixture out.
-            let depth_writer = |why: &str| {
-                why.contains("readonly-depth-writer") || why.contains("depth-not-invariant")
-            };
-            if !variant.kept.iter().all(|k| depth_writer(&k.why)) {
+            // What a shader writes as depth is neither read-only nor invariant, and some neighbours forbid it; nothing else may keep every
+            // material of a fixture out.
+            let expected = [
+                "readonly-depth-writer",
+                "depth-not-invariant",
+                "neighbour-moves-depth",
+                "neighbour-counts-fragments",
+            ];
+            if !variant
+                .kept
+                .iter()
+                .any(|k| expected.iter().any(|code| k.why.contains(code)))
+            {
                 wrong.push(format!(
                     "{label}: {recipe} applies to no material: {:?}",
                     variant.kept

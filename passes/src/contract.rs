@@ -11,6 +11,8 @@ pub enum Assumption {
     NoDepthTies,
     /// Both passes rasterise the same position bits from the same inputs.
     InvariantPosition,
+    /// No other opaque material of the frame moves depth away from the viewer or leaves traces of hidden fragments (stencil, stores).
+    OrdinaryNeighbours,
     /// No surface lies exactly on the near plane, at depth 0 of a float format, where bias vanishes.
     BeyondNearPlane,
     /// The original's position is `@invariant` already. Where it is not, marking it may move positions by their last bits.

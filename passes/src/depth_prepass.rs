@@ -273,7 +273,9 @@ fn what(params: &Params, opaque: &Opaque) -> String {
         Form::Equal => "main pass EQUAL without depth write",
     };
     let late = match opaque.writes_depth {
-        true => "; the material writes depth, so hidden fragments still run before they are tested: take early-discard",
+        true => {
+            "; the material writes depth, so hidden fragments still run before they are tested: take early-discard"
+        }
         false => "",
     };
     format!("pre-pass with {vertex} and {fragment}; {main}{late}")
@@ -312,7 +314,11 @@ fn biased(
         },
         DepthPrepass::INFO.name,
     )?;
-    let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
+    let mut given = vec![
+        Assumption::PositionWithinBias,
+        Assumption::SameViewport,
+        Assumption::OrdinaryNeighbours,
+    ];
     given.extend(
         (opaque.direction == DepthDirection::Forward && format.may_be_float())
             .then_some(Assumption::BeyondNearPlane),
@@ -382,7 +388,11 @@ fn equal(
         )?;
     }
     let mut given = invariant.assumptions(opaque);
-    given.extend([Assumption::SameDrawOrder, Assumption::SameViewport]);
+    given.extend([
+        Assumption::SameDrawOrder,
+        Assumption::SameViewport,
+        Assumption::OrdinaryNeighbours,
+    ]);
     given.extend(
         opaque
             .decides_depth()

@@ -473,7 +473,11 @@ fn transform(
         depth.sampled = true;
     }
 
-    let mut given = vec![Assumption::PositionWithinBias, Assumption::SameViewport];
+    let mut given = vec![
+        Assumption::PositionWithinBias,
+        Assumption::SameViewport,
+        Assumption::OrdinaryNeighbours,
+    ];
     if opaque.decides_depth() {
         given.push(Assumption::InvariantDiscard);
     }

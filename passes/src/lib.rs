@@ -22,6 +22,7 @@ pub mod frame;
 pub mod graph;
 pub mod link;
 mod near_plane;
+pub mod neighbours;
 pub mod opaque;
 pub mod pass;
 pub mod place;

@@ -8,7 +8,7 @@ use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::pass::{Facts, Refusal, Sites};
-use crate::plan::{GpuPass, Phase, Plan, Role};
+use crate::plan::{ClearValue, GpuPass, Phase, Plan, Role};
 use crate::program::Program;
 use crate::reflect;
 use crate::state::{CompareFunction, DepthDirection, DepthState};
@@ -115,6 +115,17 @@ impl<'a> Opaque<'a> {
                         "use less, less-equal, greater or greater-equal",
                     ));
                 }
+                // The far plane is what the attachment is cleared to.
+                let cleared = plan.attachment(&depth.attachment).map(|a| a.clear);
+                if let (Some(d), Some(ClearValue::Depth(clear))) = (direction, cleared)
+                    && clear != d.clear_depth()
+                {
+                    refusals.push(refuse(
+                        "compare-direction",
+                        &format!("depth is cleared to {clear}, against which {:?} lets nothing pass", depth.compare),
+                        "say which way depth grows (--reversed-z, depth_direction), or compare the other way",
+                    ));
+                }
                 direction.map(|d| (depth, d))
             }
         };
@@ -217,6 +228,19 @@ impl<'a> Opaque<'a> {
 
 /// Effects that drawing a surface twice, or not at all where it is hidden, would change.
 const STORES: [Effect; 3] = [Effect::Store, Effect::ImageStore, Effect::Atomic];
+
+/// Whether a stage of a pass stores to memory.
+pub fn stores(graph: &Graph, program: &Program, pass: &GpuPass) -> bool {
+    let stages = [
+        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
+        (ShaderStage::Fragment, pass.fragment.as_deref()),
+    ];
+    stages.into_iter().any(|(stage, name)| {
+        let entry = name.and_then(|n| program.entry_point(stage, n));
+        entry
+            .is_some_and(|(index, _)| find(graph, FunctionId::EntryPoint(index), &STORES).is_some())
+    })
+}
 
 /// Effects that read the neighbours in the quad.
 const DERIVATIVES: [Effect; 2] = [Effect::Derivative, Effect::ImplicitLod];

@@ -1,6 +1,7 @@
 //! A recipe on a scene: one plan a material, refusals kept beside.
 
 use preshade_passes::count;
+use preshade_passes::neighbours;
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Plan};
 
@@ -11,7 +12,7 @@ use crate::report::Kept;
 /// `recipe` on every material that takes it. A material that refuses is drawn as its author wrote it, and the refusal is kept.
 pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
     let mut kept = Vec::new();
-    let plans = originals
+    let mut plans: Vec<Plan> = originals
         .iter()
         .map(|original| {
             recipe.apply(original, facts).unwrap_or_else(|refusal| {
@@ -23,6 +24,20 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
             })
         })
         .collect();
+    // What stands alone may not stand beside the others.
+    let conflicts: Vec<_> = plans
+        .iter()
+        .map(|plan| neighbours::conflict(plan, originals))
+        .collect();
+    for ((plan, original), refusal) in plans.iter_mut().zip(originals).zip(conflicts) {
+        if let Some(refusal) = refusal {
+            kept.push(Kept {
+                material: original.material.clone(),
+                why: refusal.to_string(),
+            });
+            *plan = original.clone();
+        }
+    }
     let name = recipe.to_string();
     Variant {
         recipe: name.clone(),

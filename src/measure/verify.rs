@@ -1,7 +1,7 @@
 //! A scene drawn with the original and its variants, view by view.
 
 use preshade_passes::contract::{Assumption, Contract, Verdict};
-use preshade_passes::plan::{GpuPass, Plan};
+use preshade_passes::plan::{GpuPass, Phase, Plan};
 
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
@@ -92,6 +92,10 @@ struct Subject<'a> {
     pictures: Option<Pictures>,
     /// First view that broke the contract.
     broken: Option<String>,
+    /// It has a pass that the frame does not draw.
+    undrawn: bool,
+    /// Pixels with anything opaque in them, over the views counted.
+    covered: Option<u64>,
 }
 
 /// Draws every view of `scene` with the original and with `variants`, compares, counts and times them.
@@ -292,6 +296,7 @@ fn count_view(subjects: &mut [Subject<'_>], view: &View<'_>) -> Result<(), Error
                 continue;
             }
         };
+        *subject.covered.get_or_insert(0) += shading.covered;
         let per_pixel = Some(shading.summary().per_pixel);
         if let Some(row) = subject.report.by_view.last_mut() {
             row.shaded_per_pixel = per_pixel;
@@ -373,6 +378,12 @@ impl<'a> Subject<'a> {
             },
             pictures: None,
             broken: None,
+            undrawn: variant
+                .plans
+                .iter()
+                .flat_map(|p| &p.passes)
+                .any(|p| p.phase == Phase::Shadow),
+            covered: None,
         };
         let built = || -> Result<_, Error> {
             let host = HostVariant::new(&variant.plans, settings.form)?;
@@ -482,6 +493,16 @@ impl<'a> Subject<'a> {
             (None, Some(why)) => {
                 self.report.verdict = Verdict::NotMeasured {
                     why: why.to_owned(),
+                };
+            }
+            (None, None) if self.undrawn => {
+                self.report.verdict = Verdict::NotMeasured {
+                    why: "its shadow pass is drawn under a light's view, which no camera of the scene is; the main pass is as written".to_owned(),
+                };
+            }
+            (None, None) if drawn && self.covered == Some(0) && self.report.name != ORIGINAL => {
+                self.report.verdict = Verdict::NotMeasured {
+                    why: "no opaque surface is seen in any view".to_owned(),
                 };
             }
             (None, None) if drawn => self.report.verdict = Verdict::Holds,
