@@ -177,7 +177,20 @@ impl Semantic {
     /// What a name means, if anything.
     pub fn from_name(name: &str) -> Option<Self> {
         let name = normalise(name);
-        NAMES.iter().find(|(n, _)| *n == name).map(|(_, s)| *s)
+        let known = |name: &str| NAMES.iter().find(|(n, _)| *n == name).map(|(_, s)| *s);
+        known(&name).or_else(|| {
+            // `worldViewProjectionMatrix`, `cameraViewProjMat`: what it is, written out.
+            let bare = ["matrix", "mat"]
+                .iter()
+                .find_map(|end| name.strip_suffix(end))
+                .unwrap_or(&name);
+            let bare = bare.replace("projection", "proj").replace("world", "model");
+            match bare.strip_prefix("camera").unwrap_or(&bare) {
+                "modelviewproj" => Some(Self::ModelViewProjection),
+                "viewproj" => Some(Self::ViewProjection),
+                other => known(other),
+            }
+        })
     }
 
     /// The first of its names.
