@@ -268,6 +268,7 @@ fn reading_depth(plan: &Plan, kind: BindingKind, samples: u32) -> Plan {
     let main: &mut GpuPass = &mut plan.passes[1];
     main.program = "reading".to_owned();
     main.bindings.push(BindingUse {
+        layout: None,
         group: 2,
         binding: 3,
         name: "scene_depth".to_owned(),

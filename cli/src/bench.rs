@@ -308,6 +308,7 @@ fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
                 .to_owned(),
             );
             main.bindings.push(BindingUse {
+                layout: None,
                 group: 0,
                 binding: 1,
                 name: "dtex".to_owned(),

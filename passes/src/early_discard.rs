@@ -409,6 +409,7 @@ fn transform(
     next.programs.insert(opaque.pass.program.clone(), main);
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         pass.bindings.push(BindingUse {
+            layout: None,
             group: slot.group,
             binding: slot.binding,
             name: prologue::TEXTURE.to_owned(),

@@ -6,7 +6,7 @@
 use crate::graph::Graph;
 use crate::opaque;
 use crate::pass::Refusal;
-use crate::plan::{GpuPass, Phase, Plan, Role};
+use crate::plan::{BindingSource, GpuPass, Phase, Plan, Role};
 
 /// Why `plan` may not draw its depth ahead in a frame with `neighbours`; `None` where it may, or does not.
 pub fn conflict<'a>(
@@ -17,18 +17,24 @@ pub fn conflict<'a>(
     let prepass = plan.passes.iter().find(|p| p.role == Role::Prepass)?;
     let direction = prepass.depth.as_ref()?.compare.direction();
     let main = plan.main()?.depth.as_ref()?;
-    // The main pass takes the depth it finds for its own: nobody may have moved it.
-    let trusts_depth = main.read_only || main.compare.direction().is_none();
+    // Who takes the pre-pass's depth for the last word: by EQUAL, read-only, or as a texture. Nobody may have moved depth meanwhile.
+    let samples =
+        |b: &crate::plan::BindingUse| matches!(b.source, BindingSource::Attachment { .. });
+    let trusts_depth = main.read_only
+        || main.compare.direction().is_none()
+        || plan.main()?.bindings.iter().any(samples);
     neighbours.into_iter().filter(|n| n.material != plan.material).find_map(|neighbour| {
         let pass = neighbour.main().filter(|p| p.phase == Phase::Opaque)?;
         let moves_depth = pass.depth.as_ref().is_some_and(|d| d.write && d.compare.direction() != direction)
             && !neighbour.passes.iter().any(|p| p.role == Role::Prepass);
-        if trusts_depth && moves_depth {
+        // Under a bias the author's own comparison goes on, and what a mover overdraws does not show; unless it leaves colour standing.
+        let opaque_colors = !pass.targets.is_empty() && pass.targets.iter().flatten().all(|t| t.write_mask == 0b1111);
+        if moves_depth && (trusts_depth || !opaque_colors) {
             return Some(Refusal::new(
                 &step.pass,
                 "neighbour-moves-depth",
                 format!("material `{}` writes depth without comparing it, over what the pre-pass laid", neighbour.material),
-                "take depth-prepass:form=biased or early-discard:attachment=own, which keep the author's comparison",
+                "take depth-prepass:form=biased, which keeps the author's comparison, or draw that material in a phase of its own",
             ));
         }
         leaves_traces(neighbour, pass).then(|| {

@@ -180,6 +180,47 @@ pub struct BindingUse {
     pub visibility: Visibility,
     /// Who provides it.
     pub source: BindingSource,
+    /// The rest of its `GPUBindGroupLayoutEntry`. `None` for what WebGPU has no entry for (acceleration structures, external textures).
+    #[serde(default)]
+    pub layout: Option<BindingLayout>,
+}
+
+/// What a bind group layout says of a binding, in WebGPU's words.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum BindingLayout {
+    /// `GPUBufferBindingLayout`.
+    Buffer {
+        /// `uniform`, `storage` or `read-only-storage`.
+        #[serde(rename = "type")]
+        ty: String,
+        /// `minBindingSize`, in bytes: what the shader declares, a runtime-sized array counted as one element.
+        min_binding_size: u64,
+    },
+    /// `GPUSamplerBindingLayout`.
+    Sampler {
+        /// `filtering` or `comparison`. A host whose sampler does not filter may say `non-filtering`.
+        #[serde(rename = "type")]
+        ty: String,
+    },
+    /// `GPUTextureBindingLayout`.
+    Texture {
+        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture is taken to be filterable.
+        sample_type: String,
+        /// `1d`, `2d`, `2d-array`, `cube`, `cube-array` or `3d`.
+        view_dimension: String,
+        /// Whether it has several samples a texel.
+        multisampled: bool,
+    },
+    /// `GPUStorageTextureBindingLayout`.
+    StorageTexture {
+        /// `write-only`, `read-only` or `read-write`.
+        access: String,
+        /// Format in WGSL's spelling.
+        format: String,
+        /// As of a texture.
+        view_dimension: String,
+    },
 }
 
 /// A vertex attribute that a pass really reads.

@@ -6,7 +6,9 @@ use naga::{
     TypeInner,
 };
 
-use crate::plan::{AttributeUse, BindingKind, BindingSource, BindingUse, GpuPass, Visibility};
+use crate::plan::{
+    AttributeUse, BindingKind, BindingLayout, BindingSource, BindingUse, GpuPass, Visibility,
+};
 use crate::program::Program;
 
 /// One input or output of an entry point: an argument, a result, or a member of either.
@@ -103,6 +105,90 @@ pub fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<Bi
     })
 }
 
+/// What a bind group layout says of a global variable with a binding.
+fn binding_layout(
+    module: &Module,
+    global: &naga::GlobalVariable,
+    source: &BindingSource,
+) -> Option<BindingLayout> {
+    let inner = match module.types[global.ty].inner {
+        TypeInner::BindingArray { base, .. } => &module.types[base].inner,
+        ref inner => inner,
+    };
+    let buffer = |ty: &str| BindingLayout::Buffer {
+        ty: ty.to_owned(),
+        min_binding_size: u64::from(inner.size(module.to_ctx())),
+    };
+    Some(match (global.space, inner) {
+        (AddressSpace::Uniform, _) => buffer("uniform"),
+        (AddressSpace::Storage { access }, _) if access.contains(StorageAccess::STORE) => {
+            buffer("storage")
+        }
+        (AddressSpace::Storage { .. }, _) => buffer("read-only-storage"),
+        (_, TypeInner::Sampler { comparison }) => BindingLayout::Sampler {
+            ty: if *comparison {
+                "comparison"
+            } else {
+                "filtering"
+            }
+            .to_owned(),
+        },
+        (
+            _,
+            TypeInner::Image {
+                dim,
+                arrayed,
+                class,
+            },
+        ) => {
+            let view_dimension = match (dim, arrayed) {
+                (naga::ImageDimension::D1, _) => "1d",
+                (naga::ImageDimension::D2, false) => "2d",
+                (naga::ImageDimension::D2, true) => "2d-array",
+                (naga::ImageDimension::D3, _) => "3d",
+                (naga::ImageDimension::Cube, false) => "cube",
+                (naga::ImageDimension::Cube, true) => "cube-array",
+            }
+            .to_owned();
+            match class {
+                ImageClass::Storage { format, access } => BindingLayout::StorageTexture {
+                    access: match (
+                        access.contains(StorageAccess::LOAD),
+                        access.contains(StorageAccess::STORE),
+                    ) {
+                        (true, true) => "read-write",
+                        (true, false) => "read-only",
+                        (false, _) => "write-only",
+                    }
+                    .to_owned(),
+                    format: format!("{format:?}").to_lowercase(),
+                    view_dimension,
+                },
+                ImageClass::Depth { multi } => BindingLayout::Texture {
+                    sample_type: "depth".to_owned(),
+                    view_dimension,
+                    multisampled: *multi,
+                },
+                ImageClass::Sampled { kind, multi } => BindingLayout::Texture {
+                    sample_type: match (kind, source) {
+                        (naga::ScalarKind::Sint, _) => "sint",
+                        (naga::ScalarKind::Uint, _) => "uint",
+                        // A depth texture bound as float, and any multisampled one, cannot be filtered.
+                        (_, BindingSource::Attachment { .. }) => "unfilterable-float",
+                        _ if *multi => "unfilterable-float",
+                        _ => "float",
+                    }
+                    .to_owned(),
+                    view_dimension,
+                    multisampled: *multi,
+                },
+                ImageClass::External => return None,
+            }
+        }
+        _ => return None,
+    })
+}
+
 /// Fills a pass's bindings and attributes from the entry points it names. A binding that the pass already takes from an attachment keeps
 /// that source.
 pub fn fill(pass: &mut GpuPass, program: &Program) {
@@ -130,17 +216,19 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
             {
                 Some(i) => i,
                 None => {
+                    let source = pass
+                        .bindings
+                        .iter()
+                        .find(|b| (b.group, b.binding) == (at.group, at.binding))
+                        .map_or(BindingSource::Author, |b| b.source.clone());
                     bindings.push(BindingUse {
                         group: at.group,
                         binding: at.binding,
                         name: global.name.clone().unwrap_or_default(),
                         kind,
                         visibility: Visibility::default(),
-                        source: pass
-                            .bindings
-                            .iter()
-                            .find(|b| (b.group, b.binding) == (at.group, at.binding))
-                            .map_or(BindingSource::Author, |b| b.source.clone()),
+                        layout: binding_layout(module, global, &source),
+                        source,
                     });
                     bindings.len() - 1
                 }
