@@ -488,3 +488,28 @@ fn an_untouched_program_ships_as_its_author_wrote_it() {
     );
     assert_eq!(text(&emit_all(&plan), "plain.main.wgsl"), source);
 }
+
+#[test]
+fn a_pass_names_the_features_it_needs() {
+    let half = format!(
+        "enable f16;\n{VS}@group(0) @binding(0) var<uniform> x: f32;\n@fragment fn fs() -> @location(0) vec4<f32> {{ return vec4(f32(f16(x))); }}"
+    );
+    let parsed = front::parse(
+        &[Source::new("half.wgsl", &half)],
+        &front::Options::default(),
+    )
+    .unwrap();
+    let mut state = MaterialState::default();
+    state.primitive.unclipped_depth = true;
+    let plan = Plan::original(
+        "half",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &state,
+    );
+    assert_eq!(
+        plan.passes[0].features,
+        ["depth-clip-control", "shader-f16"]
+    );
+}

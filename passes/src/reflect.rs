@@ -189,7 +189,7 @@ fn binding_layout(
     })
 }
 
-/// Fills a pass's bindings and attributes from the entry points it names. A binding that the pass already takes from an attachment keeps
+/// Fills a pass's bindings, attributes and features from the entry points it names. A binding that the pass already takes from an attachment keeps
 /// that source.
 pub fn fill(pass: &mut GpuPass, program: &Program) {
     let module = program.module();
@@ -240,6 +240,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
         }
     }
     bindings.sort_by_key(|b| (b.group, b.binding));
+    pass.features = features(pass, module);
     pass.bindings = bindings;
     pass.attributes = match program.entry_point(ShaderStage::Vertex, &pass.vertex) {
         None => Vec::new(),
@@ -256,6 +257,70 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
             .collect(),
     };
     pass.attributes.sort_by_key(|a| a.location);
+}
+
+/// WebGPU features that a pass needs, by name: from its state, and from the module it draws with.
+fn features(pass: &GpuPass, module: &Module) -> Vec<String> {
+    let half = |inner: &TypeInner| inner.scalar() == Some(naga::Scalar::F16);
+    // A conversion may be all there is of it: its type is then in no arena.
+    let converts = |e: &naga::Expression| {
+        matches!(
+            e,
+            naga::Expression::As {
+                kind: naga::ScalarKind::Float,
+                convert: Some(2),
+                ..
+            } | naga::Expression::Literal(naga::Literal::F16(_))
+        )
+    };
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let half_precision = module.types.iter().any(|(_, t)| half(&t.inner))
+        || functions
+            .chain(module.entry_points.iter().map(|e| &e.function))
+            .any(|f| f.expressions.iter().any(|(_, e)| converts(e)));
+    let is = |b: &Option<Binding>, builtin: naga::BuiltIn| *b == Some(Binding::BuiltIn(builtin));
+    let stages = [
+        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
+        (ShaderStage::Fragment, pass.fragment.as_deref()),
+    ];
+    let io: Vec<Io> = module
+        .entry_points
+        .iter()
+        .filter(|e| stages.contains(&(e.stage, Some(e.name.as_str()))))
+        .flat_map(|e| {
+            inputs(module, &e.function)
+                .into_iter()
+                .chain(outputs(module, &e.function))
+        })
+        .collect();
+    let dual = |b: &Option<Binding>| {
+        matches!(
+            b,
+            Some(Binding::Location {
+                blend_src: Some(_),
+                ..
+            })
+        )
+    };
+    [
+        (
+            "clip-distances",
+            io.iter()
+                .any(|i| is(&i.binding, naga::BuiltIn::ClipDistances)),
+        ),
+        ("depth-clip-control", pass.primitive.unclipped_depth),
+        ("dual-source-blending", io.iter().any(|i| dual(&i.binding))),
+        (
+            "primitive-index",
+            io.iter()
+                .any(|i| is(&i.binding, naga::BuiltIn::PrimitiveIndex)),
+        ),
+        ("shader-f16", half_precision),
+    ]
+    .into_iter()
+    .filter(|(_, needed)| *needed)
+    .map(|(name, _)| name.to_owned())
+    .collect()
 }
 
 /// A scalar, vector or matrix type in WGSL's spelling.
