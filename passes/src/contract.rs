@@ -23,6 +23,8 @@ pub enum Assumption {
     SameViewport,
     /// Opaque draws come in one order in every pass in which order decides.
     SameDrawOrder,
+    /// The vertex and the fragment stage compute the same bits from the same inputs.
+    StagesAgree,
     /// Positions computed by two pipelines from one source differ by less than the pass's bias or tolerance.
     PositionWithinBias,
 }
@@ -55,6 +57,15 @@ impl Contract {
     /// `Exact` under nothing.
     pub fn exact() -> Self {
         Self::Exact { given: Vec::new() }
+    }
+
+    /// Its kind, as the JSON spells it.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Exact { .. } => "exact",
+            Self::Rounding { .. } => "rounding",
+            Self::Approximate { .. } => "approximate",
+        }
     }
 
     /// The contract of doing both: assumptions gather, weaker kinds win.

@@ -169,6 +169,7 @@ impl DepthOnly {
             what,
             location: self.span.and_then(|s| opaque.program.sources().locate(s)),
             cost: self.cost,
+            left: Vec::new(),
         }
     }
 

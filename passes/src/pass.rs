@@ -45,6 +45,22 @@ pub struct Site {
     pub location: Option<Location>,
     /// Static cost of the slice and of what it is sliced from.
     pub cost: SiteCost,
+    /// What the pass might have taken along and did not, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left: Vec<Left>,
+}
+
+/// Something that a pass left where it was.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Left {
+    /// The author's name for it, or what it is.
+    pub name: String,
+    /// Why it stays.
+    pub reason: String,
+    /// Static cost of computing it, all it rests on included.
+    pub cost: f64,
+    /// Where it is in the author's source.
+    pub location: Option<Location>,
 }
 
 /// Static cost estimate of a site, in the units of [`crate::graph`]'s cost model.
@@ -132,6 +148,9 @@ pub struct Facts {
     /// Pixels (samples) whose final depth is exactly 0 where 0 is the near plane, in the first frame of every camera.
     #[serde(default)]
     pub near_plane_pixels: Option<u64>,
+    /// Vertices shaded for each fragment shaded, over every camera measured.
+    #[serde(default)]
+    pub vertices_per_fragment: Option<f64>,
 }
 
 impl Facts {
@@ -141,6 +160,7 @@ impl Facts {
             depth_ties: Some(0),
             undiscarded_depth_ties: Some(0),
             near_plane_pixels: Some(0),
+            ..Self::default()
         }
     }
 }

@@ -124,7 +124,8 @@ impl<'p> Graph<'p> {
             };
             for (id, node) in f.statements.iter() {
                 if f.control.is_reachable(id) {
-                    below.loops |= matches!(node.statement, Statement::Loop { .. });
+                    below.loops |= matches!(node.statement, Statement::Loop { .. })
+                        && cost::trips(module, f, id).is_none();
                 }
             }
             below.effects = effect::own(module, f);
@@ -241,7 +242,7 @@ impl<'p> Graph<'p> {
             .collect()
     }
 
-    /// Whether a function, or something it calls, loops.
+    /// Whether a function, or something it calls, has a loop that is not seen to end ([`cost::trips`]).
     pub fn may_loop(&self, function: FunctionId) -> bool {
         self.reach[self.index(function)].loops
     }

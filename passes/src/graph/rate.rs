@@ -76,6 +76,11 @@ impl Rate {
         }
     }
 
+    /// Whether it changes with the primitive at most: no interpolation comes into it.
+    pub fn is_flat(self) -> bool {
+        self <= Self::Varying(Interpolated::Flat, At::Sample) && self != Self::Vertex
+    }
+
     /// The name in messages and JSON: `perspective-centroid` say.
     pub fn name(self) -> String {
         match self {

@@ -7,7 +7,7 @@ use naga::{
     LocalVariable, Module, SampleLevel, Span, Statement, Type, TypeInner,
 };
 
-use crate::graph::operands;
+use crate::graph::{FunctionId, operands};
 
 /// Appends expressions and statements to a function under construction and takes care of `Emit`.
 #[derive(Debug)]
@@ -51,8 +51,29 @@ pub fn prologue_replacing(
     entry: usize,
     build: impl FnOnce(&mut Builder<'_>) -> Replacements,
 ) -> Module {
+    rewritten(module, FunctionId::EntryPoint(entry), |builder| Rewrite {
+        replacements: build(builder),
+        arguments: BTreeMap::new(),
+    })
+}
+
+/// What becomes of the author's code behind a prologue.
+#[derive(Clone, Debug, Default)]
+pub struct Rewrite {
+    /// What it reads in place of its own expressions.
+    pub replacements: Replacements,
+    /// What it passes in addition, to each function it calls, behind the arguments it passes already.
+    pub arguments: BTreeMap<Handle<Function>, Vec<Handle<Expression>>>,
+}
+
+/// The module with a function or entry point rewritten: what `build` writes first, then the author's statements as [`Rewrite`] says.
+pub fn rewritten(
+    module: &Module,
+    id: FunctionId,
+    build: impl FnOnce(&mut Builder<'_>) -> Rewrite,
+) -> Module {
     let mut module = module.clone();
-    let original = std::mem::take(&mut module.entry_points[entry].function);
+    let original = std::mem::take(function_mut(&mut module, id));
     let locals = original.local_variables.len();
     let mut builder = Builder {
         module: &mut module,
@@ -67,24 +88,31 @@ pub fn prologue_replacing(
         block: Block::new(),
         emitting: None,
     };
-    let replacements = build(&mut builder);
+    let rewrite = build(&mut builder);
     builder.flush();
     let Builder {
         mut function,
         block: mut body,
         ..
     } = builder;
-    append_body(&original, locals, &replacements, &mut function, &mut body);
+    append_body(&original, locals, &rewrite, &mut function, &mut body);
     function.body = body;
-    module.entry_points[entry].function = function;
+    *function_mut(&mut module, id) = function;
     module
+}
+
+fn function_mut(module: &mut Module, id: FunctionId) -> &mut Function {
+    match id {
+        FunctionId::Function(h) => &mut module.functions[h],
+        FunctionId::EntryPoint(i) => &mut module.entry_points[i].function,
+    }
 }
 
 /// Copies the whole body of `original` behind `body`. `function` has the original's local variables, at the same handles, as its first `locals`.
 fn append_body(
     original: &Function,
     locals: usize,
-    replacements: &Replacements,
+    rewrite: &Rewrite,
     function: &mut Function,
     body: &mut Block,
 ) {
@@ -92,7 +120,7 @@ fn append_body(
     note_evaluated(&original.body, &mut emitted);
     let mut map = Map {
         copies: vec![None; original.expressions.len()],
-        replacements,
+        rewrite,
     };
     for (e, _) in original.expressions.iter() {
         if !emitted[e.index()] {
@@ -129,11 +157,11 @@ fn note_evaluated(block: &Block, emitted: &mut [bool]) {
 struct Map<'r> {
     /// The new handle of each of the author's expressions.
     copies: Vec<Option<Handle<Expression>>>,
-    replacements: &'r Replacements,
+    rewrite: &'r Rewrite,
 }
 
 fn copy(original: &Function, e: Handle<Expression>, map: &mut Map<'_>, function: &mut Function) {
-    let replacement = map.replacements.get(&e);
+    let replacement = map.rewrite.replacements.get(&e);
     if let Some(Replacement::Value(value)) = replacement {
         map.copies[e.index()] = Some(*value);
         return;
@@ -174,9 +202,17 @@ fn copy_block(
         }
         let mut shell = operands::shell(statement);
         if let Some(result) = operands::result_mut(&mut shell) {
-            copy(original, *result, map, function);
-            if let Some(new) = map.copies[result.index()] {
-                *result = new;
+            let old = *result;
+            copy(original, old, map, function);
+            match (map.rewrite.replacements.get(&old), map.copies[old.index()]) {
+                // The call still gives a result, though nobody reads it.
+                (Some(Replacement::Value(_)), _) => {
+                    let expression = original.expressions[old].clone();
+                    let span = original.expressions.get_span(old);
+                    *result = function.expressions.append(expression, span);
+                }
+                (_, Some(new)) => *result = new,
+                (_, None) => {}
             }
         }
         let mut inner = operands::blocks(statement).into_iter().map(|b| {
@@ -218,6 +254,15 @@ fn copy_block(
                 *o = new;
             }
         });
+        if let Statement::Call {
+            function: callee,
+            arguments,
+            ..
+        } = &mut shell
+        {
+            let more = map.rewrite.arguments.get(callee);
+            arguments.extend(more.into_iter().flatten());
+        }
         out.push(shell, *span);
     }
 }
@@ -314,6 +359,22 @@ impl Builder<'_> {
             binding: Some(binding.clone()),
         });
         self.expression(Expression::FunctionArgument(arguments.len() as u32))
+    }
+
+    /// A new argument, behind those there are.
+    pub fn argument(
+        &mut self,
+        name: &str,
+        ty: Handle<Type>,
+        binding: Option<Binding>,
+    ) -> Handle<Expression> {
+        let index = self.function.arguments.len() as u32;
+        self.function.arguments.push(FunctionArgument {
+            name: Some(name.to_owned()),
+            ty,
+            binding,
+        });
+        self.expression(Expression::FunctionArgument(index))
     }
 
     /// Appends a statement. Not for `Emit`, which is kept account of here, nor for calls: see [`Builder::call`].

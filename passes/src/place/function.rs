@@ -64,7 +64,8 @@ pub(super) struct Placed {
     pub returned: Returned,
 }
 
-fn free_name(module: &Module, name: &str, suffix: &str) -> String {
+/// A function name that is not taken: `{name}_{suffix}`, with a letter more where it is.
+pub(crate) fn free_name(module: &Module, name: &str, suffix: &str) -> String {
     let taken = |n: &str| {
         module
             .functions

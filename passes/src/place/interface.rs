@@ -65,33 +65,43 @@ pub fn narrow_struct(
     let TypeInner::Struct { members: all, .. } = &original.inner else {
         return ty;
     };
+    let kept = members
+        .iter()
+        .map(|index| {
+            let member = &all[*index as usize];
+            StructMember {
+                binding: mark(member.binding.clone(), position),
+                ..member.clone()
+            }
+        })
+        .collect();
+    let name = original.name.as_ref().map(|n| format!("{n}_{suffix}"));
+    io_struct(module, name, kept)
+}
+
+/// A struct type of these members. Offsets follow from their own alignment.
+pub fn io_struct(
+    module: &mut Module,
+    name: Option<String>,
+    mut members: Vec<StructMember>,
+) -> Handle<Type> {
     let mut layouter = Layouter::default();
     // The module is valid, so all its types have a layout.
     let laid_out = layouter.update(module.to_ctx()).is_ok();
-    let (mut offset, mut span, mut align) = (0, 0, naga::proc::Alignment::ONE);
-    let mut kept = Vec::new();
-    for index in members {
-        let member = &all[*index as usize];
-        if laid_out {
-            let layout = layouter[member.ty];
-            offset = layout.alignment.round_up(span);
-            span = offset + layout.size;
-            align = align.max(layout.alignment);
-        }
-        kept.push(StructMember {
-            binding: mark(member.binding.clone(), position),
-            offset,
-            ..member.clone()
-        });
+    let (mut span, mut align) = (0, naga::proc::Alignment::ONE);
+    for member in members.iter_mut().filter(|_| laid_out) {
+        let layout = layouter[member.ty];
+        member.offset = layout.alignment.round_up(span);
+        span = member.offset + layout.size;
+        align = align.max(layout.alignment);
     }
-    let narrowed = Type {
-        name: original.name.as_ref().map(|n| format!("{n}_{suffix}")),
-        inner: TypeInner::Struct {
-            members: kept,
-            span: align.round_up(span),
-        },
+    let inner = TypeInner::Struct {
+        members,
+        span: align.round_up(span),
     };
-    module.types.insert(narrowed, naga::Span::UNDEFINED)
+    module
+        .types
+        .insert(Type { name, inner }, naga::Span::UNDEFINED)
 }
 
 /// The binding with the position marked as wanted.

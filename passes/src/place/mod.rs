@@ -12,10 +12,13 @@ mod function;
 mod interface;
 mod members;
 
-pub use builder::{Builder, Replacement, Replacements, prologue, prologue_replacing};
+pub use builder::{
+    Builder, Replacement, Replacements, Rewrite, prologue, prologue_replacing, rewritten,
+};
 pub use discard::without_discard;
+pub(crate) use function::free_name;
 use interface::Placement;
-pub use interface::PositionInvariance;
+pub use interface::{PositionInvariance, io_struct};
 
 use crate::graph::Graph;
 use crate::slice::Slice;

@@ -9,7 +9,7 @@ use super::need::Need;
 use super::{Demand, Termination};
 use crate::graph::cells::{self, Cell, Root};
 use crate::graph::memory::{self, Origin, VersionId};
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
+use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, cost, operands};
 
 /// What of a function decides what its caller demands.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -145,7 +145,10 @@ impl<'g, 'p> Work<'g, 'p> {
                         this.list.push(Item::Call(id));
                     }
                 }
-                Statement::Loop { .. } if termination == Termination::Preserved => {
+                Statement::Loop { .. }
+                    if termination == Termination::Preserved
+                        && cost::trips(graph.module(), f, id).is_none() =>
+                {
                     this.keep(id);
                     for inner in id.index() + 1..node.end.index() {
                         let inner = StmtId::from(inner);

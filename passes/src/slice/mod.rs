@@ -86,7 +86,7 @@ pub enum Termination {
     /// Loops are taken to end: right where the original still runs as well, as in the main pass behind a pre-pass.
     #[default]
     Assumed,
-    /// A loop and all that decides when it ends is kept.
+    /// A loop that is not seen to end, and all that decides when it does, is kept.
     Preserved,
 }
 

@@ -1,0 +1,625 @@
+//! `hoist`: work of the fragment stage that changes slowly over the surface moves to the vertices, and comes back in varyings.
+//!
+//! Goal: what is computed in every fragment, though an interpolated value would do, is computed once a vertex (Wang et al. 2014; He et al. 2015; the article of
+//! seed 4 does it by hand).
+//!
+//! ```text
+//! before:  vs -> normal                     fs(normal): shade(noise(normal))
+//!
+//! after:   vs -> hoisted = noise(normal)    fs(hoisted): shade(hoisted)
+//! ```
+//!
+//! What moves is chosen by a minimum cut of the fragment stage's values ([`mod@cut`]) over prices of transport that are swept until the varyings fit and the
+//! whole is cheapest. How far a value may move is a matter of what interpolation makes of it:
+//!
+//! | value | carried | promise |
+//! |---|---|---|
+//! | constant over the draw, or over the primitive | flat | `Exact` |
+//! | components of a varying | as that varying | `Exact` |
+//! | affine in varyings of one interpolation class, with coefficients of the draw, reaching nothing that jumps | as those | `Rounding` |
+//! | any other that a vertex stage can have | interpolated | `Approximate`, under the user's budget |
+//!
+//! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and values that may not be finite at a vertex stay, each with its reason.
+//!
+//! It hurts where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends more than a triangle shows.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use std::collections::BTreeSet;
+
+use naga::ShaderStage;
+
+use crate::contract::{Assumption, Contract};
+use crate::graph::effect::Effect;
+use crate::graph::{FunctionId, Graph};
+use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::place;
+use crate::plan::{GpuPass, Plan, Role, Step};
+use crate::program::Program;
+use crate::reflect;
+use crate::slice::{self, Criterion};
+
+pub mod choose;
+pub mod cut;
+mod hoisted;
+mod isolate;
+pub mod pack;
+mod remainder;
+pub mod sign;
+pub mod travel;
+pub mod values;
+mod vertex;
+
+use choose::{Choice, Terms};
+use hoisted::Wanted;
+use travel::{Carriage, Class, Finite, Stays};
+use values::{Node, ValueId, Values};
+
+/// The pass.
+pub struct Hoist;
+
+/// The weakest promise a value may travel under.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Allow {
+    /// Constants of the draw and of the primitive.
+    Exact,
+    /// Affine values too.
+    Rounding,
+    /// Any value.
+    Approximate,
+}
+
+/// What a budget counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Metric {
+    /// Mean of FLIP over the picture, 0 to 1.
+    #[default]
+    FlipMean,
+    /// Its 99th percentile.
+    FlipP99,
+    /// Largest difference of a channel, 0 to 1.
+    MaxAbs,
+}
+
+impl Metric {
+    fn name(self) -> &'static str {
+        match self {
+            Self::FlipMean => "flip_mean",
+            Self::FlipP99 => "flip_p99",
+            Self::MaxAbs => "max_abs",
+        }
+    }
+}
+
+/// Parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// The weakest promise a value may travel under; default: `approximate` where a budget is given, `rounding` where none is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub allow: Option<Allow>,
+    /// How much the picture may differ, by `metric`, above 0 and at most 1. Without one nothing approximate moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget: Option<f64>,
+    /// What the budget counts.
+    pub metric: Metric,
+    /// What may be assumed of values at vertices.
+    pub finite: Finite,
+    /// Vertices shaded for each fragment shaded; default: as measured, or else 0.05.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertices_per_fragment: Option<f64>,
+}
+
+/// Taken where nothing was measured: triangles of about ten pixels, each vertex shared by a few of them.
+const VERTICES_PER_FRAGMENT: f64 = 0.05;
+
+/// Least part of the fragment stage's static cost that a hoist has to save.
+const WORTHWHILE: f64 = 0.01;
+
+impl Params {
+    fn weakest(&self) -> Class {
+        match (self.allow, self.budget) {
+            (Some(Allow::Exact), _) => Class::Exact,
+            (Some(Allow::Rounding), _) | (None, None) => Class::Affine,
+            (Some(Allow::Approximate), _) | (None, Some(_)) => Class::Smooth,
+        }
+    }
+
+    fn check(&self) -> Option<Refusal> {
+        let name = Hoist::INFO.name;
+        if self.allow == Some(Allow::Approximate) && self.budget.is_none() {
+            return Some(Refusal::new(
+                name,
+                "no-budget",
+                "an approximate hoist needs a budget: how much the picture may differ",
+                "give budget=0.01 (of flip_mean, or say metric=max_abs)",
+            ));
+        }
+        if self.budget.is_some_and(|b| !(b > 0.0 && b <= 1.0)) {
+            return Some(Refusal::new(
+                name,
+                "budget",
+                "the budget is not a number above 0 and at most 1",
+                "give budget=0.01, say",
+            ));
+        }
+        if self
+            .vertices_per_fragment
+            .is_some_and(|v| !(v >= 0.0 && v.is_finite()))
+        {
+            return Some(Refusal::new(
+                name,
+                "vertices-per-fragment",
+                "the number of vertices for each fragment is not a finite number of at least 0",
+                "leave it out",
+            ));
+        }
+        None
+    }
+
+    fn terms(&self, facts: &Facts) -> Terms {
+        Terms {
+            weakest: self.weakest(),
+            vertices_per_fragment: self
+                .vertices_per_fragment
+                .or(facts.vertices_per_fragment)
+                .unwrap_or(VERTICES_PER_FRAGMENT),
+            worthwhile: WORTHWHILE,
+        }
+    }
+}
+
+impl Pass for Hoist {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "hoist",
+        summary: "moves slowly changing work of the fragment stage to the vertices, and interpolates it",
+        source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
+        hurts: "where triangles are about as small as pixels, and in the picture where a value bends within a triangle",
+    };
+
+    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
+        let refused = |refusal| Sites {
+            sites: Vec::new(),
+            refusals: vec![refusal],
+        };
+        let material = match Material::examine(plan, params) {
+            Ok(material) => material,
+            Err(refusal) => return refused(*refusal),
+        };
+        let graph = Graph::build(material.program);
+        match Found::new(&graph, &material, params, facts) {
+            Ok(found) => Sites {
+                sites: vec![found.site(&material)],
+                refusals: Vec::new(),
+            },
+            Err(refusals) => Sites {
+                sites: Vec::new(),
+                refusals,
+            },
+        }
+    }
+
+    fn apply(
+        plan: &Plan,
+        facts: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
+        let material = Material::examine(plan, params)?;
+        let graph = Graph::build(material.program);
+        let found = Found::new(&graph, &material, params, facts).map_err(|mut all| {
+            let first = all.drain(..).next();
+            Box::new(first.unwrap_or_else(|| nothing_pays(Class::Smooth)))
+        })?;
+        if *site != found.key {
+            return Err(Box::new(Refusal::new(
+                Self::INFO.name,
+                "stale",
+                "the site is not one of this plan's",
+                "find the sites anew",
+            )));
+        }
+        found
+            .rebuild(&material)
+            .map_err(|why| Box::new(Refusal::bug(Self::INFO.name, why)))
+            .map(|program| found.plan(plan, &material, program, params))
+    }
+}
+
+/// The stages of a material that something may be moved between.
+struct Material<'a> {
+    pass: &'a GpuPass,
+    program: &'a Program,
+    vertex: usize,
+    fragment: usize,
+}
+
+impl<'a> Material<'a> {
+    fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Box<Refusal>> {
+        let name = Hoist::INFO.name;
+        let refuse = |code: &str, reason: &str, remedy: &str| {
+            Err(Box::new(Refusal::new(name, code, reason, remedy)))
+        };
+        if let Some(refusal) = params.check() {
+            return Err(Box::new(refusal));
+        }
+        let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+            return refuse(
+                "no-main-pass",
+                "the plan has no main pass",
+                "start from the original plan",
+            );
+        };
+        if plan.passes.len() > 1 {
+            return refuse(
+                "has-prepass",
+                "another pass of the plan draws the same surface, and its positions come from the vertex stage that would be rebuilt",
+                "hoist first, then add the pre-pass",
+            );
+        }
+        let vertex = program.entry_point(ShaderStage::Vertex, &pass.vertex);
+        let fragment = pass
+            .fragment
+            .as_deref()
+            .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+        let (Some((vertex, _)), Some((fragment, _))) = (vertex, fragment) else {
+            return refuse(
+                "no-fragment-stage",
+                "the material has no fragment stage",
+                "there is nothing to hoist",
+            );
+        };
+        Ok(Self {
+            pass,
+            program,
+            vertex,
+            fragment,
+        })
+    }
+}
+
+fn nothing_pays(weakest: Class) -> Refusal {
+    let remedy = match weakest {
+        Class::Smooth => "tessellate, or leave it",
+        _ => "give a budget (budget=0.01) if the picture may differ a little",
+    };
+    Refusal::new(
+        Hoist::INFO.name,
+        "nothing-pays",
+        "no value of the fragment stage is cheaper to carry than to compute",
+        remedy,
+    )
+}
+
+/// A cut that pays.
+struct Found<'g, 'p> {
+    values: Values<'g, 'p>,
+    choice: Choice,
+    wanted: Vec<Wanted>,
+    left: Vec<Left>,
+    key: SiteKey,
+}
+
+impl<'g, 'p> Found<'g, 'p> {
+    fn new(
+        graph: &'g Graph<'p>,
+        material: &Material<'p>,
+        params: &Params,
+        facts: &Facts,
+    ) -> Result<Self, Vec<Refusal>> {
+        let name = Hoist::INFO.name;
+        let id = FunctionId::EntryPoint(material.fragment);
+        let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
+        if graph.effects(id).iter().any(|e| writes.contains(e)) {
+            return Err(vec![Refusal::new(
+                name,
+                "fragment-stores",
+                "the fragment stage writes memory, and what it writes is not followed",
+                "move the writes to a pass of their own",
+            )]);
+        }
+        let values = Values::new(graph, material.fragment).map_err(|e| {
+            vec![Refusal::new(
+                name,
+                "too-large",
+                e.to_string(),
+                "split the shader",
+            )]
+        })?;
+        let verdicts = travel::judge(&values, params.finite);
+        let terms = params.terms(facts);
+        let left = left(&values, &verdicts, terms.weakest);
+        let Some(choice) = choose::choose(&values, &verdicts, &terms) else {
+            let mut refusals = vec![nothing_pays(terms.weakest)];
+            refusals.extend(left.into_iter().map(|l| Refusal {
+                location: l.location,
+                ..Refusal::new(
+                    name,
+                    "stays",
+                    format!("`{}` (cost {}) stays: {}", l.name, l.cost, l.reason),
+                    "see the reason",
+                )
+            }));
+            return Err(refusals);
+        };
+        let wanted = name_all(&values, &choice);
+        let key = SiteKey {
+            role: Role::Main,
+            entry_point: material.pass.fragment.clone().unwrap_or_default(),
+            slice: hash(graph, &values, &choice),
+            ordinal: 0,
+        };
+        let left = left
+            .into_iter()
+            .filter(|l| !wanted.iter().any(|w| w.name == l.name))
+            .collect();
+        Ok(Self {
+            values,
+            choice,
+            wanted,
+            left,
+            key,
+        })
+    }
+
+    fn site(&self, material: &Material<'_>) -> Site {
+        let first = self
+            .choice
+            .carried
+            .iter()
+            .filter_map(|(id, _)| span(&self.values, *id))
+            .find_map(|s| material.program.sources().locate(s));
+        Site {
+            key: self.key.clone(),
+            what: self.describe(),
+            location: first,
+            cost: SiteCost {
+                slice: self.choice.before - self.choice.after,
+                whole: self.choice.before,
+            },
+            left: self.left.clone(),
+        }
+    }
+
+    /// In words: what is carried, as what, and what that does to the static cost.
+    fn describe(&self) -> String {
+        let carried: Vec<String> = self
+            .choice
+            .carried
+            .iter()
+            .zip(&self.wanted)
+            .map(|((id, carriage), wanted)| {
+                let width = choose::shape(&self.values, *id).map_or(1, |(_, w)| w);
+                let class = match carriage.class {
+                    Class::Exact => "exact",
+                    Class::Affine => "affine, rounding",
+                    Class::Smooth => "interpolated, approximate",
+                };
+                format!("`{}` ({width} wide, {class})", wanted.name)
+            })
+            .collect();
+        format!(
+            "carries {}; a fragment costs {:.0} instead of {:.0}, a vertex {:.0} more",
+            carried.join(", "),
+            self.choice.after,
+            self.choice.before,
+            self.choice.vertex
+        )
+    }
+
+    fn rebuild(&self, material: &Material<'_>) -> Result<Program, String> {
+        let hoisted = hoisted::add(material.program, &self.values, &self.wanted)?;
+        let remainder = remainder::rebuild(
+            material.program,
+            &hoisted.module,
+            &self.values,
+            &self.wanted,
+            &self.choice.slots,
+        )?;
+        let outputs = vertex::Outputs {
+            kept: &remainder.kept,
+            wanted: &self.wanted,
+            slots: &self.choice.slots,
+            locations: &remainder.locations,
+        };
+        let module = vertex::rebuild(
+            material.program,
+            remainder.module,
+            material.vertex,
+            &hoisted,
+            &outputs,
+        )?;
+        let entries: Vec<(ShaderStage, &str)> = [
+            Some((ShaderStage::Vertex, material.pass.vertex.as_str())),
+            material
+                .pass
+                .fragment
+                .as_deref()
+                .map(|f| (ShaderStage::Fragment, f)),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        let module = place::retain(&module, &entries);
+        material
+            .program
+            .with_module(module)
+            .map_err(|e| e.to_string())
+    }
+
+    fn plan(
+        &self,
+        plan: &Plan,
+        material: &Material<'_>,
+        program: Program,
+        params: &Params,
+    ) -> Plan {
+        let mut next = plan.clone();
+        for pass in &mut next.passes {
+            if pass.program == material.pass.program {
+                reflect::fill(pass, &program);
+            }
+        }
+        next.programs.insert(material.pass.program.clone(), program);
+        let contract = match self.choice.class() {
+            None | Some(Class::Exact) => Contract::Exact {
+                given: vec![Assumption::StagesAgree],
+            },
+            Some(Class::Affine) => Contract::Rounding {
+                k: self.roundings(),
+            },
+            Some(Class::Smooth) => Contract::Approximate {
+                metric: params.metric.name().to_owned(),
+                budget: params.budget.unwrap_or_default(),
+            },
+        };
+        next.steps.push(Step {
+            pass: Hoist::INFO.name.to_owned(),
+            site: self.key.clone(),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: contract.clone(),
+        });
+        next.contract = next.contract.and(contract);
+        next.fallback = Some("original".to_owned());
+        next.notes.push(self.describe());
+        next
+    }
+
+    /// Operations that the carried values are made of: each may round another way than it did.
+    fn roundings(&self) -> u32 {
+        let of = self.choice.carried.iter().map(|(id, _)| *id);
+        choose::below(&self.values, of).0.ceil() as u32
+    }
+}
+
+fn span(values: &Values<'_, '_>, id: ValueId) -> Option<naga::Span> {
+    let (context, e, _) = values.expression(id)?;
+    Some(values.function(context).function.expressions.get_span(e))
+}
+
+/// The author's name for a value, or what it is the result of.
+fn name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
+    let (context, e, _) = values.expression(id)?;
+    let f = values.function(context).function;
+    if let Some(name) = f.named_expressions.get(&e) {
+        return Some(name.clone());
+    }
+    match f.expressions[e] {
+        naga::Expression::AccessIndex { base, index } => {
+            let vector = values.named(context, base)?;
+            let letter = ["x", "y", "z", "w"].get(index as usize)?;
+            Some(format!("{}_{letter}", own_name(values, vector)?))
+        }
+        naga::Expression::Swizzle {
+            size,
+            vector,
+            pattern,
+        } => {
+            let vector = values.named(context, vector)?;
+            let letters = pattern.iter().take(size as usize);
+            let letters: String = letters
+                .filter_map(|c| ["x", "y", "z", "w"].get(*c as usize).copied())
+                .collect();
+            Some(format!("{}_{letters}", own_name(values, vector)?))
+        }
+        naga::Expression::CallResult(callee) => {
+            values.graph.module().functions[callee].name.clone()
+        }
+        naga::Expression::Load { pointer } => match f.expressions[pointer] {
+            naga::Expression::LocalVariable(v) => f.local_variables[v].name.clone(),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// The author's name for an input, or for a value.
+fn own_name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
+    match values.values[id].node {
+        Node::Input(i) => {
+            let inputs = reflect::inputs(values.graph.module(), values.function(0).function);
+            inputs.get(i)?.name.clone()
+        }
+        _ => name(values, id),
+    }
+}
+
+/// The carried values, named apart.
+fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
+    let mut taken: BTreeSet<String> = BTreeSet::new();
+    choice
+        .carried
+        .iter()
+        .filter_map(|(id, _)| {
+            let (context, expression, _) = values.expression(*id)?;
+            let base = name(values, *id).unwrap_or_else(|| "carried".to_owned());
+            // Letters: a writer that keeps names apart by numbers would add its own to a digit.
+            let letters = ('b'..='z').map(|l| format!("{base}_{l}"));
+            let name = std::iter::once(base.clone())
+                .chain(letters)
+                .find(|n| !taken.contains(n))
+                .unwrap_or(base);
+            taken.insert(name.clone());
+            let f = values.function(context);
+            let inner = f.ty(values.graph.module(), expression).clone();
+            Some(Wanted {
+                context,
+                expression,
+                inner,
+                name,
+            })
+        })
+        .collect()
+}
+
+/// Hash of what is carried: the slice that computes it.
+fn hash(graph: &Graph<'_>, values: &Values<'_, '_>, choice: &Choice) -> String {
+    let criteria: Vec<Criterion> = choice
+        .carried
+        .iter()
+        .filter_map(|(id, _)| {
+            let (context, expression, _) = values.expression(*id)?;
+            Some(Criterion::Value {
+                function: values.contexts[context].function,
+                expression,
+            })
+        })
+        .collect();
+    slice::backward(graph, values.entry, &criteria).hash
+}
+
+/// Named values and results of calls that stay, the dearest first: those whose users could not take them along either.
+fn left(
+    values: &Values<'_, '_>,
+    verdicts: &[Result<Carriage, Stays>],
+    weakest: Class,
+) -> Vec<Left> {
+    let sources = values.graph.program().sources();
+    let mut left: Vec<Left> = (0..values.values.len())
+        .filter(|id| matches!(values.values[*id].node, Node::Expression(..)))
+        .filter_map(|id| {
+            let reason = match &verdicts[id] {
+                Ok(c) if c.class <= weakest => return None,
+                Ok(_) => "interpolating it is an approximation, and no budget is given".to_owned(),
+                Err(Stays::NotCarried | Stays::Varying) => return None,
+                Err(stays) => stays.to_string(),
+            };
+            let name = name(values, id)?;
+            let (cost, _) = choose::below(values, std::iter::once(id));
+            (cost > 0.0).then(|| Left {
+                name,
+                reason,
+                cost: cost.round(),
+                location: span(values, id).and_then(|s| sources.locate(s)),
+            })
+        })
+        .collect();
+    left.sort_by(|a, b| b.cost.total_cmp(&a.cost).then_with(|| a.name.cmp(&b.name)));
+    left.dedup_by(|a, b| a.name == b.name && a.location == b.location);
+    left
+}

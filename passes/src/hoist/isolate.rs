@@ -1,0 +1,90 @@
+//! Copies of the functions that a cut lands in, one for each chain of calls, so that what is cut there is cut for one use only.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::{Block, Expression, Function, Handle, Module, Statement};
+
+use super::values::{ContextId, Values};
+use crate::graph::{FunctionId, StmtId, operands};
+use crate::place;
+
+/// The module with the functions of `contexts`, and of what leads to them, copied; calls on the way go to the copies. The walk begins in the
+/// entry point `entry`, which has the statements and expressions of `values`' own. Handles of expressions and numbers of statements are the
+/// originals'.
+pub fn isolate(
+    module: &Module,
+    entry: usize,
+    values: &Values<'_, '_>,
+    contexts: &BTreeSet<ContextId>,
+) -> (Module, BTreeMap<ContextId, FunctionId>) {
+    let mut module = module.clone();
+    let mut chain: BTreeSet<ContextId> = BTreeSet::new();
+    for context in contexts {
+        let mut at = Some(*context);
+        while let Some(context) = at {
+            chain.insert(context);
+            at = values.contexts[context].call.map(|(caller, _)| caller);
+        }
+    }
+    let mut copies = BTreeMap::from([(0, FunctionId::EntryPoint(entry))]);
+    // A context is made after the one it is called from, so that the last come first: callees before callers, as the arena wants it.
+    for context in chain.iter().rev() {
+        let calls: BTreeMap<StmtId, Handle<Function>> = chain
+            .iter()
+            .filter_map(|child| {
+                let (caller, at) = values.contexts[*child].call?;
+                match copies.get(child) {
+                    Some(FunctionId::Function(copy)) if caller == *context => Some((at, *copy)),
+                    _ => None,
+                }
+            })
+            .collect();
+        match values.contexts[*context].function {
+            FunctionId::Function(original) => {
+                let mut copy = module.functions[original].clone();
+                redirect(&mut copy, &calls);
+                let name = copy.name.clone().unwrap_or_default();
+                copy.name = Some(place::free_name(&module, &name, "cut"));
+                let span = module.functions.get_span(original);
+                let copy = module.functions.append(copy, span);
+                copies.insert(*context, FunctionId::Function(copy));
+            }
+            FunctionId::EntryPoint(_) => {
+                redirect(&mut module.entry_points[entry].function, &calls);
+            }
+        }
+    }
+    (module, copies)
+}
+
+fn redirect(function: &mut Function, calls: &BTreeMap<StmtId, Handle<Function>>) {
+    fn walk(
+        block: &mut Block,
+        next: &mut usize,
+        calls: &BTreeMap<StmtId, Handle<Function>>,
+        results: &mut Vec<(Handle<Expression>, Handle<Function>)>,
+    ) {
+        for statement in block.iter_mut() {
+            let id = StmtId::from(*next);
+            *next += 1;
+            if let (
+                Some(copy),
+                Statement::Call {
+                    function, result, ..
+                },
+            ) = (calls.get(&id), &mut *statement)
+            {
+                *function = *copy;
+                results.extend(result.map(|r| (r, *copy)));
+            }
+            for inner in operands::blocks_mut(statement) {
+                walk(inner, next, calls, results);
+            }
+        }
+    }
+    let mut results = Vec::new();
+    walk(&mut function.body, &mut 0, calls, &mut results);
+    for (result, copy) in results {
+        function.expressions[result] = Expression::CallResult(copy);
+    }
+}

@@ -1,0 +1,133 @@
+//! Carried values in varying slots: one location each where there is room, packed into vectors where there is not.
+
+use std::collections::BTreeSet;
+
+use naga::ScalarKind;
+
+use super::travel::Carriage;
+use crate::graph::rate::{At, Interpolated};
+
+/// A value to carry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Load {
+    /// Components, 1 to 4.
+    pub width: u8,
+    /// Kind of its scalars, 32 bits wide.
+    pub kind: ScalarKind,
+    /// Interpolation.
+    pub carriage: Carriage,
+}
+
+impl Load {
+    /// What values that share a location must agree on.
+    fn class(self) -> (Interpolated, At, u8) {
+        (
+            self.carriage.interpolated,
+            self.carriage.at,
+            self.kind as u8,
+        )
+    }
+}
+
+/// A varying that holds one value or several.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// Kind of its scalars.
+    pub kind: ScalarKind,
+    /// Interpolation.
+    pub interpolated: Interpolated,
+    /// Where in the pixel.
+    pub at: At,
+    /// Index of each load in it, and its first component there.
+    pub parts: Vec<(usize, u8)>,
+    /// Components, 1 to 4.
+    pub width: u8,
+}
+
+/// Slots for all loads, beside as many varyings as are already `taken` and with at most `limit` in all; `None` where they do not fit even when packed.
+/// First-fit decreasing: no value is split.
+pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<Slot>> {
+    let mut slots: Vec<Slot> = Vec::new();
+    let mut order: Vec<usize> = (0..loads.len()).collect();
+    let tight = taken + loads.len() > limit;
+    if tight {
+        order.sort_by_key(|i| std::cmp::Reverse(loads[*i].width));
+    }
+    for i in order {
+        let load = loads[i];
+        let room = slots.iter_mut().find(|s| {
+            let class = (s.interpolated, s.at, s.kind as u8);
+            tight && class == load.class() && s.width + load.width <= 4
+        });
+        match room {
+            Some(slot) => {
+                slot.parts.push((i, slot.width));
+                slot.width += load.width;
+            }
+            None => slots.push(Slot {
+                kind: load.kind,
+                interpolated: load.carriage.interpolated,
+                at: load.carriage.at,
+                parts: vec![(i, 0)],
+                width: load.width,
+            }),
+        }
+    }
+    (taken + slots.len() <= limit).then_some(slots)
+}
+
+/// As many locations as there are slots: the lowest that are not taken.
+pub fn free_locations(slots: &[Slot], taken: &BTreeSet<u32>) -> Vec<u32> {
+    (0..)
+        .filter(|l| !taken.contains(l))
+        .take(slots.len())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::travel::Class;
+    use super::*;
+
+    fn load(width: u8, interpolated: Interpolated) -> Load {
+        Load {
+            width,
+            kind: ScalarKind::Float,
+            carriage: Carriage {
+                class: Class::Smooth,
+                interpolated,
+                at: At::Center,
+            },
+        }
+    }
+
+    #[test]
+    fn values_have_a_location_each_where_there_is_room() {
+        let loads = [load(1, Interpolated::Perspective); 3];
+        let slots = pack(&loads, 2, 16).unwrap();
+        assert_eq!(free_locations(&slots, &BTreeSet::from([0, 2])), [1, 3, 4]);
+    }
+
+    #[test]
+    fn values_of_one_class_share_a_vector_where_there_is_not() {
+        let smooth = Interpolated::Perspective;
+        let loads = [
+            load(1, smooth),
+            load(3, smooth),
+            load(2, smooth),
+            load(2, smooth),
+            load(1, Interpolated::Flat),
+        ];
+        let slots = pack(&loads, 1, 4).unwrap();
+        assert_eq!(slots.len(), 3);
+        for slot in &slots {
+            assert!(slot.width <= 4);
+            for (i, _) in &slot.parts {
+                assert_eq!(loads[*i].carriage.interpolated, slot.interpolated);
+            }
+        }
+        assert_eq!(pack(&loads, 1, 3), None);
+    }
+}

@@ -1,0 +1,255 @@
+//! The fragment stage that is left: it reads the carried values from varyings, and what only they needed is gone.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::{
+    Binding, Expression, Handle, Interpolation, Module, Sampling, Scalar, ScalarKind,
+    SwizzleComponent, TypeInner, VectorSize,
+};
+
+use super::hoisted::Wanted;
+use super::isolate::isolate;
+use super::pack::{self, Slot};
+use super::values::{ContextId, Values};
+use crate::graph::rate::{At, Interpolated};
+use crate::graph::{FunctionId, Graph};
+use crate::place::{self, Builder, PositionInvariance, Replacement, Rewrite};
+use crate::program::Program;
+use crate::reflect;
+use crate::slice::{self, Criterion, OutputFilter, Termination};
+
+/// The fragment stage that is left, in its module.
+#[derive(Clone, Debug)]
+pub struct Remainder {
+    /// The module.
+    pub module: Module,
+    /// Locations of the author's varyings that it still reads.
+    pub kept: BTreeSet<u32>,
+    /// The location of each slot.
+    pub locations: Vec<u32>,
+}
+
+/// The module, in which the author's functions are as they were, with the fragment entry point of `values` reading `wanted` from `slots`.
+///
+/// # Errors
+/// In words, if what was built is not valid: a bug.
+pub fn rebuild(
+    program: &Program,
+    module: &Module,
+    values: &Values<'_, '_>,
+    wanted: &[Wanted],
+    slots: &[Slot],
+) -> Result<Remainder, String> {
+    let entry = values.entry;
+    let contexts: BTreeSet<ContextId> = wanted.iter().map(|w| w.context).collect();
+    let (mut module, copies) = isolate(module, entry, values, &contexts);
+    // What is carried into each context: its own values, and those of the contexts it calls on the way.
+    let below: BTreeMap<ContextId, Vec<usize>> = copies
+        .keys()
+        .map(|context| {
+            let through = wanted
+                .iter()
+                .enumerate()
+                .filter(|(_, w)| leads_to(values, *context, w.context));
+            (*context, through.map(|(i, _)| i).collect())
+        })
+        .collect();
+    for (context, id) in &copies {
+        let children: Vec<(Handle<naga::Function>, &Vec<usize>)> = copies
+            .iter()
+            .filter_map(|(child, id)| match (values.contexts[*child].call, id) {
+                (Some((caller, _)), FunctionId::Function(h)) if caller == *context => {
+                    Some((*h, &below[child]))
+                }
+                _ => None,
+            })
+            .collect();
+        module = place::rewritten(&module, *id, |build| {
+            let carried = match id {
+                FunctionId::EntryPoint(_) => from_varyings(build, wanted, slots),
+                FunctionId::Function(_) => below[context]
+                    .iter()
+                    .map(|i| {
+                        let ty = build.ty(wanted[*i].inner.clone());
+                        (*i, build.argument(&wanted[*i].name, ty, None))
+                    })
+                    .collect(),
+            };
+            let here = |i: &usize| wanted[*i].context == *context;
+            Rewrite {
+                replacements: carried
+                    .iter()
+                    .filter(|(i, _)| here(i))
+                    .map(|(i, value)| (wanted[*i].expression, Replacement::Value(*value)))
+                    .collect(),
+                arguments: children
+                    .iter()
+                    .map(|(callee, through)| {
+                        let passed = through.iter().filter_map(|i| carried.get(i).copied());
+                        (*callee, passed.collect())
+                    })
+                    .collect(),
+            }
+        });
+    }
+    let built = program.with_module(module).map_err(|e| e.to_string())?;
+    let graph = Graph::build(&built);
+    let observed = [Criterion::Output(OutputFilter::All), Criterion::Discard];
+    let slice = slice::backward_with(&graph, entry, &observed, Termination::Preserved);
+    let name = built.module().entry_points[entry].name.clone();
+    let mut module = place::entry_point(
+        &graph,
+        &slice,
+        built.module(),
+        "preshade_remainder",
+        "hoist",
+        PositionInvariance::AsWritten,
+    );
+    let Some(mut placed) = module.entry_points.pop() else {
+        return Err("nothing was placed".to_owned());
+    };
+    let kept: BTreeSet<u32> = reflect::inputs(&module, &placed.function)
+        .iter()
+        .filter_map(|io| match io.binding {
+            Some(Binding::Location { location, .. }) if location < ASIDE => Some(location),
+            _ => None,
+        })
+        .collect();
+    let locations = pack::free_locations(slots, &kept);
+    for argument in &mut placed.function.arguments {
+        if let Some(Binding::Location { location, .. }) = &mut argument.binding
+            && *location >= ASIDE
+        {
+            *location = locations[(*location - ASIDE) as usize];
+        }
+    }
+    placed.name.clone_from(&name);
+    placed.function.name = Some(name);
+    module.entry_points[entry] = placed;
+    Ok(Remainder {
+        module,
+        kept,
+        locations,
+    })
+}
+
+/// Where new varyings wait until those whose locations they take are gone.
+const ASIDE: u32 = 1 << 16;
+
+/// Whether a chain of calls is the beginning of another.
+fn leads_to(values: &Values<'_, '_>, context: ContextId, mut to: ContextId) -> bool {
+    loop {
+        if context == to {
+            return true;
+        }
+        match values.contexts[to].call {
+            Some((caller, _)) => to = caller,
+            None => return false,
+        }
+    }
+}
+
+/// Adds the varyings as arguments; the values in them.
+fn from_varyings(
+    build: &mut Builder<'_>,
+    wanted: &[Wanted],
+    slots: &[Slot],
+) -> BTreeMap<usize, Handle<Expression>> {
+    let mut carried = BTreeMap::new();
+    for (index, slot) in slots.iter().enumerate() {
+        let ty = build.ty(slot_type(slot));
+        let binding = slot_binding(slot, ASIDE + index as u32);
+        let varying = build.argument(&slot_name(slot, wanted), ty, Some(binding));
+        for (i, first) in &slot.parts {
+            let value = match (width(&wanted[*i].inner), slot.width) {
+                (w, all) if w == all => varying,
+                (1, _) => build.expression(Expression::AccessIndex {
+                    base: varying,
+                    index: u32::from(*first),
+                }),
+                (w, _) => build.expression(Expression::Swizzle {
+                    size: vector_size(w),
+                    vector: varying,
+                    pattern: swizzle(*first),
+                }),
+            };
+            carried.insert(*i, value);
+        }
+    }
+    carried
+}
+
+const COMPONENTS: [SwizzleComponent; 4] = [
+    SwizzleComponent::X,
+    SwizzleComponent::Y,
+    SwizzleComponent::Z,
+    SwizzleComponent::W,
+];
+
+fn swizzle(first: u8) -> [SwizzleComponent; 4] {
+    std::array::from_fn(|i| COMPONENTS[(usize::from(first) + i).min(3)])
+}
+
+fn vector_size(width: u8) -> VectorSize {
+    match width {
+        2 => VectorSize::Bi,
+        3 => VectorSize::Tri,
+        _ => VectorSize::Quad,
+    }
+}
+
+/// Components of a scalar or vector type.
+pub fn width(inner: &TypeInner) -> u8 {
+    match inner {
+        TypeInner::Vector { size, .. } => *size as u8,
+        _ => 1,
+    }
+}
+
+/// The type of a varying.
+pub fn slot_type(slot: &Slot) -> TypeInner {
+    let scalar = match slot.kind {
+        ScalarKind::Sint => Scalar::I32,
+        ScalarKind::Uint => Scalar::U32,
+        _ => Scalar::F32,
+    };
+    match slot.width {
+        1 => TypeInner::Scalar(scalar),
+        width => TypeInner::Vector {
+            size: vector_size(width),
+            scalar,
+        },
+    }
+}
+
+/// Name of a varying: of the value it holds, or of all of them.
+pub fn slot_name(slot: &Slot, wanted: &[Wanted]) -> String {
+    let names: Vec<&str> = slot
+        .parts
+        .iter()
+        .map(|(i, _)| wanted[*i].name.as_str())
+        .collect();
+    names.join("_")
+}
+
+/// Location and interpolation of a varying.
+pub fn slot_binding(slot: &Slot, location: u32) -> Binding {
+    let interpolation = match slot.interpolated {
+        Interpolated::Flat => Interpolation::Flat,
+        Interpolated::Perspective => Interpolation::Perspective,
+        Interpolated::Linear => Interpolation::Linear,
+    };
+    let sampling = match (slot.interpolated, slot.at) {
+        (Interpolated::Flat, _) => None,
+        (_, At::Center) => Some(Sampling::Center),
+        (_, At::Centroid) => Some(Sampling::Centroid),
+        (_, At::Sample) => Some(Sampling::Sample),
+    };
+    Binding::Location {
+        location,
+        interpolation: Some(interpolation),
+        sampling,
+        blend_src: None,
+        per_primitive: false,
+    }
+}

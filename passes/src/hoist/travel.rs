@@ -1,0 +1,490 @@
+//! Which values may travel from the vertex stage, as what, and why the others stay.
+
+use naga::{BinaryOperator, Expression, MathFunction, ScalarKind, Statement, TypeInner};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::sign::Signs;
+use super::values::{Node, ValueId, Values};
+use crate::graph::memory::Origin;
+use crate::graph::rate::{At, Interpolated, Rate};
+use crate::graph::{cost, effect};
+use crate::reflect;
+
+/// As what a value may travel. Ordered from the strongest promise to the weakest.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Class {
+    /// Constant over the draw or over the primitive and carried flat, or components of a varying: the same bits.
+    Exact,
+    /// Affine in varyings of one interpolation class with coefficients of the draw: the same real number, rounded elsewhere.
+    Affine,
+    /// Anything else: the interpolated value is another one.
+    Smooth,
+}
+
+/// How a value is carried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Carriage {
+    /// What that does to it.
+    pub class: Class,
+    /// Interpolation.
+    pub interpolated: Interpolated,
+    /// Where in the pixel.
+    pub at: At,
+}
+
+/// Why a value stays in the fragment stage.
+#[derive(
+    Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Stays {
+    /// There is nothing to carry: a pointer, a struct, an array, or what is the same for every draw.
+    NotCarried,
+    /// It is an incoming varying already.
+    Varying,
+    /// No vertex stage can have it.
+    Fragment {
+        /// What ties it to the fragment: a derivative, an implicit level of detail, or an input.
+        because: String,
+    },
+    /// It is computed in a loop, once a turn.
+    InLoop,
+    /// Whether it is computed differs between fragments.
+    Conditional,
+    /// It rests on a loop that is not seen to end.
+    MayNotEnd,
+    /// It mixes a flat value with a smooth one: a vertex sees its own flat value, the fragment the provoking vertex's.
+    FlatAndSmooth,
+    /// It jumps: between two vertices there is no value in between.
+    Discontinuous {
+        /// The operation.
+        operation: String,
+    },
+    /// It may be NaN or infinite at a vertex, and would spoil the whole triangle.
+    MayNotBeFinite {
+        /// The operation.
+        operation: String,
+    },
+}
+
+impl std::fmt::Display for Stays {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NotCarried => f.write_str("it is not a value that a varying can hold"),
+            Self::Varying => f.write_str("it is a varying already"),
+            Self::Fragment { because } => write!(f, "no vertex stage has it: {because}"),
+            Self::InLoop => f.write_str("it is computed in a loop, once a turn"),
+            Self::Conditional => f.write_str("whether it is computed differs between fragments"),
+            Self::MayNotEnd => f.write_str("it rests on a loop that is not seen to end"),
+            Self::FlatAndSmooth => f.write_str("it mixes a flat value with a smooth one"),
+            Self::Discontinuous { operation } => {
+                write!(
+                    f,
+                    "`{operation}` jumps: interpolation would make up values between"
+                )
+            }
+            Self::MayNotBeFinite { operation } => write!(
+                f,
+                "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole triangle"
+            ),
+        }
+    }
+}
+
+/// What may be assumed of values at vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Finite {
+    /// Only what is seen from the code to be finite travels.
+    #[default]
+    Proved,
+    /// All values are taken to be finite at every vertex.
+    Assumed,
+}
+
+/// For each value, how it may be carried or why it stays.
+pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, Stays>> {
+    let forms = forms(values);
+    let endless = endless(values);
+    let sensitive = sensitive(values);
+    let hazards = match finite {
+        Finite::Proved => hazards(values),
+        Finite::Assumed => vec![None; values.values.len()],
+    };
+    (0..values.values.len())
+        .map(|id| {
+            let scalar = carried_scalar(values, id)?;
+            let (context, e, at) = values.expression(id).ok_or(Stays::NotCarried)?;
+            let fact = values.values[id].fact;
+            if !fact.stages.vertex {
+                let because = what_pins(values, id);
+                return Err(Stays::Fragment { because });
+            }
+            if endless[id] {
+                return Err(Stays::MayNotEnd);
+            }
+            if is_in_loop(values, context, at) {
+                return Err(Stays::InLoop);
+            }
+            if values.control_rate(context, at) > Rate::Draw {
+                return Err(Stays::Conditional);
+            }
+            let carriage = |class, interpolated, at| Carriage {
+                class,
+                interpolated,
+                at,
+            };
+            let flat = carriage(Class::Exact, Interpolated::Flat, At::Center);
+            let (interpolated, at) = match fact.rate {
+                Rate::Const => return Err(Stays::NotCarried),
+                Rate::Draw | Rate::Instance | Rate::Varying(Interpolated::Flat, _) => {
+                    return Ok(flat);
+                }
+                Rate::Varying(interpolated, at) => (interpolated, at),
+                Rate::Mixed => (Interpolated::Perspective, At::Center),
+                Rate::Vertex | Rate::Fragment | Rate::Sample => return Err(Stays::FlatAndSmooth),
+            };
+            if scalar != ScalarKind::Float {
+                return Err(Stays::Discontinuous {
+                    operation: "an integer".to_owned(),
+                });
+            }
+            if forms[id] == Form::Part {
+                return Ok(carriage(Class::Exact, interpolated, at));
+            }
+            if forms[id] == Form::Affine && !sensitive[id] {
+                return Ok(carriage(Class::Affine, interpolated, at));
+            }
+            let expression = &values.function(context).function.expressions[e];
+            if let Some(operation) = jump(expression) {
+                return Err(Stays::Discontinuous { operation });
+            }
+            if let Some(hazard) = &hazards[id] {
+                return Err(Stays::MayNotBeFinite {
+                    operation: hazard.clone(),
+                });
+            }
+            Ok(carriage(Class::Smooth, interpolated, at))
+        })
+        .collect()
+}
+
+/// Kind of the scalars of a value that a varying can hold: 32-bit scalars and vectors.
+fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, Stays> {
+    let Some((context, e, _)) = values.expression(id) else {
+        return Err(match values.values[id].node {
+            Node::Input(_) => Stays::Varying,
+            _ => Stays::NotCarried,
+        });
+    };
+    match values.function(context).ty(values.graph.module(), e) {
+        TypeInner::Scalar(s) | TypeInner::Vector { scalar: s, .. }
+            if s.width == 4 && s.kind != ScalarKind::Bool =>
+        {
+            Ok(s.kind)
+        }
+        _ => Err(Stays::NotCarried),
+    }
+}
+
+fn is_in_loop(values: &Values<'_, '_>, context: usize, at: crate::graph::StmtId) -> bool {
+    let mut place = Some((context, at));
+    while let Some((context, at)) = place {
+        let statements = &values.function(context).statements;
+        if statements
+            .ancestors(at)
+            .any(|a| matches!(statements.get(a).statement, Statement::Loop { .. }))
+        {
+            return true;
+        }
+        place = values.contexts[context].call;
+    }
+    false
+}
+
+/// In words, what ties a value to the fragment stage.
+fn what_pins(values: &Values<'_, '_>, id: ValueId) -> String {
+    let mut seen = vec![false; values.values.len()];
+    let mut queue = std::collections::VecDeque::from([id]);
+    while let Some(at) = queue.pop_front() {
+        if std::mem::replace(&mut seen[at], true) {
+            continue;
+        }
+        if values.is_pinned(at) {
+            let module = values.graph.module();
+            return match &values.values[at].node {
+                Node::Input(i) => {
+                    let inputs = reflect::inputs(module, values.function(0).function);
+                    let name = inputs.get(*i).and_then(|io| io.name.clone());
+                    format!("it rests on the input `{}`", name.unwrap_or_default())
+                }
+                Node::Expression(context, e, _) => {
+                    let expression = &values.function(*context).function.expressions[*e];
+                    match effect::of_expression(expression) {
+                        Some(effect::Effect::Derivative) => "it rests on a derivative".to_owned(),
+                        Some(effect::Effect::ImplicitLod) => {
+                            "it rests on a texture sample at an implicit level of detail".to_owned()
+                        }
+                        _ => "it rests on memory that invocations write".to_owned(),
+                    }
+                }
+                _ => "it rests on memory that invocations write".to_owned(),
+            };
+        }
+        queue.extend(
+            values.values[at]
+                .operands
+                .iter()
+                .filter(|o| !values.values[**o].fact.stages.vertex),
+        );
+    }
+    "it rests on what only a fragment has".to_owned()
+}
+
+/// Values that rest on a loop of which it is not seen how many turns it makes.
+fn endless(values: &Values<'_, '_>) -> Vec<bool> {
+    let module = values.graph.module();
+    spread(values, |id| {
+        let (context, at) = match values.values[id].node {
+            Node::Version(context, v) => match values.function(context).memory.origin(v) {
+                Origin::Phi { at: Some(at), .. } => (context, *at),
+                _ => return false,
+            },
+            Node::Control(context, at) => (context, at),
+            _ => return false,
+        };
+        let f = values.function(context);
+        std::iter::once(at)
+            .chain(f.statements.ancestors(at))
+            .any(|s| {
+                matches!(f.statements.get(s).statement, Statement::Loop { .. })
+                    && cost::trips(module, f, s).is_none()
+            })
+    })
+}
+
+/// The values of which `of` holds, and all that rest on them.
+fn spread(values: &Values<'_, '_>, of: impl Fn(ValueId) -> bool) -> Vec<bool> {
+    let users = values.users();
+    let mut held = vec![false; values.values.len()];
+    let mut work: Vec<ValueId> = (0..values.values.len()).filter(|id| of(*id)).collect();
+    while let Some(id) = work.pop() {
+        if !std::mem::replace(&mut held[id], true) {
+            work.extend(&users[id]);
+        }
+    }
+    held
+}
+
+/// How a value depends on varyings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Form {
+    /// Not at all.
+    Uniform,
+    /// As components of one of them, or all of it: interpolated by itself, it is the same.
+    Part,
+    /// As an affine function with coefficients of the draw.
+    Affine,
+    /// Otherwise, or it is not seen how.
+    Other,
+}
+
+fn forms(values: &Values<'_, '_>) -> Vec<Form> {
+    // Upwards from Uniform to a fixed point; a circle that changes settles at Other through its control.
+    let mut forms = vec![Form::Uniform; values.values.len()];
+    let users = values.users();
+    let mut work: Vec<ValueId> = (0..values.values.len()).collect();
+    while let Some(id) = work.pop() {
+        let form = match values.values[id].fact.rate {
+            Rate::Const | Rate::Draw | Rate::Instance => Form::Uniform,
+            Rate::Varying(Interpolated::Perspective | Interpolated::Linear, _) => {
+                form(values, id, &forms)
+            }
+            _ => Form::Other,
+        };
+        if form > forms[id] {
+            forms[id] = form;
+            work.extend(&users[id]);
+        }
+    }
+    forms
+}
+
+fn form(values: &Values<'_, '_>, id: ValueId, forms: &[Form]) -> Form {
+    let joined = || {
+        let operands = values.values[id].operands.iter();
+        operands.map(|o| forms[*o]).max().unwrap_or(Form::Uniform)
+    };
+    match &values.values[id].node {
+        Node::Input(_) => Form::Part,
+        Node::Control(..) => Form::Other,
+        // What decides which version it is must be the draw's.
+        Node::Version(..) => {
+            let operands = values.values[id].operands.iter();
+            let decided = operands.clone().any(|o| {
+                matches!(values.values[*o].node, Node::Control(..))
+                    && values.values[*o].fact.rate > Rate::Draw
+            });
+            if decided { Form::Other } else { joined() }
+        }
+        Node::Expression(context, e, path) => {
+            let f = values.function(*context);
+            // Through the values that operands are, by the expression's own operands.
+            let of = |o: naga::Handle<Expression>| {
+                values.named(*context, o).map_or(Form::Other, |v| forms[v])
+            };
+            // Whatever is computed of a part is not one.
+            let computed = |form: Form| match form {
+                Form::Part => Form::Affine,
+                other => other,
+            };
+            let product = |a: Form, b: Form| match (a, b) {
+                (Form::Uniform, x) | (x, Form::Uniform) => computed(x),
+                _ => Form::Other,
+            };
+            match &f.function.expressions[*e] {
+                _ if !path.is_empty() => joined(),
+                Expression::Load { .. } | Expression::CallResult(_) => joined(),
+                Expression::Swizzle { .. } | Expression::AccessIndex { .. } => joined(),
+                Expression::Compose { .. }
+                | Expression::Splat { .. }
+                | Expression::Unary {
+                    op: naga::UnaryOperator::Negate,
+                    ..
+                } => computed(joined()),
+                Expression::Access { base, index } => match of(*index) {
+                    Form::Uniform => computed(of(*base)),
+                    _ => Form::Other,
+                },
+                Expression::Binary { op, left, right } => match op {
+                    BinaryOperator::Add | BinaryOperator::Subtract => computed(joined()),
+                    BinaryOperator::Multiply => product(of(*left), of(*right)),
+                    BinaryOperator::Divide if of(*right) == Form::Uniform => computed(of(*left)),
+                    _ => Form::Other,
+                },
+                Expression::Select {
+                    condition,
+                    accept,
+                    reject,
+                } if of(*condition) == Form::Uniform => computed(of(*accept).max(of(*reject))),
+                Expression::Math {
+                    fun,
+                    arg,
+                    arg1,
+                    arg2,
+                    ..
+                } => {
+                    let second = arg1.map_or(Form::Uniform, of);
+                    let third = arg2.map_or(Form::Uniform, of);
+                    match fun {
+                        MathFunction::Dot | MathFunction::Cross => product(of(*arg), second),
+                        MathFunction::Fma => computed(product(of(*arg), second).max(third)),
+                        MathFunction::Mix => product(of(*arg).max(second), third),
+                        _ => Form::Other,
+                    }
+                }
+                _ => Form::Other,
+            }
+        }
+    }
+}
+
+/// Values from which something discontinuous is reached: a jump, a comparison, a conversion to an integer, a texture coordinate, an index, or what
+/// decides a branch. An error in the last bit may be any error there.
+fn sensitive(values: &Values<'_, '_>) -> Vec<bool> {
+    let mut held = vec![false; values.values.len()];
+    let mut work: Vec<ValueId> = Vec::new();
+    for value in &values.values {
+        let sink = match &value.node {
+            Node::Control(..) => true,
+            Node::Expression(context, e, _) => {
+                let f = values.function(*context);
+                let expression = &f.function.expressions[*e];
+                jump(expression).is_some()
+                    || matches!(
+                        expression,
+                        Expression::ImageSample { .. }
+                            | Expression::ImageLoad { .. }
+                            | Expression::Access { .. }
+                            | Expression::Derivative { .. }
+                    )
+            }
+            _ => false,
+        };
+        if sink {
+            work.extend(&value.operands);
+        }
+    }
+    while let Some(id) = work.pop() {
+        if !std::mem::replace(&mut held[id], true) {
+            work.extend(&values.values[id].operands);
+        }
+    }
+    held
+}
+
+/// The name of an operation whose result jumps.
+fn jump(expression: &Expression) -> Option<String> {
+    use BinaryOperator as B;
+    let name = match expression {
+        Expression::Math { fun, .. } => match fun {
+            MathFunction::Floor => "floor",
+            MathFunction::Ceil => "ceil",
+            MathFunction::Round => "round",
+            MathFunction::Trunc => "trunc",
+            MathFunction::Fract => "fract",
+            MathFunction::Step => "step",
+            MathFunction::Sign => "sign",
+            MathFunction::Modf | MathFunction::Frexp => "modf",
+            MathFunction::QuantizeToF16 => "quantizeToF16",
+            _ => return None,
+        },
+        Expression::Binary { op, .. } => match op {
+            B::Modulo => "%",
+            B::Equal | B::NotEqual | B::Less | B::LessEqual | B::Greater | B::GreaterEqual => {
+                "a comparison"
+            }
+            B::And | B::ExclusiveOr | B::InclusiveOr | B::ShiftLeft | B::ShiftRight => {
+                "a bit operation"
+            }
+            _ => return None,
+        },
+        Expression::As { kind, convert, .. } => match (kind, convert) {
+            (ScalarKind::Float, Some(_)) => "a conversion",
+            (_, None) => "bitcast",
+            _ => "a conversion to an integer",
+        },
+        Expression::Relational { .. } => "a test",
+        _ => return None,
+    };
+    Some(name.to_owned())
+}
+
+/// For each value, an operation in or below it whose result may be NaN or infinite.
+fn hazards(values: &Values<'_, '_>) -> Vec<Option<String>> {
+    let signs = Signs::new(values);
+    let users = values.users();
+    let mut hazards: Vec<Option<String>> = vec![None; values.values.len()];
+    let mut work: Vec<ValueId> = Vec::new();
+    for (id, value) in values.values.iter().enumerate() {
+        if let Node::Expression(context, e, _) = &value.node
+            && let Some(operation) = signs.hazard(values, *context, *e)
+        {
+            hazards[id] = Some(operation.to_owned());
+            work.push(id);
+        }
+    }
+    while let Some(id) = work.pop() {
+        for user in &users[id] {
+            if hazards[*user].is_none() {
+                hazards[*user] = hazards[id].clone();
+                work.push(*user);
+            }
+        }
+    }
+    hazards
+}
