@@ -218,7 +218,33 @@ pub fn facts(
         depth_ties: ties(Discarded::LeftOut)?,
         undiscarded_depth_ties: ties(Discarded::Counted)?,
         near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
+        vertices_per_fragment: vertices_per_fragment(&inputs, &plans, form, &count)?,
     })
+}
+
+/// Vertices of the scene's draws, each index once, for each fragment shaded in the first frame of every camera. `None` where no camera sees anything.
+fn vertices_per_fragment(
+    inputs: &SceneInputs<'_>,
+    plans: &[Plan],
+    form: ShaderForm,
+    count: impl Fn(&Plan, &GpuPass) -> CountProgram,
+) -> Result<Option<f64>, Error> {
+    let scene = inputs.scene();
+    let vertices: f64 = scene
+        .draws
+        .iter()
+        .filter_map(|d| Some(f64::from(scene.meshes.get(d.mesh)?.vertex_count) * f64::from(d.instances)))
+        .sum();
+    let mut counter = Counter::shaded(inputs, plans, form, count)?;
+    let (mut shaded, mut frames) = (0.0, 0.0);
+    for frame in scene.cameras.iter().filter_map(|c| c.frames.first()) {
+        inputs.set_frame(frame)?;
+        shaded += counter.count(frame, DrawOrder::AsGiven)?.fragments as f64;
+        frames += 1.0;
+    }
+    // Samples are counted; a fragment is shaded once for all of its own.
+    let fragments = shaded / f64::from(scene.samples.max(1));
+    Ok((fragments > 0.0).then(|| vertices * frames / fragments))
 }
 
 /// Pixels of the original at depth 0, where that is the near plane, in the first frame of every camera.

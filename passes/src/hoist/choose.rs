@@ -9,10 +9,11 @@ use super::values::{Node, ValueId, Values};
 use crate::graph::rate::Interpolated;
 use crate::reflect;
 
-/// What interpolating a component costs a fragment, in the units of [`crate::graph::cost`]: two multiply-adds with the barycentrics.
-pub const SMOOTH_PRICE: f64 = 2.0;
+/// What interpolating a component costs a fragment, in the units of [`crate::graph::cost`]: NVIDIA's interpolators run at a quarter of the rate of
+/// multiply-adds, others spend two of these and a load.
+pub const SMOOTH_PRICE: f64 = 4.0;
 /// What reading a flat component costs a fragment.
-pub const FLAT_PRICE: f64 = 1.0;
+pub const FLAT_PRICE: f64 = 3.0;
 
 /// `maxInterStageShaderVariables` of every WebGPU device.
 pub const MOST_VARYINGS: usize = 16;

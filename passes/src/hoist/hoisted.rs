@@ -299,7 +299,7 @@ fn capture(
         let pointer = match id {
             FunctionId::Function(_) => {
                 function.arguments.push(FunctionArgument {
-                    name: Some("hoisted".to_owned()),
+                    name: Some("values".to_owned()),
                     ty: pointer_type,
                     binding: None,
                 });
@@ -307,7 +307,7 @@ fn capture(
             }
             FunctionId::EntryPoint(_) => {
                 let variable = LocalVariable {
-                    name: Some("hoisted".to_owned()),
+                    name: Some("values".to_owned()),
                     ty: result,
                     init: None,
                 };

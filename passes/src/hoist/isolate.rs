@@ -6,11 +6,10 @@ use naga::{Block, Expression, Function, Handle, Module, Statement};
 
 use super::values::{ContextId, Values};
 use crate::graph::{FunctionId, StmtId, operands};
-use crate::place;
 
 /// The module with the functions of `contexts`, and of what leads to them, copied; calls on the way go to the copies. The walk begins in the
 /// entry point `entry`, which has the statements and expressions of `values`' own. Handles of expressions and numbers of statements are the
-/// originals'.
+/// originals', and so are the names: most of the originals are gone in the end.
 pub fn isolate(
     module: &Module,
     entry: usize,
@@ -43,8 +42,6 @@ pub fn isolate(
             FunctionId::Function(original) => {
                 let mut copy = module.functions[original].clone();
                 redirect(&mut copy, &calls);
-                let name = copy.name.clone().unwrap_or_default();
-                copy.name = Some(place::free_name(&module, &name, "cut"));
                 let span = module.functions.get_span(original);
                 let copy = module.functions.append(copy, span);
                 copies.insert(*context, FunctionId::Function(copy));

@@ -102,7 +102,7 @@ pub fn rebuild(
         &slice,
         built.module(),
         "preshade_remainder",
-        "hoist",
+        "left",
         PositionInvariance::AsWritten,
     );
     let Some(mut placed) = module.entry_points.pop() else {

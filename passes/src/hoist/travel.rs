@@ -59,6 +59,8 @@ pub enum Stays {
     MayNotEnd,
     /// It mixes a flat value with a smooth one: a vertex sees its own flat value, the fragment the provoking vertex's.
     FlatAndSmooth,
+    /// It decides which fragments there are, or how deep: the same bits are wanted there.
+    Coverage,
     /// It jumps: between two vertices there is no value in between.
     Discontinuous {
         /// The operation.
@@ -81,6 +83,9 @@ impl std::fmt::Display for Stays {
             Self::Conditional => f.write_str("whether it is computed differs between fragments"),
             Self::MayNotEnd => f.write_str("it rests on a loop that is not seen to end"),
             Self::FlatAndSmooth => f.write_str("it mixes a flat value with a smooth one"),
+            Self::Coverage => {
+                f.write_str("it decides a discard, or the depth or the samples of the fragment")
+            }
             Self::Discontinuous { operation } => {
                 write!(
                     f,
@@ -111,6 +116,7 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, St
     let forms = forms(values);
     let endless = endless(values);
     let sensitive = sensitive(values);
+    let coverage = with_operands(values, values.coverage.clone());
     let hazards = match finite {
         Finite::Proved => hazards(values),
         Finite::Assumed => vec![None; values.values.len()],
@@ -155,6 +161,9 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, St
             }
             if forms[id] == Form::Part {
                 return Ok(carriage(Class::Exact, interpolated, at));
+            }
+            if coverage[id] {
+                return Err(Stays::Coverage);
             }
             if forms[id] == Form::Affine && !sensitive[id] {
                 return Ok(carriage(Class::Affine, interpolated, at));
@@ -396,7 +405,6 @@ fn form(values: &Values<'_, '_>, id: ValueId, forms: &[Form]) -> Form {
 /// Values from which something discontinuous is reached: a jump, a comparison, a conversion to an integer, a texture coordinate, an index, or what
 /// decides a branch. An error in the last bit may be any error there.
 fn sensitive(values: &Values<'_, '_>) -> Vec<bool> {
-    let mut held = vec![false; values.values.len()];
     let mut work: Vec<ValueId> = Vec::new();
     for value in &values.values {
         let sink = match &value.node {
@@ -419,6 +427,12 @@ fn sensitive(values: &Values<'_, '_>) -> Vec<bool> {
             work.extend(&value.operands);
         }
     }
+    with_operands(values, work)
+}
+
+/// Values, and all they rest on.
+fn with_operands(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
+    let mut held = vec![false; values.values.len()];
     while let Some(id) = work.pop() {
         if !std::mem::replace(&mut held[id], true) {
             work.extend(&values.values[id].operands);

@@ -6,7 +6,9 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use naga::{AddressSpace, Expression, Handle, ShaderStage, Statement, TypeInner};
+use naga::{
+    AddressSpace, Binding, BuiltIn, Expression, Handle, ShaderStage, Statement, TypeInner,
+};
 
 use crate::graph::cells::{self, Root};
 use crate::graph::effect::{self, Effect};
@@ -71,6 +73,8 @@ pub struct Values<'g, 'p> {
     pub values: Vec<Value>,
     /// What is observed: outputs, and what decides the discards.
     pub roots: Vec<ValueId>,
+    /// Those of `roots` that decide which fragments there are, and how deep: discards, the depth and the sample mask.
+    pub coverage: Vec<ValueId>,
     index: HashMap<Node, ValueId>,
     children: BTreeMap<(ContextId, StmtId), ContextId>,
     /// Own facts, before what operands add.
@@ -101,6 +105,7 @@ impl<'g, 'p> Values<'g, 'p> {
             }],
             values: Vec::new(),
             roots: Vec::new(),
+            coverage: Vec::new(),
             index: HashMap::new(),
             children: BTreeMap::new(),
             own: Vec::new(),
@@ -198,16 +203,15 @@ impl<'g, 'p> Values<'g, 'p> {
             if let Statement::Return { value: Some(value) } = node.statement
                 && f.control.is_reachable(id)
             {
-                match members {
-                    Some(count) => {
-                        for m in 0..count {
-                            let root = self.value(0, *value, vec![m]);
-                            self.roots.push(root);
-                        }
-                    }
-                    None => {
-                        let root = self.value(0, *value, Vec::new());
-                        self.roots.push(root);
+                for (m, output) in outputs.iter().enumerate() {
+                    let path = if is_struct { vec![m as u32] } else { Vec::new() };
+                    let root = self.value(0, *value, path);
+                    self.roots.push(root);
+                    if matches!(
+                        output.binding,
+                        Some(Binding::BuiltIn(BuiltIn::FragDepth | BuiltIn::SampleMask))
+                    ) {
+                        self.coverage.push(root);
                     }
                 }
                 let control = self.control(0, id);
@@ -226,6 +230,7 @@ impl<'g, 'p> Values<'g, 'p> {
                 Statement::Kill if f.control.is_reachable(id) => {
                     let control = self.control(context, id);
                     self.roots.extend(control);
+                    self.coverage.extend(control);
                 }
                 Statement::Call { function, .. }
                     if f.control.is_reachable(id)
