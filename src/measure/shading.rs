@@ -233,7 +233,9 @@ fn vertices_per_fragment(
     let vertices: f64 = scene
         .draws
         .iter()
-        .filter_map(|d| Some(f64::from(scene.meshes.get(d.mesh)?.vertex_count) * f64::from(d.instances)))
+        .filter_map(|d| {
+            Some(f64::from(scene.meshes.get(d.mesh)?.vertex_count) * f64::from(d.instances))
+        })
         .sum();
     let mut counter = Counter::shaded(inputs, plans, form, count)?;
     let (mut shaded, mut frames) = (0.0, 0.0);

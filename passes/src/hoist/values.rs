@@ -6,9 +6,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use naga::{
-    AddressSpace, Binding, BuiltIn, Expression, Handle, ShaderStage, Statement, TypeInner,
-};
+use naga::{AddressSpace, Binding, BuiltIn, Expression, Handle, ShaderStage, Statement, TypeInner};
 
 use crate::graph::cells::{self, Root};
 use crate::graph::effect::{self, Effect};
@@ -204,7 +202,11 @@ impl<'g, 'p> Values<'g, 'p> {
                 && f.control.is_reachable(id)
             {
                 for (m, output) in outputs.iter().enumerate() {
-                    let path = if is_struct { vec![m as u32] } else { Vec::new() };
+                    let path = if is_struct {
+                        vec![m as u32]
+                    } else {
+                        Vec::new()
+                    };
                     let root = self.value(0, *value, path);
                     self.roots.push(root);
                     if matches!(
