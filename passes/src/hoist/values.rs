@@ -189,14 +189,10 @@ impl<'g, 'p> Values<'g, 'p> {
     fn find_roots(&mut self) {
         let module = self.graph.module();
         let f = self.function(0);
-        let members = f
-            .function
-            .result
-            .as_ref()
-            .and_then(|r| match &module.types[r.ty].inner {
-                TypeInner::Struct { members, .. } => Some(members.len() as u32),
-                _ => None,
-            });
+        let is_struct = f.function.result.as_ref().is_some_and(|r| {
+            r.binding.is_none() && matches!(module.types[r.ty].inner, TypeInner::Struct { .. })
+        });
+        let outputs = reflect::outputs(module, f.function);
         for (id, node) in f.statements.iter() {
             if let Statement::Return { value: Some(value) } = node.statement
                 && f.control.is_reachable(id)
