@@ -8,9 +8,10 @@ use preshade_passes::contract::{Contract, Verdict};
 use serde::Serialize;
 
 use crate::measure::statistics::Invocations;
-use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime};
+use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, ShadowReport};
 use crate::render::AdapterReport;
 use crate::scene::DrawOrder;
+use crate::scene::bind::Guessed;
 
 pub use picture::Pictures;
 
@@ -39,6 +40,8 @@ pub struct Report {
     pub clock: Option<Clock>,
     /// Pixels (samples) at which surviving fragments share the winning depth, over every view; `None`: not measured.
     pub depth_ties: Option<u64>,
+    /// Inputs that the scene does not give: filled by convention, or made up.
+    pub assumed: Vec<Guessed>,
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
 }
@@ -64,6 +67,8 @@ pub struct VariantReport {
     pub shaded_per_pixel: Option<f64>,
     /// What else it takes.
     pub cost: Option<Cost>,
+    /// Its shadow passes under the scene's light; `None`: it has none.
+    pub shadow: Option<ShadowReport>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
     pub kept: Vec<Kept>,
     /// Each camera, frame and order.

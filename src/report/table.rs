@@ -3,7 +3,7 @@
 use preshade_passes::contract::Verdict;
 
 use super::{Report, VariantReport};
-use crate::measure::Clock;
+use crate::measure::{Clock, ShadowReport};
 
 /// The report as lines of text.
 pub fn render(report: &Report) -> String {
@@ -118,6 +118,9 @@ fn notes(report: &Report) -> String {
         ));
     }
     for v in &report.variants {
+        if let Some(shadow) = &v.shadow {
+            out.push_str(&under_the_light(&v.name, shadow));
+        }
         match &v.verdict {
             Verdict::Broken { r#where } => {
                 out.push_str(&format!("{}: broken at {}\n", v.name, r#where));
@@ -130,6 +133,24 @@ fn notes(report: &Report) -> String {
     }
     out.push_str(&left_alone(report));
     out
+}
+
+/// What a shadow pass leaves in the light's map, and what that costs.
+fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
+    let [w, h] = shadow.map;
+    let mut line = format!(
+        "{name}: {} of {} depths differ in a {w}x{h} map under the scene's light",
+        shadow.changed_depth, shadow.covered
+    );
+    if let (Some(whole), Some(time), Some(speedup)) =
+        (&shadow.whole_ms, &shadow.time_ms, &shadow.speedup)
+    {
+        line.push_str(&format!(
+            "; {:.3} ms by whole programs, {:.3} ms by shadow passes: {:.2}x [{:.2}, {:.2}]",
+            whole.estimate.median, time.estimate.median, speedup.median, speedup.low, speedup.high
+        ));
+    }
+    line + "\n"
 }
 
 /// One line a reason: which variants leave which materials as written.
