@@ -21,8 +21,21 @@ pub struct Error {
     pub message: String,
     /// Where, in the address space of the source map.
     pub labels: Vec<(Span, String)>,
+    /// The first members that differ of two structs that should be alike, the second module's before the first's: naga has no spans for members.
+    pub members: Vec<Member>,
     /// What to do about it.
     pub note: Option<&'static str>,
+}
+
+/// A member of a struct, to be found in the text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Member {
+    /// Where the struct is declared, or the variable that is one, in the address space of the source map.
+    pub of: Span,
+    /// The member's name.
+    pub name: String,
+    /// What to say of it.
+    pub text: String,
 }
 
 impl Error {
@@ -30,6 +43,7 @@ impl Error {
         Box::new(Self {
             message: message.into(),
             labels: Vec::new(),
+            members: Vec::new(),
             note: None,
         })
     }
@@ -354,13 +368,17 @@ impl Linker<'_> {
             format!("group {} binding {}", b.group, b.binding)
         });
         let name = |g: &GlobalVariable| g.name.clone().unwrap_or_default();
-        Error::new(format!("the two files declare {at} differently"))
+        let ours_span = self.module.global_variables.get_span(ours);
+        let mut error = Error::new(format!("the two files declare {at} differently"))
             .label(span, format!("`{}` here", name(theirs)))
-            .label(
-                self.module.global_variables.get_span(ours),
-                format!("`{}` here", name(declared)),
-            )
-            .note("give one of them another binding, or both the same type and access")
+            .label(ours_span, format!("`{}` here", name(declared)))
+            .note("give one of them another binding, or both the same type and access");
+        if let Some((theirs, ours)) =
+            members_that_differ(&self.module, (theirs.ty, span), (declared.ty, ours_span))
+        {
+            error.members = vec![theirs, ours];
+        }
+        error
     }
 
     fn filters(&mut self) {
@@ -519,6 +537,42 @@ fn content(function: &Function) -> String {
 /// A front end of naga built a module that refers to what comes later, which it promises not to.
 fn dangling() -> Box<Error> {
     Error::new("the parsed module refers to an item before declaring it")
+}
+
+/// The first members of two structs, or of structs in them, that are not alike. With each type goes the span of a variable of it, for structs
+/// that have none. `None` where one struct only has more members than the other, or where they are no structs.
+fn members_that_differ(
+    module: &Module,
+    a: (Handle<Type>, Span),
+    b: (Handle<Type>, Span),
+) -> Option<(Member, Member)> {
+    let members = |ty: Handle<Type>| match &module.types[ty].inner {
+        TypeInner::Struct { members, .. } => Some(members),
+        _ => None,
+    };
+    let (m, n) = members(a.0)?.iter().zip(members(b.0)?).find(|(m, n)| {
+        m.offset != n.offset || !matches_layout(module, m.ty, module, n.ty, &mut Vec::new())
+    })?;
+    let place = |ty: Handle<Type>, variable: Span| match module.types.get_span(ty) {
+        span if span.is_defined() => span,
+        _ => variable,
+    };
+    let (of_a, of_b) = (place(a.0, a.1), place(b.0, b.1));
+    if m.offset == n.offset
+        && let Some(inner) = members_that_differ(module, (m.ty, of_a), (n.ty, of_b))
+    {
+        return Some(inner);
+    }
+    let member = |of: Span, m: &naga::StructMember| Member {
+        of,
+        name: m.name.clone().unwrap_or_default(),
+        text: format!(
+            "a {} at byte {}",
+            crate::reflect::wgsl_type(module, m.ty),
+            m.offset
+        ),
+    };
+    Some((member(of_a, m), member(of_b, n)))
 }
 
 /// The second module's types mapped to the first's, if both have one layout: equal in everything but the names of structs and of
