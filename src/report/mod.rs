@@ -38,7 +38,7 @@ pub struct Report {
     pub adapter: AdapterReport,
     /// Whose clock the times are of; `None`: nothing was timed.
     pub clock: Option<Clock>,
-    /// Pixels (samples) at which surviving fragments share the winning depth, over every view; `None`: not measured.
+    /// Samples (pixels, where there is one a pixel) at which surviving fragments share the winning depth, over every view; `None`: not measured.
     pub depth_ties: Option<u64>,
     /// Inputs that the scene does not give: filled by convention, or made up.
     pub assumed: Vec<Guessed>,

@@ -113,8 +113,12 @@ fn notes(report: &Report) -> String {
         ));
     }
     if let Some(ties) = report.depth_ties.filter(|n| *n > 0) {
+        let what = match report.samples {
+            1 => "pixels",
+            _ => "samples",
+        };
         out.push_str(&format!(
-            "{ties} depth ties: at so many pixels two surfaces share the winning depth.\n"
+            "{ties} depth ties: at so many {what}, over all views, two surfaces share the winning depth.\n"
         ));
     }
     for v in &report.variants {
