@@ -10,16 +10,18 @@ use std::path::{Path, PathBuf};
 
 use preshade::emit::{self, File, Target};
 use preshade::front::{self, Code, Color, Parsed, Source};
+use preshade::recipe::Recipe;
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 
-/// The materials under `fixtures/FOLDER`: a file, or two files of one folder or stem.
 /// A program that the writer has to write: one that no transform has touched ships as its author's own text.
 fn touched(program: &Program) -> Program {
     program.with_module(program.module().clone()).unwrap()
 }
 
+/// The materials under `fixtures/FOLDER`: a file, or two files of one folder or stem.
 fn materials(folder: &str) -> BTreeMap<String, Vec<PathBuf>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures")
@@ -149,4 +151,52 @@ fn glsl_fixtures_are_accepted_everywhere() {
 #[test]
 fn the_handwritten_reference_is_accepted_everywhere() {
     check("handwritten");
+}
+
+/// WebGL links no program without a fragment stage: a pass that draws depth alone has an empty one there, and nowhere else.
+#[test]
+fn a_depth_only_pass_has_an_empty_fragment_stage_in_glsl_es() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders/textured.wgsl");
+    let parsed = parse(&[path]).remove(0);
+    let original = Plan::original(
+        "material",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    for recipe in ["depth-prepass", "depth-prepass:form=equal", "shadow"] {
+        let plan = Recipe::parse([recipe])
+            .unwrap()
+            .apply(&original, &Facts::without_ties())
+            .unwrap();
+        let files = emit::emit(&plan, &Target::ALL, &emit::Options::default()).unwrap();
+        let depth = plan
+            .passes
+            .iter()
+            .position(|p| p.fragment.is_none())
+            .unwrap();
+        let name = format!("material.{}.es.frag", plan.passes[depth].role.name());
+        let file = files.iter().filter(|f| f.name == name).collect::<Vec<_>>();
+        let [file] = file[..] else {
+            panic!("{recipe}: {} files {name}", file.len());
+        };
+        let text = String::from_utf8(file.bytes.clone()).unwrap();
+        assert!(text.starts_with("#version 300 es\n") && text.contains("void main() {}"));
+        let json = files
+            .iter()
+            .find(|f| f.name.ends_with(".plan.json"))
+            .unwrap();
+        let json: emit::PlanFile = serde_json::from_slice(&json.bytes).unwrap();
+        assert_eq!(json.plan.passes[depth].fragment, None);
+        let fragment = &json.files[depth].fragment;
+        assert_eq!(
+            fragment.keys().collect::<Vec<_>>(),
+            [&Target::GlslEs300],
+            "{recipe}"
+        );
+        assert_eq!(fragment[&Target::GlslEs300].file, name);
+        assert_eq!(fragment[&Target::GlslEs300].entry_point, "main");
+        accept::accept(&[(recipe.to_owned(), files)]);
+    }
 }
