@@ -80,7 +80,7 @@ enum TimeArg {
     Headline,
     /// The first frame of every camera in every order.
     FirstFrames,
-    /// Every frame in every order.
+    /// Every compared frame in every order; camera paths then get their 95th percentile.
     Everything,
 }
 

@@ -9,7 +9,9 @@ use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shado
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant, order,
 };
-use crate::report::{Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, VariantReport, ViewReport};
+use crate::report::{
+    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, VariantReport, ViewReport, path,
+};
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
 /// A variant to measure.
@@ -155,9 +157,7 @@ pub fn verify(
             }
             inputs.set_frame(view.frame)?;
             compare_view(&mut subjects, view)?;
-            if view.first_frame {
-                count_view(&mut subjects, view)?;
-            }
+            count_view(&mut subjects, view)?;
             if view.headline {
                 for subject in &mut subjects {
                     subject.count_invocations(gpu)?;
@@ -385,6 +385,7 @@ impl<'a> Subject<'a> {
                 cost: None,
                 shadow: None,
                 kept: variant.kept.clone(),
+                by_path: Vec::new(),
                 by_view: Vec::new(),
             },
             pictures: None,
@@ -534,6 +535,7 @@ impl<'a> Subject<'a> {
             (None, None) if drawn => self.report.verdict = Verdict::Holds,
             (None, None) => {}
         }
+        self.report.by_path = path::times(&self.report.by_view);
         let is_original = self.report.name == ORIGINAL;
         (self.report, self.pictures.filter(|_| !is_original))
     }

@@ -1,5 +1,6 @@
 //! What was measured, as data: the JSON of record, the table on a terminal, the pictures.
 
+pub mod path;
 pub mod picture;
 pub mod sheet;
 pub mod table;
@@ -13,6 +14,7 @@ use crate::render::AdapterReport;
 use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
 
+pub use path::PathTime;
 pub use picture::Pictures;
 
 /// Version of the JSON that [`Report`] serialises to.
@@ -71,6 +73,8 @@ pub struct VariantReport {
     pub shadow: Option<ShadowReport>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
     pub kept: Vec<Kept>,
+    /// Each camera path of which several frames were timed.
+    pub by_path: Vec<PathTime>,
     /// Each camera, frame and order.
     pub by_view: Vec<ViewReport>,
 }

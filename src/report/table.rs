@@ -2,7 +2,7 @@
 
 use preshade_passes::contract::Verdict;
 
-use super::{Report, VariantReport};
+use super::{PathTime, Report, VariantReport};
 use crate::measure::{Clock, ShadowReport};
 
 /// The report as lines of text.
@@ -60,6 +60,7 @@ pub fn render(report: &Report) -> String {
     }
     out.push('\n');
     out.push_str(&by_view(report));
+    out.push_str(&by_path(report));
     out.push_str(&notes(report));
     out
 }
@@ -194,6 +195,33 @@ fn left_alone(report: &Report) -> String {
             )
         })
         .collect()
+}
+
+/// The slow frames of each camera path.
+fn by_path(report: &Report) -> String {
+    let Some(original) = report.variants.first() else {
+        return String::new();
+    };
+    let mut out = String::new();
+    for path in &original.by_path {
+        let times: Vec<String> = report
+            .variants
+            .iter()
+            .filter_map(|v| {
+                let same = |p: &&PathTime| (&p.camera, p.order) == (&path.camera, path.order);
+                let own = v.by_path.iter().find(same)?;
+                Some(format!("{} {:.3} ms", v.name, own.p95_ms))
+            })
+            .collect();
+        out.push_str(&format!(
+            "95% of {} frames of `{}`, {}, take no longer than: {}\n",
+            path.frames,
+            path.camera,
+            crate::render::order::name(path.order),
+            times.join(", ")
+        ));
+    }
+    out
 }
 
 /// The speedups of every timed view, where there are several: what pays here may cost there.
