@@ -12,7 +12,8 @@ use preshade::emit::{self, File, Target};
 use preshade::front::{self, Code, Color, Parsed, Source};
 use preshade::recipe::Recipe;
 use preshade_passes::pass::Facts;
-use preshade_passes::plan::Plan;
+use preshade_passes::place;
+use preshade_passes::plan::{Plan, Role};
 use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 
@@ -199,4 +200,69 @@ fn a_depth_only_pass_has_an_empty_fragment_stage_in_glsl_es() {
         assert_eq!(fragment[&Target::GlslEs300].entry_point, "main");
         accept::accept(&[(recipe.to_owned(), files)]);
     }
+}
+
+/// The walk that finds what decides a position in SPIR-V, held against the slicer of the IR: it may take in more, never less.
+#[test]
+fn all_that_decides_an_invariant_position_is_not_contracted() {
+    /// Float arithmetic (SPIR-V's opcodes from `OpFNegate` to `OpDot`), and how much of it is decorated with `NoContraction`.
+    fn arithmetic(bytes: &[u8]) -> (usize, usize) {
+        let words: Vec<u32> = bytes
+            .chunks(4)
+            .map(|c| u32::from_le_bytes(c.try_into().unwrap()))
+            .collect();
+        let (mut all, mut decorated, mut at) = (0, 0, 5);
+        while at < words.len() {
+            let opcode = words[at] & 0xffff;
+            all += usize::from(matches!(
+                opcode,
+                127 | 129 | 131 | 133 | 136 | 140 | 141 | 142..=148
+            ));
+            decorated += usize::from(opcode == 71 && words[at + 2] == 42);
+            at += (words[at] >> 16) as usize;
+        }
+        (all, decorated)
+    }
+    let (mut compared, mut spared) = (0, 0);
+    for (name, paths) in materials("shaders") {
+        for parsed in parse(&paths) {
+            let program = &parsed.program;
+            let (index, _) = program
+                .entry_point(naga::ShaderStage::Vertex, &parsed.vertex)
+                .unwrap();
+            let module = place::with_invariant_position(program.module(), index);
+            let original = Plan::original(
+                "m",
+                program.with_module(module).unwrap(),
+                &parsed.vertex,
+                parsed.fragment.as_deref(),
+                &MaterialState::default(),
+            );
+            let recipe = Recipe::parse(["shadow"]).unwrap();
+            let Ok(plan) = recipe.apply(&original, &Facts::without_ties()) else {
+                continue;
+            };
+            let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+            let of = |name: &str| {
+                let file = files.iter().find(|f| f.name == name).unwrap();
+                arithmetic(&file.bytes)
+            };
+            let ((all, decorated), (needed, _)) = (of("m.main.vert.spv"), of("m.shadow.vert.spv"));
+            // A fragment slice may ask for varyings, which are no part of the position.
+            if plan
+                .passes
+                .iter()
+                .any(|p| p.role == Role::Shadow && p.fragment.is_none())
+            {
+                assert!(decorated >= needed, "{name}: {decorated} of {needed}");
+                compared += 1;
+            }
+            assert!(decorated > 0 || needed == 0, "{name}");
+            spared += all - decorated;
+        }
+    }
+    assert!(
+        compared > 10 && spared > 10,
+        "{compared} compared, {spared} spared"
+    );
 }
