@@ -136,6 +136,40 @@ fn a_difference_without_invariant_positions_proves_nothing() {
     assert!(why.contains("--invariant marks it"), "{why}");
 }
 
+/// The box of the light holds what is drawn, instances too; a scene may say another.
+#[test]
+fn the_light_sees_all_that_is_drawn() {
+    let mut scene = load("instanced");
+    let view = |scene: &Scene| {
+        let frame = scene.light_frame(0.0);
+        frame.projection * frame.view
+    };
+    let all = view(&scene);
+    let mut seen = 0;
+    for draw in &scene.draws {
+        let instances = match draw.instance_streams.get("instance_transform") {
+            Some(scene::Stream::Float { data, .. }) => data.as_chunks::<16>().0,
+            _ => &[glam::Mat4::IDENTITY.to_cols_array()][..],
+        };
+        for instance in instances {
+            let at = draw.transform * glam::Mat4::from_cols_array(instance);
+            let clip = all.project_point3(at.transform_point3(glam::Vec3::ZERO));
+            assert!(clip.truncate().abs().max_element() <= 1.0 && (0.0..=1.0).contains(&clip.z));
+            seen += 1;
+        }
+    }
+    assert!(seen > 10, "{seen}");
+    scene.light.center = Some(glam::Vec3::new(1.0, 2.0, 3.0));
+    scene.light.extent = Some(glam::Vec3::new(8.0, 4.0, 20.0));
+    let clip = view(&scene).project_point3(glam::Vec3::new(1.0, 2.0, 3.0));
+    assert!(
+        clip.abs_diff_eq(glam::Vec3::new(0.0, 0.0, 0.5), 1e-5),
+        "{clip}"
+    );
+    let near = scene.light.direction * 10.0 + glam::Vec3::new(1.0, 2.0, 3.0);
+    assert!(view(&scene).project_point3(near).z.abs() < 1e-5);
+}
+
 #[test]
 fn a_light_that_sees_nothing_proves_nothing() {
     let mut scene = load("log-depth");

@@ -52,7 +52,7 @@ pub(super) struct Depth {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Light {
-    pub direction: Option<[f32; 3]>,
+    pub direction: Option<Spanned<[f32; 3]>>,
     pub color: Option<[f32; 3]>,
     pub center: Option<[f32; 3]>,
     pub extent: Option<Spanned<[f32; 3]>>,

@@ -38,18 +38,24 @@ impl Default for Light {
 /// Distance from the light's eye to its near plane, in world units: shaders divide by it.
 const NEAR: f32 = 1.0;
 
+/// An error and where in the scene file it is.
+pub(super) struct Misplaced {
+    pub error: Error,
+    pub at: Range<usize>,
+}
+
 impl Light {
     /// A scene file's `light` table, what it leaves out being the default.
     ///
     /// # Errors
-    /// With the place in the file, where one key is to blame.
-    pub(super) fn read(entry: &file::Light) -> Result<Self, (Error, Option<Range<usize>>)> {
+    /// With the place in the file of the key that is to blame.
+    pub(super) fn read(entry: &file::Light) -> Result<Self, Box<Misplaced>> {
         let default = Self::default();
-        let direction = match entry.direction {
+        let direction = match &entry.direction {
             None => default.direction,
-            Some(d) => Vec3::from(d)
+            Some(d) => Vec3::from(*d.get_ref())
                 .try_normalize()
-                .ok_or_else(|| (Error::new("the light's direction is zero"), None))?,
+                .ok_or_else(|| misplaced(Error::new("the light's direction is zero"), d.span()))?,
         };
         let extent = match &entry.extent {
             None => None,
@@ -59,7 +65,7 @@ impl Light {
             Some(e) => {
                 let error = Error::new("the light sees an empty box")
                     .help("`extent` is its width, height and depth, each above 0");
-                return Err((error, Some(e.span())));
+                return Err(misplaced(error, e.span()));
             }
         };
         let map = match &entry.map {
@@ -70,7 +76,7 @@ impl Light {
                     Error::new(format!("a shadow map of {0}x{0} pixels", m.get_ref())).help(
                         format!("`map` is its width and height, 1 to {}", load::MAX_SIZE),
                     );
-                return Err((error, Some(m.span())));
+                return Err(misplaced(error, m.span()));
             }
         };
         Ok(Self {
@@ -81,6 +87,10 @@ impl Light {
             map,
         })
     }
+}
+
+fn misplaced(error: Error, at: Range<usize>) -> Box<Misplaced> {
+    Box::new(Misplaced { error, at })
 }
 
 impl Scene {

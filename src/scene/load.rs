@@ -134,10 +134,7 @@ impl Loader<'_> {
                 return Err(at(e, s.span()));
             }
         };
-        let light = Light::read(&f.light).map_err(|(e, span)| match span {
-            Some(span) => at(e, span),
-            None => e,
-        })?;
+        let light = Light::read(&f.light).map_err(|e| at(e.error, e.at))?;
         let materials = f
             .materials
             .iter()

@@ -12,7 +12,7 @@ use crate::scene::layout::Leaf;
 /// is the same in every frame and is left out.
 ///
 /// # Errors
-/// As [`draw`], for uniforms alone.
+/// As [`super::draw`], for uniforms alone.
 pub(in super::super) fn uniforms(
     scene: &Scene,
     material: &Material,
