@@ -170,12 +170,13 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         FormArg::Ir => ShaderForm::Ir,
     };
     bar.set_message("looking for depth ties");
-    let facts = measure::facts(&gpu, &scene, form, measure::counting).unwrap_or_else(|e| {
+    let mut facts = measure::facts(&gpu, &scene, form, measure::counting).unwrap_or_else(|e| {
         bar.suspend(|| {
             output::message(&format!("warning: depth ties were not measured: {e}"));
         });
         Facts::default()
     });
+    let recipes = choose(&gpu, &scene, form, recipes, &mut facts, &bar)?;
     let originals = measure::originals(&scene);
     let variants: Vec<_> = recipes
         .iter()
@@ -227,6 +228,34 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     } else {
         Outcome::Fine
     })
+}
+
+/// Recipes whose choices are left to measurement, chosen.
+fn choose(
+    gpu: &Gpu,
+    scene: &Scene,
+    form: ShaderForm,
+    recipes: Vec<Recipe>,
+    facts: &mut Facts,
+    bar: &ProgressBar,
+) -> Result<Vec<Recipe>, Failure> {
+    if !recipes.iter().any(measure::leaves_a_choice) {
+        return Ok(recipes);
+    }
+    bar.set_message("measuring what can be interpolated");
+    facts.frequencies = measure::frequencies(gpu, scene, form, &mut |done| {
+        bar.set_position((done * 1000.0) as u64);
+    })?;
+    recipes
+        .into_iter()
+        .map(|recipe| {
+            bar.set_message(format!("choosing within the budget of {recipe}"));
+            match measure::leaves_a_choice(&recipe) {
+                true => Ok(measure::within_budget(gpu, scene, &recipe, facts, form)?),
+                false => Ok(recipe),
+            }
+        })
+        .collect()
 }
 
 /// Whether `dir` is a folder that can be written to, or can become one: before anything is drawn, so that a slip costs no minute. Nothing is left
