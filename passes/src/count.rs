@@ -4,8 +4,8 @@
 //! covered pixel on any adapter. Fragments that the material discards are not counted: what is left is what hid each other.
 
 use naga::{
-    Binding, BuiltIn, EntryPoint, Expression, Function, FunctionResult, Handle, Literal, Module, Scalar,
-    ShaderStage, Span, StructMember, Type, TypeInner, VectorSize,
+    Binding, BuiltIn, EntryPoint, Expression, Function, FunctionResult, Handle, Literal, Module,
+    Scalar, ShaderStage, Span, StructMember, Type, TypeInner, VectorSize,
 };
 
 use crate::coverage;

@@ -94,7 +94,8 @@ pub fn refuse_alpha(
     }
     if pass.multisample.count <= 1 {
         return Some((
-            "alpha to coverage needs more than one sample a pixel, and this pass has one".to_owned(),
+            "alpha to coverage needs more than one sample a pixel, and this pass has one"
+                .to_owned(),
             "leave alpha_to_coverage off, or draw the scene with 4 samples",
         ));
     }
@@ -133,7 +134,8 @@ pub fn refuse_alpha(
     });
     if !is_vec4 {
         return Some((
-            "the fragment stage writes no vec4<f32> to location 0, whose alpha coverage comes from".to_owned(),
+            "the fragment stage writes no vec4<f32> to location 0, whose alpha coverage comes from"
+                .to_owned(),
             "return a vec4<f32> at location 0",
         ));
     }

@@ -2,8 +2,8 @@
 //! coverage and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
 
 use naga::{
-    AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, Function, GlobalVariable, Handle, Literal,
-    Module, ShaderStage, Span, Type, TypeInner,
+    AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, Function, GlobalVariable, Handle,
+    Literal, Module, ShaderStage, Span, Type, TypeInner,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -188,7 +188,9 @@ impl<'a> Opaque<'a> {
                     "decide coverage by discard",
                 ));
             }
-            if entry.early_depth_test == Some(EarlyDepthTest::Force) && (decides.discards || decides.depth) {
+            if entry.early_depth_test == Some(EarlyDepthTest::Force)
+                && (decides.discards || decides.depth)
+            {
                 refusals.push(refuse(
                     "forced-early-test",
                     "the fragment stage forces the early depth test and discards: a discarded fragment still writes depth, which no slice reproduces",

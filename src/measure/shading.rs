@@ -166,7 +166,9 @@ impl<'a> Counter<'a> {
         let settings = FrameSettings {
             clear_color: [0.0; 4],
         };
-        Ok(Self(Prepared::new(inputs, &variant, &settings)?))
+        Ok(Self(
+            Prepared::new(inputs, &variant, &settings)?.keeping_samples(),
+        ))
     }
 
     /// Counts in one frame. Uniforms are those last set by [`SceneInputs::set_frame`].
