@@ -24,7 +24,7 @@ Examples:
 A pass that does not apply is told on stderr with its reason, and the material is written without
 it. `preshade passes` lists the passes. Files are written whole or not at all.")]
 pub struct Args {
-    /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane` and so on.
+    /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
     /// What to write, separated by commas; `plan.json` comes with it.
