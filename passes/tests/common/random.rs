@@ -367,23 +367,20 @@ impl Generator<'_, '_> {
                         self.vector(),
                         self.float(1)
                     ),
-                    7 => {
-                        let text = match (self.scope.color, self.choices.below(4)) {
-                            ("", _) => format!("{target} = vec3({target}.zx, {});", self.float(1)),
-                            (color, 0) => {
-                                format!("{color} = vec4({}, {});", self.vector(), self.float(1))
-                            }
-                            (color, 1) => format!("{color} = vec4({}, {target});", self.float(1)),
-                            (color, 2) => {
-                                format!("{color} = {color}.wzyx * vec4({target}.xy, in.q);")
-                            }
-                            (color, _) => format!(
-                                "{color} = vec4({color}.a, {target}.zx, in.p.{color_component});",
-                                color_component = ["x", "w"][self.choices.below(2)]
-                            ),
-                        };
-                        text
-                    }
+                    7 => match (self.scope.color, self.choices.below(4)) {
+                        ("", _) => format!("{target} = vec3({target}.zx, {});", self.float(1)),
+                        (color, 0) => {
+                            format!("{color} = vec4({}, {});", self.vector(), self.float(1))
+                        }
+                        (color, 1) => format!("{color} = vec4({}, {target});", self.float(1)),
+                        (color, 2) => {
+                            format!("{color} = {color}.wzyx * vec4({target}.xy, in.q);")
+                        }
+                        (color, _) => format!(
+                            "{color} = vec4({color}.a, {target}.zx, in.p.{color_component});",
+                            color_component = ["x", "w"][self.choices.below(2)]
+                        ),
+                    },
                     _ => format!(
                         "{target}[{} % 3u] = {};",
                         format_args!("u32({})", self.integer(1)),
