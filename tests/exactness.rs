@@ -129,6 +129,7 @@ fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String
                 // The neighbours themselves, in the scenes made of them.
                 "stencil-write",
                 "stencil-test",
+                "fragment-store",
                 "[compare]",
             ];
             if !variant

@@ -133,13 +133,21 @@ fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
     Ok(opaque)
 }
 
-/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection. A name is all a shader tells of what a matrix means; the
-/// host reads the list, it is not trusted with anything.
+/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection, and members of such a variable or struct that say where it
+/// is or how far it sees. A name is all a shader tells of what a matrix means; `verify` feeds these from the light and all others from the camera.
 fn view_dependent(program: &Program) -> Vec<String> {
     let module = program.module();
     let says_view = |name: &str| {
         let name = name.to_lowercase();
-        ["camera", "view", "eye", "proj", "mvp", "viewport", "screen"]
+        let part_of = [
+            "camera", "view", "eye", "proj", "mvp", "screen", "clip", "znear", "zfar",
+        ];
+        let whole = ["vp", "near", "far", "near_plane", "far_plane", "transform"];
+        part_of.iter().any(|w| name.contains(w)) || whole.contains(&name.trim_start_matches("u_"))
+    };
+    let says_place = |name: &str| {
+        let name = name.to_lowercase();
+        ["pos", "origin", "near", "far", "matrix", "vp"]
             .iter()
             .any(|w| name.contains(w))
     };
@@ -150,6 +158,8 @@ fn view_dependent(program: &Program) -> Vec<String> {
         .filter(|(_, g)| g.space == AddressSpace::Uniform)
     {
         let variable = global.name.clone().unwrap_or_default();
+        let struct_name = module.types[global.ty].name.as_deref().unwrap_or("");
+        let of_view = says_view(&variable) || says_view(struct_name);
         let members = match &module.types[global.ty].inner {
             TypeInner::Struct { members, .. } => members.as_slice(),
             _ => &[],
@@ -161,7 +171,7 @@ fn view_dependent(program: &Program) -> Vec<String> {
             members
                 .iter()
                 .filter_map(|m| m.name.as_deref())
-                .filter(|m| says_view(m))
+                .filter(|m| says_view(m) || (of_view && says_place(m)))
                 .map(|m| format!("{variable}.{m}")),
         );
     }

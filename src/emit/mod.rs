@@ -12,8 +12,10 @@
 //! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
 //!
 //! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
-//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`.
+//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`. A pass that draws depth alone
+//! has no fragment file but in GLSL ES, where it has an empty one.
 
+mod blank;
 #[cfg(test)]
 mod equivalence;
 mod fingerprint;
@@ -223,6 +225,10 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
                 }
             }
         }
+    }
+    for (program, file, said) in blank::files(plan, targets) {
+        files.push(file);
+        written.insert((program, blank::key(), Target::GlslEs300), said);
     }
     files.push(plan_json::file(plan, &written));
     Ok(files)

@@ -38,7 +38,7 @@ pub struct PassFiles {
     pub role: String,
     /// Vertex stage, by target.
     pub vertex: BTreeMap<Target, StageFile>,
-    /// Fragment stage, by target; empty for a pass without one.
+    /// Fragment stage, by target; for a pass without one GLSL ES alone, which needs an empty stage.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub fragment: BTreeMap<Target, StageFile>,
 }
@@ -110,11 +110,12 @@ pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), St
         .map(|pass| PassFiles {
             role: pass.role.name().to_owned(),
             vertex: of(&pass.program, ShaderStage::Vertex, &pass.vertex),
-            fragment: pass
-                .fragment
-                .as_deref()
-                .map(|f| of(&pass.program, ShaderStage::Fragment, f))
-                .unwrap_or_default(),
+            // A pass without one has an empty stage where the target needs it.
+            fragment: of(
+                &pass.program,
+                ShaderStage::Fragment,
+                pass.fragment.as_deref().unwrap_or_default(),
+            ),
         })
         .collect();
     let targets: BTreeSet<Target> = written.keys().map(|(_, _, target)| *target).collect();
