@@ -21,7 +21,7 @@ use crate::{Failure, Format, Outcome};
 #[command(after_help = "\
 Examples:
   preshade verify scene.toml
-  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane --out report/
+  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
