@@ -12,7 +12,7 @@ use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
 use preshade::scene::{self, DrawOrder, Scene};
 
-use crate::input::{Input, ShaderArgs};
+use crate::input::ShaderArgs;
 use crate::output;
 use crate::{Failure, Format, Outcome};
 
@@ -323,22 +323,7 @@ fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {
 
 /// The scene asked for, under the set-up asked for.
 fn scene(args: &Args) -> Result<Scene, Failure> {
-    let mut scene = match args.shader.input()? {
-        Input::Scene(_) if args.shader.name.is_some() => {
-            return Err(Failure(
-                "error: --name is for a shader: all materials of a scene are drawn".to_owned(),
-            ));
-        }
-        Input::Scene(scene) => scene,
-        Input::Shader(parsed, state) => {
-            let mut scene = scene::synthesise(parsed, state);
-            if let (Some(name), Some(material)) = (&args.shader.name, scene.materials.first_mut()) {
-                scene.name.clone_from(name);
-                material.name.clone_from(name);
-            }
-            scene
-        }
-    };
+    let mut scene = args.shader.scene()?;
     if let Some(size) = args.size {
         scene = scene.resized(size);
     }

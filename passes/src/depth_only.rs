@@ -161,7 +161,6 @@ impl DepthOnly {
             what,
             location: self.span.and_then(|s| opaque.program.sources().locate(s)),
             cost: self.cost,
-            left: Vec::new(),
         }
     }
 

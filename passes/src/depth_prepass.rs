@@ -131,7 +131,7 @@ impl Pass for DepthPrepass {
         let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
         Sites {
             sites: vec![site],
-            refusals: Vec::new(),
+            ..Sites::default()
         }
     }
 

@@ -210,24 +210,23 @@ impl Pass for Hoist {
     };
 
     fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        let refused = |refusal| Sites {
+        let refused = |refusal: Box<Refusal>, left| Sites {
             sites: Vec::new(),
-            refusals: vec![refusal],
+            refusals: vec![*refusal],
+            left,
         };
         let material = match Material::examine(plan, params) {
             Ok(material) => material,
-            Err(refusal) => return refused(*refusal),
+            Err(refusal) => return refused(refusal, Vec::new()),
         };
         let graph = Graph::build(material.program);
         match Found::new(&graph, &material, params, facts) {
             Ok(found) => Sites {
                 sites: vec![found.site(&material)],
                 refusals: Vec::new(),
+                left: found.left,
             },
-            Err(refusals) => Sites {
-                sites: Vec::new(),
-                refusals,
-            },
+            Err((refusal, left)) => refused(refusal, left),
         }
     }
 
@@ -239,10 +238,7 @@ impl Pass for Hoist {
     ) -> Result<Plan, Box<Refusal>> {
         let material = Material::examine(plan, params)?;
         let graph = Graph::build(material.program);
-        let found = Found::new(&graph, &material, params, facts).map_err(|mut all| {
-            let first = all.drain(..).next();
-            Box::new(first.unwrap_or_else(|| nothing_pays(Class::Smooth)))
-        })?;
+        let found = Found::new(&graph, &material, params, facts).map_err(|(refusal, _)| refusal)?;
         if *site != found.key {
             return Err(Box::new(Refusal::new(
                 Self::INFO.name,
@@ -362,24 +358,13 @@ impl<'g, 'p> Found<'g, 'p> {
         material: &Material<'p>,
         params: &Params,
         facts: &Facts,
-    ) -> Result<Self, Vec<Refusal>> {
-        let name = Hoist::INFO.name;
-        let values = material.values(graph).map_err(|r| vec![*r])?;
+    ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
+        let values = material.values(graph).map_err(|r| (r, Vec::new()))?;
         let verdicts = verdicts(&values, material, params, facts);
         let terms = params.terms(facts);
         let left = left(&values, &verdicts, terms.weakest);
         let Some(choice) = choose::choose(&values, &verdicts, &terms) else {
-            let mut refusals = vec![nothing_pays(terms.weakest)];
-            refusals.extend(left.into_iter().map(|l| Refusal {
-                location: l.location,
-                ..Refusal::new(
-                    name,
-                    "stays",
-                    format!("`{}` (cost {}) stays: {}", l.name, l.cost, l.reason),
-                    "see the reason",
-                )
-            }));
-            return Err(refusals);
+            return Err((Box::new(nothing_pays(terms.weakest)), left));
         };
         let wanted = name_all(&values, &choice);
         let key = SiteKey {
@@ -416,7 +401,6 @@ impl<'g, 'p> Found<'g, 'p> {
                 slice: self.choice.before - self.choice.after,
                 whole: self.choice.before,
             },
-            left: self.left.clone(),
         }
     }
 

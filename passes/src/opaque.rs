@@ -294,7 +294,7 @@ pub fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Re
 /// Sites of a transform that does not apply.
 pub fn refused(refusals: Vec<Refusal>) -> Sites {
     Sites {
-        sites: Vec::new(),
         refusals,
+        ..Sites::default()
     }
 }

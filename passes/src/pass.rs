@@ -45,9 +45,6 @@ pub struct Site {
     pub location: Option<Location>,
     /// Static cost of the slice and of what it is sliced from.
     pub cost: SiteCost,
-    /// What the pass might have taken along and did not, and why.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub left: Vec<Left>,
 }
 
 /// Something that a pass left where it was.
@@ -135,6 +132,9 @@ pub struct Sites {
     pub sites: Vec<Site>,
     /// Why it does not apply elsewhere.
     pub refusals: Vec<Refusal>,
+    /// What the pass might have taken along and did not, the dearest first, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left: Vec<Left>,
 }
 
 /// Measured evidence as plain data. A pass reads it, never gathers it.

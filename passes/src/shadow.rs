@@ -63,7 +63,7 @@ impl Pass for Shadow {
                 &opaque,
                 "depth-only vertex and fragment stage for a light's view".to_owned(),
             )],
-            refusals: Vec::new(),
+            ..Sites::default()
         }
     }
 

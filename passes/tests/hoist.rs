@@ -268,18 +268,10 @@ struct Varyings {{
 /// Why a named value stayed.
 fn left(plan: &Plan, params: &Params, name: &str) -> String {
     let found = sites(plan, params);
-    let left = found.sites.iter().flat_map(|s| &s.left);
-    let reasons = left.filter(|l| l.name == name).map(|l| l.reason.clone());
-    let marked = format!("`{name}` ");
-    let refused = found
-        .refusals
-        .iter()
-        .filter(|r| r.code == "stays" && r.reason.starts_with(&marked))
-        .map(|r| r.reason.clone());
-    reasons
-        .chain(refused)
-        .next()
-        .unwrap_or_else(|| panic!("nothing is said of `{name}`: {found:#?}"))
+    let left = found.left.iter().find(|l| l.name == name);
+    left.unwrap_or_else(|| panic!("nothing is said of `{name}`: {found:#?}"))
+        .reason
+        .clone()
 }
 
 #[test]

@@ -182,10 +182,19 @@ pub fn within_budget(
                 false => high = middle,
             }
         }
-        let chosen = thresholds[low];
-        set(&mut recipe.steps[index], chosen);
+        set(&mut recipe.steps[index], shortest(&thresholds, low));
     }
     Ok(recipe)
+}
+
+/// The threshold with the fewest digits that chooses what the one at `index` does.
+fn shortest(thresholds: &[f64], index: usize) -> f64 {
+    let exact = thresholds[index];
+    let next = thresholds.get(index + 1).copied().unwrap_or(f64::INFINITY);
+    (1..=16)
+        .filter_map(|digits| format!("{exact:.digits$e}").parse::<f64>().ok())
+        .find(|t| *t >= exact && *t < next)
+        .unwrap_or(exact)
 }
 
 fn set(step: &mut crate::recipe::Step, threshold: f64) {
