@@ -307,6 +307,39 @@ fn invariant_positions_are_not_contracted_in_spirv() {
     assert_eq!(decorations(&text("")), 0);
     // The product and the sum.
     assert_eq!(decorations(&text("@invariant")), 2);
+
+    // What another output is made of is left alone: by a struct's member, through a variable, or out of a function.
+    let struct_ = "struct Out { @invariant @builtin(position) clip: vec4<f32>, @location(0) light: vec4<f32> }\n";
+    let of = |body: &str| {
+        decorations(&format!(
+            "{struct_}@vertex fn vs(@location(0) p: vec4<f32>) -> Out {{ {body} }}\n"
+        ))
+    };
+    assert_eq!(of("return Out(p * 2.0, p * 3.0 + p * 4.0);"), 1);
+    assert_eq!(
+        of(
+            "var out: Out; out.light = p * 3.0 + p; out.clip = p * 2.0; out.light += p; return out;"
+        ),
+        1
+    );
+    assert_eq!(
+        of("var out = Out(p, p * 3.0); if p.x * p.y > 1.0 { out.clip = p - p.yxwz; } return out;"),
+        // The condition and the difference.
+        2
+    );
+    // Through a pointer, a loop and an index the walk takes in what it must.
+    let through = format!(
+        "{struct_}fn grow(v: ptr<function, vec4<f32>>, by: f32) {{ *v = *v * by; }}\n\
+         fn shade(v: vec4<f32>) -> vec4<f32> {{ return v * 5.0 + v; }}\n\
+         @vertex fn vs(@location(0) p: vec4<f32>) -> Out {{\n\
+             var steps = array<vec4<f32>, 2>(p + p.x, p - p.y);\n\
+             var at = p;\n\
+             for (var i = 0; i < 2; i++) {{ at += steps[i]; grow(&at, p.z / 2.0); }}\n\
+             return Out(at, shade(p));\n\
+         }}\n"
+    );
+    // The two steps, the sum, the product in `grow` and its factor; not `shade`.
+    assert_eq!(decorations(&through), 5);
 }
 
 #[test]
@@ -405,6 +438,7 @@ fn passes_that_share_a_program_share_its_files() {
             "lit.main.es.vert",
             "lit.main.fs_depth.es.frag",
             "lit.main.fs_main.es.frag",
+            "lit.shadow.es.frag",
             "lit.plan.json",
         ]
     );

@@ -306,6 +306,48 @@ fn stages_that_do_not_fit_are_refused() {
     );
 }
 
+/// Varyings in structs and in declarations of their own, in either language: the member is shown, on both sides.
+#[test]
+fn a_varying_that_does_not_fit_is_shown_where_it_is_declared() {
+    let text = material("    return vec4(1.0);");
+    let one = text.replace(
+        "@fragment",
+        "struct Wanted {\n    // at @location(1): no\n    @builtin(front_facing) front: bool,\n    @location(1) far: vec3<f32>,\n}\n@fragment",
+    );
+    let one = one.replacen("fn fs()", "fn fs(wanted: Wanted)", 1);
+    insta::assert_snapshot!(
+        "interface_struct",
+        refused(Code::Interface, &[("a.wgsl", &one)])
+    );
+    let vertex = "#version 450\nlayout(location = 0) in vec3 position;\nlayout(location = 0) out vec2 uv; // the\nlayout(location = 1) out vec4 tint;\nvoid main() {\n    uv = position.xy;\n    tint = vec4(1.0);\n    gl_Position = vec4(position, 1.0);\n}\n";
+    let fragment = "#version 450\nlayout(location = 0) in vec2 uv;\n/* layout(location = 1) in vec2 no; */\nlayout(location = 1) in vec3 tint;\nlayout(location = 0) out vec4 color;\nvoid main() {\n    color = vec4(tint, uv.x);\n}\n";
+    insta::assert_snapshot!(
+        "interface_glsl",
+        refused(Code::Interface, &[("a.vert", vertex), ("a.frag", fragment)])
+    );
+}
+
+/// The member that differs, in a struct within the struct.
+#[test]
+fn one_binding_with_two_layouts_shows_the_members() {
+    let frame = |member: &str, stage: &str| {
+        format!(
+            "struct Lens {{ near: f32, {member} }}\nstruct Frame {{\n    view_proj: mat4x4<f32>,\n    lens: Lens,\n}}\n\
+             @group(0) @binding(0) var<uniform> frame: Frame;\n{stage}\n"
+        )
+    };
+    let vertex = frame(
+        "far: f32",
+        "@vertex fn vs() -> @builtin(position) vec4<f32> { return frame.view_proj[0]; }",
+    );
+    let fragment = frame(
+        "/* far: f32 */ far: vec2<f32>",
+        "@fragment fn fs() -> @location(0) vec4<f32> { return vec4(frame.lens.far, 0.0, 1.0); }",
+    );
+    let error = refused(Code::Link, &[("a.wgsl", &vertex), ("b.wgsl", &fragment)]);
+    insta::assert_snapshot!(error);
+}
+
 #[test]
 fn what_would_exhaust_the_stack_is_refused_quickly() {
     let n = 100_000;

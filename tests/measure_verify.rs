@@ -257,7 +257,8 @@ fn every_frame_of_a_path_is_compared_up_to_the_limit() {
         })
         .collect();
     let mut settings = settings();
-    settings.timed = Timed::No;
+    settings.timed = Timed::Everything;
+    settings.timing.budget = Duration::ZERO;
     settings.frames_per_camera = 5;
     let outcome = run(&scene, &[], &settings);
     let frames: Vec<usize> = outcome.report.variants[0]
@@ -266,6 +267,25 @@ fn every_frame_of_a_path_is_compared_up_to_the_limit() {
         .map(|v| v.frame)
         .collect();
     assert_eq!(frames, [0, 0, 2, 2, 4, 4, 6, 6, 8, 8]);
+    // Fragments are counted in each of them, and a path has its slow frames told.
+    let original = &outcome.report.variants[0];
+    let counted = |v: &report::ViewReport| v.shaded_per_pixel.is_some();
+    assert!(original.by_view.iter().all(counted));
+    let paths: Vec<(DrawOrder, usize)> = original
+        .by_path
+        .iter()
+        .map(|p| (p.order, p.frames))
+        .collect();
+    assert_eq!(
+        paths,
+        [(DrawOrder::FrontToBack, 5), (DrawOrder::BackToFront, 5)]
+    );
+    assert!(original.by_path.iter().all(|p| p.p95_ms >= p.median_ms));
+    let text = table::render(&outcome.report);
+    assert!(
+        text.contains("95% of 5 frames of `front`, back to front, take no longer than: original "),
+        "{text}"
+    );
 }
 
 #[test]

@@ -114,6 +114,14 @@ fn sizes_that_cannot_be_drawn_are_told() {
         "size = [64, 32]\nsamples = 3"
     ));
     insta::assert_snapshot!(refusal("camera", "target =", "near = 3\nfar = 2\ntarget ="));
+    for (case, light) in [
+        ("light-direction", "direction = [0, 0, 0]"),
+        ("light-extent", "extent = [4, 0, 4]"),
+        ("light-map", "map = 0"),
+    ] {
+        let to = format!("size = [64, 32]\nlight = {{ {light} }}");
+        insta::assert_snapshot!(case, refusal(case, "size = [64, 32]", &to));
+    }
 }
 
 #[test]

@@ -126,8 +126,8 @@ fn names_mean_what_authors_mean_by_them() {
     assert_eq!(camera[16..19], frame.eye.to_array());
     // struct Light { direction, color, ambient }, each padded to 16 bytes.
     let light = floats(0, 1);
-    assert_eq!(light[..3], scene.light.0.to_array());
-    assert_eq!(light[4..7], scene.light.1.to_array());
+    assert_eq!(light[..3], scene.light.direction.to_array());
+    assert_eq!(light[4..7], scene.light.color.to_array());
     let object = floats(1, 0);
     assert_eq!(object[..16], scene.draws[3].transform.to_cols_array());
 }

@@ -23,7 +23,9 @@ Examples:
   preshade explain lit.wgsl --pass depth-prepass:form=equal --format json
   preshade explain scene.toml                       every material of a scene
 
-A refusal says where, why, and what would make the pass legal; it is no failure (exit status 0).")]
+A refusal says where, why, and what would make the pass legal; it is no failure (exit status 0).
+Static cost is in scalar operations, weighted: an addition of two floats is 1 op, a division 4, a
+texture sample 32 (the whole table: the module `graph::cost`). A site is the hash of its slice.")]
 pub struct Args {
     /// Explain these passes, with these parameters; default: all, with their defaults.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
@@ -172,7 +174,7 @@ fn print(explained: &Explained, plan: &Plan) -> String {
             format!("; {}", s.effects.join(", "))
         };
         lines.push(format!(
-            "  {} `{}`: static cost {:.0}, {} expressions{effects}",
+            "  {} `{}`: static cost {:.0} ops, {} expressions{effects}",
             s.stage, s.entry_point, s.cost, s.expressions
         ));
     }
@@ -180,12 +182,13 @@ fn print(explained: &Explained, plan: &Plan) -> String {
         lines.push(format!("\n{}\n  {}", p.pass, p.summary));
         for site in &p.sites.sites {
             lines.push(format!(
-                "  applies to `{}`: {}\n    static cost {:.0} of {:.0}; site {}\n    hurts {}",
+                "  applies to `{}`: {}\n    static cost {:.0} of {:.0} ops; site {}\n    hurts {}",
                 site.key.entry_point,
                 site.what,
                 site.cost.slice,
                 site.cost.whole,
-                site.key.slice,
+                // A stage that needs no slice has dashes for its half of the hash.
+                site.key.slice.trim_end_matches('-'),
                 p.hurts
             ));
         }

@@ -301,6 +301,11 @@ impl ShaderArgs {
         }
     }
 
+    /// Whether a scene is given, and not a shader.
+    pub fn is_scene(&self) -> bool {
+        self.scene_file().is_some()
+    }
+
     /// The scene among the files, by its ending.
     fn scene_file(&self) -> Option<&Path> {
         let toml = |f: &&PathBuf| f.extension().is_some_and(|e| e == "toml");

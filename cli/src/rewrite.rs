@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use preshade::emit::{self, Target};
-use preshade::passes::pass::Facts;
+use preshade::passes::PASSES;
+use preshade::passes::pass::{AnyPass, Facts};
 use preshade::passes::plan::Plan;
 use preshade::recipe::Recipe;
 
@@ -22,9 +23,11 @@ Examples:
   preshade rewrite - --lang wgsl --pass depth-prepass < lit.wgsl
 
 A pass that does not apply is told on stderr with its reason, and the material is written without
-it. `preshade passes` lists the passes. Files are written whole or not at all.")]
+it. `preshade passes` lists the passes. A target that cannot say what a material does is told on
+stderr with its reason; the other targets are written, plan.json names those alone, and the exit
+status is 2. Files are written whole or not at all.")]
 pub struct Args {
-    /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane` and so on.
+    /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
     /// What to write, separated by commas; `plan.json` comes with it.
@@ -71,13 +74,21 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         ));
     }
     let originals = args.shader.plans()?;
-    let mut files = Vec::new();
+    let (mut files, mut errors) = (Vec::new(), Vec::new());
     for original in &originals {
         check_name(&original.material)?;
         let plan = apply(original, &recipe);
-        files.extend(emit::emit(&plan, &targets, &emit::Options::default())?);
+        let emitted = emit_each(&plan, &targets)?;
+        files.extend(emitted.files);
+        for error in emitted.errors {
+            let error = format!("error: {error}");
+            if !errors.contains(&error) {
+                errors.push(error);
+            }
+        }
     }
     match &args.output {
+        _ if files.is_empty() => {}
         Some(dir) => {
             let changed = emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
             for path in &changed {
@@ -94,7 +105,69 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             }
         }
     }
+    if !errors.is_empty() {
+        return Err(Failure(errors.join("\n")));
+    }
+    if recipe.steps.is_empty() {
+        for original in &originals {
+            output::message(&nothing_asked_for(original));
+        }
+    }
     Ok(Outcome::Fine)
+}
+
+/// What of a plan could be written.
+struct Emitted {
+    /// Nothing where every target failed.
+    files: Vec<emit::File>,
+    /// One a target that failed.
+    errors: Vec<emit::Error>,
+}
+
+/// Emits `plan` in every target that can say it.
+///
+/// # Errors
+/// When the plan itself is broken: a bug.
+fn emit_each(plan: &Plan, targets: &[Target]) -> Result<Emitted, emit::Error> {
+    let emit = |targets: &[Target]| emit::emit(plan, targets, &emit::Options::default());
+    if let Ok(files) = emit(targets) {
+        return Ok(Emitted {
+            files,
+            errors: Vec::new(),
+        });
+    }
+    let (mut able, mut errors) = (Vec::new(), Vec::new());
+    for target in targets {
+        match emit(&[*target]) {
+            Ok(_) => able.push(*target),
+            Err(error @ emit::Error::BrokenPlan { .. }) => return Err(error),
+            Err(error) => errors.push(error),
+        }
+    }
+    let files = match able.is_empty() {
+        true => Vec::new(),
+        false => emit(&able)?,
+    };
+    Ok(Emitted { files, errors })
+}
+
+/// A note for who gave no `--pass`: the material is written as it is, and these passes would apply.
+fn nothing_asked_for(original: &Plan) -> String {
+    let applies = |pass: &&&dyn AnyPass| {
+        let sites = pass.sites(original, &Facts::default(), &serde_json::json!({}));
+        sites.is_ok_and(|s| !s.sites.is_empty())
+    };
+    let names: Vec<&str> = PASSES
+        .iter()
+        .filter(applies)
+        .map(|p| p.info().name)
+        .collect();
+    let material = &original.material;
+    let list = match names.is_empty() {
+        true => "none applies to it".to_owned(),
+        false => format!("these apply to it: {}", names.join(", ")),
+    };
+    format!("note: no --pass is given, so `{material}` is written as it is; {list}")
 }
 
 /// The steps of `recipe` that apply; what is refused is told on stderr and left out.

@@ -21,7 +21,7 @@ use crate::{Failure, Format, Outcome};
 #[command(after_help = "\
 Examples:
   preshade verify scene.toml
-  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane --out report/
+  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
@@ -80,7 +80,7 @@ enum TimeArg {
     Headline,
     /// The first frame of every camera in every order.
     FirstFrames,
-    /// Every frame in every order.
+    /// Every compared frame in every order; camera paths then get their 95th percentile.
     Everything,
 }
 
@@ -154,6 +154,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(dir) = &args.out {
         check_folder(dir)?;
     }
+    if !args.shader.is_scene()
+        && let Some(note) = guesses(&scene)
+    {
+        output::message(&note);
+    }
     let choice = args
         .adapter
         .clone()
@@ -224,17 +229,49 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     })
 }
 
-/// Whether `dir` is a folder or can become one: before anything is drawn, so that a slip costs no minute.
+/// Whether `dir` is a folder that can be written to, or can become one: before anything is drawn, so that a slip costs no minute. Nothing is left
+/// behind.
 fn check_folder(dir: &Path) -> Result<(), Failure> {
-    let there = dir.ancestors().find(|d| d.exists());
-    match there {
-        Some(found) if !found.is_dir() => Err(Failure(format!(
+    let here = Path::new(".");
+    let there = dir
+        .ancestors()
+        .map(|d| if d.as_os_str().is_empty() { here } else { d })
+        .find(|d| d.exists())
+        .unwrap_or(here);
+    if !there.is_dir() {
+        return Err(Failure(format!(
             "error: {}: {} is not a folder",
             dir.display(),
-            found.display()
-        ))),
-        _ => Ok(()),
+            there.display()
+        )));
     }
+    // Permissions say less than trying: file systems are mounted read-only, and some users may do anything.
+    let probe = there.join(format!(".preshade.{}.tmp", std::process::id()));
+    std::fs::write(&probe, [])
+        .and_then(|()| std::fs::remove_file(&probe))
+        .map_err(|e| {
+            Failure(format!(
+                "error: {}: {} cannot be written to: {e}",
+                dir.display(),
+                there.display()
+            ))
+        })
+}
+
+/// What a bare shader was given without having said so.
+fn guesses(scene: &Scene) -> Option<String> {
+    let guessed = scene::bind::guessed(scene);
+    let widest = guessed.iter().map(|g| g.name.len()).max()?;
+    let mut lines = vec![format!(
+        "note: a scene was made up for `{}`, with these inputs guessed (a scene file says them: docs/scenes.md)",
+        scene.name
+    )];
+    lines.extend(
+        guessed
+            .iter()
+            .map(|g| format!("  {:<widest$}  {}", g.name, g.guess)),
+    );
+    Some(lines.join("\n"))
 }
 
 fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {

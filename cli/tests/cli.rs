@@ -91,7 +91,7 @@ fn nothing_is_written_on_failure() {
             "--pass",
             "early-discard",
             "--emit",
-            "wgsl,glsl",
+            "glsl,glsl-es",
         ],
         &["rewrite", TOON, "--pass", "depth-prepass:form=equl"],
         &["rewrite", TOON, "--name", "../toon"],
@@ -148,7 +148,102 @@ fn a_refused_pass_keeps_the_original() {
     assert_eq!(refused.status.code(), Some(0));
     assert!(stderr(&refused).starts_with("note[depth-prepass/blended]: does not apply"));
     assert_eq!(refused.stdout, plain.stdout);
-    assert_eq!(stderr(&plain), "");
+    assert_eq!(
+        stderr(&plain),
+        "note: no --pass is given, so `toon` is written as it is; none applies to it\n"
+    );
+}
+
+#[test]
+fn without_a_pass_those_that_apply_are_named() {
+    let output = run(&["rewrite", TOON]);
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(
+        stderr(&output),
+        "note: no --pass is given, so `toon` is written as it is; these apply to it: depth-prepass, early-discard, shadow\n"
+    );
+}
+
+#[test]
+fn a_target_that_cannot_say_it_does_not_hold_up_the_others() {
+    let out = nowhere("three-of-four");
+    let output = run(&[
+        "rewrite",
+        TOON,
+        "--pass",
+        "early-discard",
+        "--emit",
+        "wgsl,glsl,glsl-es,spirv",
+        "-o",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = stderr(&output);
+    for target in ["glsl", "glsl-es"] {
+        assert!(
+            said.contains(&format!(": {target} has no way to say this: textureLoad")),
+            "{said}"
+        );
+    }
+    let wgsl_and_spirv = ["frag.spv", "vert.spv", "wgsl"];
+    let mut expected: Vec<String> = ["main", "prepass"]
+        .iter()
+        .flat_map(|role| {
+            wgsl_and_spirv
+                .iter()
+                .map(move |s| format!("toon.{role}.{s}"))
+        })
+        .chain(["toon.plan.json".to_owned()])
+        .collect();
+    expected.sort();
+    assert_eq!(names(&out), expected);
+    let plan = fs::read_to_string(out.join("toon.plan.json")).unwrap();
+    let plan: serde_json::Value = serde_json::from_str(&plan).unwrap();
+    let targets: Vec<&String> = plan["files"][0]["vertex"]
+        .as_object()
+        .unwrap()
+        .keys()
+        .collect();
+    assert_eq!(targets, ["spirv", "wgsl"]);
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_written_to_is_told_before_anything_is_drawn() {
+    // Where nobody may write, root included.
+    let locked = Path::new("/proc/preshade/report");
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    let output = run(&["verify", TOON, "--out", locked.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = stderr(&output);
+    assert!(
+        said.starts_with("error: /proc/preshade/report: /proc cannot be written to: "),
+        "{said}"
+    );
+}
+
+#[test]
+fn what_a_bare_shader_was_given_is_told() {
+    let output = run(&[
+        "verify", TOON, "--size", "32x32", "--time", "no", "--pass", "shadow", "--format", "json",
+    ]);
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(
+        said.starts_with("note: a scene was made up for `toon`, with these inputs guessed"),
+        "{said}"
+    );
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let assumed = report["assumed"].as_array().unwrap();
+    let of = |guess: &str| assumed.iter().filter(|a| a["guess"] == guess).count();
+    assert!(
+        of("uniform-by-name") > 0 && of("uniform-made-up") > 0,
+        "{assumed:?}"
+    );
+    for a in assumed {
+        assert!(said.contains(a["name"].as_str().unwrap()), "{a}");
+    }
 }
 
 #[test]

@@ -11,6 +11,10 @@ use naga::{
     Handle, Module, Override, ShaderStage, Span, Statement, Type, TypeInner,
 };
 
+mod layout;
+
+pub use layout::Member;
+
 use crate::graph::operands;
 
 /// Two modules that cannot be one.
@@ -21,6 +25,8 @@ pub struct Error {
     pub message: String,
     /// Where, in the address space of the source map.
     pub labels: Vec<(Span, String)>,
+    /// The first members that differ of two structs that should be alike, the second module's before the first's: naga has no spans for members.
+    pub members: Vec<Member>,
     /// What to do about it.
     pub note: Option<&'static str>,
 }
@@ -30,6 +36,7 @@ impl Error {
         Box::new(Self {
             message: message.into(),
             labels: Vec::new(),
+            members: Vec::new(),
             note: None,
         })
     }
@@ -152,7 +159,7 @@ impl Linker<'_> {
                 .iter()
                 .find(|(_, g)| g.binding == Some(binding));
             if let Some((_, ours)) = ours
-                && let Some(pairs) = same_layout(&self.module, ours.ty, self.second, theirs.ty)
+                && let Some(pairs) = layout::same(&self.module, ours.ty, self.second, theirs.ty)
             {
                 self.types.extend(pairs);
             }
@@ -354,13 +361,17 @@ impl Linker<'_> {
             format!("group {} binding {}", b.group, b.binding)
         });
         let name = |g: &GlobalVariable| g.name.clone().unwrap_or_default();
-        Error::new(format!("the two files declare {at} differently"))
+        let ours_span = self.module.global_variables.get_span(ours);
+        let mut error = Error::new(format!("the two files declare {at} differently"))
             .label(span, format!("`{}` here", name(theirs)))
-            .label(
-                self.module.global_variables.get_span(ours),
-                format!("`{}` here", name(declared)),
-            )
-            .note("give one of them another binding, or both the same type and access")
+            .label(ours_span, format!("`{}` here", name(declared)))
+            .note("give one of them another binding, or both the same type and access");
+        if let Some((theirs, ours)) =
+            layout::members_that_differ(&self.module, (theirs.ty, span), (declared.ty, ours_span))
+        {
+            error.members = vec![theirs, ours];
+        }
+        error
     }
 
     fn filters(&mut self) {
@@ -519,78 +530,4 @@ fn content(function: &Function) -> String {
 /// A front end of naga built a module that refers to what comes later, which it promises not to.
 fn dangling() -> Box<Error> {
     Error::new("the parsed module refers to an item before declaring it")
-}
-
-/// The second module's types mapped to the first's, if both have one layout: equal in everything but the names of structs and of
-/// their members. `None` where they differ, or where nothing would have to be mapped.
-fn same_layout(
-    first: &Module,
-    a: Handle<Type>,
-    second: &Module,
-    b: Handle<Type>,
-) -> Option<Vec<(Handle<Type>, Handle<Type>)>> {
-    let mut pairs = Vec::new();
-    matches_layout(first, a, second, b, &mut pairs).then_some(pairs)
-}
-
-fn matches_layout(
-    first: &Module,
-    a: Handle<Type>,
-    second: &Module,
-    b: Handle<Type>,
-    pairs: &mut Vec<(Handle<Type>, Handle<Type>)>,
-) -> bool {
-    let same = match (&first.types[a].inner, &second.types[b].inner) {
-        (
-            TypeInner::Struct {
-                members: m,
-                span: s,
-            },
-            TypeInner::Struct {
-                members: n,
-                span: t,
-            },
-        ) => {
-            s == t
-                && m.len() == n.len()
-                && m.iter().zip(n).all(|(m, n)| {
-                    m.offset == n.offset
-                        && m.binding == n.binding
-                        && matches_layout(first, m.ty, second, n.ty, pairs)
-                })
-        }
-        (
-            TypeInner::Array {
-                base: x,
-                size: ArraySize::Constant(s),
-                stride: p,
-            },
-            TypeInner::Array {
-                base: y,
-                size: ArraySize::Constant(t),
-                stride: q,
-            },
-        ) => s == t && p == q && matches_layout(first, *x, second, *y, pairs),
-        (
-            TypeInner::Array {
-                base: x,
-                size: ArraySize::Dynamic,
-                stride: p,
-            },
-            TypeInner::Array {
-                base: y,
-                size: ArraySize::Dynamic,
-                stride: q,
-            },
-        ) => p == q && matches_layout(first, *x, second, *y, pairs),
-        (
-            TypeInner::Pointer { .. } | TypeInner::Array { .. } | TypeInner::BindingArray { .. },
-            _,
-        ) => false,
-        (x, y) => x == y,
-    };
-    if same {
-        pairs.push((b, a));
-    }
-    same
 }

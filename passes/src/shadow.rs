@@ -53,7 +53,7 @@ impl Pass for Shadow {
     };
 
     fn sites(plan: &Plan, _facts: &Facts, _params: &Params) -> Sites {
-        let opaque = match Opaque::examine(plan, Self::INFO.name) {
+        let opaque = match check(plan) {
             Ok(o) => o,
             Err(refusals) => return opaque::refused(refusals),
         };
@@ -73,7 +73,7 @@ impl Pass for Shadow {
         site: &SiteKey,
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
-        let opaque = Opaque::examine(plan, Self::INFO.name).map_err(depth_only::first)?;
+        let opaque = check(plan).map_err(depth_only::first)?;
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
         slice.expect(&opaque, site, Self::INFO.name)?;
         let mut next = plan.clone();
@@ -119,13 +119,35 @@ impl Pass for Shadow {
     }
 }
 
-/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection. A name is all a shader tells of what a matrix means; the
-/// host reads the list, it is not trusted with anything.
+/// A light's view has its own sample count and no colour, so that alpha to coverage has no place there.
+fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
+    let opaque = Opaque::examine(plan, Shadow::INFO.name)?;
+    if opaque.decides.alpha {
+        return Err(vec![Refusal::new(
+            Shadow::INFO.name,
+            "alpha-to-coverage",
+            "coverage comes from alpha, sample by sample, and a shadow map has one sample and no colour target to take alpha from",
+            "test alpha by discard",
+        )]);
+    }
+    Ok(opaque)
+}
+
+/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection, and members of such a variable or struct that say where it
+/// is or how far it sees. A name is all a shader tells of what a matrix means; `verify` feeds these from the light and all others from the camera.
 fn view_dependent(program: &Program) -> Vec<String> {
     let module = program.module();
     let says_view = |name: &str| {
         let name = name.to_lowercase();
-        ["camera", "view", "eye", "proj", "mvp", "viewport", "screen"]
+        let part_of = [
+            "camera", "view", "eye", "proj", "mvp", "screen", "clip", "znear", "zfar",
+        ];
+        let whole = ["vp", "near", "far", "near_plane", "far_plane", "transform"];
+        part_of.iter().any(|w| name.contains(w)) || whole.contains(&name.trim_start_matches("u_"))
+    };
+    let says_place = |name: &str| {
+        let name = name.to_lowercase();
+        ["pos", "origin", "near", "far", "matrix", "vp"]
             .iter()
             .any(|w| name.contains(w))
     };
@@ -136,6 +158,8 @@ fn view_dependent(program: &Program) -> Vec<String> {
         .filter(|(_, g)| g.space == AddressSpace::Uniform)
     {
         let variable = global.name.clone().unwrap_or_default();
+        let struct_name = module.types[global.ty].name.as_deref().unwrap_or("");
+        let of_view = says_view(&variable) || says_view(struct_name);
         let members = match &module.types[global.ty].inner {
             TypeInner::Struct { members, .. } => members.as_slice(),
             _ => &[],
@@ -147,7 +171,7 @@ fn view_dependent(program: &Program) -> Vec<String> {
             members
                 .iter()
                 .filter_map(|m| m.name.as_deref())
-                .filter(|m| says_view(m))
+                .filter(|m| says_view(m) || (of_view && says_place(m)))
                 .map(|m| format!("{variable}.{m}")),
         );
     }

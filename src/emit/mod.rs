@@ -12,8 +12,10 @@
 //! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
 //!
 //! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
-//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`.
+//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`. A pass that draws depth alone
+//! has no fragment file but in GLSL ES, where it has an empty one.
 
+mod blank;
 #[cfg(test)]
 mod equivalence;
 mod fingerprint;
@@ -43,7 +45,7 @@ use serde::{Deserialize, Serialize};
 use crate::front::guard;
 
 pub use output::write;
-pub use plan_json::{GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
+pub use plan_json::{Form, GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
 
 /// A form to write programs in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -224,6 +226,10 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
             }
         }
     }
+    for (program, file, said) in blank::files(plan, targets) {
+        files.push(file);
+        written.insert((program, blank::key(), Target::GlslEs300), said);
+    }
     files.push(plan_json::file(plan, &written));
     Ok(files)
 }
@@ -269,6 +275,18 @@ fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
         };
     }
     all
+}
+
+/// What a target's files promise, where the language makes that less than the plan does.
+fn weaker_form(plan: &Plan, target: Target) -> Option<Form> {
+    match target {
+        #[cfg(feature = "glsl")]
+        Target::GlslEs300 => glsl::without_fine_derivatives(plan),
+        _ => {
+            let _ = plan;
+            None
+        }
+    }
 }
 
 type Emitted = (File, Vec<(Written, StageFile)>);

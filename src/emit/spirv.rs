@@ -10,6 +10,8 @@ use naga::{Binding, BuiltIn, Module, ShaderStage};
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
 
+mod position;
+
 use super::fingerprint;
 use super::overrides::{self, Settled};
 use super::{Error, Target};
@@ -71,10 +73,12 @@ fn has_invariant_position(module: &Module, stage: ShaderStage, entry: &str) -> b
         .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::Position { invariant: true })))
 }
 
-/// Decorates every float arithmetic result with `NoContraction`: two pipelines may fuse a multiply and an add differently, and `Invariant`
-/// alone does not stop them. The module holds one entry point, and all of its arithmetic is decorated rather than what decides the position:
-/// more than is needed, never less.
+/// Decorates the float arithmetic that may decide the position with `NoContraction`: two pipelines may fuse a multiply and an add differently, and
+/// `Invariant` alone does not stop them. Where it cannot be told what decides the position, all arithmetic is decorated: more than is needed,
+/// never less.
 fn forbid_contraction(words: &[u32]) -> Vec<u32> {
+    let slice = position::slice(words);
+    let decides = |id: &u32| slice.as_ref().is_none_or(|slice| slice.contains(id));
     let mut decorations = Vec::new();
     let mut at = None;
     for (start, opcode, operands) in instructions(words) {
@@ -83,7 +87,9 @@ fn forbid_contraction(words: &[u32]) -> Vec<u32> {
         {
             at = Some(start);
         }
-        if let (true, Some(result)) = (is_float_arithmetic(opcode), operands.get(1)) {
+        if let (true, Some(result)) = (is_float_arithmetic(opcode), operands.get(1))
+            && decides(result)
+        {
             decorations.extend([3 << 16 | u32::from(OP_DECORATE), *result, NO_CONTRACTION]);
         }
     }

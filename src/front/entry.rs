@@ -5,6 +5,7 @@ use preshade_passes::program::SourceMap;
 use preshade_passes::reflect;
 
 use super::Options;
+use super::declaration::{self, Direction};
 use super::error::{Code, Error};
 use super::varying::Varying;
 
@@ -24,7 +25,7 @@ pub(super) fn stage_name(stage: ShaderStage) -> &'static str {
 }
 
 /// Where an entry point's name stands in the author's WGSL: naga's IR has no span for it. `None` for GLSL, whose `main` needs no pointing at.
-fn place(sources: &SourceMap, stage: ShaderStage, name: &str) -> Option<Span> {
+pub(super) fn place(sources: &SourceMap, stage: ShaderStage, name: &str) -> Option<Span> {
     let attribute = format!("@{}", stage_name(stage));
     // Linking may have added the stage to the name.
     let authors = name.strip_suffix(&format!("_{}", stage_name(stage)));
@@ -278,9 +279,13 @@ pub(super) fn check_interface(
             ),
             Some(_) => continue,
         };
+        let at = |stage, name: &str, direction| {
+            declaration::varying(sources, stage, name, direction, wanted.location)
+                .or_else(|| place(sources, stage, name))
+        };
         return Err(error
-            .label_if(place(sources, ShaderStage::Fragment, &fragment.name))
-            .label_if(place(sources, ShaderStage::Vertex, &vertex.name)));
+            .label_if(at(ShaderStage::Fragment, &fragment.name, Direction::In))
+            .label_if(at(ShaderStage::Vertex, &vertex.name, Direction::Out)));
     }
     Ok(())
 }

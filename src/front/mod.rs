@@ -6,6 +6,7 @@
 //! In data-flow order: `nesting` refuses what would exhaust the stack, `guard` runs naga, `glsl` and `wgsl` parse one file, `link` joins
 //! two modules, `entry` chooses entry points and checks that the stages fit. Every error is an [`Error`] that points at the author's text.
 
+mod declaration;
 mod entry;
 mod error;
 #[cfg(feature = "glsl")]
@@ -160,7 +161,7 @@ fn parse_mapped(
             return Err(Error::new(Code::Empty, "no source is given"));
         };
         if let (Some(second), Some(base)) = (modules.next(), bases.get(1)) {
-            module = link(module, &second, *base)?;
+            module = link(module, &second, *base, map)?;
         }
         let entries = entry::choose(&module, options, map)?;
         entry::check_interface(&module, &entries, map)?;
@@ -184,15 +185,28 @@ fn parse_mapped(
 }
 
 /// Two files' modules as one.
-fn link(first: naga::Module, second: &naga::Module, base: u32) -> Result<naga::Module, Error> {
+fn link(
+    first: naga::Module,
+    second: &naga::Module,
+    base: u32,
+    map: &SourceMap,
+) -> Result<naga::Module, Error> {
     let suffix = second
         .entry_points
         .first()
         .map_or("second", |e| entry::stage_name(e.stage));
     let linked = preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
-        let error = e
-            .labels
+        // The members that differ, where the text shows them; else the variables.
+        let members = e
+            .members
+            .iter()
+            .map(|m| Some((declaration::member(map, m.of, &m.name)?, m.text.clone())))
+            .collect::<Option<Vec<_>>>()
+            .filter(|members| !members.is_empty());
+        let error = members
+            .unwrap_or_default()
             .into_iter()
+            .chain(e.labels)
             .fold(Error::new(Code::Link, e.message), |error, (span, text)| {
                 error.label(span, text)
             });

@@ -1,10 +1,11 @@
 //! What a variant costs in accuracy and gains in time, measured beside the original.
 //!
 //! [`error`] compares two pictures, [`shading`] counts fragments and depth ties, [`timing`] times frames, [`statistics`] asks the adapter what it
-//! invoked; [`mod@verify`] does all of it for every view of a scene.
+//! invoked; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene.
 
 pub mod error;
 pub mod shading;
+pub mod shadow;
 pub mod statistics;
 pub mod timing;
 pub mod variant;
@@ -12,6 +13,7 @@ pub mod verify;
 
 pub use error::{ErrorLadder, compare};
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
+pub use shadow::ShadowReport;
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
 pub use variant::{counting, variant};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};

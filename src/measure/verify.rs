@@ -1,16 +1,18 @@
 //! A scene drawn with the original and its variants, view by view.
 
 use preshade_passes::contract::{Assumption, Contract, Verdict};
-use preshade_passes::plan::{GpuPass, Phase, Plan};
+use preshade_passes::plan::{GpuPass, Plan};
 
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
-use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, time};
+use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shadow, time};
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant, order,
 };
-use crate::report::{Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, VariantReport, ViewReport};
-use crate::scene::{DrawOrder, Frame, Scene};
+use crate::report::{
+    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, VariantReport, ViewReport, path,
+};
+use crate::scene::{DrawOrder, Frame, Scene, bind};
 
 /// A variant to measure.
 #[derive(Clone, Debug)]
@@ -92,8 +94,8 @@ struct Subject<'a> {
     pictures: Option<Pictures>,
     /// First view that broke the contract.
     broken: Option<String>,
-    /// It has a pass that the frame does not draw.
-    undrawn: bool,
+    /// What drawing its shadow passes under the light says; `None`: it has none, or they were not drawn yet.
+    shadow: Option<Verdict>,
     /// Pixels with anything opaque in them, over the views counted.
     covered: Option<u64>,
 }
@@ -155,9 +157,7 @@ pub fn verify(
             }
             inputs.set_frame(view.frame)?;
             compare_view(&mut subjects, view)?;
-            if view.first_frame {
-                count_view(&mut subjects, view)?;
-            }
+            count_view(&mut subjects, view)?;
             if view.headline {
                 for subject in &mut subjects {
                     subject.count_invocations(gpu)?;
@@ -177,6 +177,15 @@ pub fn verify(
             break;
         }
     }
+    for (subject, variant) in subjects.iter_mut().skip(1).zip(variants) {
+        if lost.is_none() && variant.plans.iter().any(shadow::has_shadow) {
+            progress(Progress {
+                done: 1.0 - f64::EPSILON,
+                what: format!("`{}` under the light", variant.name),
+            });
+            subject.measure_shadow(gpu, scene, variant, settings);
+        }
+    }
     let mut report = Report {
         schema: SCHEMA.to_owned(),
         scene: scene.name.clone(),
@@ -186,6 +195,7 @@ pub fn verify(
         adapter: gpu.adapter().clone(),
         clock,
         depth_ties: depth_ties.filter(|_| lost.is_none()),
+        assumed: bind::guessed(scene),
         variants: Vec::new(),
     };
     let mut pictures = Vec::new();
@@ -373,16 +383,14 @@ impl<'a> Subject<'a> {
                 speedup: None,
                 shaded_per_pixel: None,
                 cost: None,
+                shadow: None,
                 kept: variant.kept.clone(),
+                by_path: Vec::new(),
                 by_view: Vec::new(),
             },
             pictures: None,
             broken: None,
-            undrawn: variant
-                .plans
-                .iter()
-                .flat_map(|p| &p.passes)
-                .any(|p| p.phase == Phase::Shadow),
+            shadow: None,
             covered: None,
         };
         let built = || -> Result<_, Error> {
@@ -468,6 +476,27 @@ impl<'a> Subject<'a> {
         Ok(())
     }
 
+    /// Draws its shadow passes under the light, and keeps what that says.
+    fn measure_shadow(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        variant: &Variant,
+        settings: &Settings<'_>,
+    ) {
+        let invariant = variant
+            .plans
+            .iter()
+            .filter(|p| shadow::has_shadow(p))
+            .all(shadow::has_invariant_position);
+        self.shadow = Some(match shadow::measure(gpu, scene, variant, settings) {
+            Ok(report) => self.report.shadow.insert(report).verdict(invariant),
+            Err(error) => Verdict::NotMeasured {
+                why: format!("its shadow pass: {error}"),
+            },
+        });
+    }
+
     /// Draws it no more.
     fn give_up(&mut self, error: &Error) {
         self.prepared = None;
@@ -495,10 +524,8 @@ impl<'a> Subject<'a> {
                     why: why.to_owned(),
                 };
             }
-            (None, None) if self.undrawn => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: "its shadow pass is drawn under a light's view, which no camera of the scene is; the main pass is as written".to_owned(),
-                };
+            (None, None) if self.shadow.is_some() => {
+                self.report.verdict = self.shadow.unwrap_or(Verdict::Holds);
             }
             (None, None) if drawn && self.covered == Some(0) && self.report.name != ORIGINAL => {
                 self.report.verdict = Verdict::NotMeasured {
@@ -508,6 +535,7 @@ impl<'a> Subject<'a> {
             (None, None) if drawn => self.report.verdict = Verdict::Holds,
             (None, None) => {}
         }
+        self.report.by_path = path::times(&self.report.by_view);
         let is_original = self.report.name == ORIGINAL;
         (self.report, self.pictures.filter(|_| !is_original))
     }

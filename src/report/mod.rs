@@ -1,5 +1,6 @@
 //! What was measured, as data: the JSON of record, the table on a terminal, the pictures.
 
+pub mod path;
 pub mod picture;
 pub mod sheet;
 pub mod table;
@@ -8,10 +9,12 @@ use preshade_passes::contract::{Contract, Verdict};
 use serde::Serialize;
 
 use crate::measure::statistics::Invocations;
-use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime};
+use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, ShadowReport};
 use crate::render::AdapterReport;
 use crate::scene::DrawOrder;
+use crate::scene::bind::Guessed;
 
+pub use path::PathTime;
 pub use picture::Pictures;
 
 /// Version of the JSON that [`Report`] serialises to.
@@ -37,8 +40,10 @@ pub struct Report {
     pub adapter: AdapterReport,
     /// Whose clock the times are of; `None`: nothing was timed.
     pub clock: Option<Clock>,
-    /// Pixels (samples) at which surviving fragments share the winning depth, over every view; `None`: not measured.
+    /// Samples (pixels, where there is one a pixel) at which surviving fragments share the winning depth, over every view; `None`: not measured.
     pub depth_ties: Option<u64>,
+    /// Inputs that the scene does not give: filled by convention, or made up.
+    pub assumed: Vec<Guessed>,
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
 }
@@ -64,8 +69,12 @@ pub struct VariantReport {
     pub shaded_per_pixel: Option<f64>,
     /// What else it takes.
     pub cost: Option<Cost>,
+    /// Its shadow passes under the scene's light; `None`: it has none.
+    pub shadow: Option<ShadowReport>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
     pub kept: Vec<Kept>,
+    /// Each camera path of which several frames were timed.
+    pub by_path: Vec<PathTime>,
     /// Each camera, frame and order.
     pub by_view: Vec<ViewReport>,
 }

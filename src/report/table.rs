@@ -2,8 +2,8 @@
 
 use preshade_passes::contract::Verdict;
 
-use super::{Report, VariantReport};
-use crate::measure::Clock;
+use super::{PathTime, Report, VariantReport};
+use crate::measure::{Clock, ShadowReport};
 
 /// The report as lines of text.
 pub fn render(report: &Report) -> String {
@@ -60,6 +60,7 @@ pub fn render(report: &Report) -> String {
     }
     out.push('\n');
     out.push_str(&by_view(report));
+    out.push_str(&by_path(report));
     out.push_str(&notes(report));
     out
 }
@@ -113,11 +114,18 @@ fn notes(report: &Report) -> String {
         ));
     }
     if let Some(ties) = report.depth_ties.filter(|n| *n > 0) {
+        let what = match report.samples {
+            1 => "pixels",
+            _ => "samples",
+        };
         out.push_str(&format!(
-            "{ties} depth ties: at so many pixels two surfaces share the winning depth.\n"
+            "{ties} depth ties: at so many {what}, over all views, two surfaces share the winning depth.\n"
         ));
     }
     for v in &report.variants {
+        if let Some(shadow) = &v.shadow {
+            out.push_str(&under_the_light(&v.name, shadow));
+        }
         match &v.verdict {
             Verdict::Broken { r#where } => {
                 out.push_str(&format!("{}: broken at {}\n", v.name, r#where));
@@ -130,6 +138,24 @@ fn notes(report: &Report) -> String {
     }
     out.push_str(&left_alone(report));
     out
+}
+
+/// What a shadow pass leaves in the light's map, and what that costs.
+fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
+    let [w, h] = shadow.map;
+    let mut line = format!(
+        "{name}: {} of {} depths differ in a {w}x{h} map under the scene's light",
+        shadow.changed_depth, shadow.covered
+    );
+    if let (Some(whole), Some(time), Some(speedup)) =
+        (&shadow.whole_ms, &shadow.time_ms, &shadow.speedup)
+    {
+        line.push_str(&format!(
+            "; {:.3} ms by whole programs, {:.3} ms by shadow passes: {:.2}x [{:.2}, {:.2}]",
+            whole.estimate.median, time.estimate.median, speedup.median, speedup.low, speedup.high
+        ));
+    }
+    line + "\n"
 }
 
 /// One line a reason: which variants leave which materials as written.
@@ -169,6 +195,33 @@ fn left_alone(report: &Report) -> String {
             )
         })
         .collect()
+}
+
+/// The slow frames of each camera path.
+fn by_path(report: &Report) -> String {
+    let Some(original) = report.variants.first() else {
+        return String::new();
+    };
+    let mut out = String::new();
+    for path in &original.by_path {
+        let times: Vec<String> = report
+            .variants
+            .iter()
+            .filter_map(|v| {
+                let same = |p: &&PathTime| (&p.camera, p.order) == (&path.camera, path.order);
+                let own = v.by_path.iter().find(same)?;
+                Some(format!("{} {:.3} ms", v.name, own.p95_ms))
+            })
+            .collect();
+        out.push_str(&format!(
+            "95% of {} frames of `{}`, {}, take no longer than: {}\n",
+            path.frames,
+            path.camera,
+            crate::render::order::name(path.order),
+            times.join(", ")
+        ));
+    }
+    out
 }
 
 /// The speedups of every timed view, where there are several: what pays here may cost there.

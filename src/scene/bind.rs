@@ -16,8 +16,15 @@ use super::layout::{self, Leaf};
 use super::semantic::{Known, normalise};
 use super::{Draw, Error, Frame, Image, Material, Sampler, Scene, Value, material};
 
+mod guessed;
+mod held;
 mod streams;
 
+pub(super) use held::uniforms;
+
+pub use guessed::{Guess, Guessed, guessed};
+
+use guessed::Origin;
 use streams::Streams;
 
 /// Bytes with a name of their content: equal bytes have equal ids, so a renderer may keep one GPU buffer an id.
@@ -195,8 +202,15 @@ pub fn draw(
         let (name, ty) = variable(material, binding)?;
         match binding.kind {
             BindingKind::Uniform | BindingKind::StorageRead | BindingKind::StorageReadWrite => {
-                out.buffers
-                    .push(buffer(scene, material, &streams, binding, draw, frame)?);
+                out.buffers.push(buffer(
+                    scene,
+                    material,
+                    &streams,
+                    binding,
+                    draw,
+                    frame,
+                    &mut ignore,
+                )?);
             }
             BindingKind::Sampler | BindingKind::ComparisonSampler => {
                 out.samplers.push(sampler(material, binding, name));
@@ -230,7 +244,7 @@ pub fn frame_buffers(
     let streams = Streams::new(scene, material, draw)?;
     let mut out = Vec::new();
     for binding in authored(pass).filter(|b| b.kind == BindingKind::Uniform) {
-        let bound = buffer(scene, material, &streams, binding, draw, frame)?;
+        let bound = buffer(scene, material, &streams, binding, draw, frame, &mut ignore)?;
         if bound.rate == Rate::Frame {
             out.push(bound);
         }
@@ -251,6 +265,11 @@ pub(super) fn check(
 ) -> Result<(), Error> {
     frame_buffers(scene, material, pass, draw, frame).map(drop)
 }
+
+/// Told of each scalar, vector and matrix that a buffer's values do not give: where its numbers came from, and what they are.
+type Observer<'o> = &'o mut dyn FnMut(&Leaf<'_>, Origin, &[f64; 16]);
+
+fn ignore(_: &Leaf<'_>, _: Origin, _: &[f64; 16]) {}
 
 fn authored(pass: &GpuPass) -> impl Iterator<Item = &BindingUse> {
     pass.bindings
@@ -281,6 +300,7 @@ fn buffer(
     binding: &BindingUse,
     draw: &Draw,
     frame: &Frame,
+    observe: Observer<'_>,
 ) -> Result<BufferBinding, Error> {
     let (name, ty) = variable(material, binding)?;
     let module = material.program.module();
@@ -303,6 +323,7 @@ fn buffer(
         if leaf.semantic.is_none()
             && let Some(numbers) = streams.element(name, ty, leaf)
         {
+            observe(leaf, Origin::Mesh, &numbers);
             return Ok(numbers);
         }
         let named = leaf.named();
@@ -319,6 +340,11 @@ fn buffer(
                     if semantic.is_per_frame() {
                         rate = Rate::Frame;
                     }
+                    let origin = match forced {
+                        true => Origin::Said,
+                        false => Origin::Convention(semantic),
+                    };
+                    observe(leaf, origin, &numbers);
                     return Ok(numbers);
                 }
                 None if forced => {
@@ -332,7 +358,9 @@ fn buffer(
                 None => {}
             }
         }
-        Ok(plausible(leaf))
+        let numbers = plausible(leaf);
+        observe(leaf, Origin::MadeUp, &numbers);
+        Ok(numbers)
     };
     let bytes = layout::pack(module, name, ty, dynamic, &values, &mut leaf)
         .map_err(|e| e.within(&format!("material `{}`", material.name)))?;

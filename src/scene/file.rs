@@ -50,20 +50,14 @@ pub(super) struct Depth {
     pub direction: DepthDirection,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Light {
-    pub direction: [f32; 3],
-    pub color: [f32; 3],
-}
-
-impl Default for Light {
-    fn default() -> Self {
-        Self {
-            direction: [0.4, 0.8, 0.45],
-            color: [2.2, 2.1, 1.9],
-        }
-    }
+    pub direction: Option<Spanned<[f32; 3]>>,
+    pub color: Option<[f32; 3]>,
+    pub center: Option<[f32; 3]>,
+    pub extent: Option<Spanned<[f32; 3]>>,
+    pub map: Option<Spanned<u32>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -40,6 +40,11 @@ impl Leaf<'_> {
         join(self.path, false)
     }
 
+    /// The path with its indices.
+    pub fn indexed(&self) -> String {
+        join(self.path, true)
+    }
+
     /// What the name means by convention: with the struct's before it (`camera.position`), or alone.
     pub fn named(&self) -> Option<Semantic> {
         let mut names = self.path.iter().rev().filter_map(|s| match s {

@@ -18,12 +18,13 @@ use super::file::{
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Camera, Draw, DrawOrder, Error, Material, Scene, Stream, Value, bind, error, material, meshes,
+    Camera, Draw, DrawOrder, Error, Light, Material, Scene, Stream, Value, bind, error, material,
+    meshes,
 };
 use crate::front;
 
 /// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
-const MAX_SIZE: u32 = 8192;
+pub(super) const MAX_SIZE: u32 = 8192;
 
 /// Loads a scene file. `docs/scenes.md` documents the format, and which folders its paths may reach.
 ///
@@ -133,9 +134,7 @@ impl Loader<'_> {
                 return Err(at(e, s.span()));
             }
         };
-        let light = Vec3::from(f.light.direction)
-            .try_normalize()
-            .ok_or_else(|| Error::new("the light's direction is zero"))?;
+        let light = Light::read(&f.light).map_err(|e| at(e.error, e.at))?;
         let materials = f
             .materials
             .iter()
@@ -174,7 +173,7 @@ impl Loader<'_> {
                     DrawOrder::Shuffled,
                 ],
             },
-            light: (light, Vec3::from(f.light.color)),
+            light,
         };
         for (i, entry) in f.cameras.iter().enumerate() {
             let camera = self

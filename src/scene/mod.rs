@@ -6,6 +6,7 @@
 mod error;
 mod file;
 mod layout;
+mod light;
 mod load;
 mod material;
 mod meshes;
@@ -21,6 +22,7 @@ pub mod image;
 pub mod mesh;
 
 pub use error::Error;
+pub use light::Light;
 pub use load::load;
 pub use semantic::Semantic;
 pub use synthesise::synthesise;
@@ -60,8 +62,8 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Draw orders to measure; the first is the headline one.
     pub orders: Vec<DrawOrder>,
-    /// Directional light: direction towards the light, and its RGB radiance.
-    pub light: (Vec3, Vec3),
+    /// Directional light, and what its shadow map covers.
+    pub light: Light,
 }
 
 /// Order of the opaque draws of a frame.

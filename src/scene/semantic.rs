@@ -256,12 +256,15 @@ impl Semantic {
             Self::InverseProjection => Matrix(frame.projection.inverse()),
             Self::InverseViewProjection => Matrix((frame.projection * frame.view).inverse()),
             Self::InverseModel => Matrix(model.inverse()),
-            Self::LightViewProjection => Matrix(light_view_projection(scene)),
+            Self::LightViewProjection => {
+                let light = scene.light_frame(frame.time);
+                Matrix(light.projection * light.view)
+            }
             Self::CameraPosition => xyz(frame.eye, 1.0),
             Self::Time => Vector(Vec4::splat(frame.time)),
-            Self::LightDirection => xyz(scene.light.0, 0.0),
-            Self::LightPosition => xyz(scene.light.0 * 20.0, 1.0),
-            Self::LightColor => xyz(scene.light.1, 1.0),
+            Self::LightDirection => xyz(scene.light.direction, 0.0),
+            Self::LightPosition => xyz(scene.light.direction * 20.0, 1.0),
+            Self::LightColor => xyz(scene.light.color, 1.0),
             Self::Resolution => {
                 let [w, h] = scene.viewport.map_or(scene.size, |[_, _, w, h]| [w, h]);
                 let (w, h) = (w as f32, h as f32);
@@ -299,30 +302,4 @@ fn near_and_far(projection: Mat4) -> (f32, f32) {
     let finite = |v: f32| if v.is_finite() { v.abs() } else { 1e9 };
     let (p, q) = (finite(zero), finite(one));
     (p.min(q), p.max(q))
-}
-
-/// An orthographic view along the light that holds every draw's bounding box.
-fn light_view_projection(scene: &Scene) -> Mat4 {
-    let up = if scene.light.0.y.abs() > 0.99 {
-        Vec3::X
-    } else {
-        Vec3::Y
-    };
-    let view = Mat4::look_to_rh(Vec3::ZERO, -scene.light.0, up);
-    let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
-    for draw in &scene.draws {
-        let Some(mesh) = scene.meshes.get(draw.mesh) else {
-            continue;
-        };
-        for corner in 0..8 {
-            let pick = |axis: usize| mesh.bounds[corner >> axis & 1][axis];
-            let p = (view * draw.transform).transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
-            low = low.min(p);
-            high = high.max(p);
-        }
-    }
-    if low.x > high.x {
-        return view;
-    }
-    Mat4::orthographic_rh(low.x, high.x, low.y, high.y, -high.z - 1.0, -low.z + 1.0) * view
 }

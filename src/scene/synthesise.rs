@@ -12,7 +12,7 @@ use super::camera::{Pose, Range};
 use super::mesh::{Cuboid, Morph, Plane, Skin, Sphere, Vertices, WireSphere};
 use super::noise::random;
 use super::semantic::normalise;
-use super::{Camera, Draw, DrawOrder, Material, Mesh, Scene, Stream, material};
+use super::{Camera, Draw, DrawOrder, Light, Material, Mesh, Scene, Stream, material};
 use crate::front::Parsed;
 
 /// A scene for a material of which nothing is known but its shader and its state: a floor, boxes and spheres in three rows before a camera, in three
@@ -99,10 +99,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             DrawOrder::BackToFront,
             DrawOrder::Shuffled,
         ],
-        light: (
-            Vec3::new(0.4, 0.8, 0.45).normalize(),
-            Vec3::new(2.2, 2.1, 1.9),
-        ),
+        light: Light::default(),
     }
 }
 

@@ -17,7 +17,7 @@ pub const RECIPES: [&str; 10] = [
     "early-discard:texture=float",
     "early-discard:texture=float,attachment=readonly",
     "early-discard:texture=packed",
-    "early-discard:quad=lane",
+    "early-discard:quad=lane,budget=0.02",
     "early-discard:quad=lane,mode=invert",
 ];
 

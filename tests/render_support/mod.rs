@@ -11,7 +11,9 @@ use preshade::passes::state::{DepthDirection, DepthFormat, MaterialState};
 use preshade::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
-use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Stream, Value};
+use preshade::scene::{
+    Camera, Draw, DrawOrder, Frame, Light, Material, Mesh, Scene, Stream, Value,
+};
 
 /// The adapter of the environment's choice, opened once: some drivers deadlock when many devices come and go in one process. Tests fail
 /// without an adapter: a skipped picture proves nothing.
@@ -115,7 +117,12 @@ pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scen
             }],
         }],
         orders: vec![DrawOrder::FrontToBack, DrawOrder::BackToFront],
-        light: (Vec3::Y, Vec3::ONE),
+        light: Light {
+            direction: Vec3::Y,
+            color: Vec3::ONE,
+            map: 64,
+            ..Light::default()
+        },
     }
 }
 

@@ -1,4 +1,5 @@
-//! The static cost model: an estimate of what a node costs one invocation, in units of one scalar ALU operation.
+//! The static cost model: an estimate of what a node costs one invocation, in weighted scalar operations ("ops"): 1 is the addition of two
+//! floats.
 //!
 //! | node | cost |
 //! |---|---|

@@ -235,6 +235,15 @@ impl<'a> Streams<'a> {
         }
     }
 
+    /// Attributes that neither the mesh nor the draw has.
+    pub(super) fn synthesised(&self) -> impl Iterator<Item = &str> {
+        let missing = |a: &&Attribute| a.source == Source::Synthesised;
+        self.attributes
+            .iter()
+            .filter(missing)
+            .map(|a| a.name.as_str())
+    }
+
     fn instance(&self, i: usize) -> Mat4 {
         self.instances.get(i).copied().unwrap_or(Mat4::IDENTITY)
     }

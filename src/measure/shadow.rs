@@ -1,0 +1,226 @@
+//! Shadow passes under the scene's light: the depth that a material's whole program leaves there, against what its depth-only version leaves.
+//!
+//! The reference draws everything from the light. The variant draws with the cameras' uniforms, but for those that its plan lists as
+//! [`view_dependent`](GpuPass::view_dependent): a plan that forgets one breaks its own shadow.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::contract::Verdict;
+use preshade_passes::plan::{Attachment, GpuPass, Phase, Plan, SCENE_DEPTH};
+use preshade_passes::reflect;
+use preshade_passes::state::{DepthDirection, Multisample};
+use serde::Serialize;
+
+use super::verify::{Settings, Timed, Variant};
+use super::{Error, ErrorLadder, Estimate, FrameTime, compare, originals, time};
+use crate::render::{
+    FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant,
+};
+use crate::scene::{DrawOrder, Scene};
+
+/// The shadow passes of a variant, drawn under the scene's light as the first frame of each camera has it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ShadowReport {
+    /// Width and height of the shadow map, in pixels.
+    pub map: [u32; 2],
+    /// Materials that have a shadow pass; the others are in neither map.
+    pub materials: Vec<String>,
+    /// Pixels of the maps with anything in them, over all cameras.
+    pub covered: u64,
+    /// Pixels whose depth bits differ, over all cameras.
+    pub changed_depth: u64,
+    /// Largest distance of two depths, in steps between neighbouring 32-bit floats.
+    pub depth_max_ulp: u64,
+    /// Camera, column and row of the first pixel that differs.
+    pub first_difference: Option<(String, [u32; 2])>,
+    /// Milliseconds a map with the materials' whole programs (colours masked out); `None`: not timed.
+    pub whole_ms: Option<FrameTime>,
+    /// Milliseconds a map with the shadow passes.
+    pub time_ms: Option<FrameTime>,
+    /// The whole programs' time over the shadow passes'.
+    pub speedup: Option<Estimate>,
+}
+
+impl ShadowReport {
+    /// What the maps say of the promise that they are the same. `invariant`: every material drawn marks its position `@invariant`, without
+    /// which two programs may round it apart and neither is wrong.
+    pub fn verdict(&self, invariant: bool) -> Verdict {
+        let Some((camera, [x, y])) = &self.first_difference else {
+            return match self.covered {
+                0 => Verdict::NotMeasured {
+                    why: "the light sees nothing that has a shadow pass".to_owned(),
+                },
+                _ => Verdict::Holds,
+            };
+        };
+        let r#where = format!(
+            "the light's view, at camera `{camera}`: {} depths differ by up to {} steps, the first at {x}, {y}",
+            self.changed_depth, self.depth_max_ulp
+        );
+        match invariant {
+            true => Verdict::Broken { r#where },
+            false => Verdict::NotMeasured {
+                why: format!(
+                    "its shadow pass is exact against an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
+                ),
+            },
+        }
+    }
+}
+
+/// Whether a plan has a shadow pass.
+pub(super) fn has_shadow(plan: &Plan) -> bool {
+    shadow_pass(plan).is_some()
+}
+
+/// Whether the main pass of a plan marks its position `@invariant`.
+pub(super) fn has_invariant_position(plan: &Plan) -> bool {
+    let entry = plan.main().and_then(|pass| {
+        let program = plan.program(pass)?;
+        let (_, entry) = program.entry_point(naga::ShaderStage::Vertex, &pass.vertex)?;
+        Some((program.module(), &entry.function))
+    });
+    let invariant = naga::Binding::BuiltIn(naga::BuiltIn::Position { invariant: true });
+    entry.is_some_and(|(module, function)| {
+        reflect::outputs(module, function)
+            .iter()
+            .any(|io| io.binding.as_ref() == Some(&invariant))
+    })
+}
+
+fn shadow_pass(plan: &Plan) -> Option<&GpuPass> {
+    plan.passes.iter().find(|p| p.phase == Phase::Shadow)
+}
+
+/// Draws the shadow passes of `variant` and the whole programs of their materials under the light, compares the depths and, in the first
+/// camera, the times.
+///
+/// # Errors
+/// As [`Prepared::new`] and [`Prepared::render`].
+pub(super) fn measure(
+    gpu: &Gpu,
+    scene: &Scene,
+    variant: &Variant,
+    settings: &Settings<'_>,
+) -> Result<ShadowReport, Error> {
+    let (mut whole, mut shadows) = (Vec::new(), Vec::new());
+    let mut listed = BTreeMap::new();
+    for (original, plan) in originals(scene).into_iter().zip(&variant.plans) {
+        if let Some(pass) = shadow_pass(plan) {
+            listed.insert(plan.material.clone(), pass.view_dependent.clone());
+            whole.push(whole_program(original, plan, pass));
+            shadows.push(shadow_alone(plan, pass));
+        }
+    }
+    let mut report = ShadowReport {
+        map: [scene.light.map; 2],
+        materials: listed.keys().cloned().collect(),
+        covered: 0,
+        changed_depth: 0,
+        depth_max_ulp: 0,
+        first_difference: None,
+        whole_ms: None,
+        time_ms: None,
+        speedup: None,
+    };
+    for (i, camera) in scene.cameras.iter().enumerate() {
+        let Some(frame) = camera.frames.first() else {
+            continue;
+        };
+        let lit = scene.seen_from_light(frame.time);
+        let light = lit.light_frame(frame.time);
+        let mut fed = lit.clone();
+        fed.cameras = vec![camera.clone()];
+        let fed =
+            fed.with_uniforms_from(&light, &listed)
+                .map_err(|e| crate::render::Error::Scene {
+                    draw: scene.name.clone(),
+                    message: e.to_string(),
+                })?;
+        let (whole_inputs, shadow_inputs) =
+            (SceneInputs::new(gpu, &lit)?, SceneInputs::new(gpu, &fed)?);
+        let prepare = |inputs, plans: &[Plan], form: ShaderForm| -> Result<_, Error> {
+            let host = HostVariant::new(plans, form)?;
+            let mut prepared = Prepared::new(inputs, &host, &FrameSettings::of(scene))?;
+            prepared.aim(&light, DrawOrder::FrontToBack);
+            Ok(prepared)
+        };
+        let reference = prepare(&whole_inputs, &whole, settings.form)?;
+        let subject = prepare(&shadow_inputs, &shadows, settings.form)?;
+        let depth = |picture: Rendered| Rendered {
+            colors: Vec::new(),
+            ..picture
+        };
+        let (before, after) = (depth(reference.render()?), depth(subject.render()?));
+        report.add(&camera.name, &before, &compare(&before, &after)?);
+        if i == 0 && settings.timed != Timed::No {
+            let (_, timings) = time(gpu, &[&reference, &subject], &settings.timing, |_| {})?;
+            if let [whole, shadow] = &timings[..] {
+                report.whole_ms = Some(whole.time.clone());
+                report.time_ms = Some(shadow.time.clone());
+                report.speedup = Some(shadow.speedup);
+            }
+        }
+    }
+    Ok(report)
+}
+
+impl ShadowReport {
+    fn add(&mut self, camera: &str, reference: &Rendered, error: &ErrorLadder) {
+        let clear = DepthDirection::Forward.clear_depth();
+        let depths = reference.depth.iter().flat_map(|d| &d.values);
+        self.covered += depths.filter(|d| **d != clear).count() as u64;
+        self.changed_depth += error.changed_depth;
+        self.depth_max_ulp = self.depth_max_ulp.max(error.depth_max_ulp);
+        if let (None, Some(at)) = (&self.first_difference, error.first_difference) {
+            self.first_difference = Some((camera.to_owned(), at));
+        }
+    }
+}
+
+/// The map as the frame's only depth: the renderer reads that one back.
+fn map_of(plan: &Plan, pass: &GpuPass) -> Vec<Attachment> {
+    let map = pass
+        .depth
+        .as_ref()
+        .and_then(|d| plan.attachment(&d.attachment));
+    let rename = |map: &Attachment| Attachment {
+        name: SCENE_DEPTH.to_owned(),
+        ..map.clone()
+    };
+    map.map(rename).into_iter().collect()
+}
+
+fn into_map(mut pass: GpuPass) -> GpuPass {
+    pass.phase = Phase::Depth;
+    if let Some(depth) = &mut pass.depth {
+        depth.attachment = SCENE_DEPTH.to_owned();
+    }
+    pass
+}
+
+/// The shadow pass by itself.
+fn shadow_alone(plan: &Plan, pass: &GpuPass) -> Plan {
+    let mut alone = plan.clone();
+    alone.attachments = map_of(plan, pass);
+    alone.programs.retain(|key, _| *key == pass.program);
+    alone.passes = vec![into_map(pass.clone())];
+    alone.self_test = None;
+    alone
+}
+
+/// The author's program drawn into the map as a host without preshade does: the shadow pass's depth state, the author's stages and faces,
+/// colours masked out.
+fn whole_program(mut original: Plan, plan: &Plan, shadow: &GpuPass) -> Plan {
+    original.attachments = map_of(plan, shadow);
+    for pass in &mut original.passes {
+        pass.depth.clone_from(&shadow.depth);
+        pass.stencil = None;
+        pass.multisample = Multisample::default();
+        for target in pass.targets.iter_mut().flatten() {
+            target.write_mask = 0;
+        }
+        *pass = into_map(pass.clone());
+    }
+    original
+}

@@ -1,0 +1,210 @@
+//! The scene's directional light, and the scene as it sees it: what a shadow map is drawn from.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use glam::{Mat4, Vec3};
+use preshade_passes::state::DepthDirection;
+
+use super::{Camera, Error, Frame, Scene, Stream, bind, file, load};
+
+/// A directional light and the box of the world that its shadow map covers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Towards the light, of length 1.
+    pub direction: Vec3,
+    /// RGB radiance.
+    pub color: Vec3,
+    /// Middle of the box, in world space; `None`: of what is drawn.
+    pub center: Option<Vec3>,
+    /// Width, height and depth of the box as the light sees it, in world units; `None`: holds the bounding boxes of all draws.
+    pub extent: Option<Vec3>,
+    /// Width and height of the shadow map, in pixels.
+    pub map: u32,
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self {
+            direction: Vec3::new(0.4, 0.8, 0.45).normalize(),
+            color: Vec3::new(2.2, 2.1, 1.9),
+            center: None,
+            extent: None,
+            map: 1024,
+        }
+    }
+}
+
+/// Distance from the light's eye to its near plane, in world units: shaders divide by it.
+const NEAR: f32 = 1.0;
+
+/// An error and where in the scene file it is.
+pub(super) struct Misplaced {
+    pub error: Error,
+    pub at: Range<usize>,
+}
+
+impl Light {
+    /// A scene file's `light` table, what it leaves out being the default.
+    ///
+    /// # Errors
+    /// With the place in the file of the key that is to blame.
+    pub(super) fn read(entry: &file::Light) -> Result<Self, Box<Misplaced>> {
+        let default = Self::default();
+        let direction = match &entry.direction {
+            None => default.direction,
+            Some(d) => Vec3::from(*d.get_ref())
+                .try_normalize()
+                .ok_or_else(|| misplaced(Error::new("the light's direction is zero"), d.span()))?,
+        };
+        let extent = match &entry.extent {
+            None => None,
+            Some(e) if e.get_ref().iter().all(|n| *n > 0.0 && n.is_finite()) => {
+                Some(Vec3::from(*e.get_ref()))
+            }
+            Some(e) => {
+                let error = Error::new("the light sees an empty box")
+                    .help("`extent` is its width, height and depth, each above 0");
+                return Err(misplaced(error, e.span()));
+            }
+        };
+        let map = match &entry.map {
+            None => default.map,
+            Some(m) if (1..=load::MAX_SIZE).contains(m.get_ref()) => *m.get_ref(),
+            Some(m) => {
+                let error =
+                    Error::new(format!("a shadow map of {0}x{0} pixels", m.get_ref())).help(
+                        format!("`map` is its width and height, 1 to {}", load::MAX_SIZE),
+                    );
+                return Err(misplaced(error, m.span()));
+            }
+        };
+        Ok(Self {
+            direction,
+            color: entry.color.map_or(default.color, Vec3::from),
+            center: entry.center.map(Vec3::from),
+            extent,
+            map,
+        })
+    }
+}
+
+fn misplaced(error: Error, at: Range<usize>) -> Box<Misplaced> {
+    Box::new(Misplaced { error, at })
+}
+
+impl Scene {
+    /// The light's orthographic view at a time in seconds, with depth growing away from it.
+    pub fn light_frame(&self, time: f32) -> Frame {
+        let light = &self.light;
+        let up = if light.direction.y.abs() > 0.99 {
+            Vec3::X
+        } else {
+            Vec3::Y
+        };
+        // `direction` is zero in a scene that has no light.
+        let toward = light.direction.try_normalize().unwrap_or(Vec3::Y);
+        let turned = Mat4::look_to_rh(Vec3::ZERO, -toward, up);
+        let (low, high) = self.bounds(turned).unwrap_or((-Vec3::ONE, Vec3::ONE));
+        let center = light
+            .center
+            .unwrap_or_else(|| turned.inverse().transform_point3((low + high) * 0.5));
+        // A little room, for what displacement and skinning move out of the boxes.
+        let room = Vec3::new(0.0, 0.0, 2.0);
+        let extent = light
+            .extent
+            .unwrap_or(high - low + room)
+            .max(Vec3::splat(1e-3));
+        let eye = center + toward * (extent.z * 0.5 + NEAR);
+        let half = extent * 0.5;
+        Frame {
+            view: Mat4::look_to_rh(eye, -toward, up),
+            projection: Mat4::orthographic_rh(
+                -half.x,
+                half.x,
+                -half.y,
+                half.y,
+                NEAR,
+                NEAR + extent.z,
+            ),
+            eye,
+            time,
+        }
+    }
+
+    /// The scene drawn into the light's shadow map: one camera named `light` at a time in seconds, one sample, forward depth, the whole map.
+    #[must_use]
+    pub fn seen_from_light(&self, time: f32) -> Self {
+        let camera = Camera {
+            name: "light".to_owned(),
+            frames: vec![self.light_frame(time)],
+        };
+        let mut scene = self
+            .clone()
+            .with_depth(self.depth_format, DepthDirection::Forward)
+            .with_samples(1);
+        scene.size = [self.light.map; 2];
+        scene.viewport = None;
+        scene.cameras = vec![camera];
+        scene
+    }
+
+    /// The scene with the uniforms that `names` lists, by material, held at what they are in `frame`; whatever is not listed follows the scene's
+    /// cameras. A name is a variable or a member, as in [`GpuPass::view_dependent`](preshade_passes::plan::GpuPass::view_dependent).
+    ///
+    /// # Errors
+    /// When a value of the scene does not fit its variable.
+    pub fn with_uniforms_from(
+        mut self,
+        frame: &Frame,
+        names: &BTreeMap<String, Vec<String>>,
+    ) -> Result<Self, Error> {
+        let mut held = Vec::new();
+        for draw in &self.draws {
+            let found = self
+                .materials
+                .get(draw.material)
+                .and_then(|m| Some((m, names.get(&m.name)?)));
+            held.push(match found {
+                None => BTreeMap::new(),
+                Some((material, names)) => bind::uniforms(&self, material, draw, frame, names)?,
+            });
+        }
+        for (draw, held) in self.draws.iter_mut().zip(held) {
+            draw.values.extend(held);
+        }
+        Ok(self)
+    }
+
+    /// Least and greatest corner of all draws' bounding boxes, under `turned`. `None` where nothing has a box.
+    fn bounds(&self, turned: Mat4) -> Option<(Vec3, Vec3)> {
+        let mut bounds: Option<(Vec3, Vec3)> = None;
+        for draw in &self.draws {
+            let Some(mesh) = self.meshes.get(draw.mesh) else {
+                continue;
+            };
+            let instances: Vec<Mat4> = match draw.instance_streams.get("instance_transform") {
+                Some(Stream::Float { data, .. }) => data
+                    .as_chunks::<16>()
+                    .0
+                    .iter()
+                    .map(Mat4::from_cols_array)
+                    .collect(),
+                _ => vec![Mat4::IDENTITY],
+            };
+            for instance in instances {
+                for corner in 0..8 {
+                    let pick = |axis: usize| mesh.bounds[corner >> axis & 1][axis];
+                    let p = (turned * draw.transform * instance).transform_point3(Vec3::new(
+                        pick(0),
+                        pick(1),
+                        pick(2),
+                    ));
+                    let (low, high) = bounds.unwrap_or((p, p));
+                    bounds = Some((low.min(p), high.max(p)));
+                }
+            }
+        }
+        bounds
+    }
+}

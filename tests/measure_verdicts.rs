@@ -1,0 +1,159 @@
+//! What is not proved is not said to hold: the verdicts of variants that no picture speaks for, each by name.
+#![cfg(feature = "verify")]
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod render_support;
+
+use std::path::Path;
+
+use glam::{Mat4, Vec3};
+use preshade::measure::{self, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::passes::contract::Verdict;
+use preshade::passes::pass::Facts;
+use preshade::passes::state::{Blend, ColorTarget, CompareFunction};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::report::{Report, VariantReport};
+use preshade::scene::{self, Scene};
+use render_support::*;
+
+fn run(scene: &Scene, variant: Variant) -> Report {
+    let settings = Settings {
+        form: ShaderForm::Text,
+        timed: Timed::No,
+        timing: TimingSettings::default(),
+        frames_per_camera: 1,
+        count: &measure::counting,
+        command: String::new(),
+    };
+    verify(gpu(), scene, &[variant], &settings, &mut |_| {})
+        .unwrap()
+        .report
+}
+
+fn made_by(scene: &Scene, recipe: &str) -> Variant {
+    let recipe = Recipe::parse([recipe]).unwrap();
+    measure::variant(&originals(scene), &recipe, &Facts::without_ties())
+}
+
+fn not_measured(report: &VariantReport) -> &str {
+    match &report.verdict {
+        Verdict::NotMeasured { why } => why,
+        other => panic!("{}: {other:?}", report.name),
+    }
+}
+
+#[test]
+fn zero_covered_pixels_prove_nothing() {
+    let mut scene = planes([32, 32], 2);
+    for draw in &mut scene.draws {
+        draw.transform = Mat4::from_translation(Vec3::new(0.0, 0.0, 2.0));
+    }
+    let report = run(&scene, made_by(&scene, "depth-prepass"));
+    let [original, variant] = &report.variants[..] else {
+        panic!("{} variants", report.variants.len());
+    };
+    assert_eq!(original.verdict, Verdict::Holds);
+    assert_eq!(
+        not_measured(variant),
+        "no opaque surface is seen in any view"
+    );
+    assert!(variant.error.as_ref().unwrap().is_exact());
+    assert!(!report.is_broken());
+}
+
+/// A blended surface alone covers nothing that a pre-pass could spare.
+#[test]
+fn blended_pixels_are_not_covered_ones() {
+    let mut scene = planes([32, 32], 2);
+    let mut glass = scene.materials[0].clone();
+    glass.name = "glass".to_owned();
+    glass.state.depth_write = false;
+    glass.state.targets = vec![Some(ColorTarget {
+        blend: Some(Blend::ALPHA),
+        ..ColorTarget::opaque("rgba8unorm")
+    })];
+    scene.materials.push(glass);
+    scene.draws[0].material = 1;
+    scene.draws[1].transform = Mat4::from_translation(Vec3::new(0.0, 0.0, 2.0));
+    let report = run(&scene, made_by(&scene, "depth-prepass"));
+    assert_eq!(
+        not_measured(&report.variants[1]),
+        "no opaque surface is seen in any view"
+    );
+}
+
+/// Less beside Greater: one of them moves depth against the other, so neither may lay it ahead.
+#[test]
+fn compare_directions_that_do_not_match_are_refused() {
+    let mut scene = planes([32, 32], 3);
+    let mut against = scene.materials[0].clone();
+    against.name = "against".to_owned();
+    against.state.depth_compare = Some(CompareFunction::Greater);
+    scene.materials.push(against);
+    scene.draws[1].material = 1;
+    for recipe in ["depth-prepass:form=equal", "early-discard"] {
+        let variant = made_by(&scene, recipe);
+        let why = |material: &str| {
+            let kept = variant.kept.iter().find(|k| k.material == material);
+            kept.unwrap_or_else(|| panic!("{recipe}: `{material}` is not kept"))
+                .why
+                .clone()
+        };
+        assert!(
+            why("flat").contains("[neighbour-moves-depth]: material `against`"),
+            "{recipe}: {}",
+            why("flat")
+        );
+        why("against");
+        assert!(variant.plans.iter().all(|p| p.steps.is_empty()), "{recipe}");
+        let report = run(&scene, variant);
+        assert_eq!(
+            not_measured(&report.variants[1]),
+            "every material refuses it"
+        );
+    }
+    // Not for nothing: without the look at its neighbours it breaks.
+    let mut plans = originals(&scene);
+    let recipe = Recipe::parse(["depth-prepass:form=equal"]).unwrap();
+    plans[0] = recipe.apply(&plans[0], &Facts::without_ties()).unwrap();
+    let forced = Variant {
+        name: "forced".to_owned(),
+        recipe: recipe.to_string(),
+        plans,
+        kept: Vec::new(),
+    };
+    let error = run(&scene, forced).variants[1].error.clone().unwrap();
+    assert!(!error.is_exact());
+}
+
+#[test]
+fn a_neighbour_that_stores_keeps_every_depth_where_it_is() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/neighbour-stores.toml");
+    let scene = scene::load(&path).unwrap().resized([64, 36]);
+    for recipe in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
+        let variant = made_by(&scene, recipe);
+        let codes: Vec<(&str, bool)> = variant
+            .kept
+            .iter()
+            .map(|k| {
+                let code = match k.material.as_str() {
+                    "probe" => "[fragment-store]",
+                    _ => "[neighbour-counts-fragments]: material `probe`",
+                };
+                (k.material.as_str(), k.why.contains(code))
+            })
+            .collect();
+        assert_eq!(codes, [("probe", true), ("stone", true)], "{recipe}");
+        assert!(variant.plans.iter().all(|p| p.steps.is_empty()), "{recipe}");
+        let report = run(&scene, variant);
+        assert_eq!(report.variants[0].verdict, Verdict::Holds);
+        assert_eq!(
+            not_measured(&report.variants[1]),
+            "every material refuses it"
+        );
+    }
+    // A shadow map is no frame of the neighbour's.
+    let report = run(&scene, made_by(&scene, "shadow"));
+    assert_eq!(report.variants[1].verdict, Verdict::Holds);
+}
