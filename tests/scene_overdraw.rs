@@ -157,11 +157,7 @@ fn the_overdraw_scenes_cost_what_their_names_say() {
 
 #[test]
 fn the_teapots_fill_the_screen_of_their_second_camera() {
-    for name in [
-        "teapot-noise",
-        "teapot-noise-detailed",
-        "teapot-specular",
-    ] {
+    for name in ["teapot-noise", "teapot-noise-detailed", "teapot-specular"] {
         let window = load(name);
         for scene in [window.clone(), window.resized([1920, 1080])] {
             let (_, covered) = count(&scene, frame(&scene, "full"), DrawOrder::AsGiven);
