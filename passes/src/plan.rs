@@ -185,7 +185,11 @@ pub struct BindingUse {
     pub layout: Option<BindingLayout>,
 }
 
-/// What a bind group layout says of a binding, in WebGPU's words.
+/// What a bind group layout says of a binding, in WebGPU's words. With the binding's visibility it is the whole of its entry.
+///
+/// A host takes it as it is, with one relaxation, for the plan cannot know the format of an author's texture: where that format cannot be
+/// filtered (`r32float`, say, without the feature `float32-filterable`; several samples; a depth format bound as float), the host says
+/// `unfilterable-float` for `float`, and `non-filtering` for the `filtering` of every sampler that the shader samples it with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BindingLayout {
@@ -199,13 +203,13 @@ pub enum BindingLayout {
     },
     /// `GPUSamplerBindingLayout`.
     Sampler {
-        /// `filtering` or `comparison`. A host whose sampler does not filter may say `non-filtering`.
+        /// `filtering`, `non-filtering` or `comparison`.
         #[serde(rename = "type")]
         ty: String,
     },
     /// `GPUTextureBindingLayout`.
     Texture {
-        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture is taken to be filterable.
+        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture of one sample is taken to be filterable.
         sample_type: String,
         /// `1d`, `2d`, `2d-array`, `cube`, `cube-array` or `3d`.
         view_dimension: String,

@@ -122,9 +122,9 @@ impl Build<'_> {
                         let layout = layout::layout(device, bindings);
                         let entries: Vec<_> = bindings
                             .iter()
-                            .map(|(b, filled)| wgpu::BindGroupEntry {
-                                binding: b.binding,
-                                resource: filled.binding(),
+                            .map(|b| wgpu::BindGroupEntry {
+                                binding: b.entry.binding,
+                                resource: b.filled.binding(),
                             })
                             .collect();
                         let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
