@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::contract::Contract;
 use crate::program::Program;
 use crate::state::{
-    ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState, Multisample,
-    PrimitiveState, StencilState,
+    AttachmentOps, ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState,
+    Multisample, PrimitiveState, StencilState,
 };
 
 /// Version of the JSON that [`Plan`] serialises to.
@@ -391,6 +391,8 @@ impl Plan {
                 write: state.depth_write,
                 bias: state.depth_bias,
                 read_only: false,
+                ops: AttachmentOps::default(),
+                stencil_ops: AttachmentOps::default(),
             }),
             stencil: state.stencil.clone(),
             multisample: state.multisample,
