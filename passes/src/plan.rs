@@ -278,6 +278,9 @@ pub struct GpuPass {
     pub attributes: Vec<AttributeUse>,
     /// WebGPU features it needs, in WebGPU's spelling.
     pub features: Vec<String>,
+    /// WebGPU limits it needs above their defaults, by WebGPU's name. Counted of the pass by itself: what else a host binds with it adds.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub limits: BTreeMap<String, u64>,
     /// Draws included.
     pub draws: Draws,
     /// Uniforms this pass must read from another view than the camera's (the light's, for a shadow pass): variable or member names.
@@ -400,6 +403,7 @@ impl Plan {
             bindings: Vec::new(),
             attributes: Vec::new(),
             features: Vec::new(),
+            limits: BTreeMap::new(),
             draws: Draws::All,
             view_dependent: Vec::new(),
         };

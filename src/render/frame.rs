@@ -133,6 +133,7 @@ impl<'a> Prepared<'a> {
                         frame: frame_pass,
                         draw: bound,
                     };
+                    build.requirements()?;
                     let vertex = build.vertex_layout()?;
                     let key = PipelineKey {
                         material: draw.material,

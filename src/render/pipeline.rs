@@ -10,7 +10,7 @@ use super::gpu::Gpu;
 use super::inputs::DrawInputs;
 use super::shader::Stage;
 use super::targets::Targets;
-use super::{Error, layout, state, trusted};
+use super::{Error, layout, limits, state, trusted};
 
 /// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
 #[derive(Clone, PartialEq)]
@@ -55,6 +55,19 @@ impl Build<'_> {
             "the pipeline of pass `{}` of material `{}`",
             self.pass.program, self.plan.material
         )
+    }
+
+    /// Fails where the adapter does not have what the pass says it needs.
+    pub fn requirements(&self) -> Result<(), Error> {
+        let what = self.what();
+        for feature in &self.pass.features {
+            self.gpu.require(&what, feature)?;
+        }
+        limits::check(self.gpu, &what, &self.pass.limits)?;
+        if self.pass.primitive.unclipped_depth {
+            self.gpu.require(&what, "depth-clip-control")?;
+        }
+        Ok(())
     }
 
     fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
@@ -193,12 +206,6 @@ impl Build<'_> {
         key: &PipelineKey,
     ) -> Result<wgpu::RenderPipeline, Error> {
         let what = self.what();
-        for feature in &self.pass.features {
-            self.gpu.require(&what, feature)?;
-        }
-        if self.pass.primitive.unclipped_depth {
-            self.gpu.require(&what, "depth-clip-control")?;
-        }
         let depth_stencil = self.depth_stencil()?;
         let targets = self.color_targets();
         // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
