@@ -4,6 +4,7 @@
 //! renderer executes exactly that data.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::ShaderStage;
 use schemars::JsonSchema;
@@ -18,6 +19,9 @@ use crate::state::{
 
 /// Version of the JSON that [`Plan`] serialises to.
 pub const SCHEMA: &str = "preshade.plan.v1";
+
+/// The [`Plan::fallback`] to the material as its author wrote it.
+pub const ORIGINAL: &str = "original";
 
 /// Name of the depth attachment that all main passes of a frame share.
 pub const SCENE_DEPTH: &str = "scene-depth";
@@ -352,8 +356,12 @@ pub struct Plan {
     pub contract: Contract,
     /// A check for the host to run at load.
     pub self_test: Option<SelfTest>,
-    /// The recipe to take instead where the self-test fails.
+    /// What to take instead where the self-test fails: [`ORIGINAL`], whose pass and files are in `plan.json`, or a recipe.
     pub fallback: Option<String>,
+    /// The plan before any transform, for the fallback to it. `None` in that plan itself, and in one that was read from JSON, which has its
+    /// passes and files beside the plan's own.
+    #[serde(skip)]
+    pub original: Option<Arc<Plan>>,
     /// Things the host should know that are not requirements.
     pub notes: Vec<String>,
 }
@@ -408,7 +416,7 @@ impl Plan {
             view_dependent: Vec::new(),
         };
         crate::reflect::fill(&mut pass, &program);
-        Self {
+        let plan = Self {
             schema: SCHEMA.to_owned(),
             material: material.to_owned(),
             programs: BTreeMap::from([(Role::Main.name().to_owned(), program)]),
@@ -423,7 +431,12 @@ impl Plan {
             contract: Contract::exact(),
             self_test: None,
             fallback: None,
+            original: None,
             notes: Vec::new(),
+        };
+        Self {
+            original: Some(Arc::new(plan.clone())),
+            ..plan
         }
     }
 
