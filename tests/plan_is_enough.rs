@@ -376,29 +376,47 @@ fn plan_json(files: &mut [File]) -> &mut File {
     json.unwrap()
 }
 
+/// A case as it is emitted, and its picture.
+struct Unmutated {
+    scene: Scene,
+    files: Vec<Vec<File>>,
+    /// Index of the material to change.
+    mutated: usize,
+    picture: Rendered,
+}
+
+impl Unmutated {
+    fn of(case: Case) -> Self {
+        let scene = scene_of(case);
+        let (files, mutated) = files_of(case, &scene);
+        let picture = draw_files(&scene, &files).unwrap();
+        Self {
+            scene,
+            files,
+            mutated,
+            picture,
+        }
+    }
+}
+
 #[test]
 fn every_field_is_needed() {
-    let mut unmutated: BTreeMap<Case, (Scene, Vec<Vec<File>>, usize, Rendered)> = BTreeMap::new();
+    let mut unmutated: BTreeMap<Case, Unmutated> = BTreeMap::new();
     let mut wrong = Vec::new();
     for (case, pointer, value, then) in mutations() {
-        let (scene, files, which, picture) = unmutated.entry(case).or_insert_with(|| {
-            let scene = scene_of(case);
-            let (files, which) = files_of(case, &scene);
-            let picture = draw_files(&scene, &files).unwrap();
-            (scene, files, which, picture)
-        });
-        let mut files = files.clone();
-        let file = plan_json(&mut files[*which]);
+        let of = unmutated.entry(case).or_insert_with(|| Unmutated::of(case));
+        let mut files = of.files.clone();
+        let file = plan_json(&mut files[of.mutated]);
         let mut plan: Json = serde_json::from_slice(&file.bytes).unwrap();
         put(&mut plan, pointer, value);
         file.bytes = serde_json::to_vec(&plan).unwrap();
-        let told = match (draw_files(scene, &files), then) {
+        let told = match (draw_files(&of.scene, &files), then) {
             (Err(e), Refused(text)) if e.to_string().contains(text) && !text.is_empty() => continue,
-            (Ok(drawn), Redrawn) if drawn != *picture => continue,
+            (Ok(drawn), Redrawn) if drawn != of.picture => continue,
             // An adapter without the feature says so.
             (Err(render::Error::Unsupported { .. }), Redrawn) => continue,
             (Err(e), _) => format!("refused: {e}"),
-            (Ok(drawn), _) if drawn == *picture => "drawn alike".to_owned(),
+            (Ok(drawn), _) if drawn == of.picture => "drawn alike".to_owned(),
             (Ok(_), _) => "drawn otherwise".to_owned(),
         };
         wrong.push(format!("{case:?} {pointer}: {told}"));
