@@ -22,6 +22,7 @@ pub mod evaluate;
 pub mod frame;
 pub mod graph;
 pub mod hoist;
+pub mod limits;
 pub mod link;
 mod near_plane;
 pub mod neighbours;

@@ -189,7 +189,7 @@ fn binding_layout(
     })
 }
 
-/// Fills a pass's bindings, attributes and features from the entry points it names. A binding that the pass already takes from an attachment keeps
+/// Fills a pass's bindings, attributes, features and limits from the entry points it names. A binding that the pass already takes from an attachment keeps
 /// that source.
 pub fn fill(pass: &mut GpuPass, program: &Program) {
     let module = program.module();
@@ -257,6 +257,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
             .collect(),
     };
     pass.attributes.sort_by_key(|a| a.location);
+    pass.limits = crate::limits::above_default(pass, program);
 }
 
 /// WebGPU features that a pass needs, by name: from its state, and from the module it draws with.

@@ -4,26 +4,73 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
 use preshade_passes::contract::Contract;
-use preshade_passes::plan::Plan;
+use preshade_passes::plan::{Attachment, GpuPass, Plan};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{File, Target, Written, written_key};
+use super::{File, Target, WrittenFiles, written_key};
 
 /// The content of `MATERIAL.plan.json`: a plan ([`preshade_passes::plan::SCHEMA`]) and its files.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct PlanFile {
     /// The plan. Its programs are the files.
     #[serde(flatten)]
     pub plan: Plan,
     /// Files by pass, in the order of the plan's passes.
     pub files: Vec<PassFiles>,
+    /// Where `fallback` is `original`: the material as its author wrote it, to be drawn instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub original: Option<Fallback>,
     /// The forms that promise less than the plan's `contract`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub forms: BTreeMap<Target, Form>,
 }
 
+/// What a host falls back to: passes and files that take the place of the plan's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Fallback {
+    /// Attachments.
+    pub attachments: Vec<Attachment>,
+    /// GPU passes in the order they run.
+    pub passes: Vec<GpuPass>,
+    /// Files by pass.
+    pub files: Vec<PassFiles>,
+}
+
+impl Fallback {
+    pub(super) fn new(plan: &Plan, written: &WrittenFiles) -> Self {
+        Self {
+            attachments: plan.attachments.clone(),
+            passes: plan.passes.clone(),
+            files: pass_files(plan, written),
+        }
+    }
+}
+
+impl PlanFile {
+    /// What to draw where the self-test fails, as a file of its own; `None` where the fallback is a recipe, or there is none.
+    pub fn fallback(&self) -> Option<Self> {
+        let original = self.original.clone()?;
+        Some(Self {
+            plan: Plan {
+                attachments: original.attachments,
+                passes: original.passes,
+                steps: Vec::new(),
+                contract: Contract::exact(),
+                self_test: None,
+                fallback: None,
+                notes: Vec::new(),
+                ..self.plan.clone()
+            },
+            files: original.files,
+            original: None,
+            forms: BTreeMap::new(),
+        })
+    }
+}
+
 /// What an emitted form promises, where that is less than its plan does.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Form {
     /// The promise in this form.
     pub contract: Contract,
@@ -32,7 +79,7 @@ pub struct Form {
 }
 
 /// Where a pass's stages are.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PassFiles {
     /// Name of the pass's role.
     pub role: String,
@@ -44,7 +91,7 @@ pub struct PassFiles {
 }
 
 /// One stage of a pass in one target.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct StageFile {
     /// File name, in the folder of `plan.json`.
     pub file: String,
@@ -69,7 +116,7 @@ impl StageFile {
 }
 
 /// A GLSL sampler uniform and the plan's bindings it combines.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GlslTexture {
     /// Uniform's name in the text.
     pub name: String,
@@ -83,7 +130,7 @@ pub struct GlslTexture {
 }
 
 /// A GLSL interface block and the plan's binding it holds.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GlslBlock {
     /// Name of the block (`glGetUniformBlockIndex`).
     pub block: String,
@@ -94,8 +141,8 @@ pub struct GlslBlock {
     pub slot: Option<u32>,
 }
 
-/// The file, of what was written of each (program, entry point, target).
-pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), StageFile>) -> File {
+/// The files of each pass, of what was written of each (program, entry point, target).
+fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
     let of = |program: &str, stage, entry: &str| -> BTreeMap<Target, StageFile> {
         let entry = written_key(stage, entry);
         written
@@ -104,8 +151,7 @@ pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), St
             .map(|((_, _, target), file)| (*target, file.clone()))
             .collect()
     };
-    let files = plan
-        .passes
+    plan.passes
         .iter()
         .map(|pass| PassFiles {
             role: pass.role.name().to_owned(),
@@ -117,7 +163,11 @@ pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), St
                 pass.fragment.as_deref().unwrap_or_default(),
             ),
         })
-        .collect();
+        .collect()
+}
+
+/// The file.
+pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallback>) -> File {
     let targets: BTreeSet<Target> = written.keys().map(|(_, _, target)| *target).collect();
     let forms = targets
         .into_iter()
@@ -125,7 +175,8 @@ pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), St
         .collect();
     let content = PlanFile {
         plan: plan.clone(),
-        files,
+        files: pass_files(plan, written),
+        original,
         forms,
     };
     // A plan is plain data: strings, numbers and lists, all with string keys. Serialising it cannot fail.

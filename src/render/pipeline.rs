@@ -10,7 +10,7 @@ use super::gpu::Gpu;
 use super::inputs::DrawInputs;
 use super::shader::Stage;
 use super::targets::Targets;
-use super::{Error, layout, state, trusted};
+use super::{Error, layout, limits, state, trusted};
 
 /// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
 #[derive(Clone, PartialEq)]
@@ -57,6 +57,19 @@ impl Build<'_> {
         )
     }
 
+    /// Fails where the adapter does not have what the pass says it needs.
+    pub fn requirements(&self) -> Result<(), Error> {
+        let what = self.what();
+        for feature in &self.pass.features {
+            self.gpu.require(&what, feature)?;
+        }
+        limits::check(self.gpu, &what, &self.pass.limits)?;
+        if self.pass.primitive.unclipped_depth {
+            self.gpu.require(&what, "depth-clip-control")?;
+        }
+        Ok(())
+    }
+
     fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
         self.shaders
             .get(stage.shader.as_str())
@@ -91,6 +104,12 @@ impl Build<'_> {
                         wanted.name, wanted.location
                     ))
                 })?;
+            if !feeds(attribute.format, &wanted.ty) {
+                return Err(self.failed(format!(
+                    "its attribute `{}` at location {} is a {}, which {:?} does not feed",
+                    wanted.name, wanted.location, wanted.ty, attribute.format
+                )));
+            }
             let at = wgpu::VertexAttribute {
                 format: attribute.format,
                 offset: attribute.offset,
@@ -122,9 +141,9 @@ impl Build<'_> {
                         let layout = layout::layout(device, bindings);
                         let entries: Vec<_> = bindings
                             .iter()
-                            .map(|(b, filled)| wgpu::BindGroupEntry {
-                                binding: b.binding,
-                                resource: filled.binding(),
+                            .map(|b| wgpu::BindGroupEntry {
+                                binding: b.entry.binding,
+                                resource: b.filled.binding(),
                             })
                             .collect();
                         let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -146,6 +165,13 @@ impl Build<'_> {
             .targets
             .depth(&depth.attachment)
             .ok_or_else(|| self.failed(format!("it has no attachment `{}`", depth.attachment)))?;
+        if depth.read_only && depth.write {
+            return Err(self.failed(format!(
+                "pass `{}` writes `{}`, which it binds read-only",
+                self.pass.program, depth.attachment
+            )));
+        }
+        self.check_samples(&depth.attachment, target.samples)?;
         Ok(Some(state::depth_stencil(
             target.format,
             depth,
@@ -153,8 +179,19 @@ impl Build<'_> {
         )))
     }
 
+    /// Fails unless an attachment has the samples that the pass draws with.
+    fn check_samples(&self, attachment: &str, samples: u32) -> Result<(), Error> {
+        match self.pass.multisample.count {
+            n if n == samples => Ok(()),
+            n => Err(self.failed(format!(
+                "pass `{}` draws {n} samples a pixel, and `{attachment}` has {samples}",
+                self.pass.program
+            ))),
+        }
+    }
+
     /// The colour targets of the frame pass, with this pass's blending and masks; those it does not write are masked off.
-    fn color_targets(&self) -> Vec<Option<wgpu::ColorTargetState>> {
+    fn color_targets(&self) -> Result<Vec<Option<wgpu::ColorTargetState>>, Error> {
         let formats: Vec<Option<wgpu::TextureFormat>> = match &self.frame.colors {
             ColorAttachments::None => Vec::new(),
             ColorAttachments::Scene => {
@@ -163,10 +200,17 @@ impl Build<'_> {
             }
             ColorAttachments::Named(names) => names
                 .iter()
-                .map(|name| Some(self.targets.named(name.as_deref()?)?.format()))
-                .collect(),
+                .map(|name| {
+                    let Some(name) = name else { return Ok(None) };
+                    let target = self.targets.named(name);
+                    let target = target
+                        .ok_or_else(|| self.failed(format!("it has no attachment `{name}`")))?;
+                    self.check_samples(name, target.samples())?;
+                    Ok(Some(target.format()))
+                })
+                .collect::<Result<_, Error>>()?,
         };
-        formats
+        Ok(formats
             .into_iter()
             .enumerate()
             .map(|(location, format)| {
@@ -183,7 +227,7 @@ impl Build<'_> {
                     }),
                 })
             })
-            .collect()
+            .collect())
     }
 
     pub fn pipeline(
@@ -193,14 +237,8 @@ impl Build<'_> {
         key: &PipelineKey,
     ) -> Result<wgpu::RenderPipeline, Error> {
         let what = self.what();
-        for feature in &self.pass.features {
-            self.gpu.require(&what, feature)?;
-        }
-        if self.pass.primitive.unclipped_depth {
-            self.gpu.require(&what, "depth-clip-control")?;
-        }
         let depth_stencil = self.depth_stencil()?;
-        let targets = self.color_targets();
+        let targets = self.color_targets()?;
         // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
         let (vertex, fragment) = self.stages;
         let vertex = (self.shader(vertex)?, vertex.entry_point.as_str());
@@ -255,6 +293,21 @@ impl Build<'_> {
                 cache: None,
             })
         })
+    }
+}
+
+/// Whether a vertex format feeds an attribute of WGSL type `ty`: whether their numbers are of one kind (the sizes of vectors may differ).
+fn feeds(format: wgpu::VertexFormat, ty: &str) -> bool {
+    let scalar = ty
+        .rsplit_once('<')
+        .map_or(ty, |(_, inner)| inner.trim_end_matches('>'));
+    // wgpu's variants are named after WebGPU's formats.
+    let format = format!("{format:?}");
+    match scalar {
+        "u32" => format.starts_with("Uint"),
+        "i32" => format.starts_with("Sint"),
+        "f32" | "f16" => !format.starts_with("Uint") && !format.starts_with("Sint"),
+        _ => false,
     }
 }
 
