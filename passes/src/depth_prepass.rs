@@ -33,6 +33,7 @@ use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::place::{self, PositionInvariance};
 use crate::plan::{Phase, Plan, Role, Step};
+use crate::self_test::{self, MainDiscards};
 use crate::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
 
 /// The pass.
@@ -336,7 +337,7 @@ fn biased(
     );
     given.extend(opaque.coverage_assumptions());
     next.steps.push(step(slice, opaque, params, given));
-    next.self_test = Some(depth_only::self_test(opaque.depth.compare));
+    next.self_test = self_test::biased(&next);
     depth_only::finish(&mut next, "original");
     Ok(next)
 }
@@ -406,7 +407,11 @@ fn equal(
             .then_some(Assumption::NoDepthTies),
     );
     next.steps.push(step(slice, opaque, params, given));
-    next.self_test = Some(depth_only::self_test(CompareFunction::Equal));
+    let discards = match drop_discard {
+        true => MainDiscards::NoMore,
+        false => MainDiscards::AsPrepass,
+    };
+    next.self_test = self_test::equal(&next, opaque.depth.compare, discards);
     depth_only::finish(&mut next, "depth-prepass:form=biased");
     Ok(next)
 }

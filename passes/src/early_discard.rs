@@ -39,6 +39,7 @@ use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
+use crate::self_test;
 use crate::state::{CompareFunction, DepthDirection, DepthState};
 
 mod gradients;
@@ -456,10 +457,7 @@ fn transform(
     if params.attachment == MainAttachment::Readonly {
         given.extend(invariant.assumptions(opaque));
         given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
-        next.self_test = next
-            .main()
-            .and_then(|p| p.depth.as_ref())
-            .map(|d| depth_only::self_test(d.compare));
+        next.self_test = self_test::read_only(&next, opaque.depth.compare, &produced);
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     given.sort();
