@@ -26,6 +26,9 @@
 //! A lane that is not behind itself never leaves. So for that target `plan.json` says that the form promises nothing ([`vote_shields_derivatives`]), unless the
 //! fragment stage takes no derivative and no implicit sample.
 //!
+//! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none: its prologue allows for positions that differ by the tolerance, so
+//! only the original's picture tells whether a fragment was wrongly dropped, and a plan has no original to draw. `verify` draws it.
+//!
 //! It hurts where little is hidden, and on hardware whose early test already rejects: a texture read and a vote for each fragment, for nothing.
 
 use naga::Module;

@@ -319,7 +319,8 @@ impl std::fmt::Display for Step {
 /// A host runs it on the draws of this material alone, the same ones each time, with uniforms as in a frame: all of them from one camera, or one mesh.
 /// For each run, every depth attachment that its draws name is cleared to its clear value first; [`Self::attachment`] is a depth attachment made for the
 /// test. Each draw has its pass's own program, primitive state, bias, bindings and multisampling, the test's attachment, comparison and depth write in
-/// place of the pass's, no stencil test, and colour targets that are not written. Its samples are asked of an occlusion query. Queries need not count: all
+/// place of the pass's, and no stencil test. It also has its pass's colour targets, whose contents mean nothing: a driver may compile a vertex stage anew for
+/// another set of them. Its samples are asked of an occlusion query. Queries need not count: all
 /// that is used of them is whether any sample passed, which is what WebGPU, WebGL and imprecise Vulkan queries say. Under MSAA a query asks every sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTest {
