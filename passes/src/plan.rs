@@ -316,12 +316,15 @@ impl std::fmt::Display for Step {
 /// Draws that a host makes when it loads the variant, because invariance is a promise of the driver that no source can prove. Where one of them does not
 /// give what it must, the host takes [`Plan::fallback`].
 ///
-/// A host runs it on the draws of this material alone, the same ones each time, with uniforms as in a frame: all of them from one camera, or one mesh.
-/// For each run, every depth attachment that its draws name is cleared to its clear value first; [`Self::attachment`] is a depth attachment made for the
-/// test. Each draw has its pass's own program, primitive state, bias, bindings and multisampling, the test's attachment, comparison and depth write in
-/// place of the pass's, and no stencil test. It also has its pass's colour targets, whose contents mean nothing: a driver may compile a vertex stage anew for
-/// another set of them. Its samples are asked of an occlusion query. Queries need not count: all
-/// that is used of them is whether any sample passed, which is what WebGPU, WebGL and imprecise Vulkan queries say. Under MSAA a query asks every sample.
+/// A host runs it on draws of this material alone, the same ones each time, with uniforms as in a frame: all of them from one camera, or one mesh.
+///
+/// 1. For each run, clear every depth attachment that its draws name to its clear value (stencil to 0). [`Self::attachment`] is made for the test.
+/// 2. Draw the run's draws in order, each in a render pass and an occlusion query of its own, as the pass of that role, with the draw's attachment, comparison and
+///    depth write in place of the pass's, and no stencil test. All else is the pass's: program, primitive state, bias, multisampling, bindings, and colour
+///    targets, whose contents mean nothing but without which a driver may compile another vertex stage.
+/// 3. Compare each query with [`SelfTestDraw::samples`].
+///
+/// Queries need not count: all that is used of them is whether a sample passed, which is what WebGPU and WebGL promise. Under MSAA that is any sample of a pixel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTest {
     /// Depth attachment of the test's own, like the one that the main pass is drawn to.
