@@ -89,6 +89,13 @@ fn a_loop_of_noise_moves_whole() {
     assert_eq!(plan.contract.kind(), "approximate");
 }
 
+/// What a stage gave.
+struct Ran {
+    by_binding: BTreeMap<String, Value>,
+    by_location: BTreeMap<u32, Value>,
+    discarded: bool,
+}
+
 /// Runs a stage on inputs by location; a builtin is what the seed says.
 fn run(
     program: &Program,
@@ -96,7 +103,7 @@ fn run(
     name: &str,
     inputs: &BTreeMap<u32, Value>,
     seed: u32,
-) -> Result<(BTreeMap<String, Value>, BTreeMap<u32, Value>, Outcome), Stuck> {
+) -> Result<Ran, Stuck> {
     let module = program.module();
     let (entry, point) = program.entry_point(stage, name).unwrap();
     let value = |binding: &Binding| match binding {
@@ -123,7 +130,11 @@ fn run(
     };
     let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;
     let (by_binding, by_location) = outputs(module, &point.function, &outcome);
-    Ok((by_binding, by_location, outcome))
+    Ok(Ran {
+        by_binding,
+        by_location,
+        discarded: outcome.discarded,
+    })
 }
 
 fn outputs(
@@ -180,9 +191,10 @@ fn attributes(seed: u32) -> BTreeMap<u32, Value> {
 
 /// Both stages run one after the other: what the fragment stage gives where a fragment lies on a vertex.
 fn at_vertex(program: &Program, seed: u32) -> Result<(BTreeMap<String, Value>, bool), Stuck> {
-    let (_, varyings, _) = run(program, ShaderStage::Vertex, "vs", &attributes(seed), seed)?;
-    let (outputs, _, outcome) = run(program, ShaderStage::Fragment, "fs", &varyings, seed)?;
-    Ok((outputs, outcome.discarded))
+    let vertex = run(program, ShaderStage::Vertex, "vs", &attributes(seed), seed)?;
+    let varyings = &vertex.by_location;
+    let fragment = run(program, ShaderStage::Fragment, "fs", varyings, seed)?;
+    Ok((fragment.by_binding, fragment.discarded))
 }
 
 /// Whether anything was hoisted.
@@ -343,6 +355,23 @@ fn a_cut_inside_a_function_copies_it_for_that_call_alone() {
     let smooth_one = sheen(in.normal, scene.camera - in.world, base);
     let mapped = sheen(base, in.world, base);
     return vec4(smooth_one + mapped, 1.0);",
+    );
+    let (_, text) = hoisted(&source, &budget());
+    insta::assert_snapshot!(text);
+}
+
+#[test]
+fn what_a_loop_does_not_change_moves_out_of_it() {
+    let source = material(
+        "fn glint(n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> f32 {
+    let facing = sin(dot(n, v) * 3.0) * cos(dot(n, v) * 5.0);
+    return facing * dot(n, l);
+}",
+        "var lit = 0.0;
+    for (var i = 0; i < 4; i++) {
+        lit += glint(in.normal, in.world, vec3(f32(i)) - in.world) * dpdx(in.uv.x);
+    }
+    return vec4(lit);",
     );
     let (_, text) = hoisted(&source, &budget());
     insta::assert_snapshot!(text);
