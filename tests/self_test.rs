@@ -361,3 +361,51 @@ fn verify_names_the_fallback_and_leaves_the_verdict_to_the_picture() {
     );
     assert!(text.contains("a host falls back to `original`"), "{text}");
 }
+
+#[test]
+fn a_host_reads_it_from_the_plan() {
+    let scene = load("reversed-z");
+    let plan = |recipe| {
+        let mut variant = variant(&scene, recipe);
+        serde_json::to_value(&*tests(&mut variant)[0]).unwrap()
+    };
+    let json = plan(EQUAL);
+    let draw = |role: &str, compare: &str, write: bool, samples: &str| {
+        serde_json::json!({
+            "role": role,
+            "attachment": "self-test-depth",
+            "compare": compare,
+            "write": write,
+            "samples": samples,
+        })
+    };
+    let test = &json["self_test"];
+    assert_eq!(test["attachment"]["name"], "self-test-depth");
+    assert_eq!(
+        test["attachment"]["format"],
+        json["attachments"][0]["format"]
+    );
+    assert_eq!(test["attachment"]["clear"], 0.0);
+    assert_eq!(
+        test["runs"][0]["draws"],
+        serde_json::json!([
+            draw("main", "greater", true, "some"),
+            draw("prepass", "greater", false, "none"),
+        ])
+    );
+    assert_eq!(
+        test["runs"][1]["draws"],
+        serde_json::json!([
+            draw("prepass", "greater", true, "some"),
+            draw("main", "greater", false, "none"),
+        ])
+    );
+    let json = plan(BIASED);
+    assert_eq!(
+        json["self_test"]["runs"][0]["draws"],
+        serde_json::json!([
+            draw("main", "greater", true, "some"),
+            draw("prepass", "greater-equal", false, "none"),
+        ])
+    );
+}
