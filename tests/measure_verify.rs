@@ -296,7 +296,7 @@ fn contracts_are_held_to_their_own_terms() {
         flip_mean: 0.002,
         ..Default::default()
     };
-    let broken = |c: &Contract, e: &measure::ErrorLadder| measure::verify::breaks(c, e).is_some();
+    let broken = |c: &Contract, e: &measure::ErrorLadder| measure::verdict::breaks(c, e).is_some();
     let approximate = |budget: f64| Contract::Approximate {
         metric: "flip_mean".to_owned(),
         budget,

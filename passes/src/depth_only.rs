@@ -13,11 +13,11 @@ use crate::coverage;
 use crate::opaque::Opaque;
 use crate::pass::{Refusal, Site, SiteCost, SiteKey};
 use crate::place::{self, PositionInvariance};
-use crate::plan::{Draws, GpuPass, Phase, Plan, Role, SelfTest};
+use crate::plan::{Draws, GpuPass, Phase, Plan, Role};
 use crate::reflect;
 use crate::returns::{self, Emitter};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
-use crate::state::{CompareFunction, DepthState};
+use crate::state::DepthState;
 
 /// Which vertex stage a depth-only pass runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -403,19 +403,6 @@ pub fn insert_own(
     plan.programs.insert(role.name().to_owned(), program);
     insert(plan, opaque.pass, &placed, role.name(), role, phase, depth);
     Ok(())
-}
-
-/// The self-test of a plan whose main pass compares with what the pre-pass wrote. One triangle, so that no face hides another.
-pub fn self_test(compare: CompareFunction) -> SelfTest {
-    SelfTest {
-        procedure: "draw one triangle of the material twice in occlusion queries: `first` into a cleared depth attachment with its own state, then \
-                    `second` with depth write off and the compare given"
-            .to_owned(),
-        first: Role::Prepass,
-        second: Role::Main,
-        compare,
-        expect: "both queries count the same samples".to_owned(),
-    }
 }
 
 /// What every transform does last: bindings and attributes anew, the contract from the steps.

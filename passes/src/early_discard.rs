@@ -26,6 +26,9 @@
 //! A lane that is not behind itself never leaves. So for that target `plan.json` says that the form promises nothing ([`vote_shields_derivatives`]), unless the
 //! fragment stage takes no derivative and no implicit sample.
 //!
+//! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none: its prologue allows for positions that differ by the tolerance, so
+//! only the original's picture tells whether a fragment was wrongly dropped, and a plan has no original to draw. `verify` draws it.
+//!
 //! It hurts where little is hidden, and on hardware whose early test already rejects: a texture read and a vote for each fragment, for nothing.
 
 use naga::Module;
@@ -39,6 +42,7 @@ use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
+use crate::self_test;
 use crate::state::{CompareFunction, DepthDirection, DepthState};
 
 mod gradients;
@@ -456,10 +460,7 @@ fn transform(
     if params.attachment == MainAttachment::Readonly {
         given.extend(invariant.assumptions(opaque));
         given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
-        next.self_test = next
-            .main()
-            .and_then(|p| p.depth.as_ref())
-            .map(|d| depth_only::self_test(d.compare));
+        next.self_test = self_test::read_only(&next, opaque.depth.compare, &produced);
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     given.sort();

@@ -33,6 +33,7 @@ pub mod plan;
 pub mod program;
 pub mod reflect;
 pub mod returns;
+pub mod self_test;
 pub mod shadow;
 pub mod slice;
 pub mod state;

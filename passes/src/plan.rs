@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use crate::contract::Contract;
 use crate::program::Program;
 use crate::state::{
-    AttachmentOps, ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState,
-    Multisample, PrimitiveState, StencilState,
+    AttachmentOps, ColorTarget, CompareFunction, DepthDirection, DepthFormat, DepthState,
+    MaterialState, Multisample, PrimitiveState, StencilState,
 };
 
 /// Version of the JSON that [`Plan`] serialises to.
@@ -27,6 +27,9 @@ pub const ORIGINAL: &str = "original";
 pub const SCENE_DEPTH: &str = "scene-depth";
 /// Name of the first colour attachment; target `i` after it is `scene-color-i`.
 pub const SCENE_COLOR: &str = "scene-color";
+
+/// Name of the depth attachment of a [`SelfTest`].
+pub const SELF_TEST_DEPTH: &str = "self-test-depth";
 
 /// What a GPU pass is for. The name is part of the emitted file's name.
 #[derive(
@@ -321,19 +324,58 @@ impl std::fmt::Display for Step {
     }
 }
 
-/// A draw of both programs that a host can run when it loads the variant: invariance is a promise of the driver that no source can prove.
+/// Draws that a host makes when it loads the variant, because invariance is a promise of the driver that no source can prove. Where one of them does not
+/// give what it must, the host takes [`Plan::fallback`].
+///
+/// A host runs it on draws of this material alone, the same ones each time, with uniforms as in a frame: all of them from one camera, or one mesh.
+///
+/// 1. For each run, clear every depth attachment that its draws name to its clear value (stencil to 0). [`Self::attachment`] is made for the test.
+/// 2. Draw the run's draws in order, each in a render pass and an occlusion query of its own, as the pass of that role, with the draw's attachment, comparison and
+///    depth write in place of the pass's, and no stencil test. All else is the pass's: program, primitive state, bias, multisampling, bindings, and colour
+///    targets, whose contents mean nothing but without which a driver may compile another vertex stage.
+/// 3. Compare each query with [`SelfTestDraw::samples`].
+///
+/// Queries need not count: all that is used of them is whether a sample passed, which is what WebGPU and WebGL promise. Under MSAA that is any sample of a pixel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTest {
-    /// What to do, in words.
-    pub procedure: String,
-    /// Role of the pass to draw first, writing depth.
-    pub first: Role,
-    /// Role of the pass to draw second, in an occlusion query, with depth write off.
-    pub second: Role,
-    /// Depth comparison of the second draw.
-    pub compare: crate::state::CompareFunction,
-    /// What passes.
-    pub expect: String,
+    /// Depth attachment of the test's own, like the one that the main pass is drawn to.
+    pub attachment: Attachment,
+    /// All of them must pass.
+    pub runs: Vec<SelfTestRun>,
+}
+
+/// Draws one after the other, each in a render pass of its own.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct SelfTestRun {
+    /// What is wrong where samples pass that must not, for a message.
+    pub failure: String,
+    /// In order.
+    pub draws: Vec<SelfTestDraw>,
+}
+
+/// One draw of a self-test.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct SelfTestDraw {
+    /// The pass to draw as.
+    pub role: Role,
+    /// Name of the depth attachment: [`SELF_TEST_DEPTH`], or one of the plan's.
+    pub attachment: String,
+    /// Depth comparison.
+    pub compare: CompareFunction,
+    /// Depth is written.
+    pub write: bool,
+    /// What its occlusion query must say.
+    pub samples: SamplesPassed,
+}
+
+/// What an occlusion query says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SamplesPassed {
+    /// At least one. Where there is none, nothing was in view and the run says nothing.
+    Some,
+    /// Not one. Any is a failure.
+    None,
 }
 
 /// The plan of one material.

@@ -10,6 +10,7 @@ pub mod shadow;
 pub mod statistics;
 pub mod timing;
 pub mod variant;
+pub mod verdict;
 pub mod verify;
 
 pub use error::{ErrorLadder, compare};

@@ -1,16 +1,18 @@
 //! A scene drawn with the original and its variants, view by view.
 
-use preshade_passes::contract::{Assumption, Contract, Verdict};
+use preshade_passes::contract::{Contract, Verdict};
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
+use super::verdict::{breaks, needs_invariant_original};
 use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shadow, time};
 use crate::render::{
-    FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant, order,
+    FrameSettings, Gpu, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm,
+    Variant as HostVariant, order, self_test,
 };
 use crate::report::{
-    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, VariantReport, ViewReport, path,
+    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, VariantReport, ViewReport, path,
 };
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
@@ -185,6 +187,7 @@ pub fn verify(
             });
             subject.measure_shadow(gpu, scene, variant, settings);
         }
+        subject.run_self_tests(&inputs, variant, settings, lost.as_deref());
     }
     let mut report = Report {
         schema: SCHEMA.to_owned(),
@@ -384,6 +387,7 @@ impl<'a> Subject<'a> {
                 shaded_per_pixel: None,
                 cost: None,
                 shadow: None,
+                self_test: Vec::new(),
                 kept: variant.kept.clone(),
                 by_path: Vec::new(),
                 by_view: Vec::new(),
@@ -497,6 +501,33 @@ impl<'a> Subject<'a> {
         });
     }
 
+    /// Runs the self-tests of its plans. What they say is no verdict: they are for hosts, which have no original to compare with. `lost` says why there
+    /// is no adapter any more.
+    fn run_self_tests(
+        &mut self,
+        inputs: &SceneInputs<'_>,
+        variant: &Variant,
+        settings: &Settings<'_>,
+        lost: Option<&str>,
+    ) {
+        for plan in variant.plans.iter().filter(|p| p.self_test.is_some()) {
+            let run = match lost {
+                Some(why) => Err(why.to_owned()),
+                None => self_test(inputs, plan, settings.form).map_err(|e| e.to_string()),
+            };
+            let result = match run {
+                Ok(None) => continue,
+                Ok(Some(result)) => result,
+                Err(why) => SelfTestResult::NotRun { why },
+            };
+            self.report.self_test.push(SelfTestReport {
+                material: plan.material.clone(),
+                result,
+                fallback: plan.fallback.clone(),
+            });
+        }
+    }
+
     /// Draws it no more.
     fn give_up(&mut self, error: &Error) {
         self.prepared = None;
@@ -538,47 +569,5 @@ impl<'a> Subject<'a> {
         self.report.by_path = path::times(&self.report.by_view);
         let is_original = self.report.name == ORIGINAL;
         (self.report, self.pictures.filter(|_| !is_original))
-    }
-}
-
-/// Whether the contract is about an original with `@invariant` positions, which the one drawn does not have.
-fn needs_invariant_original(contract: &Contract) -> bool {
-    matches!(contract, Contract::Exact { given } if given.contains(&Assumption::InvariantOriginal))
-}
-
-/// How a difference breaks a contract; `None` where it does not.
-pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
-    match contract {
-        Contract::Exact { .. } if error.is_exact() => None,
-        Contract::Exact { .. } => {
-            let [x, y] = error.first_difference.unwrap_or_default();
-            Some(format!(
-                "{} pixels and {} depths differ, the first at {x}, {y}",
-                error.changed_pixels, error.changed_depth
-            ))
-        }
-        Contract::Rounding { k } => {
-            // What a rounding can do to a stored 8-bit channel is one step of it; depth is not shaded, so its bits stay.
-            let allowed = 1.0 / 255.0 + f64::from(*k) * f64::from(f32::EPSILON) / 2.0;
-            let holds = error.max_abs <= allowed + 1e-9
-                && error.nan_pixels == 0
-                && error.changed_depth == 0;
-            (!holds).then(|| {
-                format!(
-                    "a channel differs by {} where rounding allows {allowed:.6}, {} depths differ",
-                    error.max_abs, error.changed_depth
-                )
-            })
-        }
-        Contract::Approximate { metric, budget } => {
-            let value = match metric.as_str() {
-                "flip_mean" => error.flip_mean,
-                "flip_p99" => error.flip_p99,
-                _ => error.max_abs,
-            };
-            // A NaN keeps no budget.
-            let kept = value <= *budget;
-            (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
-        }
     }
 }

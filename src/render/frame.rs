@@ -53,6 +53,14 @@ pub struct Prepared<'a> {
     pipelines: usize,
 }
 
+/// What is asked of the adapter while a frame is drawn, a query a render pass.
+#[derive(Clone, Copy)]
+enum Queries<'q> {
+    None,
+    Statistics(&'q wgpu::QuerySet),
+    Occlusion(&'q wgpu::QuerySet),
+}
+
 struct PreparedPass {
     frame: FramePass,
     pipelines: Vec<wgpu::RenderPipeline>,
@@ -206,11 +214,11 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the whole frame once, from clear to resolve.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        self.encode_with(encoder, None);
+        self.encode_with(encoder, Queries::None);
     }
 
-    /// Encodes the frame; each render pass is one query of `statistics`.
-    fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, statistics: Option<&wgpu::QuerySet>) {
+    /// Encodes the frame; each render pass is one query.
+    fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
         let last_color = self
             .passes
             .iter()
@@ -220,14 +228,24 @@ impl<'a> Prepared<'a> {
                 label: None,
                 color_attachments: &self.color_attachments(pass, last_color == Some(index)),
                 depth_stencil_attachment: self.depth_attachment(pass),
+                occlusion_query_set: match queries {
+                    Queries::Occlusion(set) => Some(set),
+                    Queries::None | Queries::Statistics(_) => None,
+                },
                 ..Default::default()
             });
-            if let Some(queries) = statistics {
-                render.begin_pipeline_statistics_query(queries, index as u32);
+            match queries {
+                Queries::None => {}
+                Queries::Statistics(set) => {
+                    render.begin_pipeline_statistics_query(set, index as u32);
+                }
+                Queries::Occlusion(_) => render.begin_occlusion_query(index as u32),
             }
             self.draw_all(pass, &mut render);
-            if statistics.is_some() {
-                render.end_pipeline_statistics_query();
+            match queries {
+                Queries::None => {}
+                Queries::Statistics(_) => render.end_pipeline_statistics_query(),
+                Queries::Occlusion(_) => render.end_occlusion_query(),
             }
         }
     }
@@ -240,18 +258,31 @@ impl<'a> Prepared<'a> {
     pub(crate) fn draw_counted(&self) -> Result<Vec<u64>, Error> {
         let types = wgpu::PipelineStatisticsTypes::VERTEX_SHADER_INVOCATIONS
             | wgpu::PipelineStatisticsTypes::FRAGMENT_SHADER_INVOCATIONS;
+        self.draw_queried(wgpu::QueryType::PipelineStatistics(types), 2)
+    }
+
+    /// Draws the frame once and returns for each render pass whether samples passed its tests: not 0 where one did. Many adapters count them.
+    ///
+    /// # Errors
+    /// As [`Prepared::draw`].
+    pub(super) fn draw_occluded(&self) -> Result<Vec<u64>, Error> {
+        self.draw_queried(wgpu::QueryType::Occlusion, 1)
+    }
+
+    /// Draws the frame once with a query of type `ty` a render pass, each of `words` 64-bit words.
+    fn draw_queried(&self, ty: wgpu::QueryType, words: u64) -> Result<Vec<u64>, Error> {
         let count = self.passes.len() as u32;
-        let bytes = u64::from(count) * 16;
+        let bytes = u64::from(count) * 8 * words;
         let device = &self.gpu.device;
-        let (encoder, read) = self.gpu.checked("pipeline statistics", || {
+        let (encoder, read) = self.gpu.checked("a frame with queries", || {
             let set = device.create_query_set(&wgpu::QuerySetDescriptor {
-                label: Some("invocations"),
-                ty: wgpu::QueryType::PipelineStatistics(types),
+                label: Some("queries"),
+                ty,
                 count,
             });
             let buffer = |usage| {
                 device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some("invocations"),
+                    label: Some("queries"),
                     size: bytes,
                     usage,
                     mapped_at_creation: false,
@@ -260,12 +291,16 @@ impl<'a> Prepared<'a> {
             let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
             let read = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
             let mut encoder = device.create_command_encoder(&Default::default());
-            self.encode_with(&mut encoder, Some(&set));
+            let queries = match ty {
+                wgpu::QueryType::Occlusion => Queries::Occlusion(&set),
+                _ => Queries::Statistics(&set),
+            };
+            self.encode_with(&mut encoder, queries);
             encoder.resolve_query_set(&set, 0..count, &resolved, 0);
             encoder.copy_buffer_to_buffer(&resolved, 0, &read, 0, bytes);
             (encoder, read)
         })?;
-        self.gpu.submit("pipeline statistics", encoder)?;
+        self.gpu.submit("a frame with queries", encoder)?;
         let bytes = self.gpu.read_buffer(&read)?;
         Ok(bytes
             .as_chunks::<8>()

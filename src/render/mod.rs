@@ -8,6 +8,8 @@
 //! 4. [`state`], `layout`, `limits`: a plan's pipeline state and bindings in wgpu's terms;
 //! 5. [`frame`]: `targets`, `pipeline`s and bind groups of one frame, built once, encoded as often as needed;
 //! 6. [`readback`]: colour bytes and depth at full precision, as [`picture`]s.
+//!
+//! [`mod@self_test`] executes a plan's self-test as a host does at load, by way of 2 to 5.
 
 pub mod frame;
 pub mod gpu;
@@ -18,6 +20,7 @@ pub mod order;
 pub mod picture;
 mod pipeline;
 pub mod readback;
+pub mod self_test;
 pub mod shader;
 pub mod state;
 mod targets;
@@ -27,6 +30,7 @@ pub use frame::{FrameSettings, Prepared, Rendered};
 pub use gpu::{AdapterChoice, AdapterReport, Gpu, adapters};
 pub use inputs::SceneInputs;
 pub use picture::{ColorImage, DepthImage};
+pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
 
 /// Why nothing was drawn.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::frame::FramePlan;
+use preshade_passes::frame::{FramePass, FramePlan};
 use preshade_passes::plan::{GpuPass, Plan, SCHEMA};
 
 use super::gpu::Gpu;
@@ -181,6 +181,12 @@ impl Variant {
         );
         self.plans.push(host);
         Ok(())
+    }
+
+    /// The same with other render passes.
+    pub(super) fn in_passes(mut self, passes: Vec<FramePass>) -> Self {
+        self.frame.passes = passes;
+        self
     }
 
     /// The plans, without programs.

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::measure::statistics::Invocations;
 use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, ShadowReport};
-use crate::render::AdapterReport;
+use crate::render::{AdapterReport, SelfTestResult};
 use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
 
@@ -71,12 +71,26 @@ pub struct VariantReport {
     pub cost: Option<Cost>,
     /// Its shadow passes under the scene's light; `None`: it has none.
     pub shadow: Option<ShadowReport>,
+    /// The self-tests of its plans, in the scene's order of materials. Empty where no plan has one.
+    pub self_test: Vec<SelfTestReport>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
     pub kept: Vec<Kept>,
     /// Each camera path of which several frames were timed.
     pub by_path: Vec<PathTime>,
     /// Each camera, frame and order.
     pub by_view: Vec<ViewReport>,
+}
+
+/// What the self-test of one plan said.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SelfTestReport {
+    /// Material.
+    pub material: String,
+    /// What it said.
+    #[serde(flatten)]
+    pub result: SelfTestResult,
+    /// The recipe that the plan names for where it fails.
+    pub fallback: Option<String>,
 }
 
 /// A material that a variant leaves alone.

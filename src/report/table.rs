@@ -4,6 +4,7 @@ use preshade_passes::contract::Verdict;
 
 use super::{PathTime, Report, VariantReport};
 use crate::measure::{Clock, ShadowReport};
+use crate::render::SelfTestResult;
 
 /// The report as lines of text.
 pub fn render(report: &Report) -> String {
@@ -135,6 +136,7 @@ fn notes(report: &Report) -> String {
             }
             Verdict::Holds => {}
         }
+        out.push_str(&self_tests(v));
     }
     out.push_str(&left_alone(report));
     out
@@ -156,6 +158,39 @@ fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
         ));
     }
     line + "\n"
+}
+
+/// What the self-tests of a variant's plans said: those that held in one line, the others in one each.
+fn self_tests(v: &VariantReport) -> String {
+    let mut out = String::new();
+    let mut held = 0;
+    for test in &v.self_test {
+        let (name, material) = (&v.name, &test.material);
+        match &test.result {
+            SelfTestResult::Held { .. } => held += 1,
+            SelfTestResult::Failed {
+                failure, camera, ..
+            } => {
+                let fallback = test.fallback.as_deref().unwrap_or("original");
+                out.push_str(&format!(
+                    "{name}: the self-test of `{material}` failed in camera `{camera}`: {failure}; a host falls back to `{fallback}`\n"
+                ));
+            }
+            SelfTestResult::NotRun { why } => {
+                out.push_str(&format!(
+                    "{name}: the self-test of `{material}` says nothing: {why}\n"
+                ));
+            }
+        }
+    }
+    if held > 0 {
+        out.push_str(&format!(
+            "{}: self-test held for {held} of {} materials that have one\n",
+            v.name,
+            v.self_test.len()
+        ));
+    }
+    out
 }
 
 /// One line a reason: which variants leave which materials as written.

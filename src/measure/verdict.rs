@@ -1,0 +1,47 @@
+//! Whether a difference keeps a contract.
+
+use preshade_passes::contract::{Assumption, Contract};
+
+use super::ErrorLadder;
+
+/// Whether the contract is about an original with `@invariant` positions, which the one drawn does not have.
+pub(super) fn needs_invariant_original(contract: &Contract) -> bool {
+    matches!(contract, Contract::Exact { given } if given.contains(&Assumption::InvariantOriginal))
+}
+
+/// How a difference breaks a contract; `None` where it does not.
+pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
+    match contract {
+        Contract::Exact { .. } if error.is_exact() => None,
+        Contract::Exact { .. } => {
+            let [x, y] = error.first_difference.unwrap_or_default();
+            Some(format!(
+                "{} pixels and {} depths differ, the first at {x}, {y}",
+                error.changed_pixels, error.changed_depth
+            ))
+        }
+        Contract::Rounding { k } => {
+            // What a rounding can do to a stored 8-bit channel is one step of it; depth is not shaded, so its bits stay.
+            let allowed = 1.0 / 255.0 + f64::from(*k) * f64::from(f32::EPSILON) / 2.0;
+            let holds = error.max_abs <= allowed + 1e-9
+                && error.nan_pixels == 0
+                && error.changed_depth == 0;
+            (!holds).then(|| {
+                format!(
+                    "a channel differs by {} where rounding allows {allowed:.6}, {} depths differ",
+                    error.max_abs, error.changed_depth
+                )
+            })
+        }
+        Contract::Approximate { metric, budget } => {
+            let value = match metric.as_str() {
+                "flip_mean" => error.flip_mean,
+                "flip_p99" => error.flip_p99,
+                _ => error.max_abs,
+            };
+            // A NaN keeps no budget.
+            let kept = value <= *budget;
+            (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+        }
+    }
+}
