@@ -34,6 +34,7 @@ pub mod returns;
 pub mod shadow;
 pub mod slice;
 pub mod state;
+pub mod tessellate;
 
 pub use naga;
 

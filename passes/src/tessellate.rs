@@ -1,0 +1,3 @@
+//! `tessellate`: (in progress) new vertices for what was hoisted.
+
+pub mod pattern;
