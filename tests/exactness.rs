@@ -285,10 +285,42 @@ fn what_ties_would_break_is_seen_to_break() {
     );
 }
 
+/// The same of alpha to coverage: a pre-pass that leaves it out covers samples that the main pass does not.
+#[test]
+fn what_alpha_leaves_uncovered_is_seen_to_break() {
+    let gpu = gpu();
+    let scene = load("alpha-coverage.toml");
+    let inputs = SceneInputs::new(gpu, &scene).unwrap();
+    let originals = measure::originals(&scene);
+    let reference = pictures(&inputs, &scene, &originals, ShaderForm::Text);
+    for recipe in ["depth-prepass", "early-discard"] {
+        let recipe = Recipe::parse([recipe]).unwrap();
+        let mut plans = measure::variant(&originals, &recipe, &Facts::default()).plans;
+        let exact = worst(
+            &reference,
+            &pictures(&inputs, &scene, &plans, ShaderForm::Text),
+        );
+        assert!(exact.is_exact(), "{recipe}: {exact:?}");
+        for pass in plans.iter_mut().filter_map(|p| p.passes.first_mut()) {
+            pass.multisample.alpha_to_coverage = false;
+        }
+        let covered = worst(
+            &reference,
+            &pictures(&inputs, &scene, &plans, ShaderForm::Text),
+        );
+        assert!(covered.changed_pixels > 100, "{recipe}: {covered:?}");
+    }
+}
+
 #[test]
 fn each_covered_pixel_is_shaded_once() {
     let gpu = gpu();
-    for name in ["shrine.toml", "overdraw-20.toml", "gallery.toml"] {
+    for name in [
+        "shrine.toml",
+        "overdraw-20.toml",
+        "gallery.toml",
+        "alpha-coverage.toml",
+    ] {
         let scene = load(name);
         let inputs = SceneInputs::new(gpu, &scene).unwrap();
         let originals = measure::originals(&scene);

@@ -1,7 +1,10 @@
 //! What the depth transforms refuse, by name and with a remedy: a refusal is a normal outcome, and the original is kept.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+use preshade::emit::{self, Target};
 use preshade::front::{self, Options, Source};
+use preshade::passes::contract::{Assumption, Contract};
+use preshade::passes::frame::FramePlan;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::state::{
@@ -40,6 +43,89 @@ fn state(change: impl FnOnce(&mut MaterialState)) -> MaterialState {
     let mut state = MaterialState::default();
     change(&mut state);
     state
+}
+
+/// Alpha to coverage with four samples a pixel.
+fn covered(change: impl FnOnce(&mut MaterialState)) -> MaterialState {
+    state(|s| {
+        s.multisample.alpha_to_coverage = true;
+        s.multisample.count = 4;
+        change(s);
+    })
+}
+
+#[test]
+fn stages_whose_alpha_covers_otherwise_than_a_slice_would() {
+    let vertex = "struct V { @builtin(position) p: vec4<f32>, @location(0) @interpolate(perspective, sample) uv: vec2<f32> }\n\
+                  @vertex fn vs(@location(0) p: vec4<f32>) -> V { return V(p, p.xy); }\n";
+    let by_sample = format!(
+        "{vertex}@fragment fn fs(v: V) -> @location(0) vec4<f32> {{ return vec4<f32>(v.uv, 0.0, 0.5); }}\n"
+    );
+    let three = format!(
+        "{VERTEX}@fragment fn fs() -> @location(0) vec3<f32> {{ return vec3<f32>(1.0); }}\n"
+    );
+    let mask = format!(
+        "{VERTEX}struct O {{ @location(0) c: vec4<f32>, @builtin(sample_mask) m: u32 }}\n@fragment fn fs() -> O {{ return O(vec4<f32>(1.0), 1u); }}\n"
+    );
+    for (text, recipe, code) in [
+        (&by_sample, "depth-prepass", "alpha-to-coverage"),
+        (&three, "depth-prepass", "alpha-to-coverage"),
+        (&mask, "depth-prepass", "sample-mask"),
+        // A shadow map has one sample, and no colour.
+        (&format!("{VERTEX}{FLAT}"), "shadow", "alpha-to-coverage"),
+        (&format!("{VERTEX}{FLAT}"), "depth-prepass", "applies"),
+    ] {
+        let plan = plan(text, &covered(|_| ()));
+        let refused = outcome(&plan, recipe, &Facts::default());
+        assert_eq!(refused, code, "{recipe} on\n{text}");
+    }
+    // By sample, but without alpha to coverage.
+    let plan = plan(&by_sample, &MaterialState::default());
+    assert_eq!(
+        outcome(&plan, "depth-prepass", &Facts::default()),
+        "applies"
+    );
+}
+
+#[test]
+fn a_pre_pass_under_alpha_to_coverage_has_the_colour_targets_and_writes_none() {
+    let text = format!(
+        "{VERTEX}struct O {{ @location(0) c: vec4<f32>, @location(1) n: vec4<f32>, @builtin(frag_depth) d: f32 }}\n\
+         @fragment fn fs(@builtin(position) p: vec4<f32>) -> O {{ return O(vec4<f32>(sin(p.xyz), p.x), cos(p), p.z); }}\n"
+    );
+    for recipe in ["depth-prepass", "early-discard"] {
+        let original = plan(&text, &covered(|_| ()));
+        let plan = Recipe::parse([recipe])
+            .unwrap()
+            .apply(&original, &Facts::default())
+            .unwrap();
+        let (prepass, main) = (&plan.passes[0], plan.main().unwrap());
+        assert!(prepass.multisample.alpha_to_coverage && main.multisample.alpha_to_coverage);
+        let masks = |targets: &[Option<ColorTarget>]| -> Vec<u8> {
+            targets.iter().flatten().map(|t| t.write_mask).collect()
+        };
+        assert_eq!(masks(&prepass.targets), [0, 0]);
+        assert_eq!(masks(&main.targets), [15, 15]);
+        let Contract::Exact { given } = &plan.contract else {
+            panic!("{:?}", plan.contract);
+        };
+        assert!(given.contains(&Assumption::SameAlphaCoverage), "{given:?}");
+        let frame = FramePlan::merge([&plan]).unwrap();
+        let cleared: Vec<bool> = frame.passes.iter().map(|p| p.clear_color).collect();
+        assert_eq!(
+            cleared,
+            [true, false],
+            "the first to touch the colour clears it"
+        );
+        let emitted = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+        let file = emitted
+            .iter()
+            .find(|f| f.name == "case.prepass.wgsl")
+            .unwrap();
+        let text = String::from_utf8(file.bytes.clone()).unwrap();
+        assert!(text.contains("@builtin(frag_depth)"), "{text}");
+        assert!(!text.contains("sin(") && !text.contains("cos("), "{text}");
+    }
 }
 
 #[test]
@@ -88,8 +174,28 @@ fn states_that_no_prepass_can_stand_in_front_of() {
             state(|s| s.stencil = Some(stencil(StencilOperation::Keep))),
             "stencil-test",
         ),
+        // One sample a pixel has no coverage to decide.
         (
             state(|s| s.multisample.alpha_to_coverage = true),
+            "alpha-to-coverage",
+        ),
+        (covered(|_| ()), "applies"),
+        (
+            covered(|s| s.targets = vec![Some(ColorTarget::opaque("rg16float"))]),
+            "alpha-to-coverage",
+        ),
+        (covered(|s| s.targets = vec![None]), "alpha-to-coverage"),
+        (
+            covered(|s| s.targets = vec![Some(ColorTarget::opaque("rgba16float"))]),
+            "applies",
+        ),
+        (
+            covered(|s| {
+                s.targets = vec![Some(ColorTarget {
+                    attachment: Some("elsewhere".to_owned()),
+                    ..ColorTarget::opaque("rgba8unorm")
+                })]
+            }),
             "alpha-to-coverage",
         ),
     ] {

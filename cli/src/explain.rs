@@ -3,11 +3,13 @@
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
+use preshade::measure;
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
-use preshade::passes::pass::{Facts, Refusal, Sites};
+use preshade::passes::pass::{Facts, Frequency, Left, Refusal, Sites};
 use preshade::passes::plan::Plan;
 use preshade::recipe::Step;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
 use crate::input::ShaderArgs;
@@ -22,6 +24,8 @@ Examples:
   preshade explain lit.vert lit.frag --depth-format depth24plus --blend alpha
   preshade explain lit.wgsl --pass depth-prepass:form=equal --format json
   preshade explain scene.toml                       every material of a scene
+  preshade explain scene.toml --scene --pass hoist:budget=0.01
+                                                    what can be interpolated, measured on the scene
 
 A refusal says where, why, and what would make the pass legal; it is no failure (exit status 0).
 Static cost is in scalar operations, weighted: an addition of two floats is 1 op, a division 4, a
@@ -30,6 +34,13 @@ pub struct Args {
     /// Explain these passes, with these parameters; default: all, with their defaults.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
+    /// Draw the scene (for a shader, one is made up) and tell what each value of a fragment stage would cost the picture if it were
+    /// interpolated from the vertices.
+    #[arg(long)]
+    scene: bool,
+    /// Part of an adapter's name, driver or backend, for --scene.
+    #[arg(long, value_name = "TEXT", requires = "scene")]
+    adapter: Option<String>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -49,6 +60,9 @@ struct Explained {
     material: String,
     stages: Vec<Stage>,
     passes: Vec<PassExplained>,
+    /// By error against saved cost, the best first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    frequencies: Vec<Frequency>,
 }
 
 #[derive(Serialize)]
@@ -84,9 +98,13 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .collect::<Result<Vec<_>, _>>()?
     };
     let plans = args.shader.plans()?;
+    let facts = match args.scene {
+        true => measured(args)?,
+        false => Facts::default(),
+    };
     let materials = plans
         .iter()
-        .map(|plan| explain(plan, &steps))
+        .map(|plan| explain(plan, &steps, &facts))
         .collect::<Result<Vec<_>, _>>()?;
     match args.format {
         Format::Json => output::json(&Report {
@@ -105,8 +123,33 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(Outcome::Fine)
 }
 
-fn explain(plan: &Plan, steps: &[Step]) -> Result<Explained, Failure> {
+/// What drawing the scene tells.
+fn measured(args: &Args) -> Result<Facts, Failure> {
+    let scene = args.shader.scene()?;
+    let choice = args
+        .adapter
+        .clone()
+        .map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    let gpu = Gpu::new(&choice)?;
+    let form = ShaderForm::Text;
+    let mut facts = measure::facts(&gpu, &scene, form, measure::counting)?;
+    facts.frequencies = measure::frequencies(&gpu, &scene, form, &mut |_| {})?;
+    Ok(facts)
+}
+
+fn explain(plan: &Plan, steps: &[Step], facts: &Facts) -> Result<Explained, Failure> {
+    let mut frequencies: Vec<Frequency> = facts
+        .frequencies
+        .iter()
+        .filter(|f| f.material == plan.material)
+        .cloned()
+        .collect();
+    frequencies.sort_by(|a, b| {
+        let key = |f: &Frequency| f.flip_mean / f.cost.max(1.0);
+        key(a).total_cmp(&key(b)).then(b.cost.total_cmp(&a.cost))
+    });
     Ok(Explained {
+        frequencies,
         material: plan.material.clone(),
         stages: stages(plan),
         passes: steps
@@ -116,11 +159,8 @@ fn explain(plan: &Plan, steps: &[Step]) -> Result<Explained, Failure> {
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
-                let sites = pass.sites(
-                    plan,
-                    &Facts::default(),
-                    &serde_json::Value::Object(step.params.clone()),
-                )?;
+                let sites =
+                    pass.sites(plan, facts, &serde_json::Value::Object(step.params.clone()))?;
                 Ok(PassExplained {
                     pass: step.to_string(),
                     summary: info.summary,
@@ -195,10 +235,55 @@ fn print(explained: &Explained, plan: &Plan) -> String {
         for r in &p.sites.refusals {
             lines.push(indent(&refusal(r, plan)));
         }
+        lines.extend(left(&p.sites.left));
         lines.push(format!("  source: {}", p.source));
+    }
+    if !explained.frequencies.is_empty() {
+        lines.push(
+            "\nvalues that might be interpolated, by error against saved cost\n  \
+             saved ops  FLIP mean   max abs  NaN px  value"
+                .to_owned(),
+        );
+        for f in &explained.frequencies {
+            let place = f.location.as_ref().map_or(String::new(), |l| {
+                format!(" ({}:{}:{})", l.file, l.line, l.column)
+            });
+            lines.push(format!(
+                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  `{}`{place}",
+                f.cost, f.flip_mean, f.max_abs, f.nan_pixels, f.name
+            ));
+        }
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// Most values told of that stayed: the dearest.
+const MOST_LEFT: usize = 8;
+
+/// What a pass left where it was, in a line each.
+fn left(left: &[Left]) -> Vec<String> {
+    let mut lines: Vec<String> = left
+        .iter()
+        .take(MOST_LEFT)
+        .map(|l| {
+            let line = l
+                .location
+                .as_ref()
+                .map_or(String::new(), |l| format!("line {}, ", l.line));
+            format!(
+                "  `{}` ({line}{:.0} ops) stays: {}",
+                l.name, l.cost, l.reason
+            )
+        })
+        .collect();
+    if left.len() > MOST_LEFT {
+        lines.push(format!(
+            "  and {} more stay (--format json lists them)",
+            left.len() - MOST_LEFT
+        ));
+    }
+    lines
 }
 
 fn indent(text: &str) -> String {

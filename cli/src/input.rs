@@ -301,6 +301,24 @@ impl ShaderArgs {
         }
     }
 
+    /// The scene, or one made up for a shader.
+    pub fn scene(&self) -> Result<scene::Scene, Failure> {
+        match self.input()? {
+            Input::Scene(_) if self.name.is_some() => Err(Failure(
+                "error: --name is for a shader: all materials of a scene are drawn".to_owned(),
+            )),
+            Input::Scene(scene) => Ok(scene),
+            Input::Shader(parsed, state) => {
+                let mut scene = scene::synthesise(parsed, state);
+                if let (Some(name), Some(material)) = (&self.name, scene.materials.first_mut()) {
+                    scene.name.clone_from(name);
+                    material.name.clone_from(name);
+                }
+                Ok(scene)
+            }
+        }
+    }
+
     /// Whether a scene is given, and not a shader.
     pub fn is_scene(&self) -> bool {
         self.scene_file().is_some()

@@ -27,7 +27,7 @@ it. `preshade passes` lists the passes. A target that cannot say what a material
 stderr with its reason; the other targets are written, plan.json names those alone, and the exit
 status is 2. Files are written whole or not at all.")]
 pub struct Args {
-    /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane` and so on.
+    /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
     /// What to write, separated by commas; `plan.json` comes with it.

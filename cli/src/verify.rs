@@ -12,7 +12,7 @@ use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
 use preshade::scene::{self, DrawOrder, Scene};
 
-use crate::input::{Input, ShaderArgs};
+use crate::input::ShaderArgs;
 use crate::output;
 use crate::{Failure, Format, Outcome};
 
@@ -21,7 +21,7 @@ use crate::{Failure, Format, Outcome};
 #[command(after_help = "\
 Examples:
   preshade verify scene.toml
-  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane --out report/
+  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
@@ -170,12 +170,13 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         FormArg::Ir => ShaderForm::Ir,
     };
     bar.set_message("looking for depth ties");
-    let facts = measure::facts(&gpu, &scene, form, measure::counting).unwrap_or_else(|e| {
+    let mut facts = measure::facts(&gpu, &scene, form, measure::counting).unwrap_or_else(|e| {
         bar.suspend(|| {
             output::message(&format!("warning: depth ties were not measured: {e}"));
         });
         Facts::default()
     });
+    let recipes = choose(&gpu, &scene, form, recipes, &mut facts, &bar)?;
     let originals = measure::originals(&scene);
     let variants: Vec<_> = recipes
         .iter()
@@ -227,6 +228,34 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     } else {
         Outcome::Fine
     })
+}
+
+/// Recipes whose choices are left to measurement, chosen.
+fn choose(
+    gpu: &Gpu,
+    scene: &Scene,
+    form: ShaderForm,
+    recipes: Vec<Recipe>,
+    facts: &mut Facts,
+    bar: &ProgressBar,
+) -> Result<Vec<Recipe>, Failure> {
+    if !recipes.iter().any(measure::leaves_a_choice) {
+        return Ok(recipes);
+    }
+    bar.set_message("measuring what can be interpolated");
+    facts.frequencies = measure::frequencies(gpu, scene, form, &mut |done| {
+        bar.set_position((done * 1000.0) as u64);
+    })?;
+    recipes
+        .into_iter()
+        .map(|recipe| {
+            bar.set_message(format!("choosing within the budget of {recipe}"));
+            match measure::leaves_a_choice(&recipe) {
+                true => Ok(measure::within_budget(gpu, scene, &recipe, facts, form)?),
+                false => Ok(recipe),
+            }
+        })
+        .collect()
 }
 
 /// Whether `dir` is a folder that can be written to, or can become one: before anything is drawn, so that a slip costs no minute. Nothing is left
@@ -294,22 +323,7 @@ fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {
 
 /// The scene asked for, under the set-up asked for.
 fn scene(args: &Args) -> Result<Scene, Failure> {
-    let mut scene = match args.shader.input()? {
-        Input::Scene(_) if args.shader.name.is_some() => {
-            return Err(Failure(
-                "error: --name is for a shader: all materials of a scene are drawn".to_owned(),
-            ));
-        }
-        Input::Scene(scene) => scene,
-        Input::Shader(parsed, state) => {
-            let mut scene = scene::synthesise(parsed, state);
-            if let (Some(name), Some(material)) = (&args.shader.name, scene.materials.first_mut()) {
-                scene.name.clone_from(name);
-                material.name.clone_from(name);
-            }
-            scene
-        }
-    };
+    let mut scene = args.shader.scene()?;
     if let Some(size) = args.size {
         scene = scene.resized(size);
     }

@@ -19,6 +19,8 @@ pub enum Assumption {
     InvariantOriginal,
     /// The discard or depth slice gives the same answer in both passes.
     InvariantDiscard,
+    /// Alpha to coverage makes the same mask of the same alpha at the same pixel, in every pass. The languages leave the mask to the implementation.
+    SameAlphaCoverage,
     /// All passes of a frame use one viewport and one jitter.
     SameViewport,
     /// Opaque draws come in one order in every pass in which order decides.

@@ -1,20 +1,21 @@
 //! The depth-only version of a material: the slice of its vertex stage that decides position, and the slice of its fragment stage that decides
-//! discard and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
+//! coverage and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
 
 use naga::{
-    AddressSpace, BinaryOperator, Binding, Expression, Function, GlobalVariable, Handle, Literal,
-    Module, ShaderStage, Span, Type,
+    AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, Function, GlobalVariable, Handle,
+    Literal, Module, ShaderStage, Span, Type, TypeInner,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::{Assumption, Contract};
+use crate::coverage;
 use crate::opaque::Opaque;
 use crate::pass::{Refusal, Site, SiteCost, SiteKey};
 use crate::place::{self, PositionInvariance};
 use crate::plan::{Draws, GpuPass, Phase, Plan, Role, SelfTest};
 use crate::reflect;
-use crate::returns;
+use crate::returns::{self, Emitter};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 use crate::state::{CompareFunction, DepthState};
 
@@ -102,17 +103,8 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
     let graph = &opaque.graph;
     let fragment = opaque
         .fragment
-        .filter(|_| opaque.decides_depth())
-        .map(|entry| {
-            slice::backward(
-                graph,
-                entry,
-                &[
-                    Criterion::Discard,
-                    Criterion::Output(OutputFilter::FragDepth),
-                ],
-            )
-        });
+        .filter(|_| opaque.decides.anything())
+        .map(|entry| opaque.decides.slice(graph, entry));
     let vertex = match stage {
         VertexStage::Same => None,
         VertexStage::Sliced => {
@@ -169,7 +161,6 @@ impl DepthOnly {
             what,
             location: self.span.and_then(|s| opaque.program.sources().locate(s)),
             cost: self.cost,
-            left: Vec::new(),
         }
     }
 
@@ -216,12 +207,8 @@ impl DepthOnly {
                 suffix,
                 PositionInvariance::AsWritten,
             );
-            if let (Some(bias), true, Some(entry)) = (
-                shader_bias,
-                opaque.writes_depth,
-                module.entry_points.last_mut(),
-            ) {
-                bias_depth(&mut entry.function, bias);
+            if let (Some(bias), true) = (shader_bias, opaque.decides.depth) {
+                bias_depth(&mut module, bias);
             }
             name
         });
@@ -318,20 +305,49 @@ pub enum Argument {
     Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
 }
 
-/// Adds `bias` to every depth that a fragment function returns.
-fn bias_depth(function: &mut Function, bias: f32) {
-    returns::rewrite(function, &mut |emitter, value| {
+/// Adds `bias` to every depth that the last entry point of `module` returns, alone or in a struct.
+fn bias_depth(module: &mut Module, bias: f32) {
+    let Some(entry) = module.entry_points.last_mut() else {
+        return;
+    };
+    let Some(result) = entry.function.result.clone() else {
+        return;
+    };
+    let members = match &module.types[result.ty].inner {
+        TypeInner::Struct { members, .. } => Some(members),
+        _ => None,
+    };
+    returns::rewrite(&mut entry.function, &mut |emitter, value| {
         let value = value?;
         let bias = emitter.constant(Expression::Literal(Literal::F32(bias)));
-        Some(emitter.emit(Expression::Binary {
-            op: BinaryOperator::Add,
-            left: value,
-            right: bias,
+        let pushed = |emitter: &mut Emitter<'_>, depth| {
+            emitter.emit(Expression::Binary {
+                op: BinaryOperator::Add,
+                left: depth,
+                right: bias,
+            })
+        };
+        let Some(members) = members else {
+            return Some(pushed(emitter, value));
+        };
+        let components = (0..)
+            .zip(members)
+            .map(|(index, member)| {
+                let part = emitter.emit(Expression::AccessIndex { base: value, index });
+                match member.binding {
+                    Some(Binding::BuiltIn(BuiltIn::FragDepth)) => pushed(emitter, part),
+                    _ => part,
+                }
+            })
+            .collect();
+        Some(emitter.emit(Expression::Compose {
+            ty: result.ty,
+            components,
         }))
     });
 }
 
-/// Adds a depth-only GPU pass to a plan, ahead of the main pass. `program` is the key of a program that is already in the plan.
+/// Adds a depth-only GPU pass to a plan, ahead of the main pass; under alpha to coverage it has the main pass's colour targets and writes nothing of them. `program` is the key of a program that is already in the plan.
 pub fn insert(
     plan: &mut Plan,
     main: &GpuPass,
@@ -348,7 +364,7 @@ pub fn insert(
         vertex: placed.vertex.clone(),
         fragment: placed.fragment.clone(),
         depth: Some(depth),
-        targets: Vec::new(),
+        targets: coverage::targets(main),
         bindings: Vec::new(),
         attributes: Vec::new(),
         draws: Draws::Opaque,

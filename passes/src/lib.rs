@@ -14,6 +14,7 @@
 
 pub mod contract;
 pub mod count;
+pub mod coverage;
 pub mod depth_only;
 pub mod depth_prepass;
 pub mod early_discard;

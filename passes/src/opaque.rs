@@ -5,6 +5,8 @@
 
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
 
+use crate::contract::Assumption;
+use crate::coverage::{self, Decides};
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::pass::{Facts, Refusal, Sites};
@@ -30,16 +32,21 @@ pub struct Opaque<'a> {
     pub vertex: usize,
     /// Index of the fragment entry point.
     pub fragment: Option<usize>,
-    /// The fragment stage may discard.
-    pub discards: bool,
-    /// The fragment stage writes depth.
-    pub writes_depth: bool,
+    /// How the fragment stage decides coverage and depth.
+    pub decides: Decides,
 }
 
 impl<'a> Opaque<'a> {
-    /// Whether the fragment stage decides coverage or depth, so that a depth-only pass needs a slice of it.
-    pub fn decides_depth(&self) -> bool {
-        self.discards || self.writes_depth
+    /// What a promise rests on where the fragment stage decides coverage or depth in two passes.
+    pub fn coverage_assumptions(&self) -> Vec<Assumption> {
+        let mut given = Vec::new();
+        if self.decides.anything() {
+            given.push(Assumption::InvariantDiscard);
+        }
+        if self.decides.alpha {
+            given.push(Assumption::SameAlphaCoverage);
+        }
+        given
     }
 
     /// Whether the author marked the position `@invariant`.
@@ -158,8 +165,7 @@ impl<'a> Opaque<'a> {
                 .at(program.sources(), span),
             );
         }
-        let mut discards = false;
-        let mut writes_depth = false;
+        let mut decides = Decides::default();
         if let Some((index, entry)) = fragment {
             if let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES) {
                 refusals.push(
@@ -171,12 +177,8 @@ impl<'a> Opaque<'a> {
                     .at(program.sources(), span),
                 );
             }
-            discards = graph.may_discard(FunctionId::EntryPoint(index));
-            let outputs = reflect::outputs(program.module(), &entry.function);
-            writes_depth = outputs
-                .iter()
-                .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::FragDepth)));
-            if outputs
+            decides = Decides::of(&graph, program, index, pass);
+            if reflect::outputs(program.module(), &entry.function)
                 .iter()
                 .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::SampleMask)))
             {
@@ -186,7 +188,9 @@ impl<'a> Opaque<'a> {
                     "decide coverage by discard",
                 ));
             }
-            if entry.early_depth_test == Some(EarlyDepthTest::Force) && (discards || writes_depth) {
+            if entry.early_depth_test == Some(EarlyDepthTest::Force)
+                && (decides.discards || decides.depth)
+            {
                 refusals.push(refuse(
                     "forced-early-test",
                     "the fragment stage forces the early depth test and discards: a discarded fragment still writes depth, which no slice reproduces",
@@ -194,12 +198,10 @@ impl<'a> Opaque<'a> {
                 ));
             }
         }
-        if pass.multisample.alpha_to_coverage {
-            refusals.push(refuse(
-                "alpha-to-coverage",
-                "coverage comes from the alpha of the first colour target, so a depth-only pass would cover more than the main pass",
-                "test alpha by discard, or leave alpha-to-coverage off",
-            ));
+        if let Some((reason, remedy)) =
+            coverage::refuse_alpha(program, fragment.map(|(i, _)| i), pass)
+        {
+            refusals.push(refuse("alpha-to-coverage", &reason, remedy));
         }
         match (depth_and_direction, vertex) {
             (Some((depth, direction)), Some((vertex, _))) if refusals.is_empty() => Ok(Self {
@@ -210,8 +212,7 @@ impl<'a> Opaque<'a> {
                 direction,
                 vertex,
                 fragment: fragment.map(|(i, _)| i),
-                discards,
-                writes_depth,
+                decides,
             }),
             (_, None) => {
                 refusals.push(refuse(
@@ -293,7 +294,7 @@ pub fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Re
 /// Sites of a transform that does not apply.
 pub fn refused(refusals: Vec<Refusal>) -> Sites {
     Sites {
-        sites: Vec::new(),
         refusals,
+        ..Sites::default()
     }
 }

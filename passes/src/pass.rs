@@ -45,9 +45,6 @@ pub struct Site {
     pub location: Option<Location>,
     /// Static cost of the slice and of what it is sliced from.
     pub cost: SiteCost,
-    /// What the pass might have taken along and did not, and why.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub left: Vec<Left>,
 }
 
 /// Something that a pass left where it was.
@@ -135,6 +132,9 @@ pub struct Sites {
     pub sites: Vec<Site>,
     /// Why it does not apply elsewhere.
     pub refusals: Vec<Refusal>,
+    /// What the pass might have taken along and did not, the dearest first, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left: Vec<Left>,
 }
 
 /// Measured evidence as plain data. A pass reads it, never gathers it.
@@ -151,6 +151,32 @@ pub struct Facts {
     /// Vertices shaded for each fragment shaded, over every camera measured.
     #[serde(default)]
     pub vertices_per_fragment: Option<f64>,
+    /// What carrying each value of a fragment stage alone does to the picture.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frequencies: Vec<Frequency>,
+}
+
+/// How well one value of a fragment stage is interpolated: the worst of the pictures that were drawn with it, and it alone, carried from the vertices.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Frequency {
+    /// Name of the material.
+    pub material: String,
+    /// The value: [`crate::hoist::Candidate::id`].
+    pub value: String,
+    /// The author's name for it, or what it is.
+    pub name: String,
+    /// Static cost that carrying it would save a fragment, transport apart.
+    pub cost: f64,
+    /// Largest difference of a colour channel at the output.
+    pub max_abs: f64,
+    /// Mean of FLIP over the picture.
+    pub flip_mean: f64,
+    /// Its 99th percentile.
+    pub flip_p99: f64,
+    /// Pixels that are NaN or infinite with it and were not without.
+    pub nan_pixels: u64,
+    /// Where it is in the author's source.
+    pub location: Option<Location>,
 }
 
 impl Facts {

@@ -53,7 +53,7 @@ impl Pass for Shadow {
     };
 
     fn sites(plan: &Plan, _facts: &Facts, _params: &Params) -> Sites {
-        let opaque = match Opaque::examine(plan, Self::INFO.name) {
+        let opaque = match check(plan) {
             Ok(o) => o,
             Err(refusals) => return opaque::refused(refusals),
         };
@@ -63,7 +63,7 @@ impl Pass for Shadow {
                 &opaque,
                 "depth-only vertex and fragment stage for a light's view".to_owned(),
             )],
-            refusals: Vec::new(),
+            ..Sites::default()
         }
     }
 
@@ -73,7 +73,7 @@ impl Pass for Shadow {
         site: &SiteKey,
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
-        let opaque = Opaque::examine(plan, Self::INFO.name).map_err(depth_only::first)?;
+        let opaque = check(plan).map_err(depth_only::first)?;
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
         slice.expect(&opaque, site, Self::INFO.name)?;
         let mut next = plan.clone();
@@ -117,6 +117,20 @@ impl Pass for Shadow {
         }
         Ok(next)
     }
+}
+
+/// A light's view has its own sample count and no colour, so that alpha to coverage has no place there.
+fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
+    let opaque = Opaque::examine(plan, Shadow::INFO.name)?;
+    if opaque.decides.alpha {
+        return Err(vec![Refusal::new(
+            Shadow::INFO.name,
+            "alpha-to-coverage",
+            "coverage comes from alpha, sample by sample, and a shadow map has one sample and no colour target to take alpha from",
+            "test alpha by discard",
+        )]);
+    }
+    Ok(opaque)
 }
 
 /// Uniforms of a program whose name, or a member's, says camera, view, eye or projection, and members of such a variable or struct that say where it

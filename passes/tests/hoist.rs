@@ -227,7 +227,7 @@ proptest! {
 
 #[test]
 fn random_shaders_are_hoisted_often_enough_to_count() {
-    let hoisted = (0..60_u32)
+    let hoisted = (0..120_u32)
         .filter(|i| {
             let bytes: Vec<u8> = (0..200_u32)
                 .map(|j| (i.wrapping_mul(7919).wrapping_add(j * j * 31) >> 3) as u8)
@@ -235,5 +235,206 @@ fn random_shaders_are_hoisted_often_enough_to_count() {
             the_same_at_vertices(&bytes, &[*i, i * 77 + 5])
         })
         .count();
-    assert!(hoisted >= 15, "only {hoisted} of 60");
+    assert!(hoisted >= 15, "only {hoisted} of 120");
+}
+
+/// A material around a fragment body. The vertex stage gives a position in the world, a normal, texture coordinates and a flat number.
+fn material(globals: &str, body: &str) -> String {
+    format!(
+        "
+struct Scene {{ clip: mat4x4<f32>, view: mat4x4<f32>, camera: vec3<f32>, time: f32, tint: vec4<f32> }}
+@group(0) @binding(0) var<uniform> scene: Scene;
+@group(0) @binding(1) var map: texture_2d<f32>;
+@group(0) @binding(2) var map_sampler: sampler;
+struct Varyings {{
+    @builtin(position) position: vec4<f32>,
+    @location(0) world: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) uv: vec2<f32>,
+    @location(3) @interpolate(flat) layer: f32,
+}}
+{globals}
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32>, @location(3) layer: f32) -> Varyings {{
+    let bent = sin(position * 3.0) * cos(normal);
+    return Varyings(scene.clip * vec4(position, 1.0), position + bent, normal, uv, layer);
+}}
+@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
+{body}
+}}
+"
+    )
+}
+
+/// Why a named value stayed.
+fn left(plan: &Plan, params: &Params, name: &str) -> String {
+    let found = sites(plan, params);
+    let left = found.left.iter().find(|l| l.name == name);
+    left.unwrap_or_else(|| panic!("nothing is said of `{name}`: {found:#?}"))
+        .reason
+        .clone()
+}
+
+#[test]
+fn work_on_uniforms_alone_is_carried_flat_and_exact() {
+    let source = material(
+        "",
+        "let glow = pow(sin(scene.tint) * cos(scene.time), vec4(2.5));
+    return glow * textureSample(map, map_sampler, in.uv);",
+    );
+    let (plan, text) = hoisted(&source, &Params::default());
+    insta::assert_snapshot!(text);
+    assert_eq!(plan.contract.kind(), "exact");
+}
+
+#[test]
+fn affine_work_is_carried_under_rounding() {
+    let source = material(
+        "",
+        "let local = scene.view * vec4(in.world, 1.0);
+    return vec4(exp(-local.z * 0.1)) * scene.tint;",
+    );
+    let (plan, text) = hoisted(&source, &Params::default());
+    insta::assert_snapshot!(text);
+    assert_eq!(plan.contract.kind(), "rounding");
+}
+
+#[test]
+fn affine_work_that_reaches_a_jump_needs_a_budget() {
+    let source = material(
+        "",
+        "let local = scene.view * vec4(in.world, 1.0);
+    return vec4(fract(local.z) + floor(local.x));",
+    );
+    assert!(
+        sites(&original(&source), &Params::default())
+            .sites
+            .is_empty()
+    );
+    let (plan, _) = hoisted(&source, &budget());
+    assert_eq!(plan.contract.kind(), "approximate");
+}
+
+/// The open example of Mesa's `nir_opt_varyings`, from text to text: three inputs of which two sums are needed.
+#[test]
+fn three_inputs_are_carried_as_two_sums() {
+    let source = "
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) a: vec4<f32>, @location(1) b: vec4<f32>, @location(2) c: vec4<f32> }
+@vertex fn vs(@location(0) a: vec4<f32>, @location(1) b: vec4<f32>, @location(2) c: vec4<f32>) -> Varyings { return Varyings(a, a, b, c); }
+@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
+    let first = in.a + in.b;
+    let second = in.b + in.c;
+    return first * first + second * second;
+}
+";
+    let (_, text) = hoisted(source, &Params::default());
+    let fragment = &text[text.find("@fragment").unwrap()..];
+    assert_eq!(fragment.matches("@location").count(), 2 + 1, "{fragment}");
+    assert!(fragment.contains("first") && fragment.contains("second"));
+}
+
+#[test]
+fn a_cut_inside_a_function_copies_it_for_that_call_alone() {
+    let source = material(
+        "fn sheen(n: vec3<f32>, v: vec3<f32>, base: vec3<f32>) -> vec3<f32> {
+    let rim = pow(clamp(1.0 - dot(n, v), 0.01, 1.0), 4.0) * sin(n.x * 4.0) * cos(n.y * 3.0);
+    return base * rim + base * base;
+}",
+        "let base = textureSample(map, map_sampler, in.uv).xyz;
+    let smooth_one = sheen(in.normal, scene.camera - in.world, base);
+    let mapped = sheen(base, in.world, base);
+    return vec4(smooth_one + mapped, 1.0);",
+    );
+    let (_, text) = hoisted(&source, &budget());
+    insta::assert_snapshot!(text);
+}
+
+#[test]
+fn varyings_that_nobody_reads_go_with_the_work_behind_them() {
+    let source = material(
+        "",
+        "let a = sin(in.normal * 2.0) * cos(in.normal);\n    return vec4(a, 1.0);",
+    );
+    let (plan, text) = hoisted(&source, &budget());
+    let main = plan.main().unwrap();
+    let read: Vec<u32> = main.attributes.iter().map(|a| a.location).collect();
+    assert_eq!(read, [0, 1], "{text}");
+    assert!(!text.contains("bent"), "{text}");
+}
+
+#[test]
+fn what_stays_says_why() {
+    let source = material(
+        "",
+        "let slope = dpdx(in.uv.x) * 8.0 + sin(dpdy(in.uv.y));
+    let texel = textureSample(map, map_sampler, in.uv);
+    let mixed = sin(in.layer * in.world.x) * cos(in.layer);
+    let cell = floor(in.world * 3.0);
+    let unit = normalize(in.normal);
+    var lit = 0.0;
+    if texel.x > 0.5 { let inside = sin(in.world.y) * cos(in.world.z); lit = inside; }
+    for (var i = 0; i < 3; i++) { let turn = sin(in.world.x * f32(i)); lit += turn; }
+    return vec4(unit * slope + cell * mixed, lit) * texel;",
+    );
+    let plan = original(&source);
+    let params = Params {
+        budget: Some(0.01),
+        ..Params::default()
+    };
+    let said: Vec<String> = ["slope", "texel", "mixed", "cell", "unit", "inside", "turn"]
+        .map(|name| format!("{name}: {}", left(&plan, &params, name)))
+        .to_vec();
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn more_values_than_varyings_are_packed_or_left() {
+    use std::fmt::Write as _;
+    let mut body = String::from("var sum = vec4(0.0);\n");
+    for i in 0..24 {
+        writeln!(
+            body,
+            "    let v{i}_ = sin(in.world.x * {i}.5) * cos(in.world.y * {i}.25) * sin(in.world.z + {i}.0);
+    sum += textureSampleLevel(map, map_sampler, vec2(v{i}_, fwidth(in.uv.x)), 0.0);"
+        )
+        .unwrap();
+    }
+    body.push_str("    return sum;");
+    let (plan, text) = hoisted(&material("", &body), &budget());
+    let main = plan.main().unwrap();
+    let (_, entry) = plan
+        .program(main)
+        .unwrap()
+        .entry_point(ShaderStage::Fragment, "fs")
+        .unwrap();
+    let varyings = reflect::inputs(plan.program(main).unwrap().module(), &entry.function)
+        .iter()
+        .filter(|io| matches!(io.binding, Some(Binding::Location { .. })))
+        .count();
+    assert!((2..=16).contains(&varyings), "{varyings}\n{text}");
+    assert!(text.contains("packed_a: vec4<f32>"), "{text}");
+}
+
+#[test]
+fn refusals_are_told_by_code() {
+    let stores = material(
+        "@group(1) @binding(0) var<storage, read_write> seen: array<u32>;",
+        "seen[0] = 1u; return vec4(sin(in.world), 1.0);",
+    );
+    let code =
+        |source: &str, params: &Params| sites(&original(source), params).refusals[0].code.clone();
+    assert_eq!(code(&stores, &budget()), "fragment-stores");
+    let plain = material("", "return vec4(in.world, 1.0);");
+    assert_eq!(code(&plain, &budget()), "nothing-pays");
+    let unbudgeted = Params {
+        allow: Some(preshade_passes::hoist::Allow::Approximate),
+        ..Params::default()
+    };
+    assert_eq!(code(&plain, &unbudgeted), "no-budget");
+    for budget in [0.0, -1.0, 1.5, f64::NAN] {
+        let params = Params {
+            budget: Some(budget),
+            ..Params::default()
+        };
+        assert_eq!(code(&plain, &params), "budget");
+    }
 }

@@ -296,6 +296,49 @@ fn a_slice_of_everything_is_whole_and_reuses_every_function() {
     common::validated(&program, placed);
 }
 
+fn alpha(source: &str) -> String {
+    common::wgsl(&sliced(
+        &common::program(source),
+        ShaderStage::Fragment,
+        "fs",
+        &[Criterion::Component(OutputFilter::Location(0), 3)],
+    ))
+}
+
+#[test]
+fn an_alpha_slice_computes_no_colour() {
+    for body in [
+        "return vec4(color(x), x.w * 2.0);",
+        "let c = vec4(color(x), x.w); return c * vec4(vec3(2.0), 2.0);",
+        "var c = vec4(color(x), x.w); c.a = c.a * 2.0; return c;",
+        "var c: vec4<f32>; c = vec4(color(x), x.w); return mix(c, -c, 0.5);",
+        "return select(vec4(color(x), 1.0), vec4(x.w), vec4<bool>(true, false, true, x.w > 0.5));",
+        "return vec4(vec4(color(x), x.w).wwwx.ab, vec4(color(x), x.w).xw).xyzw;",
+    ] {
+        let text = alpha(&format!(
+            "fn color(x: vec4<f32>) -> vec3<f32> {{ return sin(x.xyz); }}
+            @fragment fn fs(@location(0) x: vec4<f32>) -> @location(0) vec4<f32> {{ {body} }}"
+        ));
+        assert!(!text.contains("sin("), "{body}\n{text}");
+        assert!(text.contains("x.w"), "{body}\n{text}");
+    }
+}
+
+#[test]
+fn an_alpha_slice_keeps_what_mixes_components() {
+    for body in [
+        "return normalize(vec4(sin(x.x), x.yzw));",
+        "return mat4x4(x, x, x, x) * vec4(sin(x.x), x.yzw);",
+        "return vec4(sin(x.x), x.yzw).wzyx;",
+        "var c = vec4(sin(x.x), x.yzw); c[u32(x.y)] = 1.0; return c.wzyx;",
+    ] {
+        let text = alpha(&format!(
+            "@fragment fn fs(@location(0) x: vec4<f32>) -> @location(0) vec4<f32> {{ {body} }}"
+        ));
+        assert!(text.contains("sin("), "{body}\n{text}");
+    }
+}
+
 #[test]
 fn the_hash_does_not_see_names_or_unrelated_code() {
     let hash = |source: &str| {

@@ -9,10 +9,13 @@ use naga::{
     Expression, Function, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage,
     TypeInner,
 };
+use preshade_passes::contract::Contract;
+use preshade_passes::early_discard;
+use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
 use super::overrides::{self, Settled};
-use super::plan_json::{GlslBlock, GlslTexture, StageFile};
+use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
 use super::{ClipSpace, Error, Options, Target};
 
 /// The text, and what `plan.json` says of it. `name` is the file's.
@@ -94,6 +97,20 @@ pub(super) fn write(
     said.textures.sort_by(|a, b| a.name.cmp(&b.name));
     said.blocks.sort_by_key(|b| b.binding);
     Ok((text, said))
+}
+
+/// GLSL ES 3.00 has one flavour of derivative, which may be coarse, and naga writes it for the fine ones without a word. The vote of `early-discard` rests on fine
+/// ones: with a coarse one three lanes of a quad may leave over the head of the fourth, whose derivatives are then undefined.
+pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
+    early_discard::vote_shields_derivatives(plan).then(|| Form {
+        contract: plan.contract.clone().and(Contract::Approximate {
+            metric: "max_abs".to_owned(),
+            budget: 1.0,
+        }),
+        why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss one of its lanes and spoil that lane's level of detail: nothing is promised. Take \
+              early-discard:quad=lane with a budget, or measure"
+            .to_owned(),
+    })
 }
 
 /// Slots for `layout(binding = ..)`: OpenGL numbers uniform blocks, storage blocks, textures and images apart, each from 0, in the order of group and

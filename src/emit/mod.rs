@@ -45,7 +45,7 @@ use serde::{Deserialize, Serialize};
 use crate::front::guard;
 
 pub use output::write;
-pub use plan_json::{GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
+pub use plan_json::{Form, GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
 
 /// A form to write programs in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -275,6 +275,18 @@ fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
         };
     }
     all
+}
+
+/// What a target's files promise, where the language makes that less than the plan does.
+fn weaker_form(plan: &Plan, target: Target) -> Option<Form> {
+    match target {
+        #[cfg(feature = "glsl")]
+        Target::GlslEs300 => glsl::without_fine_derivatives(plan),
+        _ => {
+            let _ = plan;
+            None
+        }
+    }
 }
 
 type Emitted = (File, Vec<(Written, StageFile)>);

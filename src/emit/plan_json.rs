@@ -1,8 +1,9 @@
 //! `MATERIAL.plan.json`: the plan's own data, and which file and entry point each pass takes in each target.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
+use preshade_passes::contract::Contract;
 use preshade_passes::plan::Plan;
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,18 @@ pub struct PlanFile {
     pub plan: Plan,
     /// Files by pass, in the order of the plan's passes.
     pub files: Vec<PassFiles>,
+    /// The forms that promise less than the plan's `contract`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub forms: BTreeMap<Target, Form>,
+}
+
+/// What an emitted form promises, where that is less than its plan does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Form {
+    /// The promise in this form.
+    pub contract: Contract,
+    /// What the language cannot say, and what would help.
+    pub why: String,
 }
 
 /// Where a pass's stages are.
@@ -105,9 +118,15 @@ pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), St
             ),
         })
         .collect();
+    let targets: BTreeSet<Target> = written.keys().map(|(_, _, target)| *target).collect();
+    let forms = targets
+        .into_iter()
+        .filter_map(|target| Some((target, super::weaker_form(plan, target)?)))
+        .collect();
     let content = PlanFile {
         plan: plan.clone(),
         files,
+        forms,
     };
     // A plan is plain data: strings, numbers and lists, all with string keys. Serialising it cannot fail.
     let mut bytes = serde_json::to_vec_pretty(&content).unwrap_or_default();

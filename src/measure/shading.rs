@@ -22,7 +22,7 @@ use crate::scene::{DrawOrder, Frame, Scene};
 pub enum CountProgram {
     /// Every fragment that passes the depth test counts. Right for a material that neither discards nor writes depth.
     Constant,
-    /// A program whose fragment stage keeps the pass's discards and depth output and returns 1 otherwise, at location 0.
+    /// A program whose fragment stage keeps the pass's discards, its depth output and the alpha of its coverage, and returns 1 otherwise, at location 0.
     Sliced {
         /// Both stages.
         program: Program,
@@ -93,7 +93,7 @@ impl<'a> Counter<'a> {
         form: ShaderForm,
         count: impl Fn(&Plan, &GpuPass) -> CountProgram,
     ) -> Result<Self, Error> {
-        let format = count_format(inputs.gpu());
+        let format = count_format(inputs.gpu(), plans);
         let plans = plans
             .iter()
             .map(|plan| Ok(every_late_fragment(counting_plan(plan, format, &count)?)))
@@ -113,7 +113,7 @@ impl<'a> Counter<'a> {
         discarded: Discarded,
         count: impl Fn(&Plan, &GpuPass) -> CountProgram,
     ) -> Result<Self, Error> {
-        let format = count_format(inputs.gpu());
+        let format = count_format(inputs.gpu(), plans);
         let plans = plans
             .iter()
             .map(|original| {
@@ -166,7 +166,9 @@ impl<'a> Counter<'a> {
         let settings = FrameSettings {
             clear_color: [0.0; 4],
         };
-        Ok(Self(Prepared::new(inputs, &variant, &settings)?))
+        Ok(Self(
+            Prepared::new(inputs, &variant, &settings)?.keeping_samples(),
+        ))
     }
 
     /// Counts in one frame. Uniforms are those last set by [`SceneInputs::set_frame`].
@@ -219,6 +221,7 @@ pub fn facts(
         undiscarded_depth_ties: ties(Discarded::Counted)?,
         near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
         vertices_per_fragment: vertices_per_fragment(&inputs, &plans, form, &count)?,
+        frequencies: Vec::new(),
     })
 }
 
@@ -282,8 +285,13 @@ pub enum Discarded {
     Counted,
 }
 
-/// A float format that additive blending is exact in: to 2^24 where the adapter blends 32-bit floats, else to 2^11.
-fn count_format(gpu: &Gpu) -> &'static str {
+/// A float format that additive blending is exact in: to 2^24 where the adapter blends 32-bit floats, else to 2^11. Alpha to coverage wants one with alpha,
+/// which has several samples a pixel at 16 bits only.
+fn count_format(gpu: &Gpu, plans: &[Plan]) -> &'static str {
+    let mut passes = plans.iter().flat_map(|p| &p.passes);
+    if passes.any(|p| p.multisample.alpha_to_coverage) {
+        return "rgba16float";
+    }
     match gpu.require("counting", "float32-blendable") {
         Ok(()) => "r32float",
         Err(_) => "r16float",
@@ -340,11 +348,17 @@ fn counting_plan(
             continue;
         }
         let mut pass = pass.clone();
-        // A pass for coverage alone keeps no colour target: alpha to coverage has none to take its alpha from.
-        pass.multisample.alpha_to_coverage = false;
+        // A pre-pass under alpha to coverage keeps a colour target, for its alpha's sake.
+        let covers = pass.multisample.alpha_to_coverage.then(|| {
+            Some(ColorTarget {
+                write_mask: 0,
+                ..ColorTarget::opaque(format)
+            })
+        });
         // A pre-pass that draws to an attachment of its own still does.
         let is_own = |t: &ColorTarget| t.attachment.is_some();
         pass.targets.retain(|t| t.as_ref().is_some_and(is_own));
+        pass.targets.extend(covers);
         if pass.role == Role::Main && pass.fragment.is_some() {
             let key = format!("count-{}", out.passes.len());
             let (program, vertex, fragment) = match count(plan, &pass) {

@@ -47,6 +47,8 @@ pub struct Prepared<'a> {
     targets: Targets,
     passes: Vec<PreparedPass>,
     clear_color: [f64; 4],
+    /// What becomes of the samples of a colour target once it is resolved.
+    resolved_samples: wgpu::StoreOp,
     creation: Duration,
     pipelines: usize,
 }
@@ -171,6 +173,8 @@ impl<'a> Prepared<'a> {
             pipelines: passes.iter().map(|p| p.pipelines.len()).sum(),
             passes,
             clear_color: settings.clear_color,
+            // What resolves is shown resolved: a host throws the samples away.
+            resolved_samples: wgpu::StoreOp::Discard,
             creation: start.elapsed(),
         };
         if let Some(frame) = scene.cameras.first().and_then(|c| c.frames.first()) {
@@ -313,6 +317,14 @@ impl<'a> Prepared<'a> {
         Ok(Rendered { colors, depth })
     }
 
+    /// The frame with every sample of its colour targets kept, to be read by [`Self::render_red`].
+    pub(crate) fn keeping_samples(self) -> Self {
+        Self {
+            resolved_samples: wgpu::StoreOp::Store,
+            ..self
+        }
+    }
+
     /// Draws the frame once and reads the red channel of every sample of colour target 0, which must be a float format.
     ///
     /// # Errors
@@ -381,9 +393,8 @@ impl<'a> Prepared<'a> {
                     resolve_target: target.resolved.as_ref().filter(|_| last).map(|(_, v)| v),
                     ops: ops(
                         wgpu::Color { r, g, b, a },
-                        // What resolves is shown resolved: a host throws the samples away.
                         match last && target.resolved.is_some() {
-                            true => wgpu::StoreOp::Discard,
+                            true => self.resolved_samples,
                             false => wgpu::StoreOp::Store,
                         },
                     ),

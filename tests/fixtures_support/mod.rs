@@ -8,7 +8,7 @@ use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 
 /// The recipes whose output is kept as snapshots and shown to other compilers.
-pub const RECIPES: [&str; 10] = [
+pub const RECIPES: [&str; 12] = [
     "depth-prepass",
     "depth-prepass:form=equal",
     "depth-prepass:form=equal,vertex=sliced",
@@ -17,8 +17,10 @@ pub const RECIPES: [&str; 10] = [
     "early-discard:texture=float",
     "early-discard:texture=float,attachment=readonly",
     "early-discard:texture=packed",
-    "early-discard:quad=lane",
+    "early-discard:quad=lane,budget=0.02",
     "early-discard:quad=lane,mode=invert",
+    "hoist",
+    "hoist:budget=0.02,finite=assumed",
 ];
 
 /// A material of one file or two, with the default state.

@@ -14,7 +14,7 @@ use crate::state::{DepthDirection, DepthFormat};
 pub const TEXTURE: &str = "prepass_depth";
 
 /// Name of the prologue's function in the emitted module.
-const HIDDEN: &str = "hidden_by_prepass";
+pub const HIDDEN: &str = "hidden_by_prepass";
 
 /// An offset past every file of a source map: our own text has no place in the author's.
 const NOWHERE: u32 = u32::MAX / 2;

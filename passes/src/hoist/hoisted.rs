@@ -254,9 +254,11 @@ fn is_direct(values: &Values<'_, '_>, wanted: &[Wanted]) -> bool {
     let f = values.function(0);
     let mut last = 0;
     let at_hand = wanted.iter().all(|w| {
-        let at = f.statements.evaluated_at(w.expression);
+        // The handles of another function's expressions mean nothing here.
+        let own = (w.context == 0).then_some(w.expression);
+        let at = own.and_then(|e| f.statements.evaluated_at(e));
         last = last.max(at.map_or(0, |at| at.index()));
-        w.context == 0 && at.is_some_and(|at| f.statements.get(at).parent.is_none())
+        at.is_some_and(|at| f.statements.get(at).parent.is_none())
     });
     at_hand
         && !f

@@ -159,7 +159,7 @@ fn from_varyings(
     for (index, slot) in slots.iter().enumerate() {
         let ty = build.ty(slot_type(slot));
         let binding = slot_binding(slot, ASIDE + index as u32);
-        let varying = build.argument(&slot_name(slot, wanted), ty, Some(binding));
+        let varying = build.argument(&slot_name(index, slot, wanted), ty, Some(binding));
         for (i, first) in &slot.parts {
             let value = match (width(&wanted[*i].inner), slot.width) {
                 (w, all) if w == all => varying,
@@ -222,14 +222,13 @@ pub fn slot_type(slot: &Slot) -> TypeInner {
     }
 }
 
-/// Name of a varying: of the value it holds, or of all of them.
-pub fn slot_name(slot: &Slot, wanted: &[Wanted]) -> String {
-    let names: Vec<&str> = slot
-        .parts
-        .iter()
-        .map(|(i, _)| wanted[*i].name.as_str())
-        .collect();
-    names.join("_")
+/// Name of a varying: of the value it holds, or that it holds several.
+pub fn slot_name(index: usize, slot: &Slot, wanted: &[Wanted]) -> String {
+    match slot.parts[..] {
+        [(one, _)] => wanted[one].name.clone(),
+        // Letters: a writer that keeps names apart by numbers would add its own to a digit.
+        _ => format!("packed_{}", char::from(b'a' + (index % 26) as u8)),
+    }
 }
 
 /// Location and interpolation of a varying.

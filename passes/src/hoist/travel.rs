@@ -66,6 +66,17 @@ pub enum Stays {
         /// The operation.
         operation: String,
     },
+    /// It is not one of those that were chosen.
+    NotChosen,
+    /// It was measured: the picture differs by more than is wanted.
+    Measured {
+        /// By how much, in the budget's metric.
+        error: String,
+    },
+    /// It was measured: there are pixels that are not finite.
+    MeasuredNotFinite,
+    /// It was not measured, though others were.
+    NotMeasured,
     /// It may be NaN or infinite at a vertex, and would spoil the whole triangle.
     MayNotBeFinite {
         /// The operation.
@@ -92,6 +103,12 @@ impl std::fmt::Display for Stays {
                     "`{operation}` jumps: interpolation would make up values between"
                 )
             }
+            Self::NotChosen => f.write_str("it is not among the chosen values"),
+            Self::Measured { error } => write!(f, "carried alone it makes an error of {error}"),
+            Self::MeasuredNotFinite => {
+                f.write_str("carried alone it makes pixels that are not finite")
+            }
+            Self::NotMeasured => f.write_str("carrying it was not measured"),
             Self::MayNotBeFinite { operation } => write!(
                 f,
                 "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole triangle"

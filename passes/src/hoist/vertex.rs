@@ -251,7 +251,7 @@ fn result_type(
             Span::UNDEFINED,
         );
         members.push(StructMember {
-            name: Some(slot_name(slot, outputs.wanted)),
+            name: Some(slot_name(index, slot, outputs.wanted)),
             ty,
             binding: Some(slot_binding(slot, outputs.locations[index])),
             offset: 0,

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use naga::{
-    Block, Expression, Function, Handle, LocalVariable, Module, Range, Span, Statement, SwitchCase,
-    Type, TypeInner,
+    Block, Expression, Function, Handle, Literal, LocalVariable, Module, Range, Scalar, Span,
+    Statement, SwitchCase, Type, TypeInner,
 };
 
 use super::interface::{self, Narrowed, Placement, Returned};
 use super::members::Slot;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
-use crate::slice::{Coverage, Part, Slice};
+use crate::slice::{Coverage, Part, Slice, components};
 
 pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placement<'_>) -> Module {
     let mut module = onto.clone();
@@ -102,6 +102,7 @@ pub(super) struct Copier<'a, 'p> {
     /// Narrowed arguments and results put together again with zeros, for those who use them whole.
     pub(super) whole: BTreeMap<Handle<Expression>, Handle<Expression>>,
     pub(super) zeros: BTreeMap<Handle<Type>, Handle<Expression>>,
+    zero_scalars: BTreeMap<Scalar, Handle<Expression>>,
     pub(super) returned: Returned,
     /// Expressions only a narrowed `return` reads: it reads their parts instead.
     pub(super) dissolved: Vec<bool>,
@@ -141,6 +142,7 @@ impl<'a, 'p> Copier<'a, 'p> {
             results: BTreeMap::new(),
             whole: BTreeMap::new(),
             zeros: BTreeMap::new(),
+            zero_scalars: BTreeMap::new(),
             returned: Returned::Whole,
             dissolved: vec![false; f.function.expressions.len()],
             next: 0,
@@ -213,16 +215,11 @@ impl<'a, 'p> Copier<'a, 'p> {
             if constant[e.index()] || (kept && unevaluated) {
                 self.copy_expression(e);
             }
-            // Zeros for what a struct is not asked for must not come to lie within an `Emit`.
+            // Zeros for what a struct or a vector is not asked for must not come to lie within an `Emit`.
             if let (true, Expression::Compose { ty, components }) =
                 (kept && !self.dissolved[e.index()], expression)
-                && let TypeInner::Struct { members, .. } = &self.module.types[*ty].inner
             {
-                for (component, member) in components.iter().zip(members) {
-                    if self.part.kept.expressions[component.index()].is_none() {
-                        self.zero(member.ty);
-                    }
-                }
+                self.zeros_of(*ty, components);
             }
         }
         let mut body = Block::new();
@@ -253,6 +250,58 @@ impl<'a, 'p> Copier<'a, 'p> {
         let zero = self.append(Expression::ZeroValue(ty), Span::UNDEFINED);
         self.zeros.insert(ty, zero);
         zero
+    }
+
+    /// Makes the zeros that [`Self::composed`] will want.
+    fn zeros_of(&mut self, ty: Handle<Type>, components: &[Handle<Expression>]) {
+        let kept = |c: &Handle<Expression>| self.part.kept.expressions[c.index()].is_some();
+        match &self.module.types[ty].inner {
+            TypeInner::Struct { members, .. } => {
+                for (component, member) in components.iter().zip(members) {
+                    if !kept(component) {
+                        self.zero(member.ty);
+                    }
+                }
+            }
+            TypeInner::Vector { scalar, .. } if !components.iter().all(kept) => {
+                self.zero_scalar(*scalar);
+            }
+            _ => {}
+        }
+    }
+
+    /// The components of a struct or vector, with zeros for those that nobody needs: as many of them as a shorter vector has components.
+    fn composed(
+        &mut self,
+        ty: Handle<Type>,
+        components: &[Handle<Expression>],
+    ) -> Vec<Handle<Expression>> {
+        let mut copied = Vec::new();
+        for (i, component) in components.iter().enumerate() {
+            match (self.operand(*component), &self.module.types[ty].inner) {
+                (Some(new), _) => copied.push(new),
+                (None, TypeInner::Struct { members, .. }) => {
+                    copied.push(self.zero(members[i].ty));
+                }
+                (None, TypeInner::Vector { scalar, .. }) => {
+                    let zero = self.zero_scalar(*scalar).unwrap_or(*component);
+                    let width = components::width(self.f.ty(self.module, *component));
+                    copied.extend((0..width.unwrap_or(1)).map(|_| zero));
+                }
+                (None, _) => copied.push(*component),
+            }
+        }
+        copied
+    }
+
+    fn zero_scalar(&mut self, scalar: Scalar) -> Option<Handle<Expression>> {
+        if let Some(zero) = self.zero_scalars.get(&scalar) {
+            return Some(*zero);
+        }
+        let zero = Expression::Literal(Literal::zero(scalar)?);
+        let zero = self.append(zero, Span::UNDEFINED);
+        self.zero_scalars.insert(scalar, zero);
+        Some(zero)
     }
 
     /// The copy of an expression: for an operand that is not kept, whatever was made of it must be there already.
@@ -289,20 +338,7 @@ impl<'a, 'p> Copier<'a, 'p> {
                 None => {}
             },
             Expression::Compose { ty, components } => {
-                let members = match &self.module.types[*ty].inner {
-                    TypeInner::Struct { members, .. } => members.as_slice(),
-                    _ => &[],
-                };
-                let copied: Vec<_> = components
-                    .iter()
-                    .enumerate()
-                    .map(|(i, c)| match (self.operand(*c), members.get(i)) {
-                        (Some(new), _) => new,
-                        (None, Some(member)) => self.zero(member.ty),
-                        (None, None) => *c,
-                    })
-                    .collect();
-                *components = copied;
+                *components = self.composed(*ty, components);
             }
             other => operands::map_expression(other, &mut |o| {
                 if let Some(new) = self.operand(*o) {

@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
-use naga::{Expression, Handle, Statement, TypeInner};
+use naga::{Expression, Handle, Statement};
 
+use super::components;
 use super::need::Need;
 use super::{Demand, Termination};
 use crate::graph::cells::{self, Cell, Root};
@@ -87,7 +88,8 @@ struct Work<'g, 'p> {
     f: &'g FunctionGraph<'p>,
     demand: Demand,
     out: FunctionSlice,
-    versions: Vec<bool>,
+    /// What is needed of each version of a cell.
+    versions: Vec<Option<Need>>,
     list: Vec<Item>,
 }
 
@@ -109,7 +111,7 @@ impl<'g, 'p> Work<'g, 'p> {
                 entry_cells: BTreeSet::new(),
                 calls: BTreeMap::new(),
             },
-            versions: vec![false; f.memory.versions.len()],
+            versions: vec![None; f.memory.versions.len()],
             list: Vec::new(),
         };
         for (id, node) in f.statements.iter() {
@@ -171,7 +173,7 @@ impl<'g, 'p> Work<'g, 'p> {
                 .filter_map(|c| f.memory.exit.get(&c).copied())
                 .collect();
             for version in exits {
-                this.see(version);
+                this.see(version, &Need::All);
             }
         }
         for (within, value) in &demand.values {
@@ -194,8 +196,9 @@ impl<'g, 'p> Work<'g, 'p> {
         }
     }
 
-    fn see(&mut self, version: VersionId) {
-        if !std::mem::replace(&mut self.versions[version.index()], true) {
+    /// Needs a part of what a version of a cell holds.
+    fn see(&mut self, version: VersionId, need: &Need) {
+        if Need::add_to(&mut self.versions[version.index()], need) {
             self.list.push(Item::Version(version));
         }
     }
@@ -234,7 +237,7 @@ impl<'g, 'p> Work<'g, 'p> {
                 }
                 // Where there are operands there is what the statement reads through them; an atomic's result depends on it.
                 for version in f.memory.reads.get(&id).into_iter().flatten() {
-                    self.see(*version);
+                    self.see(*version, &Need::All);
                 }
             }
         }
@@ -253,56 +256,38 @@ impl<'g, 'p> Work<'g, 'p> {
                 });
             }
         }
-        match &f.function.expressions[e] {
-            Expression::FunctionArgument(i) => {
-                Need::add_to(&mut self.out.arguments[*i as usize], &need);
-            }
-            Expression::Compose { ty, components }
-                if matches!(module.types[*ty].inner, TypeInner::Struct { .. }) =>
-            {
-                for (i, component) in components.iter().enumerate() {
-                    if let Some(inner) = need.of(i as u32) {
-                        self.need(*component, &inner);
-                    }
-                }
-            }
-            Expression::AccessIndex { base, index }
-                if matches!(f.ty(module, *base), TypeInner::Struct { .. }) =>
-            {
-                self.need(*base, &Need::member(*index, need));
-            }
-            expression => {
-                for operand in operands::of_expression(expression) {
-                    self.need(operand, &Need::All);
-                }
-                let Some(seen) = f.memory.loads.get(&e) else {
-                    return;
-                };
-                let path = match expression {
-                    Expression::Load { pointer } => cells::place(module, f.function, *pointer)
-                        .filter(|p| !p.dynamic)
-                        .map(|p| p.path),
-                    _ => None,
-                };
-                for version in seen {
-                    let wanted = match &path {
-                        Some(path) => f
-                            .memory
-                            .cell(*version)
-                            .path
-                            .get(path.len()..)
-                            .is_none_or(|rest| need.touches(rest)),
-                        None => true,
-                    };
-                    if wanted {
-                        self.see(*version);
-                    }
-                }
+        for (operand, need) in components::of_operands(module, f, e, &need) {
+            self.need(operand, &need);
+        }
+        if let Expression::FunctionArgument(i) = &f.function.expressions[e] {
+            Need::add_to(&mut self.out.arguments[*i as usize], &need);
+        }
+        let Some(seen) = f.memory.loads.get(&e) else {
+            return;
+        };
+        let path = match &f.function.expressions[e] {
+            Expression::Load { pointer } => cells::place(module, f.function, *pointer)
+                .filter(|p| !p.dynamic)
+                .map(|p| p.path),
+            _ => None,
+        };
+        for version in seen {
+            let cell = &f.memory.cell(*version).path;
+            // A cell that lies in what is loaded is needed as far as that is; one that what is loaded lies in, all of it.
+            let wanted = match path.as_ref().and_then(|path| cell.get(path.len()..)) {
+                Some(rest) => need.below(rest),
+                None => Some(Need::All),
+            };
+            if let Some(wanted) = wanted {
+                self.see(*version, &wanted);
             }
         }
     }
 
     fn version(&mut self, version: VersionId) {
+        let Some(need) = self.versions[version.index()].clone() else {
+            return;
+        };
         let (f, module) = (self.f, self.graph.module());
         let cell = f.memory.cell(version);
         match f.memory.origin(version) {
@@ -313,12 +298,12 @@ impl<'g, 'p> Work<'g, 'p> {
             }
             Origin::Phi { operands, .. } => {
                 for operand in operands {
-                    self.see(*operand);
+                    self.see(*operand, &need);
                 }
             }
             Origin::Written { by, over } => {
                 if let Some(over) = over {
-                    self.see(*over);
+                    self.see(*over, &need);
                 }
                 match f.statements.get(*by).statement {
                     Statement::Store { pointer, value } => {
@@ -326,11 +311,9 @@ impl<'g, 'p> Work<'g, 'p> {
                         let need = cells::place(module, f.function, *pointer)
                             .filter(|p| !p.dynamic)
                             .and_then(|p| cell.path.get(p.path.len()..))
-                            .and_then(|rest| {
-                                let ty = f.info[*value].ty.handle()?;
-                                Some(Need::at(module, ty, rest))
-                            })
-                            .unwrap_or(Need::All);
+                            .map_or(Need::All, |rest| {
+                                Need::at(module, f.ty(module, *value), rest, &need)
+                            });
                         self.need(*value, &need);
                     }
                     Statement::Call {
@@ -379,7 +362,7 @@ impl<'g, 'p> Work<'g, 'p> {
             };
             for version in &seen {
                 if f.memory.cell(*version).overlaps(place.root, &place.path) {
-                    self.see(*version);
+                    self.see(*version, &Need::All);
                 }
             }
         }

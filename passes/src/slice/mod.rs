@@ -11,6 +11,7 @@ use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, State
 use crate::graph::{Cell, FunctionId, Graph, StmtId, operands};
 use crate::reflect;
 
+pub(crate) mod components;
 mod function;
 mod hash;
 mod need;
@@ -23,6 +24,8 @@ pub use need::Need;
 pub enum Criterion {
     /// The outputs of the entry point with these bindings.
     Output(OutputFilter),
+    /// One component of the outputs with these bindings, 0 to 3; the others may be anything. A scalar output is its component 0.
+    Component(OutputFilter, u32),
     /// Whether a fragment is discarded: every `discard` that can be reached, in callees too.
     Discard,
     /// A value, wherever calls from the entry point lead to its function.
@@ -197,16 +200,27 @@ pub fn backward_with(
     let point = &module.entry_points[entry];
     let bindings = reflect::outputs(module, &point.function);
     let mut demand = Demand::default();
-    let mut outputs = BTreeSet::new();
+    let mut outputs: BTreeMap<usize, Need> = BTreeMap::new();
+    let mut decide = |filter: &OutputFilter, component: Option<u32>| {
+        for (i, io) in bindings.iter().enumerate() {
+            if filter.accepts(i, io.binding.as_ref()) {
+                let need = match (component, &module.types[io.ty].inner) {
+                    (Some(c), naga::TypeInner::Vector { .. }) => Need::member(c, Need::All),
+                    _ => Need::All,
+                };
+                outputs
+                    .entry(i)
+                    .and_modify(|have| {
+                        have.add(&need);
+                    })
+                    .or_insert(need);
+            }
+        }
+    };
     for criterion in criteria {
         match criterion {
-            Criterion::Output(filter) => outputs.extend(
-                bindings
-                    .iter()
-                    .enumerate()
-                    .filter(|(i, io)| filter.accepts(*i, io.binding.as_ref()))
-                    .map(|(i, _)| i),
-            ),
+            Criterion::Output(filter) => decide(filter, None),
+            Criterion::Component(filter, component) => decide(filter, Some(*component)),
             Criterion::Discard => demand.discards = true,
             Criterion::Value {
                 function,
@@ -219,11 +233,11 @@ pub fn backward_with(
     let result_is_struct = point.function.result.as_ref().is_some_and(|r| {
         r.binding.is_none() && matches!(module.types[r.ty].inner, naga::TypeInner::Struct { .. })
     });
-    for output in &outputs {
+    for (output, need) in &outputs {
         let need = if result_is_struct {
-            Need::member(*output as u32, Need::All)
+            Need::member(*output as u32, need.clone())
         } else {
-            Need::All
+            need.clone()
         };
         Need::add_to(&mut demand.result, &need);
     }
@@ -242,7 +256,7 @@ pub fn backward_with(
         stage: point.stage,
         criteria: criteria.to_vec(),
         inputs: Vec::new(),
-        outputs: outputs.into_iter().collect(),
+        outputs: outputs.into_keys().collect(),
         globals: Vec::new(),
         spans: Vec::new(),
         cost: 0.0,

@@ -2,48 +2,47 @@
 
 use std::collections::BTreeMap;
 
-use naga::{Handle, Module, Type, TypeInner};
+use naga::{Module, TypeInner};
 
-/// The needed part of a value. Only structs are told apart by member: a vector, matrix or array is needed whole or not at all.
+/// The needed part of a value. Structs are told apart by member and vectors by component: a matrix or an array is needed whole or not at all.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Need {
     /// All of it.
     All,
-    /// These members of a struct. Never empty.
+    /// These members of a struct, or components of a vector. Never empty.
     Members(BTreeMap<u32, Need>),
 }
 
 impl Need {
-    /// One member of a struct, and of it `inner`.
+    /// One member of a struct, and of it `inner`; or one component of a vector, all of it.
     pub fn member(index: u32, inner: Need) -> Self {
         Self::Members(BTreeMap::from([(index, inner)]))
     }
 
-    /// The part of a value of type `ty` that lies at `path`.
-    pub fn at(module: &Module, ty: Handle<Type>, path: &[u32]) -> Self {
-        match (path.split_first(), &module.types[ty].inner) {
+    /// Of a value of type `ty` the part at `path`, and of that part `inner`.
+    pub fn at(module: &Module, ty: &TypeInner, path: &[u32], inner: &Need) -> Self {
+        match (path.split_first(), ty) {
+            (None, _) => inner.clone(),
             (Some((first, rest)), TypeInner::Struct { members, .. }) => {
-                Self::member(*first, Self::at(module, members[*first as usize].ty, rest))
+                let member = &module.types[members[*first as usize].ty].inner;
+                Self::member(*first, Self::at(module, member, rest, inner))
             }
+            (Some((first, _)), TypeInner::Vector { .. }) => Self::member(*first, Self::All),
             _ => Self::All,
         }
     }
 
-    /// What is needed of a member; `None` if nothing is.
+    /// What is needed at `path`; `None` if nothing is. `path` may lead on below what is told apart.
+    pub fn below(&self, path: &[u32]) -> Option<Need> {
+        path.iter()
+            .try_fold(self.clone(), |need, step| need.of(*step))
+    }
+
+    /// What is needed of a member or component; `None` if nothing is.
     pub fn of(&self, index: u32) -> Option<Need> {
         match self {
             Self::All => Some(Self::All),
             Self::Members(members) => members.get(&index).cloned(),
-        }
-    }
-
-    /// Whether anything at or above or below `path` is needed.
-    pub fn touches(&self, path: &[u32]) -> bool {
-        match (self, path.split_first()) {
-            (Self::All, _) | (_, None) => true,
-            (Self::Members(members), Some((first, rest))) => {
-                members.get(first).is_some_and(|n| n.touches(rest))
-            }
         }
     }
 

@@ -31,6 +31,8 @@ struct Scope {
     structs: Vec<&'static str>,
     arrays: Vec<&'static str>,
     vectors: Vec<&'static str>,
+    /// A variable of four components; empty: none.
+    color: &'static str,
     /// `return` statements, with `F` and `I` standing for expressions.
     result: &'static str,
     calls: Calls,
@@ -81,6 +83,7 @@ var<private> gi: i32;
             structs: vec!["s", "gs"],
             arrays: vec!["arr"],
             vectors: vec!["v"],
+            color: "",
             result: "S(F, vec2(F, F), I)|s",
             calls: Calls::None,
         },
@@ -98,6 +101,7 @@ var<private> gi: i32;
             structs: vec!["*t", "gs"],
             arrays: vec!["(*arr)"],
             vectors: vec!["v"],
+            color: "",
             result: "F|f1",
             calls: Calls::H0,
         },
@@ -124,7 +128,8 @@ var<private> gi: i32;
             structs: vec!["s", "u", "gs"],
             arrays: vec!["arr"],
             vectors: vec!["v"],
-            result: "out|Out(vec4(F, F, F, 1.0), F, I, F)",
+            color: "out.c",
+            result: "out|Out(vec4(F, F, F, 1.0), F, I, F)|Out(vec4(v, F), F, I, F)",
             calls: Calls::Both,
         },
     );
@@ -195,6 +200,20 @@ impl Generator<'_, '_> {
                 self.float(depth - 1),
                 self.condition()
             ),
+        }
+    }
+
+    fn vector(&mut self) -> String {
+        let vectors = self.scope.vectors.clone();
+        match self.choices.below(3) {
+            0 => self.pick(&vectors).to_owned(),
+            1 => format!(
+                "vec3({}, {}, {})",
+                self.float(1),
+                self.float(1),
+                self.float(1)
+            ),
+            _ => format!("vec3({}, {}.yz)", self.float(1), self.pick(&vectors)),
         }
     }
 
@@ -322,7 +341,7 @@ impl Generator<'_, '_> {
             4 => {
                 let vectors = self.scope.vectors.clone();
                 let target = self.pick(&vectors);
-                let text = match self.choices.below(3) {
+                let text = match self.choices.below(9) {
                     0 => format!(
                         "{target} = vec3({}, {}, {});",
                         self.float(1),
@@ -330,6 +349,38 @@ impl Generator<'_, '_> {
                         self.float(1)
                     ),
                     1 => format!("{target}.y = {};", self.float(2)),
+                    2 => format!("{target} = {target}.zxy * {} + {target};", self.vector()),
+                    3 => format!(
+                        "{target} = mix({target}, {}, {});",
+                        self.vector(),
+                        self.float(1)
+                    ),
+                    4 => format!(
+                        "{target} = select({target}, -{target}.yzx, {target} < {});",
+                        self.vector()
+                    ),
+                    5 => format!(
+                        "{target} = mat3x3({target}, {target}.yzx, {target}.zxy) * {target};"
+                    ),
+                    6 => format!(
+                        "{target} = max(cross({target}, {}), vec3({}));",
+                        self.vector(),
+                        self.float(1)
+                    ),
+                    7 => match (self.scope.color, self.choices.below(4)) {
+                        ("", _) => format!("{target} = vec3({target}.zx, {});", self.float(1)),
+                        (color, 0) => {
+                            format!("{color} = vec4({}, {});", self.vector(), self.float(1))
+                        }
+                        (color, 1) => format!("{color} = vec4({}, {target});", self.float(1)),
+                        (color, 2) => {
+                            format!("{color} = {color}.wzyx * vec4({target}.xy, in.q);")
+                        }
+                        (color, _) => format!(
+                            "{color} = vec4({color}.a, {target}.zx, in.p.{color_component});",
+                            color_component = ["x", "w"][self.choices.below(2)]
+                        ),
+                    },
                     _ => format!(
                         "{target}[{} % 3u] = {};",
                         format_args!("u32({})", self.integer(1)),

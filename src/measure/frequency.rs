@@ -1,0 +1,202 @@
+//! How well each value of a fragment stage can be interpolated on a scene's own triangles, and the choice under a budget that rests on it.
+
+use std::collections::BTreeSet;
+
+use preshade_passes::hoist::{self, Hoist, Metric};
+use preshade_passes::pass::{Facts, Frequency, Pass};
+use preshade_passes::plan::Plan;
+
+use super::{Error, ErrorLadder, compare, originals, variant};
+use crate::recipe::Recipe;
+use crate::render::{
+    FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant,
+};
+use crate::scene::{DrawOrder, Frame, Scene};
+
+/// Measures every candidate of every material: the picture with that value carried, and nothing else approximate, against the original. The worst of the
+/// frames that choices are made on ([`choosing`]). `progress` is told the part done.
+///
+/// # Errors
+/// As [`Prepared::new`] and [`Prepared::render`], of the original. A candidate that cannot be drawn is left out.
+pub fn frequencies(
+    gpu: &Gpu,
+    scene: &Scene,
+    form: ShaderForm,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Frequency>, Error> {
+    let inputs = SceneInputs::new(gpu, scene)?;
+    let plans = originals(scene);
+    let references = pictures(&inputs, &plans, form)?;
+    let candidates: Vec<(usize, hoist::Candidate)> = plans
+        .iter()
+        .enumerate()
+        .filter_map(|(i, plan)| Some((i, hoist::candidates(plan).ok()?)))
+        .flat_map(|(i, found)| found.into_iter().map(move |c| (i, c)))
+        .collect();
+    let mut measured = Vec::new();
+    for (done, (material, candidate)) in candidates.iter().enumerate() {
+        progress(done as f64 / candidates.len() as f64);
+        let Some(alone) = carried_alone(&plans[*material], &candidate.id) else {
+            continue;
+        };
+        let mut plans = plans.clone();
+        plans[*material] = alone;
+        let Ok(drawn) = pictures(&inputs, &plans, form) else {
+            continue;
+        };
+        let worst = worst(&references, &drawn)?;
+        measured.push(Frequency {
+            material: plans[*material].material.clone(),
+            value: candidate.id.clone(),
+            name: candidate.name.clone(),
+            cost: candidate.cost,
+            max_abs: worst.max_abs,
+            flip_mean: worst.flip_mean,
+            flip_p99: worst.flip_p99,
+            nan_pixels: worst.nan_pixels,
+            location: candidate.location.clone(),
+        });
+    }
+    Ok(measured)
+}
+
+/// The frames that choices are made on: the first of every camera and the middle of its path. The others are there to check them.
+pub fn choosing(scene: &Scene) -> Vec<&Frame> {
+    scene
+        .cameras
+        .iter()
+        .flat_map(|c| {
+            let chosen: BTreeSet<usize> = BTreeSet::from([0, c.frames.len() / 2]);
+            chosen.into_iter().filter_map(|i| c.frames.get(i))
+        })
+        .collect()
+}
+
+/// The plan with that value carried as an approximation, and no other.
+fn carried_alone(plan: &Plan, id: &str) -> Option<Plan> {
+    let params = hoist::Params {
+        budget: Some(1.0),
+        carry: Some(id.to_owned()),
+        // Whether it pays is not the question.
+        vertices_per_fragment: Some(0.0),
+        ..hoist::Params::default()
+    };
+    let facts = Facts::default();
+    let sites = Hoist::sites(plan, &facts, &params);
+    Hoist::apply(plan, &facts, &sites.sites.first()?.key, &params).ok()
+}
+
+fn pictures(
+    inputs: &SceneInputs<'_>,
+    plans: &[Plan],
+    form: ShaderForm,
+) -> Result<Vec<Rendered>, Error> {
+    let scene = inputs.scene();
+    let host = HostVariant::new(plans, form)?;
+    let mut prepared = Prepared::new(inputs, &host, &FrameSettings::of(scene))?;
+    choosing(scene)
+        .into_iter()
+        .map(|frame| {
+            inputs.set_frame(frame)?;
+            prepared.aim(frame, DrawOrder::AsGiven);
+            Ok(prepared.render()?)
+        })
+        .collect()
+}
+
+fn worst(references: &[Rendered], drawn: &[Rendered]) -> Result<ErrorLadder, Error> {
+    let mut worst = ErrorLadder::default();
+    for (a, b) in references.iter().zip(drawn) {
+        worst = worst.worst(&compare(a, b)?);
+    }
+    Ok(worst)
+}
+
+/// Whether a recipe leaves a choice to measurement: a hoist with a budget and neither a threshold nor a list of values.
+pub fn leaves_a_choice(recipe: &Recipe) -> bool {
+    recipe.steps.iter().any(is_open)
+}
+
+fn is_open(step: &crate::recipe::Step) -> bool {
+    step.pass == Hoist::INFO.name
+        && step.params.contains_key("budget")
+        && !step.params.contains_key("threshold")
+        && !step.params.contains_key("carry")
+}
+
+/// The recipe with the threshold on measured errors that saves most and keeps the budget on the frames that choices are made on. Errors do not add along a
+/// cut, so that each threshold is drawn: from the largest, halving the interval.
+///
+/// # Errors
+/// As [`frequencies`].
+pub fn within_budget(
+    gpu: &Gpu,
+    scene: &Scene,
+    recipe: &Recipe,
+    facts: &Facts,
+    form: ShaderForm,
+) -> Result<Recipe, Error> {
+    let mut recipe = recipe.clone();
+    let inputs = SceneInputs::new(gpu, scene)?;
+    let plans = originals(scene);
+    let references = pictures(&inputs, &plans, form)?;
+    for index in 0..recipe.steps.len() {
+        let step = &recipe.steps[index];
+        let Ok(params) = serde_json::from_value::<hoist::Params>(step.params.clone().into()) else {
+            continue;
+        };
+        let (true, Some(budget)) = (is_open(step), params.budget) else {
+            continue;
+        };
+        let mut thresholds: Vec<f64> = facts
+            .frequencies
+            .iter()
+            .map(|f| params.metric.of(f))
+            .filter(|e| *e <= budget)
+            .chain([0.0])
+            .collect();
+        thresholds.sort_by(f64::total_cmp);
+        thresholds.dedup();
+        let keeps = |threshold: f64| -> Result<bool, Error> {
+            let mut tried = recipe.clone();
+            set(&mut tried.steps[index], threshold);
+            let tried = variant(&plans, &tried, facts);
+            let drawn = pictures(&inputs, &tried.plans, form)?;
+            let worst = worst(&references, &drawn)?;
+            let error = match params.metric {
+                Metric::FlipMean => worst.flip_mean,
+                Metric::FlipP99 => worst.flip_p99,
+                Metric::MaxAbs => worst.max_abs,
+            };
+            Ok(error <= budget && worst.nan_pixels == 0)
+        };
+        // `low` keeps it: with nothing approximate there is nothing to break it.
+        let (mut low, mut high) = (0, thresholds.len());
+        if keeps(thresholds[high - 1])? {
+            low = high - 1;
+        }
+        while high - low > 1 {
+            let middle = low.midpoint(high);
+            match keeps(thresholds[middle])? {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        set(&mut recipe.steps[index], shortest(&thresholds, low));
+    }
+    Ok(recipe)
+}
+
+/// The threshold with the fewest digits that chooses what the one at `index` does.
+fn shortest(thresholds: &[f64], index: usize) -> f64 {
+    let exact = thresholds[index];
+    let next = thresholds.get(index + 1).copied().unwrap_or(f64::INFINITY);
+    (1..=16)
+        .filter_map(|digits| format!("{exact:.digits$e}").parse::<f64>().ok())
+        .find(|t| *t >= exact && *t < next)
+        .unwrap_or(exact)
+}
+
+fn set(step: &mut crate::recipe::Step, threshold: f64) {
+    step.params.insert("threshold".to_owned(), threshold.into());
+}
