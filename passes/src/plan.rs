@@ -10,6 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
+use crate::geometry::Geometry;
 use crate::program::Program;
 use crate::state::{
     ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState, Multisample,
@@ -139,6 +140,28 @@ pub enum BindingSource {
         /// Name of the attachment.
         name: String,
     },
+    /// The draw's own geometry, for a pass that subdivides it ([`crate::geometry`]).
+    Geometry {
+        /// Which part of it.
+        part: GeometryPart,
+    },
+}
+
+/// A part of a draw's geometry, as a buffer that a shader reads.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum GeometryPart {
+    /// A uniform buffer of the draw's constants ([`crate::geometry::Constants`]).
+    Constants {
+        /// Locations of the attributes described there, in order.
+        streams: Vec<u32>,
+    },
+    /// [`crate::geometry::Subdivision::vertices`], four bytes each.
+    Pattern,
+    /// The draw's index buffer; without one, any buffer.
+    Indices,
+    /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
+    Attribute(AttributeUse),
 }
 
 /// What a binding holds.
@@ -276,6 +299,9 @@ pub struct GpuPass {
     pub features: Vec<String>,
     /// Draws included.
     pub draws: Draws,
+    /// What is drawn of them.
+    #[serde(default, skip_serializing_if = "Geometry::is_as_given")]
+    pub geometry: Geometry,
     /// Uniforms this pass must read from another view than the camera's (the light's, for a shadow pass): variable or member names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_dependent: Vec<String>,
@@ -395,6 +421,7 @@ impl Plan {
             attributes: Vec::new(),
             features: Vec::new(),
             draws: Draws::All,
+            geometry: Geometry::AsGiven,
             view_dependent: Vec::new(),
         };
         crate::reflect::fill(&mut pass, &program);

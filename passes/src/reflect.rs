@@ -24,8 +24,12 @@ pub struct Io {
 
 /// The inputs of an entry point, struct arguments opened.
 pub fn inputs(module: &Module, function: &Function) -> Vec<Io> {
-    function
-        .arguments
+    opened(module, &function.arguments)
+}
+
+/// Arguments as inputs, struct arguments opened.
+pub fn opened(module: &Module, arguments: &[naga::FunctionArgument]) -> Vec<Io> {
+    arguments
         .iter()
         .flat_map(|a| open(module, a.name.clone(), a.ty, a.binding.clone()))
         .collect()

@@ -11,6 +11,7 @@ use super::inputs::SceneInputs;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::Variant;
+use super::subdivided::Subdivided;
 use super::targets::Targets;
 use super::{Error, order, readback};
 use crate::scene::{DrawOrder, Frame, Scene};
@@ -71,6 +72,8 @@ struct Item {
     stencil_reference: u32,
     /// Attachment slot of each vertex buffer of the draw that the pass reads.
     vertex_buffers: Vec<usize>,
+    /// The draw's triangles divided, where the pass asks for it.
+    subdivided: Option<Subdivided>,
 }
 
 impl std::fmt::Debug for Prepared<'_> {
@@ -127,6 +130,8 @@ impl<'a> Prepared<'a> {
                     };
                     pass.stencil_write |=
                         gpu_pass.stencil.as_ref().is_some_and(StencilState::writes);
+                    let subdivided = Subdivided::new(gpu, gpu_pass, bound)
+                        .map_err(|message| found.failed(message))?;
                     let build = Build {
                         gpu,
                         targets: &targets,
@@ -136,6 +141,7 @@ impl<'a> Prepared<'a> {
                         stages: found.stages,
                         frame: frame_pass,
                         draw: bound,
+                        subdivided: subdivided.as_ref(),
                     };
                     let vertex = build.vertex_layout()?;
                     let key = PipelineKey {
@@ -161,6 +167,7 @@ impl<'a> Prepared<'a> {
                         groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
                         stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
                         vertex_buffers: vertex.iter().map(|v| v.source).collect(),
+                        subdivided,
                     });
                 }
             }
@@ -450,6 +457,10 @@ impl<'a> Prepared<'a> {
             for (slot, source) in item.vertex_buffers.iter().enumerate() {
                 let vertex = &draw.vertex_buffers[*source];
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
+            }
+            if let Some(subdivided) = &item.subdivided {
+                subdivided.draw(render);
+                continue;
             }
             match &draw.indices {
                 Some(indices) => {

@@ -5,12 +5,14 @@ use std::collections::BTreeMap;
 use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
 
 use super::inputs::{DrawInputs, Resource};
+use super::subdivided::Subdivided;
 use super::targets::Targets;
 
 /// What a binding is filled with.
 pub(super) enum Filled<'a> {
     Author(&'a Resource),
     Attachment(&'a wgpu::TextureView, wgpu::BindingType),
+    Geometry(&'a wgpu::Buffer, wgpu::BufferBindingType),
 }
 
 impl Filled<'_> {
@@ -18,6 +20,11 @@ impl Filled<'_> {
         match self {
             Self::Author(resource) => resource.layout(),
             Self::Attachment(_, ty) => *ty,
+            Self::Geometry(_, ty) => wgpu::BindingType::Buffer {
+                ty: *ty,
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
         }
     }
 
@@ -25,6 +32,7 @@ impl Filled<'_> {
         match self {
             Self::Author(resource) => resource.binding(),
             Self::Attachment(view, _) => wgpu::BindingResource::TextureView(view),
+            Self::Geometry(buffer, _) => buffer.as_entire_binding(),
         }
     }
 }
@@ -40,6 +48,7 @@ pub(super) fn fill<'a>(
     pass: &'a GpuPass,
     draw: &'a DrawInputs,
     targets: &'a Targets,
+    subdivided: Option<&'a Subdivided>,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();
     for b in &pass.bindings {
@@ -51,6 +60,12 @@ pub(super) fn fill<'a>(
                         b.name, b.group, b.binding
                     )
                 })?)
+            }
+            BindingSource::Geometry { part } => {
+                let (buffer, ty) = subdivided
+                    .ok_or("the pass does not say how its geometry is subdivided")?
+                    .part(part, draw)?;
+                Filled::Geometry(buffer, ty)
             }
             BindingSource::Attachment { name } => {
                 let sampled = targets

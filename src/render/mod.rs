@@ -19,6 +19,7 @@ mod pipeline;
 pub mod readback;
 pub mod shader;
 pub mod state;
+mod subdivided;
 mod targets;
 mod trusted;
 

@@ -9,6 +9,7 @@ use preshade_passes::state::ColorTarget;
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
 use super::shader::Stage;
+use super::subdivided::Subdivided;
 use super::targets::Targets;
 use super::{Error, layout, state, trusted};
 
@@ -40,6 +41,7 @@ pub(super) struct Build<'b> {
     pub stages: &'b (Stage, Option<Stage>),
     pub frame: &'b FramePass,
     pub draw: &'b DrawInputs,
+    pub subdivided: Option<&'b Subdivided>,
 }
 
 impl Build<'_> {
@@ -111,8 +113,8 @@ impl Build<'_> {
 
     /// Layout and bind group of each group the pass uses.
     pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
-        let filled =
-            layout::fill(self.pass, self.draw, self.targets).map_err(|m| self.failed(m))?;
+        let filled = layout::fill(self.pass, self.draw, self.targets, self.subdivided)
+            .map_err(|m| self.failed(m))?;
         let device = &self.gpu.device;
         self.gpu
             .checked(&format!("the bindings of {}", self.what()), || {

@@ -200,3 +200,13 @@ pub(super) struct Member<'v> {
     pub pass: &'v GpuPass,
     pub stages: &'v (Stage, Option<Stage>),
 }
+
+impl Member<'_> {
+    /// What is wrong with the plan.
+    pub fn failed(&self, message: String) -> Error {
+        Error::Plan {
+            material: self.plan.material.clone(),
+            message,
+        }
+    }
+}

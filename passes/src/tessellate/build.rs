@@ -85,7 +85,7 @@ pub fn add(
         },
     )?;
     let rest = Function {
-        name: Some(place::free_name(&module, &format!("{name}_rest"), "of")),
+        name: Some(place::free_name(&module, name, "rest")),
         ..split.rest
     };
     let rest = module.functions.append(rest, Span::UNDEFINED);
@@ -97,16 +97,16 @@ pub fn add(
     })
 }
 
-/// A new function, written by `build`.
+/// A new function, named `NAME_SUFFIX` and written by `build`.
 fn define(
     mut module: Module,
-    name: &str,
+    (name, suffix): (&str, &str),
     arguments: &[(&str, Handle<Type>)],
     result: Handle<Type>,
     build: impl FnOnce(&mut Builder<'_>, &[Handle<Expression>]),
 ) -> (Module, Handle<Function>) {
     let function = Function {
-        name: Some(place::free_name(&module, name, "of")),
+        name: Some(place::free_name(&module, name, suffix)),
         arguments: arguments
             .iter()
             .map(|(name, ty)| FunctionArgument {
@@ -153,11 +153,11 @@ fn corner(
     let author = split.author;
     let (module, handle) = define(
         module,
-        &format!("{name}_corner"),
+        (name, "corner"),
         &[("vertex", word), ("instance", word)],
         split.given,
         |build, passed| {
-            let mut one = |build: &mut Builder<'_>, binding: Option<&Binding>| match binding {
+            let one = |build: &mut Builder<'_>, binding: Option<&Binding>| match binding {
                 Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => Some(passed[0]),
                 Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => Some(passed[1]),
                 Some(Binding::Location { location, .. }) => {
@@ -288,7 +288,7 @@ fn between(
     let mut failed = None;
     let (module, handle) = define(
         module,
-        &format!("{name}_between"),
+        (name, "between"),
         &[("place", with.place)],
         with.given,
         |build, passed| {

@@ -336,16 +336,17 @@ fn decode_float() -> String {
             .to_owned(),
     ));
     cases.push(("unorm8x4-bgra", "unpack4x8unorm(words.x).zyxw".to_owned()));
-    decoder(
-        Kind::Float,
-        "    let word = words.x >> shift;\n",
-        &cases,
-    )
+    decoder(Kind::Float, "    let word = words.x >> shift;\n", &cases)
 }
 
 fn decode_uint() -> String {
     let mut cases: Vec<(&str, String)> = Vec::new();
-    let byte = ["word & 255u", "(word >> 8u) & 255u", "(word >> 16u) & 255u", "word >> 24u"];
+    let byte = [
+        "word & 255u",
+        "(word >> 8u) & 255u",
+        "(word >> 16u) & 255u",
+        "word >> 24u",
+    ];
     let half = [
         "word & 65535u",
         "word >> 16u",
@@ -360,11 +361,7 @@ fn decode_uint() -> String {
     for count in 1..=4 {
         cases.push((format_name("uint32", count), padded("u32", &all[..count])));
     }
-    decoder(
-        Kind::Uint,
-        "    let word = words.x >> shift;\n",
-        &cases,
-    )
+    decoder(Kind::Uint, "    let word = words.x >> shift;\n", &cases)
 }
 
 fn decode_sint() -> String {
