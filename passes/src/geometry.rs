@@ -48,7 +48,7 @@ pub enum Form {
 /// them `ceil(triangles / batch)`, the draw is `drawIndexed(batch * indices.len(), batches * instances)`, of a triangle list, without vertex buffers.
 ///
 /// `shared`: the vertices and triangles of the whole mesh are made once, when it is loaded (`preshade_passes::tessellate::mesh::subdivide`), and the draw is
-/// `drawIndexed(triangles, instances)`.
+/// `drawIndexed(3 * triangles, instances)`, of a triangle list, without vertex buffers.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Subdivision {
     /// How a triangle is divided.

@@ -158,6 +158,13 @@ pub enum GeometryPart {
     },
     /// [`crate::geometry::Subdivision::vertices`], four bytes each.
     Pattern,
+    /// [`crate::tessellate::mesh::Mesh::points`] of the draw, sixteen bytes each.
+    Points,
+    /// The new vertices of the draw, one of the plan's [`VertexBuffer`]s.
+    Vertices {
+        /// Name of the buffer.
+        buffer: String,
+    },
     /// The draw's index buffer; without one, any buffer.
     Indices,
     /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
@@ -307,6 +314,31 @@ pub struct GpuPass {
     pub view_dependent: Vec<String>,
 }
 
+/// A buffer of computed vertices, one for each draw of the material.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct VertexBuffer {
+    /// The name passes refer to.
+    pub name: String,
+    /// Bytes of one vertex. A draw has as many as its subdivided mesh has, for each of its instances.
+    pub stride: u32,
+}
+
+/// Compute work ahead of a frame's render passes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ComputePass {
+    /// Key of its program in [`Plan::programs`].
+    pub program: String,
+    /// Entry point.
+    pub entry_point: String,
+    /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
+    /// `x`, they go on in `y`.
+    pub workgroup: u32,
+    /// What its new vertices are.
+    pub geometry: Geometry,
+    /// Bindings its entry point uses; their stage is the compute stage.
+    pub bindings: Vec<BindingUse>,
+}
+
 /// A step of the recipe, as it was applied.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Step {
@@ -363,6 +395,12 @@ pub struct Plan {
     pub programs: BTreeMap<String, Program>,
     /// Attachments, the scene's depth first. The scene's colour is not among them: it is the host's.
     pub attachments: Vec<Attachment>,
+    /// Buffers of computed vertices.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub vertex_buffers: Vec<VertexBuffer>,
+    /// Compute work of each frame, ahead of all passes, for each draw of the material.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compute: Vec<ComputePass>,
     /// GPU passes in the order they run.
     pub passes: Vec<GpuPass>,
     /// What was done to the original, in order.
@@ -435,6 +473,8 @@ impl Plan {
                 state.depth_direction,
                 state.multisample.count,
             )],
+            vertex_buffers: Vec::new(),
+            compute: Vec::new(),
             passes: vec![pass],
             steps: Vec::new(),
             contract: Contract::exact(),

@@ -30,17 +30,19 @@ use crate::geometry::{Form, Geometry, Subdivision};
 use crate::hoist::Hoist;
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
-use crate::plan::{AttributeUse, BindingKind, BindingSource, BindingUse, GeometryPart};
-use crate::plan::{GpuPass, Plan, Role, Step, Visibility};
+use crate::plan::{BindingKind, BindingSource, BindingUse, ComputePass, GeometryPart};
+use crate::plan::{GpuPass, Plan, Role, Step, VertexBuffer, Visibility};
 use crate::program::Program;
 use crate::reflect;
 use crate::state::Topology;
 
 mod build;
+pub mod mesh;
 pub mod pattern;
 mod split;
 mod text;
 
+use build::{Functions, Stored};
 use pattern::{MAX_LEVEL, Pattern};
 use split::{Outputs, Split};
 use text::{Place, Text};
@@ -69,6 +71,9 @@ impl Default for Params {
         }
     }
 }
+
+/// Storage buffers that every WebGPU device reads in a stage.
+const STORAGE_BUFFERS: usize = 8;
 
 /// Bindings of our own: the constants, the pattern, the indices, and a stream for each attribute, in this order from `first` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -232,6 +237,14 @@ impl<'a> Material<'a> {
                 "make it a perspective-correct f32, or flat",
             )
         })?;
+        if params.form == Form::Shared && outputs.has_flat() {
+            return Err(refuse(
+                "flat-shared",
+                "a flat varying differs between the triangles around a vertex, which would share it",
+                "take form=pulled",
+            ));
+        }
+        Self::check_buffers(pass, params)?;
         Ok(Self {
             pass,
             program,
@@ -304,6 +317,28 @@ impl<'a> Material<'a> {
         Ok(())
     }
 
+    /// Every WebGPU device reads eight storage buffers in a stage (`maxStorageBuffersPerShaderStage`).
+    fn check_buffers(pass: &GpuPass, params: &Params) -> Result<(), Box<Refusal>> {
+        let storage = [BindingKind::StorageRead, BindingKind::StorageReadWrite];
+        let authors = pass.bindings.iter();
+        let authors = authors.filter(|b| b.visibility.vertex && storage.contains(&b.kind));
+        let count = authors.count() + pass.attributes.len() + 2;
+        if count <= STORAGE_BUFFERS {
+            return Ok(());
+        }
+        let stage = match params.form {
+            Form::Pulled => "vertex",
+            Form::Shared => "compute",
+        };
+        Err(refuse(
+            "storage-buffers",
+            format!(
+                "its {stage} stage would read {count} storage buffers, and WebGPU promises {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
+            ),
+            "pack attributes into fewer",
+        ))
+    }
+
     /// What the fragment stage may know of the author's triangles.
     fn check_fragment(pass: &GpuPass, program: &Program) -> Result<(), Box<Refusal>> {
         let fragment = pass.fragment.as_deref();
@@ -349,45 +384,15 @@ impl<'a> Material<'a> {
 
     fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, String> {
         let subdivision = subdivision(params);
-        let module = self.program.module();
-        let slots = Slots::free(module);
-        let attributes = &self.pass.attributes;
-        let widths = self.outputs.widths();
-        let text = Text {
-            attributes,
-            widths: &widths,
-            slots,
-            place: Place::Pattern {
-                vertices: subdivision.vertices.len() as u32,
-                batch: subdivision.batch,
-                denominator: subdivision.denominator,
-            },
-        };
-        let functions = build::add(
-            module.clone(),
-            &self.pass.vertex,
-            self.split.clone(),
-            &self.outputs,
-            &text,
-        )?;
-        let module = build::pulled(&functions, self.vertex);
-        let entries: Vec<(ShaderStage, &str)> = [
-            Some((ShaderStage::Vertex, self.pass.vertex.as_str())),
-            self.pass
-                .fragment
-                .as_deref()
-                .map(|f| (ShaderStage::Fragment, f)),
-        ]
-        .into_iter()
-        .flatten()
-        .collect();
-        let program = self
-            .program
-            .with_module(place::retain(&module, &entries))
-            .map_err(|e| e.to_string())?;
+        let slots = Slots::free(self.program.module());
         let mut next = plan.clone();
+        let program = match params.form {
+            Form::Pulled => self.pulled(slots, &subdivision)?,
+            Form::Shared => self.shared(&mut next, slots, &subdivision)?,
+        };
+        let parts = self.parts(slots, params.form);
         for pass in &mut next.passes {
-            pass.bindings.extend(bindings(slots, attributes));
+            pass.bindings.extend(parts.clone());
             pass.geometry = Geometry::Subdivided(subdivision.clone());
             reflect::fill(pass, &program);
         }
@@ -401,31 +406,127 @@ impl<'a> Material<'a> {
         next.notes.push(self.describe(&subdivision));
         Ok(next)
     }
+
+    /// The author's vertex stage at new vertices, in the module of its program.
+    fn functions(&self, text: &Text<'_>) -> Result<Functions, String> {
+        build::add(
+            self.program.module().clone(),
+            &self.pass.vertex,
+            self.split.clone(),
+            &self.outputs,
+            text,
+        )
+    }
+
+    /// `module` with these entry points alone, as a program.
+    fn program(&self, module: &Module, entries: &[(ShaderStage, &str)]) -> Result<Program, String> {
+        self.program
+            .with_module(place::retain(module, entries))
+            .map_err(|e| e.to_string())
+    }
+
+    /// The two stages of the main pass.
+    fn entries(&self) -> Vec<(ShaderStage, &str)> {
+        let fragment = self.pass.fragment.as_deref();
+        std::iter::once((ShaderStage::Vertex, self.pass.vertex.as_str()))
+            .chain(fragment.map(|f| (ShaderStage::Fragment, f)))
+            .collect()
+    }
+
+    fn pulled(&self, slots: Slots, subdivision: &Subdivision) -> Result<Program, String> {
+        let functions = self.functions(&Text {
+            attributes: &self.pass.attributes,
+            widths: &self.outputs.widths(),
+            slots,
+            place: Place::Pattern {
+                vertices: subdivision.vertices.len() as u32,
+                batch: subdivision.batch,
+                denominator: subdivision.denominator,
+            },
+            stores: &[],
+        })?;
+        self.program(&build::pulled(&functions, self.vertex), &self.entries())
+    }
+
+    /// Adds the compute pass to `plan`; the program is the main pass's, which reads what that stored.
+    fn shared(
+        &self,
+        plan: &mut Plan,
+        slots: Slots,
+        subdivision: &Subdivision,
+    ) -> Result<Program, String> {
+        let module = self.program.module();
+        let result = self.split.rest.result.as_ref().map(|r| r.ty);
+        let stored = Stored::of(module, result.ok_or("the vertex stage gives nothing")?)?;
+        let functions = self.functions(&Text {
+            attributes: &self.pass.attributes,
+            widths: &self.outputs.widths(),
+            slots,
+            place: Place::Record {
+                denominator: subdivision.denominator,
+            },
+            stores: &stored.widths(),
+        })?;
+        let entry = format!("{}_points", self.pass.vertex);
+        let compute = build::stored(&functions, self.vertex, &entry, &stored)?;
+        let entries = [(ShaderStage::Compute, entry.as_str())];
+        let compute = self.program(&compute, &entries)?;
+        let mut known = self.parts(slots, Form::Shared);
+        known.extend(self.pass.bindings.iter().cloned());
+        plan.compute.push(ComputePass {
+            program: COMPUTE.to_owned(),
+            bindings: reflect::bindings(&compute, &entries, &known),
+            entry_point: entry,
+            workgroup: text::WORKGROUP,
+            geometry: Geometry::Subdivided(subdivision.clone()),
+        });
+        plan.programs.insert(COMPUTE.to_owned(), compute);
+        plan.vertex_buffers.push(VertexBuffer {
+            name: VERTICES.to_owned(),
+            stride: stored.words * 4,
+        });
+        let main = build::loaded(module.clone(), self.vertex, slots, &stored)?;
+        self.program(&main, &self.entries())
+    }
+
+    /// Our own bindings, for [`reflect::fill`] to know where they come from.
+    fn parts(&self, slots: Slots, form: Form) -> Vec<BindingUse> {
+        let attributes = &self.pass.attributes;
+        let constants = GeometryPart::Constants {
+            streams: attributes.iter().map(|a| a.location).collect(),
+        };
+        let parts = match form {
+            Form::Pulled => [constants, GeometryPart::Pattern, GeometryPart::Indices],
+            Form::Shared => {
+                let buffer = VERTICES.to_owned();
+                let vertices = GeometryPart::Vertices { buffer };
+                [constants, GeometryPart::Points, vertices]
+            }
+        };
+        let streams = attributes.iter().cloned().map(GeometryPart::Attribute);
+        parts
+            .into_iter()
+            .chain(streams)
+            .enumerate()
+            .map(|(index, part)| BindingUse {
+                group: slots.group,
+                binding: slots.first + index as u32,
+                name: String::new(),
+                kind: BindingKind::StorageRead,
+                visibility: Visibility::default(),
+                source: BindingSource::Geometry { part },
+                layout: None,
+            })
+            .collect()
+    }
 }
+
+/// Key of the compute pass's program.
+const COMPUTE: &str = "points";
+
+/// Name of the buffer between it and the main pass.
+const VERTICES: &str = "vertices";
 
 fn subdivision(params: &Params) -> Subdivision {
     Subdivision::new(params.pattern, params.level, params.form)
-}
-
-/// Our own bindings, for [`reflect::fill`] to know where they come from.
-fn bindings(slots: Slots, attributes: &[AttributeUse]) -> Vec<BindingUse> {
-    let constants = GeometryPart::Constants {
-        streams: attributes.iter().map(|a| a.location).collect(),
-    };
-    let parts = [constants, GeometryPart::Pattern, GeometryPart::Indices];
-    let streams = attributes.iter().cloned().map(GeometryPart::Attribute);
-    parts
-        .into_iter()
-        .chain(streams)
-        .enumerate()
-        .map(|(index, part)| BindingUse {
-            group: slots.group,
-            binding: slots.first + index as u32,
-            name: String::new(),
-            kind: BindingKind::StorageRead,
-            visibility: Visibility::default(),
-            source: BindingSource::Geometry { part },
-            layout: None,
-        })
-        .collect()
 }

@@ -25,6 +25,8 @@ pub struct Text<'a> {
     pub slots: Slots,
     /// How the vertex is known.
     pub place: Place,
+    /// Widths of what a compute stage stores; none in a vertex stage.
+    pub stores: &'a [u8],
 }
 
 /// How a new vertex knows its place.
@@ -39,11 +41,91 @@ pub enum Place {
         /// What the weights sum to.
         denominator: u32,
     },
-    /// From a record of its own.
+    /// From a record of its own; what is computed is stored.
     Record {
         /// What the weights sum to.
         denominator: u32,
     },
+}
+
+/// The workgroup of the compute pass.
+pub const WORKGROUP: u32 = 64;
+
+/// What goes through the buffer of new vertices: `tessellated_store_N(at, value)` for a compute stage, `tessellated_load_N(at)` for the vertex stage that reads.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Points {
+    /// Written.
+    Stored,
+    /// Read.
+    Loaded,
+}
+
+/// Access to the buffer of new vertices, bound at `first + 2`, in vectors of these widths; and where in it, in vertices, an invocation is.
+pub fn points(slots: Slots, points: Points, widths: &[u8]) -> String {
+    let Slots { group, first } = slots;
+    let access = match points {
+        Points::Stored => "read_write",
+        Points::Loaded => "read",
+    };
+    let mut out = format!(
+        "@group({group}) @binding({}) var<storage, {access}> tessellation_points: array<u32>;\n",
+        first + 2
+    );
+    let _ = match points {
+        Points::Stored => write!(
+            out,
+            "fn tessellated_index(id: vec3<u32>, groups: vec3<u32>) -> u32 {{
+    return id.y * groups.x * {WORKGROUP}u + id.x;
+}}
+fn tessellated_is_one(index: u32) -> bool {{
+    return index < tessellation.vertices * tessellation.instances;
+}}
+fn tessellated_place_of(index: u32) -> TessellatedPlace {{
+    return tessellated_place(index % tessellation.vertices, index / tessellation.vertices);
+}}
+"
+        ),
+        Points::Loaded => write!(
+            out,
+            "fn tessellated_index(vertex: u32, instance: u32) -> u32 {{
+    return instance * tessellation.vertices + vertex;
+}}
+"
+        ),
+    };
+    for width in widths {
+        let ty = match width {
+            1 => "u32".to_owned(),
+            n => format!("vec{n}<u32>"),
+        };
+        let letters = ["x", "y", "z", "w"];
+        let component = |i: usize| match width {
+            1 => "value".to_owned(),
+            _ => format!("value.{}", letters[i]),
+        };
+        let _ = match points {
+            Points::Stored => {
+                let stores: String = (0..usize::from(*width))
+                    .map(|i| format!("    tessellation_points[at + {i}u] = {};\n", component(i)))
+                    .collect();
+                write!(
+                    out,
+                    "fn tessellated_store_{width}_(at: u32, value: {ty}) {{\n{stores}}}\n"
+                )
+            }
+            Points::Loaded => {
+                let loads: Vec<String> = (0..*width)
+                    .map(|i| format!("tessellation_points[at + {i}u]"))
+                    .collect();
+                write!(
+                    out,
+                    "fn tessellated_load_{width}_(at: u32) -> {ty} {{\n    return {ty}({});\n}}\n",
+                    loads.join(", ")
+                )
+            }
+        };
+    }
+    out
 }
 
 /// A scalar kind as attributes are decoded to.
@@ -90,29 +172,15 @@ fn components(ty: &str) -> &'static str {
     }
 }
 
-impl Text<'_> {
-    /// The text.
-    pub fn wgsl(&self) -> String {
-        let mut out = String::new();
-        self.constants(&mut out);
-        self.places(&mut out);
-        self.attributes(&mut out);
-        out.push_str(PRECEDES);
-        for width in self.widths {
-            blend(&mut out, *width);
-        }
-        out
-    }
-
-    fn constants(&self, out: &mut String) {
-        let Slots { group, first } = self.slots;
-        let streams = match self.attributes.len() {
-            0 => String::new(),
-            n => format!("\n    streams: array<vec4<u32>, {n}>,"),
-        };
-        let _ = write!(
-            out,
-            "struct Tessellation {{
+/// The uniform buffer of a draw's constants, of so many attributes.
+pub fn constants(slots: Slots, attributes: usize) -> String {
+    let Slots { group, first } = slots;
+    let streams = match attributes {
+        0 => String::new(),
+        n => format!("\n    streams: array<vec4<u32>, {n}>,"),
+    };
+    format!(
+        "struct Tessellation {{
     triangles: u32,
     batches: u32,
     first: u32,
@@ -124,7 +192,23 @@ impl Text<'_> {
 }}
 @group({group}) @binding({first}) var<uniform> tessellation: Tessellation;
 "
-        );
+    )
+}
+
+impl Text<'_> {
+    /// The text.
+    pub fn wgsl(&self) -> String {
+        let mut out = constants(self.slots, self.attributes.len());
+        self.places(&mut out);
+        self.attributes(&mut out);
+        out.push_str(PRECEDES);
+        for width in self.widths {
+            blend(&mut out, *width);
+        }
+        if let Place::Record { .. } = self.place {
+            out.push_str(&points(self.slots, Points::Stored, self.stores));
+        }
+        out
     }
 
     fn places(&self, out: &mut String) {
