@@ -82,6 +82,14 @@ fn color(rendered: &Rendered) -> &ColorImage {
 
 const HOIST: &str = "hoist:budget=0.05,finite=assumed";
 
+/// Every pattern in every form.
+const PARAMETERS: [&str; 4] = [
+    "pattern=gl,form=pulled",
+    "pattern=uniform,form=pulled",
+    "pattern=gl,form=shared",
+    "pattern=uniform,form=shared",
+];
+
 /// Fragments of each pixel, counted in steps of red.
 fn counting(mut scene: Scene) -> Scene {
     let state = &mut scene.materials[0].state;
@@ -98,21 +106,21 @@ fn counting(mut scene: Scene) -> Scene {
 fn level_1_is_the_picture_it_was_made_from() {
     let scene = sphere(WAVES);
     let hoisted = draw(&scene, &[HOIST]);
-    for pattern in ["gl", "uniform"] {
+    for parameters in PARAMETERS {
         let one = draw(
             &scene,
-            &[HOIST, &format!("tessellate:level=1,pattern={pattern}")],
+            &[HOIST, &format!("tessellate:level=1,{parameters}")],
         );
-        assert_eq!(one, hoisted, "{pattern}");
+        assert_eq!(one, hoisted, "{parameters}");
     }
 }
 
 #[test]
 fn a_closed_mesh_has_neither_cracks_nor_overlaps() {
     let scene = counting(sphere(WAVES));
-    for pattern in ["gl", "uniform"] {
+    for parameters in PARAMETERS {
         for level in 1..=8 {
-            let recipe = format!("tessellate:level={level},pattern={pattern}");
+            let recipe = format!("tessellate:level={level},{parameters}");
             let picture = draw(&scene, &[HOIST, &recipe]);
             let image = color(&picture);
             let mut counts = BTreeMap::new();
@@ -133,4 +141,33 @@ fn a_closed_mesh_has_neither_cracks_nor_overlaps() {
             assert_eq!(counts.len(), 1, "{recipe}: {counts:?}");
         }
     }
+}
+
+#[test]
+fn both_forms_draw_one_picture() {
+    let scene = sphere(WAVES);
+    for (pattern, level) in [("gl", 2), ("gl", 5), ("uniform", 3)] {
+        let of = |form: &str| {
+            let recipe = format!("tessellate:level={level},pattern={pattern},form={form}");
+            draw(&scene, &[HOIST, &recipe])
+        };
+        let (pulled, shared) = (of("pulled"), of("shared"));
+        assert_eq!(pulled, shared, "{pattern} {level}");
+    }
+}
+
+/// More vertices follow what bends more closely: the error to the picture of every fragment falls about with the square of the level.
+#[test]
+fn the_error_falls_with_the_level() {
+    let scene = sphere(WAVES);
+    let plans = measure::originals(&scene);
+    let original = render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text);
+    let error = |level: u32| {
+        let recipe = format!("tessellate:level={level},pattern=uniform");
+        let picture = draw(&scene, &[HOIST, &recipe]);
+        let pairs = color(&picture).bytes.iter().zip(&color(&original).bytes);
+        pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()
+    };
+    let errors: Vec<f64> = [1, 2, 4, 8].map(error).to_vec();
+    assert!(errors.windows(2).all(|w| w[1] < w[0] * 0.5), "{errors:?}");
 }

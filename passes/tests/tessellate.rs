@@ -8,6 +8,7 @@ use preshade_passes::hoist::{self, Hoist};
 use preshade_passes::pass::{Facts, Pass, Refusal};
 use preshade_passes::plan::{BindingSource, GeometryPart, Plan};
 use preshade_passes::state::{MaterialState, PrimitiveState, Topology};
+use preshade_passes::tessellate::pattern::Pattern;
 use preshade_passes::tessellate::{Params, Tessellate};
 
 fn original(source: &str, state: &MaterialState) -> Plan {
@@ -83,6 +84,31 @@ fn the_vertex_stage_pulls_corners_and_interpolates() {
 }
 
 #[test]
+fn shared_vertices_are_computed_and_then_read() {
+    let smooth = WAVES
+        .replace("@interpolate(flat) kind: u32", "kind: f32")
+        .replace("out.kind = kind.x", "out.kind = f32(kind.x)")
+        .replace("f32(in.kind)", "in.kind");
+    let plan = hoisted(&original(&smooth, &MaterialState::default()));
+    let params = Params {
+        form: preshade_passes::geometry::Form::Shared,
+        pattern: Pattern::Uniform,
+        level: 2,
+    };
+    let next = apply::<Tessellate>(&plan, &params).unwrap();
+    let main = common::wgsl(next.program(next.main().unwrap()).unwrap());
+    let points = common::wgsl(&next.programs["points"]);
+    let points = &points[points.find("fn tessellated_index").unwrap()..];
+    insta::assert_snapshot!(format!("{main}\n// points, from its end\n\n{points}"));
+    assert_eq!(next.compute.len(), 1);
+    // Position, and two values.
+    assert_eq!(next.vertex_buffers[0].stride, 4 * 6);
+    let flat = hoisted(&original(WAVES, &MaterialState::default()));
+    let refusal = apply::<Tessellate>(&flat, &params).unwrap_err();
+    assert_eq!(refusal.code, "flat-shared");
+}
+
+#[test]
 fn what_cannot_be_divided_is_refused() {
     let plan = original(WAVES, &MaterialState::default());
     let code = |r: Result<Plan, Box<Refusal>>| r.unwrap_err().code;
@@ -117,14 +143,11 @@ fn what_cannot_be_divided_is_refused() {
         );
     assert_eq!(refused(&private).code, "vertex-state");
     let primitive = WAVES
-        .replace("struct Scene", "enable primitive_index; struct Scene")
         .replace(
-            "fs(in: VertexOutput)",
-            "fs(in: VertexOutput, @builtin(primitive_index) p: u32)",
+            "in: VertexOutput)",
+            "in: VertexOutput, @builtin(primitive_index) p: u32)",
         )
-        .replace("+ f32(in.kind)", "+ f32(p)");
-    let primitive = primitive.replace("struct Scene", "struct Scene");
-    let primitive = primitive.replacen("enable primitive_index; ", "", 1);
+        .replace("f32(in.kind)", "f32(p)");
     let primitive = format!("enable primitive_index;\n{primitive}");
     assert_eq!(refused(&primitive).code, "knows-triangles");
 }

@@ -17,6 +17,9 @@ pub struct PlanFile {
     pub plan: Plan,
     /// Files by pass, in the order of the plan's passes.
     pub files: Vec<PassFiles>,
+    /// The compute stages' files, by target, in the order of the plan's compute passes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compute_files: Vec<BTreeMap<Target, StageFile>>,
     /// The forms that promise less than the plan's `contract`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub forms: BTreeMap<Target, Form>,
@@ -123,8 +126,11 @@ pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), St
         .into_iter()
         .filter_map(|target| Some((target, super::weaker_form(plan, target)?)))
         .collect();
+    let compute = plan.compute.iter();
+    let compute = compute.map(|c| of(&c.program, ShaderStage::Compute, &c.entry_point));
     let content = PlanFile {
         plan: plan.clone(),
+        compute_files: compute.collect(),
         files,
         forms,
     };

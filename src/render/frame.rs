@@ -11,9 +11,9 @@ use super::inputs::SceneInputs;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::Variant;
-use super::subdivided::Subdivided;
+use super::subdivided::{Meshes, Subdivided};
 use super::targets::Targets;
-use super::{Error, order, readback};
+use super::{Error, compute, order, readback};
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// What a frame is drawn with that is neither the scene's nor the plan's.
@@ -46,6 +46,8 @@ pub struct Prepared<'a> {
     gpu: &'a Gpu,
     inputs: &'a SceneInputs<'a>,
     targets: Targets,
+    compute: Vec<compute::PreparedCompute>,
+    meshes: Meshes,
     passes: Vec<PreparedPass>,
     clear_color: [f64; 4],
     /// What becomes of the samples of a colour target once it is resolved.
@@ -101,6 +103,8 @@ impl<'a> Prepared<'a> {
         let start = Instant::now();
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
+        let mut meshes = Meshes::default();
+        let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes)?;
         let mut passes = Vec::new();
         for frame_pass in &variant.frame().passes {
             let mut pass = PreparedPass {
@@ -130,7 +134,9 @@ impl<'a> Prepared<'a> {
                     };
                     pass.stencil_write |=
                         gpu_pass.stencil.as_ref().is_some_and(StencilState::writes);
-                    let subdivided = Subdivided::new(gpu, gpu_pass, bound)
+                    let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
+                    let subdivided = meshes
+                        .of(gpu, found.plan, geometry, bindings, (index, bound))
                         .map_err(|message| found.failed(message))?;
                     let build = Build {
                         gpu,
@@ -177,7 +183,9 @@ impl<'a> Prepared<'a> {
             gpu,
             inputs,
             targets,
-            pipelines: passes.iter().map(|p| p.pipelines.len()).sum(),
+            pipelines: compute.len() + passes.iter().map(|p| p.pipelines.len()).sum::<usize>(),
+            compute,
+            meshes,
             passes,
             clear_color: settings.clear_color,
             // What resolves is shown resolved: a host throws the samples away.
@@ -221,6 +229,7 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the frame; each render pass is one query of `statistics`.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, statistics: Option<&wgpu::QuerySet>) {
+        compute::encode(&self.compute, encoder);
         let last_color = self
             .passes
             .iter()
@@ -354,6 +363,11 @@ impl<'a> Prepared<'a> {
         self.passes.iter().map(|p| p.sequence.len()).sum()
     }
 
+    /// New vertices that subdivision computes in a frame, each once where triangles share it; and bytes that hold subdivided meshes, over all instances.
+    pub fn subdivision_cost(&self) -> (u64, u64) {
+        self.meshes.cost()
+    }
+
     /// Bytes of all attachments.
     pub fn target_bytes(&self) -> u64 {
         self.targets.bytes()
@@ -459,7 +473,7 @@ impl<'a> Prepared<'a> {
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
             }
             if let Some(subdivided) = &item.subdivided {
-                subdivided.draw(render);
+                subdivided.mesh.draw(render);
                 continue;
             }
             match &draw.indices {

@@ -53,6 +53,8 @@ pub(super) struct IndexInput {
     pub buffer: wgpu::Buffer,
     pub format: wgpu::IndexFormat,
     pub count: u32,
+    /// The buffer's content, for meshes made of this one.
+    pub bytes: Arc<[u8]>,
 }
 
 impl Resource {
@@ -262,6 +264,7 @@ impl Uploads {
             ),
             format: i.format,
             count: i.count,
+            bytes: Arc::clone(&i.data.bytes),
         });
         Ok(DrawInputs {
             resources,

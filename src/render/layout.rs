@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
+use preshade_passes::plan::{BindingKind, BindingSource, BindingUse};
 
 use super::inputs::{DrawInputs, Resource};
 use super::subdivided::Subdivided;
@@ -28,7 +28,7 @@ impl Filled<'_> {
         }
     }
 
-    pub fn binding(&self) -> wgpu::BindingResource<'_> {
+    fn binding(&self) -> wgpu::BindingResource<'_> {
         match self {
             Self::Author(resource) => resource.binding(),
             Self::Attachment(view, _) => wgpu::BindingResource::TextureView(view),
@@ -40,18 +40,18 @@ impl Filled<'_> {
 /// The bindings of a pass by group, each with what fills it.
 pub(super) type Groups<'a> = BTreeMap<u32, Vec<(&'a BindingUse, Filled<'a>)>>;
 
-/// Fills the bindings of `pass`.
+/// Fills the bindings of a pass.
 ///
 /// # Errors
 /// In words, when the plan names a binding that the author's program does not have, or an attachment that the frame does not have.
 pub(super) fn fill<'a>(
-    pass: &'a GpuPass,
+    bindings: &'a [BindingUse],
     draw: &'a DrawInputs,
     targets: &'a Targets,
     subdivided: Option<&'a Subdivided>,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();
-    for b in &pass.bindings {
+    for b in bindings {
         let filled = match &b.source {
             BindingSource::Author => {
                 Filled::Author(draw.resources.get(&(b.group, b.binding)).ok_or_else(|| {
@@ -64,7 +64,7 @@ pub(super) fn fill<'a>(
             BindingSource::Geometry { part } => {
                 let (buffer, ty) = subdivided
                     .ok_or("the pass does not say how its geometry is subdivided")?
-                    .part(part, draw)?;
+                    .part(b, part, draw)?;
                 Filled::Geometry(buffer, ty)
             }
             BindingSource::Attachment { name } => {
@@ -94,10 +94,55 @@ pub(super) fn fill<'a>(
     Ok(groups)
 }
 
+/// The kind of pipeline a layout is for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stages {
+    Raster,
+    Compute,
+}
+
+/// Layout and bind group of each group.
+pub(super) fn bind(
+    device: &wgpu::Device,
+    groups: &Groups<'_>,
+    stages: Stages,
+) -> Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)> {
+    groups
+        .iter()
+        .map(|(group, bindings)| {
+            let layout = layout(device, bindings, stages);
+            let entries: Vec<_> = bindings
+                .iter()
+                .map(|(b, filled)| wgpu::BindGroupEntry {
+                    binding: b.binding,
+                    resource: filled.binding(),
+                })
+                .collect();
+            let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &layout,
+                entries: &entries,
+            });
+            (*group, layout, bound)
+        })
+        .collect()
+}
+
+/// The layouts of a pipeline, by group.
+pub(super) fn by_group<'l>(
+    layouts: &[(u32, &'l wgpu::BindGroupLayout)],
+) -> Vec<Option<&'l wgpu::BindGroupLayout>> {
+    let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
+    (0..count)
+        .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
+        .collect()
+}
+
 /// The layout of one group.
-pub(super) fn layout(
+fn layout(
     device: &wgpu::Device,
     bindings: &[(&BindingUse, Filled<'_>)],
+    stages: Stages,
 ) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = bindings
         .iter()
@@ -105,6 +150,7 @@ pub(super) fn layout(
             let mut visibility = wgpu::ShaderStages::NONE;
             visibility.set(wgpu::ShaderStages::VERTEX, b.visibility.vertex);
             visibility.set(wgpu::ShaderStages::FRAGMENT, b.visibility.fragment);
+            visibility.set(wgpu::ShaderStages::COMPUTE, stages == Stages::Compute);
             wgpu::BindGroupLayoutEntry {
                 binding: b.binding,
                 visibility,

@@ -8,6 +8,7 @@ use preshade_passes::state::ColorTarget;
 
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
+use super::layout::Stages;
 use super::shader::Stage;
 use super::subdivided::Subdivided;
 use super::targets::Targets;
@@ -113,30 +114,13 @@ impl Build<'_> {
 
     /// Layout and bind group of each group the pass uses.
     pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
-        let filled = layout::fill(self.pass, self.draw, self.targets, self.subdivided)
+        let bindings = &self.pass.bindings;
+        let filled = layout::fill(bindings, self.draw, self.targets, self.subdivided)
             .map_err(|m| self.failed(m))?;
         let device = &self.gpu.device;
         self.gpu
             .checked(&format!("the bindings of {}", self.what()), || {
-                filled
-                    .iter()
-                    .map(|(group, bindings)| {
-                        let layout = layout::layout(device, bindings);
-                        let entries: Vec<_> = bindings
-                            .iter()
-                            .map(|(b, filled)| wgpu::BindGroupEntry {
-                                binding: b.binding,
-                                resource: filled.binding(),
-                            })
-                            .collect();
-                        let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
-                            label: None,
-                            layout: &layout,
-                            entries: &entries,
-                        });
-                        (*group, layout, bound)
-                    })
-                    .collect()
+                layout::bind(device, &filled, Stages::Raster)
             })
     }
 
@@ -211,10 +195,7 @@ impl Build<'_> {
             None if !targets.is_empty() => Some((blank, BLANK)),
             None => None,
         };
-        let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
-        let by_group: Vec<_> = (0..count)
-            .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
-            .collect();
+        let by_group = layout::by_group(layouts);
         let buffers: Vec<_> = key
             .vertex
             .iter()

@@ -41,6 +41,8 @@ pub struct Variant {
     shaders: BTreeMap<String, Shader>,
     /// Vertex and fragment stage of each plan's passes.
     stages: Vec<Vec<(Stage, Option<Stage>)>>,
+    /// Stage of each plan's compute passes.
+    compute: Vec<Vec<Stage>>,
 }
 
 impl Variant {
@@ -58,6 +60,7 @@ impl Variant {
             },
             shaders: BTreeMap::new(),
             stages: Vec::new(),
+            compute: Vec::new(),
         };
         for plan in plans {
             match form {
@@ -104,7 +107,13 @@ impl Variant {
                 Ok((vertex, stage(&f.fragment)))
             })
             .collect::<Result<Vec<_>, Error>>()?;
+        let compute = described
+            .compute_files
+            .iter()
+            .map(|f| stage(f).ok_or_else(|| failed("a compute pass has no file".to_owned())))
+            .collect::<Result<Vec<_>, Error>>()?;
         self.stages.push(stages);
+        self.compute.push(compute);
         self.plans.push(described.plan);
         Ok(())
     }
@@ -121,6 +130,11 @@ impl Variant {
             let module = Shader::Ir(Box::new(program.module().clone()));
             self.shaders.insert(name(key), module);
         }
+        let compute = host.compute.iter().map(|c| Stage {
+            shader: name(&c.program),
+            entry_point: c.entry_point.clone(),
+        });
+        self.compute.push(compute.collect());
         let stage = |pass: &GpuPass, entry_point: &str| Stage {
             shader: name(&pass.program),
             entry_point: entry_point.to_owned(),
@@ -143,6 +157,12 @@ impl Variant {
     /// The plans, without programs.
     pub fn plans(&self) -> &[Plan] {
         &self.plans
+    }
+
+    /// Each plan with the stages of its compute passes.
+    pub(super) fn compute(&self) -> impl Iterator<Item = (&Plan, &[Stage])> {
+        let stages = self.compute.iter().map(Vec::as_slice);
+        self.plans.iter().zip(stages)
     }
 
     /// The plans merged into one frame.
