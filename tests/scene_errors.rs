@@ -160,3 +160,11 @@ fn syntax_errors_are_framed() {
         "cube = { box = {}, sphere = {} }"
     ));
 }
+
+#[test]
+fn orbits_that_are_none_are_told() {
+    let orbit = |distance: &str| format!("orbit = {{ yaw = 0, pitch = 0, distance = {distance} }}");
+    insta::assert_snapshot!(refusal("orbit", "target = [0, 0, 0]", &orbit("2")));
+    let eye = "eye = [1, 2, 5]\ntarget = [0, 0, 0]";
+    insta::assert_snapshot!(refusal("orbit", eye, &orbit("-1")));
+}

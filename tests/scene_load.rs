@@ -119,3 +119,26 @@ fn what_a_frame_changes_is_what_frame_buffers_returns() {
     assert!(changed.iter().all(|b| told.contains(b)));
     assert_eq!(before.vertex_buffers, after.vertex_buffers);
 }
+
+#[test]
+fn an_orbit_is_an_eye_on_a_sphere_round_its_target() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
+    let scene = load(&folder.join("teapot-noise.toml"));
+    let camera = |name: &str| scene.cameras.iter().find(|c| c.name == name).unwrap();
+    // Yaw 5.21 and pitch 0.28 radians, 2.8 from the origin: yaw turns +x towards -z.
+    let frame = camera("article").frames[0];
+    let (yaw, pitch) = (5.21_f32, 0.28_f32);
+    let flat = 2.8 * pitch.cos();
+    let wanted = glam::Vec3::new(flat * yaw.cos(), 2.8 * pitch.sin(), -flat * yaw.sin());
+    assert!(frame.eye.distance(wanted) < 1e-4, "{} {wanted}", frame.eye);
+    // The target is straight ahead.
+    let ahead = frame.view.transform_point3(glam::Vec3::ZERO);
+    assert!(ahead.distance(glam::Vec3::new(0.0, 0.0, -2.8)) < 1e-4);
+    // 1 / tan(0.45): 0.9 radians of vertical view.
+    assert!((frame.projection.y_axis.y - 1.0 / 0.45_f32.tan()).abs() < 1e-4);
+
+    // A path may be of orbits, and its time runs on.
+    let turn = &camera("turn").frames;
+    assert!(turn.windows(2).all(|w| w[0].time < w[1].time));
+    assert!((turn[0].eye.length() - 3.4).abs() < 1e-4);
+}

@@ -126,11 +126,35 @@ fn surfaces_agree_with_their_normals() {
     }
     let teapot = Teapot {
         size: 2.0,
-        segments: 6,
+        segments: [6, 6],
     }
     .mesh("teapot");
     assert!((teapot.bounds[1].y - 2.0).abs() < 1e-5 && teapot.bounds[0].y.abs() < 1e-5);
     assert_eq!(teapot.vertex_count, 32 * 49);
+}
+
+#[test]
+fn the_teapot_of_the_article_has_15704_triangles() {
+    let teapot = Teapot {
+        size: 2.222,
+        segments: [13, 19],
+    }
+    .mesh("teapot");
+    check(&teapot);
+    assert_eq!(teapot.indices.as_ref().unwrap().len(), 3 * 15_704);
+    // Its only borders are the rims: of the bowl, the lid, both ends of handle and spout. So no patch has other points on an edge than its neighbour.
+    let p: Vec<Vec3> = positions(&teapot).collect();
+    let cell = |i: u32| (p[i as usize] * 1e4).round().as_ivec3();
+    let mut edges: BTreeMap<_, i32> = BTreeMap::new();
+    for t in teapot.indices.as_ref().unwrap().chunks(3) {
+        for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+            let (a, b) = (cell(t[i]).to_array(), cell(t[j]).to_array());
+            *edges.entry((a.min(b), a.max(b))).or_default() += 1;
+        }
+    }
+    let border = edges.values().filter(|count| **count == 1).count();
+    let (bowl, tube_end) = (4 * 13, 2 * 13);
+    assert_eq!(border, 2 * bowl + 4 * tube_end);
 }
 
 #[test]

@@ -154,3 +154,16 @@ fn the_overdraw_scenes_cost_what_their_names_say() {
         assert_eq!(best, 1.0);
     }
 }
+
+#[test]
+fn the_teapots_fill_the_screen_of_their_second_camera() {
+    for name in ["teapot-noise", "teapot-noise-detailed", "teapot-specular"] {
+        let window = load(name);
+        for scene in [window.clone(), window.resized([1920, 1080])] {
+            let (_, covered) = count(&scene, frame(&scene, "full"), DrawOrder::AsGiven);
+            assert_eq!(covered, SIZE[0] * SIZE[1], "{name} at {:?}", scene.size);
+            let (_, covered) = count(&scene, frame(&scene, "article"), DrawOrder::AsGiven);
+            assert!(covered < SIZE[0] * SIZE[1]);
+        }
+    }
+}

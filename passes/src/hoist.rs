@@ -23,181 +23,43 @@
 //!
 //! It hurts where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends more than a triangle shows.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use naga::ShaderStage;
 
 use crate::contract::{Assumption, Contract};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
-use crate::pass::{
-    Facts, Frequency, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites,
-};
+use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
 use crate::plan::{GpuPass, Plan, Role, Step};
-use crate::program::Location;
 use crate::program::Program;
 use crate::reflect;
 use crate::slice::{self, Criterion};
 
+mod candidates;
 pub mod choose;
 pub mod cut;
 mod hoisted;
 mod isolate;
 pub mod pack;
+mod params;
 mod remainder;
 pub mod sign;
 pub mod travel;
 pub mod values;
 mod vertex;
 
-use choose::{Choice, Terms};
+pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
+pub use params::{Allow, Metric, Params};
+
+use choose::Choice;
 use hoisted::Wanted;
-use travel::{Carriage, Class, Finite, Stays};
+use travel::{Carriage, Class, Stays};
 use values::{Node, ValueId, Values};
 
 /// The pass.
 pub struct Hoist;
-
-/// The weakest promise a value may travel under.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Allow {
-    /// Constants of the draw and of the primitive.
-    Exact,
-    /// Affine values too.
-    Rounding,
-    /// Any value.
-    Approximate,
-}
-
-/// What a budget counts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Metric {
-    /// Mean of FLIP over the picture, 0 to 1.
-    #[default]
-    FlipMean,
-    /// Its 99th percentile.
-    FlipP99,
-    /// Largest difference of a channel, 0 to 1.
-    MaxAbs,
-}
-
-impl Metric {
-    /// What was measured of a value.
-    pub fn of(self, frequency: &Frequency) -> f64 {
-        match self {
-            Self::FlipMean => frequency.flip_mean,
-            Self::FlipP99 => frequency.flip_p99,
-            Self::MaxAbs => frequency.max_abs,
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::FlipMean => "flip_mean",
-            Self::FlipP99 => "flip_p99",
-            Self::MaxAbs => "max_abs",
-        }
-    }
-}
-
-/// Parameters.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
-    /// The weakest promise a value may travel under; default: `approximate` where a budget is given, `rounding` where none is.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub allow: Option<Allow>,
-    /// How much the picture may differ, by `metric`, above 0 and at most 1. Without one nothing approximate moves.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub budget: Option<f64>,
-    /// What the budget counts.
-    pub metric: Metric,
-    /// What may be assumed of values at vertices that were not measured.
-    pub finite: Finite,
-    /// Largest measured error, by `metric`, of a value that travels as an approximation; default: the budget. Values that were not measured are not held back
-    /// where nothing was.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub threshold: Option<f64>,
-    /// The only values that travel as approximations, by id, joined by `+`: a choice made before.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub carry: Option<String>,
-    /// Vertices shaded for each fragment shaded; default: as measured, or else 0.05.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub vertices_per_fragment: Option<f64>,
-}
-
-/// Taken where nothing was measured: triangles of about ten pixels, each vertex shared by a few of them.
-const VERTICES_PER_FRAGMENT: f64 = 0.05;
-
-/// Least part of the fragment stage's static cost that a hoist has to save.
-const WORTHWHILE: f64 = 0.01;
-
-impl Params {
-    fn weakest(&self) -> Class {
-        match (self.allow, self.budget) {
-            (Some(Allow::Exact), _) => Class::Exact,
-            (Some(Allow::Rounding), _) | (None, None) => Class::Affine,
-            (Some(Allow::Approximate), _) | (None, Some(_)) => Class::Smooth,
-        }
-    }
-
-    fn check(&self) -> Option<Refusal> {
-        let name = Hoist::INFO.name;
-        if self.allow == Some(Allow::Approximate) && self.budget.is_none() {
-            return Some(Refusal::new(
-                name,
-                "no-budget",
-                "an approximate hoist needs a budget: how much the picture may differ",
-                "give budget=0.01 (of flip_mean, or say metric=max_abs)",
-            ));
-        }
-        if self.budget.is_some_and(|b| !(b > 0.0 && b <= 1.0)) {
-            return Some(Refusal::new(
-                name,
-                "budget",
-                "the budget is not a number above 0 and at most 1",
-                "give budget=0.01, say",
-            ));
-        }
-        if self.threshold.is_some_and(|t| t.is_nan() || t < 0.0) {
-            return Some(Refusal::new(
-                name,
-                "threshold",
-                "the threshold is not a number of at least 0",
-                "leave it out",
-            ));
-        }
-        if self
-            .vertices_per_fragment
-            .is_some_and(|v| !(v >= 0.0 && v.is_finite()))
-        {
-            return Some(Refusal::new(
-                name,
-                "vertices-per-fragment",
-                "the number of vertices for each fragment is not a finite number of at least 0",
-                "leave it out",
-            ));
-        }
-        None
-    }
-
-    fn terms(&self, facts: &Facts) -> Terms {
-        Terms {
-            weakest: self.weakest(),
-            vertices_per_fragment: self
-                .vertices_per_fragment
-                .or(facts.vertices_per_fragment)
-                .unwrap_or(VERTICES_PER_FRAGMENT),
-            worthwhile: WORTHWHILE,
-        }
-    }
-}
 
 impl Pass for Hoist {
     type Params = Params;
@@ -360,7 +222,7 @@ impl<'g, 'p> Found<'g, 'p> {
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let values = material.values(graph).map_err(|r| (r, Vec::new()))?;
-        let verdicts = verdicts(&values, material, params, facts);
+        let verdicts = candidates::verdicts(&values, material, params, facts);
         let terms = params.terms(facts);
         let left = left(&values, &verdicts, terms.weakest);
         let Some(choice) = choose::choose(&values, &verdicts, &terms) else {
@@ -513,148 +375,6 @@ impl<'g, 'p> Found<'g, 'p> {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
         choose::below(&self.values, of).0.ceil() as u32
     }
-}
-
-/// How each value may travel, as far as the code shows it and what was measured allows it.
-fn verdicts(
-    values: &Values<'_, '_>,
-    material: &Material<'_>,
-    params: &Params,
-    facts: &Facts,
-) -> Vec<Result<Carriage, Stays>> {
-    let mut verdicts = travel::judge(values, params.finite);
-    let smooth = |v: &Result<Carriage, Stays>| matches!(v, Ok(c) if c.class == Class::Smooth);
-    if let Some(carry) = &params.carry {
-        let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-        let assumed = travel::judge(values, Finite::Assumed);
-        let ids = ids(values, |v| smooth(&assumed[v]));
-        for (v, verdict) in verdicts.iter_mut().enumerate() {
-            if ids.get(&v).is_some_and(|id| carry.contains(id.as_str())) {
-                *verdict = assumed[v].clone();
-            } else if smooth(verdict) {
-                *verdict = Err(Stays::NotChosen);
-            }
-        }
-        return verdicts;
-    }
-    let measured: BTreeMap<&str, &Frequency> = facts
-        .frequencies
-        .iter()
-        .filter(|f| f.material == material.name)
-        .map(|f| (f.value.as_str(), f))
-        .collect();
-    if measured.is_empty() || params.weakest() < Class::Smooth {
-        return verdicts;
-    }
-    let threshold = params.threshold.or(params.budget).unwrap_or_default();
-    let assumed = travel::judge(values, Finite::Assumed);
-    let ids = ids(values, |v| smooth(&assumed[v]));
-    for (v, verdict) in verdicts.iter_mut().enumerate() {
-        if !smooth(&assumed[v]) {
-            continue;
-        }
-        *verdict = match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
-            Some(f) if f.nan_pixels > 0 => Err(Stays::MeasuredNotFinite),
-            // A NaN keeps no threshold.
-            Some(f) if params.metric.of(f) <= threshold => assumed[v].clone(),
-            Some(f) => Err(Stays::Measured {
-                error: format!("{:.4}", params.metric.of(f)),
-            }),
-            None => Err(Stays::NotMeasured),
-        };
-    }
-    verdicts
-}
-
-/// A value that might be carried as an approximation.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Candidate {
-    /// Names it among the values of its fragment stage, stably: the hash of what computes it, and the chain of calls.
-    pub id: String,
-    /// The author's name for it, or what it is.
-    pub name: String,
-    /// Static cost of computing it, all it rests on included.
-    pub cost: f64,
-    /// Where it is in the author's source.
-    pub location: Option<Location>,
-}
-
-/// Most candidates that are looked at, the dearest first.
-pub const MOST_CANDIDATES: usize = 48;
-
-/// The values of a plan's fragment stage that might be carried as approximations, the dearest first.
-///
-/// # Errors
-/// Where nothing can be hoisted at all.
-pub fn candidates(plan: &Plan) -> Result<Vec<Candidate>, Box<Refusal>> {
-    let material = Material::examine(plan, &Params::default())?;
-    let graph = Graph::build(material.program);
-    let values = material.values(&graph)?;
-    let verdicts = travel::judge(&values, Finite::Assumed);
-    let worth = |v: ValueId| {
-        let width = choose::shape(&values, v).map_or(1, |(_, w)| w);
-        let (cost, _) = choose::below(&values, std::iter::once(v));
-        (cost > choose::SMOOTH_PRICE * f64::from(width)).then_some(cost)
-    };
-    let users = values.users();
-    let mut found: Vec<(ValueId, f64)> = (0..values.values.len())
-        .filter(|v| matches!(&verdicts[*v], Ok(c) if c.class == Class::Smooth))
-        .filter_map(|v| Some((v, worth(v)?)))
-        .collect();
-    let costs: BTreeMap<ValueId, f64> = found.iter().copied().collect();
-    // Of the names of one value the last: a call's result rather than what the callee returns.
-    found.retain(|(v, cost)| {
-        let width = |v| choose::shape(&values, v).map(|(_, w)| w);
-        !users[*v]
-            .iter()
-            .any(|u| costs.get(u) == Some(cost) && width(*u) == width(*v))
-    });
-    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    found.truncate(MOST_CANDIDATES);
-    let chosen: BTreeSet<ValueId> = found.iter().map(|(v, _)| *v).collect();
-    let ids = ids(&values, |v| chosen.contains(&v));
-    let sources = material.program.sources();
-    Ok(found
-        .into_iter()
-        .filter_map(|(v, cost)| {
-            let location = span(&values, v).and_then(|s| sources.locate(s));
-            let place = || location.as_ref().map(|l| format!("line {}", l.line));
-            Some(Candidate {
-                id: ids.get(&v)?.clone(),
-                name: name(&values, v).or_else(place).unwrap_or_default(),
-                cost,
-                location,
-            })
-        })
-        .collect())
-}
-
-/// Stable names of the values of which `of` holds.
-fn ids(values: &Values<'_, '_>, of: impl Fn(ValueId) -> bool) -> BTreeMap<ValueId, String> {
-    let graph = values.graph;
-    let mut hashes: BTreeMap<(FunctionId, naga::Handle<naga::Expression>), String> =
-        BTreeMap::new();
-    (0..values.values.len())
-        .filter(|v| of(*v))
-        .filter_map(|v| {
-            let (context, expression, _) = values.expression(v)?;
-            let function = values.contexts[context].function;
-            let hash = hashes.entry((function, expression)).or_insert_with(|| {
-                let value = Criterion::Value {
-                    function,
-                    expression,
-                };
-                slice::backward(graph, values.entry, &[value]).hash
-            });
-            let mut id = hash.clone();
-            let mut at = context;
-            while let Some((caller, call)) = values.contexts[at].call {
-                id.push_str(&format!(".{}", call.index()));
-                at = caller;
-            }
-            Some((v, id))
-        })
-        .collect()
 }
 
 fn span(values: &Values<'_, '_>, id: ValueId) -> Option<naga::Span> {

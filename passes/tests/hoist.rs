@@ -89,6 +89,13 @@ fn a_loop_of_noise_moves_whole() {
     assert_eq!(plan.contract.kind(), "approximate");
 }
 
+/// What a stage gave.
+struct Ran {
+    by_binding: BTreeMap<String, Value>,
+    by_location: BTreeMap<u32, Value>,
+    discarded: bool,
+}
+
 /// Runs a stage on inputs by location; a builtin is what the seed says.
 fn run(
     program: &Program,
@@ -96,7 +103,7 @@ fn run(
     name: &str,
     inputs: &BTreeMap<u32, Value>,
     seed: u32,
-) -> Result<(BTreeMap<String, Value>, BTreeMap<u32, Value>, Outcome), Stuck> {
+) -> Result<Ran, Stuck> {
     let module = program.module();
     let (entry, point) = program.entry_point(stage, name).unwrap();
     let value = |binding: &Binding| match binding {
@@ -123,7 +130,11 @@ fn run(
     };
     let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;
     let (by_binding, by_location) = outputs(module, &point.function, &outcome);
-    Ok((by_binding, by_location, outcome))
+    Ok(Ran {
+        by_binding,
+        by_location,
+        discarded: outcome.discarded,
+    })
 }
 
 fn outputs(
@@ -180,9 +191,10 @@ fn attributes(seed: u32) -> BTreeMap<u32, Value> {
 
 /// Both stages run one after the other: what the fragment stage gives where a fragment lies on a vertex.
 fn at_vertex(program: &Program, seed: u32) -> Result<(BTreeMap<String, Value>, bool), Stuck> {
-    let (_, varyings, _) = run(program, ShaderStage::Vertex, "vs", &attributes(seed), seed)?;
-    let (outputs, _, outcome) = run(program, ShaderStage::Fragment, "fs", &varyings, seed)?;
-    Ok((outputs, outcome.discarded))
+    let vertex = run(program, ShaderStage::Vertex, "vs", &attributes(seed), seed)?;
+    let varyings = &vertex.by_location;
+    let fragment = run(program, ShaderStage::Fragment, "fs", varyings, seed)?;
+    Ok((fragment.by_binding, fragment.discarded))
 }
 
 /// Whether anything was hoisted.

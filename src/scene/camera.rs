@@ -2,6 +2,7 @@
 
 use glam::{Mat4, Vec3, Vec4};
 use preshade_passes::state::DepthDirection;
+use serde::Deserialize;
 
 use super::Frame;
 
@@ -16,6 +17,34 @@ pub struct Pose {
     pub fov: f32,
     /// Seconds.
     pub time: f32,
+}
+
+/// An eye on a sphere round what it looks at, as viewers that are turned by dragging have it.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Orbit {
+    /// What it looks at; default the origin.
+    #[serde(default)]
+    pub target: [f32; 3],
+    /// Turn round y in degrees: at 0 the eye lies towards +x, at 90 towards -z.
+    pub yaw: f32,
+    /// Degrees above the horizon.
+    pub pitch: f32,
+    /// From eye to target; above 0.
+    pub distance: f32,
+}
+
+impl Orbit {
+    /// Where the eye is.
+    pub fn eye(self) -> Vec3 {
+        let (yaw, pitch) = (self.yaw.to_radians(), self.pitch.to_radians());
+        let out = Vec3::new(
+            pitch.cos() * yaw.cos(),
+            pitch.sin(),
+            -pitch.cos() * yaw.sin(),
+        );
+        Vec3::from(self.target) + self.distance * out
+    }
 }
 
 /// Near and far planes; `far` may be infinite.

@@ -6,6 +6,7 @@ use preshade_passes::state::{DepthDirection, DepthFormat, MaterialState};
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::camera::Orbit;
 use super::image::Recipe;
 use super::mesh::{
     Arch, Column, Cuboid, Curtain, Gltf, Morph, Plane, Skin, Sphere, Stairs, Teapot, Vertices,
@@ -203,6 +204,8 @@ pub(super) struct CameraEntry {
     pub name: Option<String>,
     pub eye: Option<[f32; 3]>,
     pub target: Option<[f32; 3]>,
+    /// Instead of eye and target.
+    pub orbit: Option<Orbit>,
     #[serde(default = "up")]
     pub up: [f32; 3],
     #[serde(default = "fov")]
@@ -226,8 +229,10 @@ pub(super) struct PathEntry {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Key {
-    pub eye: [f32; 3],
-    pub target: [f32; 3],
+    pub eye: Option<[f32; 3]>,
+    pub target: Option<[f32; 3]>,
+    /// Instead of eye and target.
+    pub orbit: Option<Orbit>,
     pub fov: Option<f32>,
     pub time: Option<f32>,
 }

@@ -11,7 +11,7 @@ use preshade_passes::plan::Plan;
 use preshade_passes::state::{Blend, ColorTarget};
 use toml::Spanned;
 
-use super::camera::{self, Pose};
+use super::camera::{self, Orbit, Pose};
 use super::file::{
     BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
 };
@@ -459,28 +459,38 @@ impl Loader<'_> {
                     .help("it is vertical, above 0 and below 180"),
             );
         }
-        let pose = |eye: [f32; 3], target: [f32; 3], fov: Option<f32>, time: Option<f32>| Pose {
-            eye: Vec3::from(eye),
-            target: Vec3::from(target),
-            fov: fov.unwrap_or(entry.fov),
-            time: time.unwrap_or(entry.time),
+        let pose = |looks: Looks, fov: Option<f32>, time: Option<f32>| {
+            let (eye, target) = looks.points()?;
+            Ok(Pose {
+                eye,
+                target,
+                fov: fov.unwrap_or(entry.fov),
+                time: time.unwrap_or(entry.time),
+            })
         };
-        let poses = match (&entry.path, entry.eye, entry.target) {
-            (None, Some(eye), Some(target)) => vec![pose(eye, target, None, None)],
-            (Some(path), None, None)
-                if path.keys.len() > 1 && (2..=1000).contains(&path.frames) =>
+        let own = Looks {
+            eye: entry.eye,
+            target: entry.target,
+            orbit: entry.orbit,
+        };
+        let poses = match &entry.path {
+            None => vec![pose(own, None, None)?],
+            Some(path)
+                if own == Looks::default()
+                    && path.keys.len() > 1
+                    && (2..=1000).contains(&path.frames) =>
             {
-                let keys: Vec<Pose> = path
-                    .keys
-                    .iter()
-                    .map(|k| pose(k.eye, k.target, k.fov, k.time))
-                    .collect();
-                camera::path(&keys, path.frames)
+                let keys = path.keys.iter().map(|k| {
+                    let looks = Looks {
+                        eye: k.eye,
+                        target: k.target,
+                        orbit: k.orbit,
+                    };
+                    pose(looks, k.fov, k.time)
+                });
+                camera::path(&keys.collect::<Result<Vec<Pose>, Error>>()?, path.frames)
             }
-            _ => {
-                return Err(Error::new("a camera needs an eye and a target, or a path")
-                    .help("a path has at least 2 keys and 2 to 1000 frames"));
-            }
+            Some(_) => return Err(Looks::error()),
         };
         let up = Vec3::from(entry.up);
         if poses
@@ -501,6 +511,37 @@ impl Loader<'_> {
                 .map(|p| p.frame(up, aspect, range, self.file.depth.direction))
                 .collect(),
         })
+    }
+}
+
+/// How a camera, or a key of its path, says where it is and what it looks at.
+#[derive(Clone, Copy, Default, PartialEq)]
+struct Looks {
+    eye: Option<[f32; 3]>,
+    target: Option<[f32; 3]>,
+    orbit: Option<Orbit>,
+}
+
+impl Looks {
+    /// Eye and target.
+    fn points(self) -> Result<(Vec3, Vec3), Error> {
+        match (self.eye, self.target, self.orbit) {
+            (Some(eye), Some(target), None) => Ok((eye.into(), target.into())),
+            (None, None, Some(orbit)) if orbit.distance > 0.0 => {
+                Ok((orbit.eye(), orbit.target.into()))
+            }
+            (None, None, Some(orbit)) => Err(Error::new(format!(
+                "an orbit at a distance of {}",
+                orbit.distance
+            ))
+            .help("the distance is above 0")),
+            _ => Err(Self::error()),
+        }
+    }
+
+    fn error() -> Error {
+        Error::new("a camera needs an eye and a target, or an orbit, or a path of them")
+            .help("a path has at least 2 keys and 2 to 1000 frames")
     }
 }
 

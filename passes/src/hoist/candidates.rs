@@ -1,0 +1,155 @@
+//! Which values might be carried as approximations, and which of them may after they were measured.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::choose;
+use super::travel::{self, Carriage, Class, Finite, Stays};
+use super::values::{ValueId, Values};
+use super::{Material, Params, name, span};
+use crate::graph::{FunctionId, Graph};
+use crate::pass::{Facts, Frequency, Refusal};
+use crate::plan::Plan;
+use crate::program::Location;
+use crate::slice::{self, Criterion};
+
+/// How each value may travel, as far as the code shows it and what was measured allows it.
+pub(super) fn verdicts(
+    values: &Values<'_, '_>,
+    material: &Material<'_>,
+    params: &Params,
+    facts: &Facts,
+) -> Vec<Result<Carriage, Stays>> {
+    let mut verdicts = travel::judge(values, params.finite);
+    let smooth = |v: &Result<Carriage, Stays>| matches!(v, Ok(c) if c.class == Class::Smooth);
+    if let Some(carry) = &params.carry {
+        let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
+        let assumed = travel::judge(values, Finite::Assumed);
+        let ids = ids(values, |v| smooth(&assumed[v]));
+        for (v, verdict) in verdicts.iter_mut().enumerate() {
+            if ids.get(&v).is_some_and(|id| carry.contains(id.as_str())) {
+                *verdict = assumed[v].clone();
+            } else if smooth(verdict) {
+                *verdict = Err(Stays::NotChosen);
+            }
+        }
+        return verdicts;
+    }
+    let measured: BTreeMap<&str, &Frequency> = facts
+        .frequencies
+        .iter()
+        .filter(|f| f.material == material.name)
+        .map(|f| (f.value.as_str(), f))
+        .collect();
+    if measured.is_empty() || params.weakest() < Class::Smooth {
+        return verdicts;
+    }
+    let threshold = params.threshold.or(params.budget).unwrap_or_default();
+    let assumed = travel::judge(values, Finite::Assumed);
+    let ids = ids(values, |v| smooth(&assumed[v]));
+    for (v, verdict) in verdicts.iter_mut().enumerate() {
+        if !smooth(&assumed[v]) {
+            continue;
+        }
+        *verdict = match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
+            Some(f) if f.nan_pixels > 0 => Err(Stays::MeasuredNotFinite),
+            // A NaN keeps no threshold.
+            Some(f) if params.metric.of(f) <= threshold => assumed[v].clone(),
+            Some(f) => Err(Stays::Measured {
+                error: format!("{:.4}", params.metric.of(f)),
+            }),
+            None => Err(Stays::NotMeasured),
+        };
+    }
+    verdicts
+}
+
+/// A value that might be carried as an approximation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Names it among the values of its fragment stage, stably: the hash of what computes it, and the chain of calls.
+    pub id: String,
+    /// The author's name for it, or what it is.
+    pub name: String,
+    /// Static cost of computing it, all it rests on included.
+    pub cost: f64,
+    /// Where it is in the author's source.
+    pub location: Option<Location>,
+}
+
+/// Most candidates that are looked at, the dearest first.
+pub const MOST_CANDIDATES: usize = 48;
+
+/// The values of a plan's fragment stage that might be carried as approximations, the dearest first.
+///
+/// # Errors
+/// Where nothing can be hoisted at all.
+pub fn candidates(plan: &Plan) -> Result<Vec<Candidate>, Box<Refusal>> {
+    let material = Material::examine(plan, &Params::default())?;
+    let graph = Graph::build(material.program);
+    let values = material.values(&graph)?;
+    let verdicts = travel::judge(&values, Finite::Assumed);
+    let worth = |v: ValueId| {
+        let width = choose::shape(&values, v).map_or(1, |(_, w)| w);
+        let (cost, _) = choose::below(&values, std::iter::once(v));
+        (cost > choose::SMOOTH_PRICE * f64::from(width)).then_some(cost)
+    };
+    let users = values.users();
+    let mut found: Vec<(ValueId, f64)> = (0..values.values.len())
+        .filter(|v| matches!(&verdicts[*v], Ok(c) if c.class == Class::Smooth))
+        .filter_map(|v| Some((v, worth(v)?)))
+        .collect();
+    let costs: BTreeMap<ValueId, f64> = found.iter().copied().collect();
+    // Of the names of one value the last: a call's result rather than what the callee returns.
+    found.retain(|(v, cost)| {
+        let width = |v| choose::shape(&values, v).map(|(_, w)| w);
+        !users[*v]
+            .iter()
+            .any(|u| costs.get(u) == Some(cost) && width(*u) == width(*v))
+    });
+    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    found.truncate(MOST_CANDIDATES);
+    let chosen: BTreeSet<ValueId> = found.iter().map(|(v, _)| *v).collect();
+    let ids = ids(&values, |v| chosen.contains(&v));
+    let sources = material.program.sources();
+    Ok(found
+        .into_iter()
+        .filter_map(|(v, cost)| {
+            let location = span(&values, v).and_then(|s| sources.locate(s));
+            let place = || location.as_ref().map(|l| format!("line {}", l.line));
+            Some(Candidate {
+                id: ids.get(&v)?.clone(),
+                name: name(&values, v).or_else(place).unwrap_or_default(),
+                cost,
+                location,
+            })
+        })
+        .collect())
+}
+
+/// Stable names of the values of which `of` holds.
+fn ids(values: &Values<'_, '_>, of: impl Fn(ValueId) -> bool) -> BTreeMap<ValueId, String> {
+    let graph = values.graph;
+    let mut hashes: BTreeMap<(FunctionId, naga::Handle<naga::Expression>), String> =
+        BTreeMap::new();
+    (0..values.values.len())
+        .filter(|v| of(*v))
+        .filter_map(|v| {
+            let (context, expression, _) = values.expression(v)?;
+            let function = values.contexts[context].function;
+            let hash = hashes.entry((function, expression)).or_insert_with(|| {
+                let value = Criterion::Value {
+                    function,
+                    expression,
+                };
+                slice::backward(graph, values.entry, &[value]).hash
+            });
+            let mut id = hash.clone();
+            let mut at = context;
+            while let Some((caller, call)) = values.contexts[at].call {
+                id.push_str(&format!(".{}", call.index()));
+                at = caller;
+            }
+            Some((v, id))
+        })
+        .collect()
+}
