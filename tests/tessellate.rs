@@ -171,3 +171,78 @@ fn the_error_falls_with_the_level() {
     let errors: Vec<f64> = [1, 2, 4, 8].map(error).to_vec();
     assert!(errors.windows(2).all(|w| w[1] < w[0] * 0.5), "{errors:?}");
 }
+
+/// A pre-pass of a subdivided main pass draws the same triangles: not a pixel and not a depth changes.
+#[test]
+fn a_prepass_is_divided_alike() {
+    let scene = sphere(WAVES);
+    for parameters in PARAMETERS {
+        let divided = format!("tessellate:level=3,{parameters}");
+        let forward = draw(&scene, &[HOIST, &divided]);
+        for prepass in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
+            let with = draw(&scene, &[HOIST, &divided, prepass]);
+            assert_eq!(with, forward, "{divided}, {prepass}");
+        }
+    }
+}
+
+/// Instance data are fetched by the author's instance, vertex data by the author's index, of 16 bits and of 32, and without indices.
+#[test]
+fn instances_and_indices_of_every_kind_are_fetched() {
+    let source = WAVES
+        .replace(
+            "@location(1) uv: vec2<f32>) -> VertexOut {",
+            "@location(1) uv: vec2<f32>, @location(2) instance_offset: vec3<f32>) -> VertexOut {",
+        )
+        .replace(
+            "model * vec4(position, 1.0);",
+            "model * vec4(position * 0.4 + instance_offset, 1.0);",
+        );
+    let mut scene = sphere(&source);
+    scene.draws[0].instances = 3;
+    let transform = |x: f32| Mat4::from_translation(Vec3::new(x, 0.3 * x, 0.0));
+    let transforms = [-0.7, 0.1, 0.6].map(transform);
+    scene.draws[0].instance_streams.insert(
+        "instance_transform".to_owned(),
+        preshade::scene::Stream::Float {
+            components: 16,
+            data: transforms.iter().flat_map(|m| m.to_cols_array()).collect(),
+        },
+    );
+    let check = |scene: &Scene, what: &str| {
+        let hoisted = draw(scene, &[HOIST]);
+        let lit = color(&hoisted).bytes.chunks(4).filter(|p| p[1] != 0);
+        assert!(lit.count() > 3000, "{what}");
+        for parameters in PARAMETERS {
+            let divided = format!("tessellate:level=1,{parameters}");
+            assert_eq!(
+                draw(scene, &[HOIST, &divided]),
+                hoisted,
+                "{what}, {divided}"
+            );
+        }
+    };
+    check(&scene, "16 bits");
+    let mesh = &mut scene.meshes[0];
+    // More vertices than 16 bits count, of which no triangle uses the last.
+    mesh.vertex_count = 70_000;
+    for stream in mesh.streams.values_mut() {
+        if let preshade::scene::Stream::Float { components, data } = stream {
+            data.resize(70_000 * *components as usize, 0.0);
+        }
+    }
+    check(&scene, "32 bits");
+    let mesh = &mut scene.meshes[0];
+    let indices = mesh.indices.take().unwrap();
+    for stream in mesh.streams.values_mut() {
+        if let preshade::scene::Stream::Float { components, data } = stream {
+            let n = *components as usize;
+            let gathered = indices
+                .iter()
+                .flat_map(|i| data[*i as usize * n..][..n].to_vec());
+            *data = gathered.collect();
+        }
+    }
+    mesh.vertex_count = indices.len() as u32;
+    check(&scene, "no indices");
+}
