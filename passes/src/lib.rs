@@ -23,6 +23,7 @@ pub mod frame;
 pub mod geometry;
 pub mod graph;
 pub mod hoist;
+pub mod limits;
 pub mod link;
 mod near_plane;
 pub mod neighbours;

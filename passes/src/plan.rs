@@ -4,6 +4,7 @@
 //! renderer executes exactly that data.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::ShaderStage;
 use schemars::JsonSchema;
@@ -13,12 +14,15 @@ use crate::contract::Contract;
 use crate::geometry::Geometry;
 use crate::program::Program;
 use crate::state::{
-    ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState, Multisample,
-    PrimitiveState, StencilState,
+    AttachmentOps, ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState,
+    Multisample, PrimitiveState, StencilState,
 };
 
 /// Version of the JSON that [`Plan`] serialises to.
 pub const SCHEMA: &str = "preshade.plan.v1";
+
+/// The [`Plan::fallback`] to the material as its author wrote it.
+pub const ORIGINAL: &str = "original";
 
 /// Name of the depth attachment that all main passes of a frame share.
 pub const SCENE_DEPTH: &str = "scene-depth";
@@ -215,7 +219,11 @@ pub struct BindingUse {
     pub layout: Option<BindingLayout>,
 }
 
-/// What a bind group layout says of a binding, in WebGPU's words.
+/// What a bind group layout says of a binding, in WebGPU's words. With the binding's visibility it is the whole of its entry.
+///
+/// A host takes it as it is, with one relaxation, for the plan cannot know the format of an author's texture: where that format cannot be
+/// filtered (`r32float`, say, without the feature `float32-filterable`; several samples; a depth format bound as float), the host says
+/// `unfilterable-float` for `float`, and `non-filtering` for the `filtering` of every sampler that the shader samples it with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BindingLayout {
@@ -229,13 +237,13 @@ pub enum BindingLayout {
     },
     /// `GPUSamplerBindingLayout`.
     Sampler {
-        /// `filtering` or `comparison`. A host whose sampler does not filter may say `non-filtering`.
+        /// `filtering`, `non-filtering` or `comparison`.
         #[serde(rename = "type")]
         ty: String,
     },
     /// `GPUTextureBindingLayout`.
     Texture {
-        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture is taken to be filterable.
+        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture of one sample is taken to be filterable.
         sample_type: String,
         /// `1d`, `2d`, `2d-array`, `cube`, `cube-array` or `3d`.
         view_dimension: String,
@@ -304,6 +312,9 @@ pub struct GpuPass {
     pub attributes: Vec<AttributeUse>,
     /// WebGPU features it needs, in WebGPU's spelling.
     pub features: Vec<String>,
+    /// WebGPU limits it needs above their defaults, by WebGPU's name. Counted of the pass by itself: what else a host binds with it adds.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub limits: BTreeMap<String, u64>,
     /// Draws included.
     pub draws: Draws,
     /// What is drawn of them.
@@ -409,8 +420,12 @@ pub struct Plan {
     pub contract: Contract,
     /// A check for the host to run at load.
     pub self_test: Option<SelfTest>,
-    /// The recipe to take instead where the self-test fails.
+    /// What to take instead where the self-test fails: [`ORIGINAL`], whose pass and files are in `plan.json`, or a recipe.
     pub fallback: Option<String>,
+    /// The plan before any transform, for the fallback to it. `None` in that plan itself, and in one that was read from JSON, which has its
+    /// passes and files beside the plan's own.
+    #[serde(skip)]
+    pub original: Option<Arc<Plan>>,
     /// Things the host should know that are not requirements.
     pub notes: Vec<String>,
 }
@@ -451,6 +466,8 @@ impl Plan {
                 write: state.depth_write,
                 bias: state.depth_bias,
                 read_only: false,
+                ops: AttachmentOps::default(),
+                stencil_ops: AttachmentOps::default(),
             }),
             stencil: state.stencil.clone(),
             multisample: state.multisample,
@@ -458,12 +475,13 @@ impl Plan {
             bindings: Vec::new(),
             attributes: Vec::new(),
             features: Vec::new(),
+            limits: BTreeMap::new(),
             draws: Draws::All,
             geometry: Geometry::AsGiven,
             view_dependent: Vec::new(),
         };
         crate::reflect::fill(&mut pass, &program);
-        Self {
+        let plan = Self {
             schema: SCHEMA.to_owned(),
             material: material.to_owned(),
             programs: BTreeMap::from([(Role::Main.name().to_owned(), program)]),
@@ -480,7 +498,12 @@ impl Plan {
             contract: Contract::exact(),
             self_test: None,
             fallback: None,
+            original: None,
             notes: Vec::new(),
+        };
+        Self {
+            original: Some(Arc::new(plan.clone())),
+            ..plan
         }
     }
 

@@ -246,7 +246,7 @@ pub fn bindings(
     bindings
 }
 
-/// Fills a pass's bindings, attributes and features from the entry points it names. A binding that the pass already takes from an attachment, or from a draw's
+/// Fills a pass's bindings, attributes, features and limits from the entry points it names. A binding that the pass already takes from an attachment, or from a draw's
 /// geometry, keeps that source.
 pub fn fill(pass: &mut GpuPass, program: &Program) {
     let module = program.module();
@@ -275,6 +275,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
             .collect(),
     };
     pass.attributes.sort_by_key(|a| a.location);
+    pass.limits = crate::limits::above_default(pass, program);
 }
 
 /// WebGPU features that a pass needs, by name: from its state, and from the module it draws with.

@@ -55,11 +55,15 @@ pub(super) fn prepare(
                     .of(gpu, plan, &pass.geometry, &pass.bindings, (index, bound))
                     .map_err(failed)?
                     .ok_or_else(|| failed("it computes no geometry".to_owned()))?;
-                let filled = layout::fill(&pass.bindings, bound, targets, Some(&subdivided))
-                    .map_err(failed)?;
-                let groups = gpu.checked(&what, || {
-                    layout::bind(&gpu.device, &filled, Stages::Compute)
-                })?;
+                let filled = layout::fill(
+                    &pass.bindings,
+                    bound,
+                    targets,
+                    Some(&subdivided),
+                    Stages::Compute,
+                )
+                .map_err(failed)?;
+                let groups = gpu.checked(&what, || layout::bind(&gpu.device, &filled))?;
                 if pipeline.is_none() {
                     let layouts: Vec<_> = groups.iter().map(|(g, l, _)| (*g, l)).collect();
                     pipeline = Some(build(gpu, &what, shader, &stage.entry_point, &layouts)?);

@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use preshade_passes::frame::{ColorAttachments, FramePass};
+use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
 use preshade_passes::plan::{Draws, Phase};
-use preshade_passes::state::StencilState;
+use preshade_passes::state::StoreOp;
 
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
@@ -58,8 +58,6 @@ pub struct Prepared<'a> {
 
 struct PreparedPass {
     frame: FramePass,
-    /// Some member writes the stencil aspect, so that it cannot be read-only.
-    stencil_write: bool,
     pipelines: Vec<wgpu::RenderPipeline>,
     /// By draw, in the scene's order; a draw may have several where its material has several members.
     items: Vec<Item>,
@@ -99,6 +97,7 @@ impl<'a> Prepared<'a> {
         settings: &FrameSettings,
     ) -> Result<Self, Error> {
         let (gpu, scene) = (inputs.gpu(), inputs.scene());
+        check_loads(&variant.frame().passes)?;
         let targets = Targets::new(gpu, variant, scene.size)?;
         let start = Instant::now();
         let shaders = variant.compile(gpu)?;
@@ -109,7 +108,6 @@ impl<'a> Prepared<'a> {
         for frame_pass in &variant.frame().passes {
             let mut pass = PreparedPass {
                 frame: frame_pass.clone(),
-                stencil_write: false,
                 pipelines: Vec::new(),
                 items: Vec::new(),
                 sequence: Vec::new(),
@@ -132,8 +130,6 @@ impl<'a> Prepared<'a> {
                     let Some(bound) = inputs.draw(index) else {
                         continue;
                     };
-                    pass.stencil_write |=
-                        gpu_pass.stencil.as_ref().is_some_and(StencilState::writes);
                     let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
                     let subdivided = meshes
                         .of(gpu, found.plan, geometry, bindings, (index, bound))
@@ -149,6 +145,7 @@ impl<'a> Prepared<'a> {
                         draw: bound,
                         subdivided: subdivided.as_ref(),
                     };
+                    build.requirements()?;
                     let vertex = build.vertex_layout()?;
                     let key = PipelineKey {
                         material: draw.material,
@@ -378,25 +375,20 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
         last: bool,
     ) -> Vec<Option<wgpu::RenderPassColorAttachment<'_>>> {
-        let ops = |clear: wgpu::Color, store| wgpu::Operations {
-            load: match pass.frame.clear_color {
-                true => wgpu::LoadOp::Clear(clear),
-                false => wgpu::LoadOp::Load,
-            },
-            store,
-        };
+        let planned = |location: usize| pass.frame.color_ops.get(location).copied().flatten();
         match &pass.frame.colors {
             ColorAttachments::None => return Vec::new(),
             ColorAttachments::Named(names) => {
                 return names
                     .iter()
-                    .map(|name| {
+                    .enumerate()
+                    .map(|(location, name)| {
                         let target = self.targets.named(name.as_deref()?)?;
                         Some(wgpu::RenderPassColorAttachment {
                             view: &target.view,
                             depth_slice: None,
                             resolve_target: None,
-                            ops: ops(target.clear, wgpu::StoreOp::Store),
+                            ops: operations(planned(location)?, target.clear),
                         })
                     })
                     .collect();
@@ -407,18 +399,23 @@ impl<'a> Prepared<'a> {
         self.targets
             .colors
             .iter()
-            .map(|slot| {
-                slot.as_ref().map(|target| wgpu::RenderPassColorAttachment {
+            .enumerate()
+            .map(|(location, slot)| {
+                let (target, planned) = (slot.as_ref()?, planned(location)?);
+                let mut ops = operations(planned, wgpu::Color { r, g, b, a });
+                // What is stored is shown, resolved where it has several samples; what is discarded is not.
+                let resolved = target
+                    .resolved
+                    .as_ref()
+                    .filter(|_| last && planned.store == StoreOp::Store);
+                if resolved.is_some() {
+                    ops.store = self.resolved_samples;
+                }
+                Some(wgpu::RenderPassColorAttachment {
                     view: &target.view,
                     depth_slice: None,
-                    resolve_target: target.resolved.as_ref().filter(|_| last).map(|(_, v)| v),
-                    ops: ops(
-                        wgpu::Color { r, g, b, a },
-                        match last && target.resolved.is_some() {
-                            true => self.resolved_samples,
-                            false => wgpu::StoreOp::Store,
-                        },
-                    ),
+                    resolve_target: resolved.map(|(_, view)| view),
+                    ops,
                 })
             })
             .collect()
@@ -429,24 +426,10 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
     ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
         let target = self.targets.depth(pass.frame.depth.as_deref()?)?;
-        let read_only = pass.frame.depth_read_only;
-        let stencil = target.format.has_stencil() && (!read_only || pass.stencil_write);
         Some(wgpu::RenderPassDepthStencilAttachment {
             view: &target.view,
-            depth_ops: (!read_only).then_some(wgpu::Operations {
-                load: match pass.frame.clear_depth {
-                    true => wgpu::LoadOp::Clear(target.clear),
-                    false => wgpu::LoadOp::Load,
-                },
-                store: wgpu::StoreOp::Store,
-            }),
-            stencil_ops: stencil.then_some(wgpu::Operations {
-                load: match pass.frame.clear_depth {
-                    true => wgpu::LoadOp::Clear(0),
-                    false => wgpu::LoadOp::Load,
-                },
-                store: wgpu::StoreOp::Store,
-            }),
+            depth_ops: pass.frame.depth_ops.map(|o| operations(o, target.clear)),
+            stencil_ops: pass.frame.stencil_ops.map(|o| operations(o, 0)),
         })
     }
 
@@ -485,4 +468,51 @@ impl<'a> Prepared<'a> {
             }
         }
     }
+}
+
+/// A frame's operations in wgpu's terms.
+fn operations<V>(ops: FrameOps, clear: V) -> wgpu::Operations<V> {
+    wgpu::Operations {
+        load: match ops.load {
+            FrameLoad::Clear => wgpu::LoadOp::Clear(clear),
+            FrameLoad::Load => wgpu::LoadOp::Load,
+        },
+        store: match ops.store {
+            StoreOp::Store => wgpu::StoreOp::Store,
+            StoreOp::Discard => wgpu::StoreOp::Discard,
+        },
+    }
+}
+
+/// Fails where a pass loads what no earlier one has drawn: a frame begins with empty attachments here.
+fn check_loads(passes: &[FramePass]) -> Result<(), Error> {
+    let mut drawn: Vec<String> = Vec::new();
+    for pass in passes {
+        let depth = pass.depth.clone().unwrap_or_default();
+        let stencil = format!("{depth} (stencil)");
+        let names: Vec<String> = match &pass.colors {
+            ColorAttachments::Named(names) => names
+                .iter()
+                .map(|n| n.clone().unwrap_or_default())
+                .collect(),
+            _ => (0..pass.color_ops.len())
+                .map(|i| format!("the scene's colour {i}"))
+                .collect(),
+        };
+        let colors = names.into_iter().zip(&pass.color_ops);
+        let aspects = [(depth, &pass.depth_ops), (stencil, &pass.stencil_ops)];
+        for (name, ops) in aspects.into_iter().chain(colors) {
+            match ops {
+                Some(ops) if ops.load == FrameLoad::Load && !drawn.contains(&name) => {
+                    return Err(Error::Attachment {
+                        name,
+                        message: "its first pass loads it, and nothing is in it yet".to_owned(),
+                    });
+                }
+                Some(_) => drawn.push(name),
+                None => {}
+            }
+        }
+    }
+    Ok(())
 }

@@ -12,7 +12,7 @@ use super::layout::Stages;
 use super::shader::Stage;
 use super::subdivided::Subdivided;
 use super::targets::Targets;
-use super::{Error, layout, state, trusted};
+use super::{Error, layout, limits, state, trusted};
 
 /// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
 #[derive(Clone, PartialEq)]
@@ -58,6 +58,19 @@ impl Build<'_> {
             "the pipeline of pass `{}` of material `{}`",
             self.pass.program, self.plan.material
         )
+    }
+
+    /// Fails where the adapter does not have what the pass says it needs.
+    pub fn requirements(&self) -> Result<(), Error> {
+        let what = self.what();
+        for feature in &self.pass.features {
+            self.gpu.require(&what, feature)?;
+        }
+        limits::check(self.gpu, &what, &self.pass.limits)?;
+        if self.pass.primitive.unclipped_depth {
+            self.gpu.require(&what, "depth-clip-control")?;
+        }
+        Ok(())
     }
 
     fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
@@ -115,12 +128,18 @@ impl Build<'_> {
     /// Layout and bind group of each group the pass uses.
     pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
         let bindings = &self.pass.bindings;
-        let filled = layout::fill(bindings, self.draw, self.targets, self.subdivided)
-            .map_err(|m| self.failed(m))?;
+        let filled = layout::fill(
+            bindings,
+            self.draw,
+            self.targets,
+            self.subdivided,
+            Stages::Raster,
+        )
+        .map_err(|m| self.failed(m))?;
         let device = &self.gpu.device;
         self.gpu
             .checked(&format!("the bindings of {}", self.what()), || {
-                layout::bind(device, &filled, Stages::Raster)
+                layout::bind(device, &filled)
             })
     }
 
@@ -179,12 +198,6 @@ impl Build<'_> {
         key: &PipelineKey,
     ) -> Result<wgpu::RenderPipeline, Error> {
         let what = self.what();
-        for feature in &self.pass.features {
-            self.gpu.require(&what, feature)?;
-        }
-        if self.pass.primitive.unclipped_depth {
-            self.gpu.require(&what, "depth-clip-control")?;
-        }
         let depth_stencil = self.depth_stencil()?;
         let targets = self.color_targets();
         // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
