@@ -44,6 +44,9 @@ pub struct Args {
     /// Layers of noise, one over the other.
     #[arg(long, value_delimiter = ',', default_value = "4,16", value_name = "N,..", value_parser = clap::value_parser!(u32).range(1..=256))]
     layers: Vec<u32>,
+    /// Quads along each side of the layer that is hoisted.
+    #[arg(long, value_delimiter = ',', default_value = "16,64,256", value_name = "N,..", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    grids: Vec<u32>,
     /// Seconds to spend on each pair.
     #[arg(long, value_name = "SECONDS", default_value_t = 1.5, value_parser = parse_seconds)]
     seconds: f64,
@@ -65,11 +68,14 @@ struct Report {
 
 #[derive(Serialize)]
 struct Row {
+    /// Quads along each side of a layer.
+    grid: u32,
     layers: u32,
     order: &'static str,
     form: &'static str,
     recipe: &'static str,
-    /// Milliseconds a frame.
+    /// Milliseconds a frame, of the forward entry points.
+    forward_ms: Estimate,
     handwritten_ms: Estimate,
     generated_ms: Estimate,
     /// Time of the hand-written form over the generated one's: 1.00 is as good, more is better.
@@ -84,6 +90,9 @@ const FORMS: [(&str, &str); 4] = [
     ("prologue", "early-discard:quad=lane,tolerance=0.0001"),
     ("quad vote", "early-discard:quad=vote,tolerance=0.0001"),
 ];
+
+/// The hand-written hoist, and the recipe that should match it.
+const HOISTED: [(&str, &str); 1] = [("vertex hoist", "hoist:budget=1,finite=assumed")];
 
 const ORDERS: [(&str, u32); 3] = [("back to front", 0), ("shuffled", 2), ("front to back", 1)];
 
@@ -109,44 +118,23 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut rows = Vec::new();
     for layers in &args.layers {
         for (order, number) in ORDERS {
-            let scene = scene(&text, size, *layers, number)?;
-            let inputs = SceneInputs::new(&gpu, &scene)?;
-            let forward = measure::originals(&scene)
-                .into_iter()
-                .next()
-                .ok_or_else(|| Failure("error: no plan".to_owned()))?;
-            for (form, recipe) in FORMS {
-                output::message(&format!("{layers} layers {order}: {form}"));
-                let hand = handwritten(&forward, form)?;
-                let generated = Recipe::parse([recipe])?
-                    .apply(&forward, &Facts::without_ties())
-                    .map_err(|r| Failure(format!("error: {r}")))?;
-                let prepare = |plan: &Plan| -> Result<Prepared<'_>, Failure> {
-                    let variant = Variant::new(std::slice::from_ref(plan), ShaderForm::Text)?;
-                    Ok(Prepared::new(
-                        &inputs,
-                        &variant,
-                        &FrameSettings::of(&scene),
-                    )?)
-                };
-                let (hand, generated) = (prepare(&hand)?, prepare(&generated)?);
-                let error = measure::compare(&hand.render()?, &generated.render()?)?;
-                let (_, times) = measure::time(&gpu, &[&hand, &generated], &timing, |_| {})?;
-                let [hand, generated] = &times[..] else {
-                    continue;
-                };
-                rows.push(Row {
-                    layers: *layers,
-                    order,
-                    form,
-                    recipe,
-                    handwritten_ms: hand.time.estimate,
-                    generated_ms: generated.time.estimate,
-                    ratio: generated.speedup,
-                    changed_pixels: error.changed_pixels,
-                });
-            }
+            let stack = Stack {
+                grid: 16,
+                layers: *layers,
+                order,
+                number,
+            };
+            rows.extend(compare(&gpu, &text, size, &stack, &FORMS, &timing)?);
         }
+    }
+    for grid in &args.grids {
+        let stack = Stack {
+            grid: *grid,
+            layers: 1,
+            order: "-",
+            number: 0,
+        };
+        rows.extend(compare(&gpu, &text, size, &stack, &HOISTED, &timing)?);
     }
     let report = Report {
         schema: "preshade.bench.v1",
@@ -161,6 +149,71 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(Outcome::Fine)
 }
 
+/// What is drawn: layers of noise, one over the other.
+struct Stack {
+    /// Quads along each side of a layer.
+    grid: u32,
+    layers: u32,
+    order: &'static str,
+    /// The order, as the shader is told it.
+    number: u32,
+}
+
+/// Times each form beside what the recipe makes of the forward entry points.
+fn compare(
+    gpu: &Gpu,
+    text: &str,
+    size: [u32; 2],
+    stack: &Stack,
+    forms: &[(&'static str, &'static str)],
+    timing: &TimingSettings,
+) -> Result<Vec<Row>, Failure> {
+    let scene = scene(text, size, stack)?;
+    let inputs = SceneInputs::new(gpu, &scene)?;
+    let forward = measure::originals(&scene)
+        .into_iter()
+        .next()
+        .ok_or_else(|| Failure("error: no plan".to_owned()))?;
+    let mut rows = Vec::new();
+    for (form, recipe) in forms {
+        output::message(&format!(
+            "{} layers of {} quads {}: {form}",
+            stack.layers,
+            stack.grid * stack.grid,
+            stack.order
+        ));
+        let hand = handwritten(&forward, form)?;
+        let generated = Recipe::parse([recipe])?
+            .apply(&forward, &Facts::without_ties())
+            .map_err(|r| Failure(format!("error: {r}")))?;
+        let prepare = |plan: &Plan| -> Result<Prepared<'_>, Failure> {
+            let variant = Variant::new(std::slice::from_ref(plan), ShaderForm::Text)?;
+            let settings = FrameSettings::of(&scene);
+            Ok(Prepared::new(&inputs, &variant, &settings)?)
+        };
+        let (original, hand, generated) =
+            (prepare(&forward)?, prepare(&hand)?, prepare(&generated)?);
+        let error = measure::compare(&hand.render()?, &generated.render()?)?;
+        let (_, times) = measure::time(gpu, &[&hand, &generated, &original], timing, |_| {})?;
+        let [hand, generated, original] = &times[..] else {
+            continue;
+        };
+        rows.push(Row {
+            grid: stack.grid,
+            layers: stack.layers,
+            order: stack.order,
+            form,
+            recipe,
+            forward_ms: original.time.estimate,
+            handwritten_ms: hand.time.estimate,
+            generated_ms: generated.time.estimate,
+            ratio: generated.speedup,
+            changed_pixels: error.changed_pixels,
+        });
+    }
+    Ok(rows)
+}
+
 fn table(report: &Report) -> String {
     let mut lines = vec![
         format!(
@@ -168,16 +221,26 @@ fn table(report: &Report) -> String {
             report.resolution[0], report.resolution[1], report.adapter.name
         ),
         format!(
-            "{:>6}  {:<13}  {:<15}  {:>9}  {:>9}  {:>22}  {:>10}",
-            "layers", "order", "form", "hand ms", "ours ms", "hand / ours", "changed px"
+            "{:>4}  {:>6}  {:<13}  {:<15}  {:>10}  {:>9}  {:>9}  {:>22}  {:>10}",
+            "grid",
+            "layers",
+            "order",
+            "form",
+            "forward ms",
+            "hand ms",
+            "ours ms",
+            "hand / ours",
+            "changed px"
         ),
     ];
     lines.extend(report.rows.iter().map(|r| {
         format!(
-            "{:>6}  {:<13}  {:<15}  {:>9.3}  {:>9.3}  {:>6.3} [{:>5.3}, {:>5.3}]  {:>10}",
+            "{:>4}  {:>6}  {:<13}  {:<15}  {:>10.3}  {:>9.3}  {:>9.3}  {:>6.3} [{:>5.3}, {:>5.3}]  {:>10}",
+            r.grid,
             r.layers,
             r.order,
             r.form,
+            r.forward_ms.median,
             r.handwritten_ms.median,
             r.generated_ms.median,
             r.ratio.median,
@@ -190,9 +253,7 @@ fn table(report: &Report) -> String {
 }
 
 /// The layers of noise as a scene: no vertex data, one instance a layer.
-fn scene(text: &str, size: [u32; 2], layers: u32, order: u32) -> Result<Scene, Failure> {
-    /// Quads along each side of a layer, as in the frozen figures.
-    const GRID: u32 = 16;
+fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
     let source = Source::new("bounds.wgsl", text);
     let options = Options {
         vertex: Some("vs".to_owned()),
@@ -203,13 +264,13 @@ fn scene(text: &str, size: [u32; 2], layers: u32, order: u32) -> Result<Scene, F
         front::parse(&[source], &options).map_err(|e| Failure(e.render(front::Color::Never)))?;
     let numbers = |n: f64| Value::Numbers(vec![n]);
     let values = BTreeMap::from([
-        ("p.n".to_owned(), numbers(f64::from(GRID))),
-        ("p.layers".to_owned(), numbers(f64::from(layers))),
+        ("p.n".to_owned(), numbers(f64::from(stack.grid))),
+        ("p.layers".to_owned(), numbers(f64::from(stack.layers))),
         ("p.w".to_owned(), numbers(f64::from(size[0]))),
         ("p.h".to_owned(), numbers(f64::from(size[1]))),
         ("p.inst".to_owned(), numbers(0.0)),
         ("p.freq".to_owned(), numbers(8.0)),
-        ("p.order".to_owned(), numbers(f64::from(order))),
+        ("p.order".to_owned(), numbers(f64::from(stack.number))),
         ("p.pad1".to_owned(), numbers(0.0)),
     ]);
     let mut state = MaterialState::default();
@@ -235,7 +296,7 @@ fn scene(text: &str, size: [u32; 2], layers: u32, order: u32) -> Result<Scene, F
         }],
         meshes: vec![Mesh {
             name: "layer".to_owned(),
-            vertex_count: GRID * GRID * 6,
+            vertex_count: stack.grid * stack.grid * 6,
             streams: BTreeMap::new(),
             indices: None,
             bounds: Default::default(),
@@ -245,7 +306,7 @@ fn scene(text: &str, size: [u32; 2], layers: u32, order: u32) -> Result<Scene, F
             mesh: 0,
             material: 0,
             transform: Default::default(),
-            instances: layers,
+            instances: stack.layers,
             instance_streams: BTreeMap::new(),
             joints: Vec::new(),
             morph_weights: Vec::new(),
@@ -283,6 +344,12 @@ fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
     prepass.targets.clear();
     prepass.draws = Draws::Opaque;
     match form {
+        "vertex hoist" => {
+            main.vertex = "vs_hoist".to_owned();
+            main.fragment = Some("fs_hoist".to_owned());
+            reflect::fill(main, &program);
+            return Ok(plan);
+        }
         "pre-pass EQUAL" => {
             if let Some(depth) = &mut main.depth {
                 depth.compare = CompareFunction::Equal;

@@ -226,7 +226,11 @@ impl<'g, 'p> Found<'g, 'p> {
         let terms = params.terms(facts);
         let left = left(&values, &verdicts, terms.weakest);
         let Some(choice) = choose::choose(&values, &verdicts, &terms) else {
-            return Err((Box::new(nothing_pays(terms.weakest)), left));
+            let mut refusal = nothing_pays(terms.weakest);
+            refusal
+                .reason
+                .push_str(&params.best_measured(material.name, facts));
+            return Err((Box::new(refusal), left));
         };
         let wanted = name_all(&values, &choice);
         let key = SiteKey {

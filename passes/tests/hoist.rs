@@ -361,6 +361,23 @@ fn a_cut_inside_a_function_copies_it_for_that_call_alone() {
 }
 
 #[test]
+fn what_a_loop_does_not_change_moves_out_of_it() {
+    let source = material(
+        "fn glint(n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> f32 {
+    let facing = sin(dot(n, v) * 3.0) * cos(dot(n, v) * 5.0);
+    return facing * dot(n, l);
+}",
+        "var lit = 0.0;
+    for (var i = 0; i < 4; i++) {
+        lit += glint(in.normal, in.world, vec3(f32(i)) - in.world) * dpdx(in.uv.x);
+    }
+    return vec4(lit);",
+    );
+    let (_, text) = hoisted(&source, &budget());
+    insta::assert_snapshot!(text);
+}
+
+#[test]
 fn varyings_that_nobody_reads_go_with_the_work_behind_them() {
     let source = material(
         "",

@@ -24,6 +24,7 @@ pub fn frequencies(
     form: ShaderForm,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Frequency>, Error> {
+    let scene = &small(scene);
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = originals(scene);
     let references = pictures(&inputs, &plans, form)?;
@@ -58,6 +59,20 @@ pub fn frequencies(
         });
     }
     Ok(measured)
+}
+
+/// Most pixels of the pictures that candidates are measured on. How far interpolation is off is a matter of the triangles; whether a budget is kept is
+/// seen at the scene's own size.
+const MOST_PIXELS: u32 = 1 << 17;
+
+fn small(scene: &Scene) -> Scene {
+    let [width, height] = scene.size;
+    let scale = (f64::from(MOST_PIXELS) / (f64::from(width) * f64::from(height))).sqrt();
+    if scale >= 1.0 {
+        return scene.clone();
+    }
+    let side = |n: u32| ((f64::from(n) * scale) as u32).max(1);
+    scene.clone().resized([side(width), side(height)])
 }
 
 /// The frames that choices are made on: the first of every camera and the middle of its path. The others are there to check them.

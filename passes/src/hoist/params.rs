@@ -133,6 +133,24 @@ impl Params {
         None
     }
 
+    /// In words, the least error measured of a value that is held back by it; nothing where nothing was measured.
+    pub(super) fn best_measured(&self, material: &str, facts: &Facts) -> String {
+        let threshold = self.threshold.or(self.budget).unwrap_or_default();
+        let measured = facts.frequencies.iter().filter(|f| f.material == material);
+        let least = measured
+            .filter(|f| self.metric.of(f) > threshold)
+            .min_by(|a, b| self.metric.of(a).total_cmp(&self.metric.of(b)));
+        least.map_or(String::new(), |f| {
+            format!(
+                "; of those that may differ `{}` ({:.0} ops) does least harm, an error of {:.4} ({}) where {threshold} is allowed",
+                f.name,
+                f.cost,
+                self.metric.of(f),
+                self.metric.name()
+            )
+        })
+    }
+
     pub(super) fn terms(&self, facts: &Facts) -> Terms {
         Terms {
             weakest: self.weakest(),

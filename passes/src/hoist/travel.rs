@@ -5,10 +5,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::sign::Signs;
-use super::values::{Node, ValueId, Values};
+use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
-use crate::graph::{cost, effect};
+use crate::graph::{StmtId, cost, effect};
 use crate::reflect;
 
 /// As what a value may travel. Ordered from the strongest promise to the weakest.
@@ -51,7 +51,7 @@ pub enum Stays {
         /// What ties it to the fragment: a derivative, an implicit level of detail, or an input.
         because: String,
     },
-    /// It is computed in a loop, once a turn.
+    /// It is another in each turn of a loop.
     InLoop,
     /// Whether it is computed differs between fragments.
     Conditional,
@@ -90,7 +90,7 @@ impl std::fmt::Display for Stays {
             Self::NotCarried => f.write_str("it is not a value that a varying can hold"),
             Self::Varying => f.write_str("it is a varying already"),
             Self::Fragment { because } => write!(f, "no vertex stage has it: {because}"),
-            Self::InLoop => f.write_str("it is computed in a loop, once a turn"),
+            Self::InLoop => f.write_str("it is another in each turn of a loop"),
             Self::Conditional => f.write_str("whether it is computed differs between fragments"),
             Self::MayNotEnd => f.write_str("it rests on a loop that is not seen to end"),
             Self::FlatAndSmooth => f.write_str("it mixes a flat value with a smooth one"),
@@ -150,7 +150,7 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, St
             if endless[id] {
                 return Err(Stays::MayNotEnd);
             }
-            if is_in_loop(values, context, at) {
+            if turns(values, id, &loops_around(values, context, at)) {
                 return Err(Stays::InLoop);
             }
             if values.control_rate(context, at) > Rate::Draw {
@@ -217,17 +217,47 @@ fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, St
     }
 }
 
-fn is_in_loop(values: &Values<'_, '_>, context: usize, at: crate::graph::StmtId) -> bool {
+/// The loops a statement stands in, those around the calls that lead to it included.
+fn loops_around(
+    values: &Values<'_, '_>,
+    context: ContextId,
+    at: StmtId,
+) -> Vec<(ContextId, StmtId)> {
+    let mut loops = Vec::new();
     let mut place = Some((context, at));
     while let Some((context, at)) = place {
         let statements = &values.function(context).statements;
-        if statements
-            .ancestors(at)
-            .any(|a| matches!(statements.get(a).statement, Statement::Loop { .. }))
+        loops.extend(
+            statements
+                .ancestors(at)
+                .filter(|a| matches!(statements.get(*a).statement, Statement::Loop { .. }))
+                .map(|a| (context, a)),
+        );
+        place = values.contexts[context].call;
+    }
+    loops
+}
+
+/// Whether a value may differ from turn to turn of these loops: it rests on what they carry from one to the next.
+fn turns(values: &Values<'_, '_>, id: ValueId, loops: &[(ContextId, StmtId)]) -> bool {
+    if loops.is_empty() {
+        return false;
+    }
+    let mut seen = vec![false; values.values.len()];
+    let mut stack = vec![id];
+    while let Some(at) = stack.pop() {
+        if std::mem::replace(&mut seen[at], true) {
+            continue;
+        }
+        if let Node::Version(context, version) = values.values[at].node
+            && let Origin::Phi {
+                at: Some(merge), ..
+            } = values.function(context).memory.origin(version)
+            && loops.contains(&(context, *merge))
         {
             return true;
         }
-        place = values.contexts[context].call;
+        stack.extend(&values.values[at].operands);
     }
     false
 }
