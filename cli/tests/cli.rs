@@ -68,7 +68,7 @@ fn rewrite_writes_every_target_and_the_plan() {
     let stages = [
         "es.frag", "es.vert", "frag", "frag.spv", "vert", "vert.spv", "wgsl",
     ];
-    let mut expected: Vec<String> = ["main", "prepass"]
+    let mut expected: Vec<String> = ["main", "original", "prepass"]
         .iter()
         .flat_map(|role| stages.iter().map(move |s| format!("toon.{role}.{s}")))
         .chain(["toon.plan.json".to_owned()])
@@ -186,7 +186,7 @@ fn a_target_that_cannot_say_it_does_not_hold_up_the_others() {
         );
     }
     let wgsl_and_spirv = ["frag.spv", "vert.spv", "wgsl"];
-    let mut expected: Vec<String> = ["main", "prepass"]
+    let mut expected: Vec<String> = ["main", "original", "prepass"]
         .iter()
         .flat_map(|role| {
             wgsl_and_spirv

@@ -41,6 +41,7 @@ use std::collections::BTreeMap;
 use naga::ShaderStage;
 use preshade_passes::plan::{GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::front::guard;
@@ -49,7 +50,9 @@ pub use output::write;
 pub use plan_json::{Fallback, Form, GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
 
 /// A form to write programs in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 pub enum Target {
     /// WebGPU Shading Language.
     #[serde(rename = "wgsl")]
