@@ -101,8 +101,8 @@ fn shared_vertices_are_computed_and_then_read() {
     let points = &points[points.find("fn tessellated_index").unwrap()..];
     insta::assert_snapshot!(format!("{main}\n// points, from its end\n\n{points}"));
     assert_eq!(next.compute.len(), 1);
-    // Position, and two values.
-    assert_eq!(next.vertex_buffers[0].stride, 4 * 6);
+    // Position, and three values.
+    assert_eq!(next.vertex_buffers[0].stride, 4 * 7);
     let flat = hoisted(&original(WAVES, &MaterialState::default()));
     let refusal = apply::<Tessellate>(&flat, &params).unwrap_err();
     assert_eq!(refusal.code, "flat-shared");
