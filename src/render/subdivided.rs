@@ -111,7 +111,7 @@ impl Meshes {
 impl SubdividedMesh {
     fn new(gpu: &Gpu, plan: &Plan, subdivision: &Subdivision, draw: &DrawInputs) -> Self {
         let (count, index_bytes) = match &draw.indices {
-            Some(indices) => (indices.count, indices.format.byte_size() as u32),
+            Some(indices) => (indices.count, indices.format.byte_size()),
             None => (draw.vertex_count, 0),
         };
         let triangles = count / 3;
