@@ -3,13 +3,17 @@
 
 mod common;
 
-use preshade_passes::geometry::Geometry;
+use std::collections::BTreeMap;
+
+use preshade_passes::evaluate::{self, Environment, Value};
+use preshade_passes::geometry::{Constants, Geometry, Stream, Subdivision};
 use preshade_passes::hoist::{self, Hoist};
 use preshade_passes::pass::{Facts, Pass, Refusal};
 use preshade_passes::plan::{BindingSource, GeometryPart, Plan};
 use preshade_passes::state::{MaterialState, PrimitiveState, Topology};
-use preshade_passes::tessellate::pattern::Pattern;
+use preshade_passes::tessellate::pattern::{self, Pattern};
 use preshade_passes::tessellate::{Params, Tessellate};
+use proptest::prelude::*;
 
 fn original(source: &str, state: &MaterialState) -> Plan {
     Plan::original("test", common::program(source), "vs", Some("fs"), state)
@@ -81,6 +85,137 @@ fn the_vertex_stage_pulls_corners_and_interpolates() {
         .collect();
     assert_eq!(streams, [0, 2, 3]);
     assert_eq!(next.contract, plan.contract);
+}
+
+/// A mesh as a host holds it: positions of three floats, and indices of 16 bits.
+struct Mesh<'a> {
+    positions: &'a [[f32; 3]],
+    indices: &'a [u16],
+}
+
+fn words(words: &[u32]) -> Value {
+    Value::Composite(words.iter().map(|w| Value::u32(*w)).collect())
+}
+
+/// The clip position of a vertex of the subdivided mesh, by the interpreter.
+fn position(plan: &Plan, subdivision: &Subdivision, mesh: &Mesh<'_>, at: (u32, u32)) -> Value {
+    let stream = |format: &str| Stream {
+        offset: 0,
+        stride: 12,
+        format: format.to_owned(),
+        by_instance: false,
+    };
+    let triangles = mesh.indices.len() as u32 / 3;
+    let constants = Constants {
+        triangles,
+        batches: triangles.div_ceil(subdivision.batch),
+        first: 0,
+        index_bytes: 2,
+        base_vertex: 0,
+        first_instance: 0,
+        vertices: 0,
+        instances: 1,
+        streams: ["float32x3", "float32x2", "uint8x4"].map(stream).to_vec(),
+    };
+    let constants = constants.words().unwrap();
+    let (scalars, streams) = constants.split_at(8);
+    let mut uniform: Vec<Value> = scalars.iter().map(|w| Value::u32(*w)).collect();
+    uniform.push(Value::Composite(streams.chunks(4).map(words).collect()));
+    let floats = mesh.positions.as_flattened().iter();
+    let stream = words(&floats.map(|f| f.to_bits()).collect::<Vec<_>>());
+    let pairs = mesh.indices.chunks(2);
+    let pairs = pairs.map(|p| u32::from(p[0]) | p.get(1).map_or(0, |i| u32::from(*i) << 16));
+    let clip = [
+        [1.3, 0.1, 0.2, 0.3],
+        [-0.2, 1.7, 0.3, 0.1],
+        [0.4, 0.3, 0.9, -1.1],
+        [0.5, 0.6, 0.7, 9.0],
+    ];
+    let clip = Value::Composite(clip.iter().map(|c| Value::vector(c)).collect());
+    let scene = vec![clip, Value::vector(&[1.0; 3]), Value::f32(0.5)];
+    let resources = BTreeMap::from([
+        ((0, 0), Value::Composite(scene)),
+        ((0, 1), Value::Composite(uniform)),
+        ((0, 2), words(&subdivision.vertices)),
+        ((0, 3), words(&pairs.collect::<Vec<_>>())),
+        ((0, 4), stream.clone()),
+        ((0, 5), stream.clone()),
+        ((0, 6), stream),
+    ]);
+    let environment = Environment {
+        resources,
+        texture: &|_| [0.0; 4],
+        steps: 100_000,
+    };
+    let program = plan.program(plan.main().unwrap()).unwrap();
+    let (entry, _) = program
+        .entry_point(naga::ShaderStage::Vertex, "vs")
+        .unwrap();
+    let (triangle, vertex) = at;
+    let index = triangle % subdivision.batch * subdivision.vertices.len() as u32 + vertex;
+    let arguments = [index, triangle / subdivision.batch].map(Value::u32);
+    let outcome = evaluate::entry_point(program.module(), entry, &arguments, &environment);
+    match outcome.unwrap().result {
+        Some(Value::Composite(members)) => members[0].clone(),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn divided(level: u32, pattern: Pattern) -> (Plan, Subdivision) {
+    let plan = hoisted(&original(WAVES, &MaterialState::default()));
+    let params = Params {
+        level,
+        pattern,
+        ..Params::default()
+    };
+    let plan = apply::<Tessellate>(&plan, &params).unwrap();
+    let subdivision = plan.main().unwrap().geometry.subdivision().unwrap().clone();
+    (plan, subdivision)
+}
+
+/// Positions along the edge between two corners of a triangle, by the weight of the first of them.
+fn along(
+    (plan, subdivision): &(Plan, Subdivision),
+    mesh: &Mesh<'_>,
+    triangle: u32,
+    [from, to]: [usize; 2],
+) -> BTreeMap<u32, Value> {
+    let points = pattern::divide(subdivision.pattern, subdivision.level).vertices;
+    let on_edge = points
+        .iter()
+        .enumerate()
+        .filter(|(_, p)| p[3 - from - to] == 0);
+    on_edge
+        .map(|(vertex, p)| {
+            let at = (triangle, vertex as u32);
+            (p[from], position(plan, subdivision, mesh, at))
+        })
+        .collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Both triangles of an edge have the same bits along it, where they share its vertices and where a seam gives each vertices of its own.
+    #[test]
+    fn an_edge_is_one_edge_from_both_sides(
+        positions in prop::array::uniform4(prop::array::uniform3(-9.0_f32..9.0)),
+        level in 1_u32..7,
+    ) {
+        for pattern in [Pattern::Gl, Pattern::Uniform] {
+            let divided = divided(level, pattern);
+            let [a, b, c, d] = positions;
+            // Corners 1 and 2 of the first triangle are corners 1 and 0 of the second.
+            let shared = Mesh { positions: &[a, b, c, d], indices: &[0, 1, 2, 2, 1, 3] };
+            let seam = Mesh { positions: &[a, b, c, c, b, d], indices: &[0, 1, 2, 3, 4, 5] };
+            for mesh in [shared, seam] {
+                let first = along(&divided, &mesh, 0, [1, 2]);
+                let second = along(&divided, &mesh, 1, [1, 0]);
+                prop_assert_eq!(first.len() as u32, level + 1);
+                prop_assert_eq!(first, second);
+            }
+        }
+    }
 }
 
 #[test]
