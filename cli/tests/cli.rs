@@ -68,7 +68,7 @@ fn rewrite_writes_every_target_and_the_plan() {
     let stages = [
         "es.frag", "es.vert", "frag", "frag.spv", "vert", "vert.spv", "wgsl",
     ];
-    let mut expected: Vec<String> = ["main", "original", "prepass"]
+    let mut expected: Vec<String> = ["main", "prepass"]
         .iter()
         .flat_map(|role| stages.iter().map(move |s| format!("toon.{role}.{s}")))
         .chain(["toon.plan.json".to_owned()])
