@@ -236,7 +236,7 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Shared, "/passes/0/geometry/pattern", json!("uniform"), Redrawn),
         (Shared, "/passes/0/geometry/level", json!(3), Redrawn),
         (Pulled, "/passes/0/geometry/form", json!("shared"), Redrawn),
-        (Pulled, "/passes/0/geometry/vertices/0", json!(6), Redrawn),
+        (Pulled, "/passes/0/geometry/vertices/1", json!(0), Redrawn),
         (Pulled, "/passes/0/geometry/indices/0", json!(5), Redrawn),
         (Pulled, "/passes/0/geometry/batch", json!(1), Redrawn),
         (Pulled, "/passes/0/bindings/5/source/part/attribute/location", json!(9), Refused("at location 9")),
