@@ -11,6 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
+use crate::geometry::Geometry;
 use crate::program::Program;
 use crate::state::{
     AttachmentOps, ColorTarget, CompareFunction, DepthDirection, DepthFormat, DepthState,
@@ -146,6 +147,35 @@ pub enum BindingSource {
         /// Name of the attachment.
         name: String,
     },
+    /// The draw's own geometry, for a pass that subdivides it ([`crate::geometry`]).
+    Geometry {
+        /// Which part of it.
+        part: GeometryPart,
+    },
+}
+
+/// A part of a draw's geometry, as a buffer that a shader reads.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum GeometryPart {
+    /// A uniform buffer of the draw's constants ([`crate::geometry::Constants`]).
+    Constants {
+        /// Locations of the attributes described there, in order.
+        streams: Vec<u32>,
+    },
+    /// [`crate::geometry::Subdivision::vertices`], four bytes each.
+    Pattern,
+    /// [`crate::tessellate::mesh::Mesh::points`] of the draw, sixteen bytes each.
+    Points,
+    /// The new vertices of the draw, one of the plan's [`VertexBuffer`]s.
+    Vertices {
+        /// Name of the buffer.
+        buffer: String,
+    },
+    /// The draw's index buffer; without one, any buffer.
+    Indices,
+    /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
+    Attribute(AttributeUse),
 }
 
 /// What a binding holds.
@@ -290,9 +320,37 @@ pub struct GpuPass {
     pub limits: BTreeMap<String, u64>,
     /// Draws included.
     pub draws: Draws,
+    /// What is drawn of them.
+    #[serde(default, skip_serializing_if = "Geometry::is_as_given")]
+    pub geometry: Geometry,
     /// Uniforms this pass must read from another view than the camera's (the light's, for a shadow pass): variable or member names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_dependent: Vec<String>,
+}
+
+/// A buffer of computed vertices, one for each draw of the material.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct VertexBuffer {
+    /// The name passes refer to.
+    pub name: String,
+    /// Bytes of one vertex. A draw has as many as its subdivided mesh has, for each of its instances.
+    pub stride: u32,
+}
+
+/// Compute work ahead of a frame's render passes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ComputePass {
+    /// Key of its program in [`Plan::programs`].
+    pub program: String,
+    /// Entry point.
+    pub entry_point: String,
+    /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
+    /// `x`, they go on in `y`.
+    pub workgroup: u32,
+    /// What its new vertices are.
+    pub geometry: Geometry,
+    /// Bindings its entry point uses; their stage is the compute stage.
+    pub bindings: Vec<BindingUse>,
 }
 
 /// A step of the recipe, as it was applied.
@@ -390,6 +448,12 @@ pub struct Plan {
     pub programs: BTreeMap<String, Program>,
     /// Attachments, the scene's depth first. The scene's colour is not among them: it is the host's.
     pub attachments: Vec<Attachment>,
+    /// Buffers of computed vertices.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub vertex_buffers: Vec<VertexBuffer>,
+    /// Compute work of each frame, ahead of all passes, for each draw of the material.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compute: Vec<ComputePass>,
     /// GPU passes in the order they run.
     pub passes: Vec<GpuPass>,
     /// What was done to the original, in order.
@@ -455,6 +519,7 @@ impl Plan {
             features: Vec::new(),
             limits: BTreeMap::new(),
             draws: Draws::All,
+            geometry: Geometry::AsGiven,
             view_dependent: Vec::new(),
         };
         crate::reflect::fill(&mut pass, &program);
@@ -468,6 +533,8 @@ impl Plan {
                 state.depth_direction,
                 state.multisample.count,
             )],
+            vertex_buffers: Vec::new(),
+            compute: Vec::new(),
             passes: vec![pass],
             steps: Vec::new(),
             contract: Contract::exact(),

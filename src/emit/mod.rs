@@ -12,8 +12,8 @@
 //! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
 //!
 //! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
-//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`. A pass that draws depth alone
-//! has no fragment file but in GLSL ES, where it has an empty one. A plan that falls back to the original ships that too, as
+//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Compute stages end in `comp`. Which file a pass takes is written in `plan.json`.
+//! A pass that draws depth alone has no fragment file but in GLSL ES, where it has an empty one. A plan that falls back to the original ships that too, as
 //! `MATERIAL.original` where its main program is no longer the author's.
 
 mod blank;
@@ -224,14 +224,12 @@ fn write_programs(
     options: &Options,
     files: &mut Vec<File>,
 ) -> Result<WrittenFiles, Error> {
-    if let Some(pass) = plan
-        .passes
-        .iter()
-        .find(|p| !plan.programs.contains_key(&p.program))
-    {
+    let named = plan.passes.iter().map(|p| &p.program);
+    let named = named.chain(plan.compute.iter().map(|c| &c.program));
+    if let Some(missing) = named.into_iter().find(|p| !plan.programs.contains_key(*p)) {
         return Err(Error::BrokenPlan {
             material: plan.material.clone(),
-            what: format!("it has no program `{}`", pass.program),
+            what: format!("it has no program `{missing}`"),
         });
     }
     let mut written = WrittenFiles::new();
@@ -302,7 +300,12 @@ fn write_original(
 type Written = (u8, String);
 
 fn written_key(stage: ShaderStage, entry: &str) -> Written {
-    (u8::from(stage != ShaderStage::Vertex), entry.to_owned())
+    let order = match stage {
+        ShaderStage::Vertex => 0,
+        ShaderStage::Fragment => 1,
+        _ => 2,
+    };
+    (order, entry.to_owned())
 }
 
 fn dedup(targets: &[Target]) -> Vec<Target> {
@@ -315,13 +318,15 @@ fn dedup(targets: &[Target]) -> Vec<Target> {
     all
 }
 
-/// The entry points that passes use of a program, vertex stages first, each once.
+/// The entry points that passes use of a program, vertex stages first and compute stages last, each once.
 fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
     let passes = || plan.passes.iter().filter(|p| p.program == key);
     let mut all: Vec<Stage> = Vec::new();
     let vertex = passes().map(|p| (ShaderStage::Vertex, p.vertex.clone()));
     let fragment = passes().filter_map(|p| Some((ShaderStage::Fragment, p.fragment.clone()?)));
-    for (stage, entry) in vertex.chain(fragment) {
+    let compute = plan.compute.iter().filter(|c| c.program == key);
+    let compute = compute.map(|c| (ShaderStage::Compute, c.entry_point.clone()));
+    for (stage, entry) in vertex.chain(fragment).chain(compute) {
         if !all.iter().any(|s| s.stage == stage && s.entry == entry) {
             all.push(Stage {
                 stage,
@@ -432,6 +437,7 @@ fn write_program(
 fn extension(stage: ShaderStage) -> &'static str {
     match stage {
         ShaderStage::Vertex => "vert",
+        ShaderStage::Compute => "comp",
         _ => "frag",
     }
 }

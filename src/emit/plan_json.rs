@@ -18,6 +18,9 @@ pub struct PlanFile {
     pub plan: Plan,
     /// Files by pass, in the order of the plan's passes.
     pub files: Vec<PassFiles>,
+    /// The compute stages' files, by target, in the order of the plan's compute passes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compute_files: Vec<BTreeMap<Target, StageFile>>,
     /// Where `fallback` is `original`: the material as its author wrote it, to be drawn instead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub original: Option<Fallback>,
@@ -55,6 +58,8 @@ impl PlanFile {
             plan: Plan {
                 attachments: original.attachments,
                 passes: original.passes,
+                vertex_buffers: Vec::new(),
+                compute: Vec::new(),
                 steps: Vec::new(),
                 contract: Contract::exact(),
                 self_test: None,
@@ -63,6 +68,7 @@ impl PlanFile {
                 ..self.plan.clone()
             },
             files: original.files,
+            compute_files: Vec::new(),
             original: None,
             forms: BTreeMap::new(),
         })
@@ -141,16 +147,24 @@ pub struct GlslBlock {
     pub slot: Option<u32>,
 }
 
-/// The files of each pass, of what was written of each (program, entry point, target).
+/// The files of one stage by target, of what was written of each (program, entry point, target).
+fn stage_files(
+    written: &WrittenFiles,
+    program: &str,
+    stage: ShaderStage,
+    entry: &str,
+) -> BTreeMap<Target, StageFile> {
+    let entry = written_key(stage, entry);
+    written
+        .iter()
+        .filter(|((p, e, _), _)| p == program && *e == entry)
+        .map(|((_, _, target), file)| (*target, file.clone()))
+        .collect()
+}
+
+/// The files of each pass.
 fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
-    let of = |program: &str, stage, entry: &str| -> BTreeMap<Target, StageFile> {
-        let entry = written_key(stage, entry);
-        written
-            .iter()
-            .filter(|((p, e, _), _)| p == program && *e == entry)
-            .map(|((_, _, target), file)| (*target, file.clone()))
-            .collect()
-    };
+    let of = |program: &str, stage, entry: &str| stage_files(written, program, stage, entry);
     plan.passes
         .iter()
         .map(|pass| PassFiles {
@@ -173,8 +187,12 @@ pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallbac
         .into_iter()
         .filter_map(|target| Some((target, super::weaker_form(plan, target)?)))
         .collect();
+    let compute = plan.compute.iter();
+    let compute =
+        compute.map(|c| stage_files(written, &c.program, ShaderStage::Compute, &c.entry_point));
     let content = PlanFile {
         plan: plan.clone(),
+        compute_files: compute.collect(),
         files: pass_files(plan, written),
         original,
         forms,

@@ -11,8 +11,9 @@ use super::inputs::SceneInputs;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::Variant;
+use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
-use super::{Error, order, readback};
+use super::{Error, compute, order, readback};
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// What a frame is drawn with that is neither the scene's nor the plan's.
@@ -45,6 +46,8 @@ pub struct Prepared<'a> {
     gpu: &'a Gpu,
     inputs: &'a SceneInputs<'a>,
     targets: Targets,
+    compute: Vec<compute::PreparedCompute>,
+    meshes: Meshes,
     passes: Vec<PreparedPass>,
     clear_color: [f64; 4],
     /// What becomes of the samples of a colour target once it is resolved.
@@ -77,6 +80,8 @@ struct Item {
     stencil_reference: u32,
     /// Attachment slot of each vertex buffer of the draw that the pass reads.
     vertex_buffers: Vec<usize>,
+    /// The draw's triangles divided, where the pass asks for it.
+    subdivided: Option<Subdivided>,
 }
 
 impl std::fmt::Debug for Prepared<'_> {
@@ -105,6 +110,8 @@ impl<'a> Prepared<'a> {
         let start = Instant::now();
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
+        let mut meshes = Meshes::default();
+        let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes)?;
         let mut passes = Vec::new();
         for frame_pass in &variant.frame().passes {
             let mut pass = PreparedPass {
@@ -131,6 +138,10 @@ impl<'a> Prepared<'a> {
                     let Some(bound) = inputs.draw(index) else {
                         continue;
                     };
+                    let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
+                    let subdivided = meshes
+                        .of(gpu, found.plan, geometry, bindings, (index, bound))
+                        .map_err(|message| found.failed(message))?;
                     let build = Build {
                         gpu,
                         targets: &targets,
@@ -140,6 +151,7 @@ impl<'a> Prepared<'a> {
                         stages: found.stages,
                         frame: frame_pass,
                         draw: bound,
+                        subdivided: subdivided.as_ref(),
                     };
                     build.requirements()?;
                     let vertex = build.vertex_layout()?;
@@ -166,6 +178,7 @@ impl<'a> Prepared<'a> {
                         groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
                         stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
                         vertex_buffers: vertex.iter().map(|v| v.source).collect(),
+                        subdivided,
                     });
                 }
             }
@@ -175,7 +188,9 @@ impl<'a> Prepared<'a> {
             gpu,
             inputs,
             targets,
-            pipelines: passes.iter().map(|p| p.pipelines.len()).sum(),
+            pipelines: compute.len() + passes.iter().map(|p| p.pipelines.len()).sum::<usize>(),
+            compute,
+            meshes,
             passes,
             clear_color: settings.clear_color,
             // What resolves is shown resolved: a host throws the samples away.
@@ -219,6 +234,7 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the frame; each render pass is one query.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
+        compute::encode(&self.compute, encoder);
         let last_color = self
             .passes
             .iter()
@@ -379,6 +395,11 @@ impl<'a> Prepared<'a> {
         self.passes.iter().map(|p| p.sequence.len()).sum()
     }
 
+    /// What subdivided geometry costs a frame; `None` where there is none.
+    pub fn subdivision_cost(&self) -> Option<SubdivisionCost> {
+        self.meshes.cost()
+    }
+
     /// Bytes of all attachments.
     pub fn target_bytes(&self) -> u64 {
         self.targets.bytes()
@@ -468,6 +489,10 @@ impl<'a> Prepared<'a> {
             for (slot, source) in item.vertex_buffers.iter().enumerate() {
                 let vertex = &draw.vertex_buffers[*source];
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
+            }
+            if let Some(subdivided) = &item.subdivided {
+                subdivided.mesh.draw(render);
+                continue;
             }
             match &draw.indices {
                 Some(indices) => {

@@ -54,6 +54,8 @@ pub(super) struct IndexInput {
     pub buffer: wgpu::Buffer,
     pub format: wgpu::IndexFormat,
     pub count: u32,
+    /// The buffer's content, for meshes made of this one.
+    pub bytes: Arc<[u8]>,
 }
 
 impl Resource {
@@ -245,16 +247,26 @@ impl Uploads {
             .vertex_buffers
             .iter()
             .map(|v| VertexInput {
-                buffer: self.buffer(gpu, &v.data, wgpu::BufferUsages::VERTEX),
+                // A pass that subdivides its geometry reads it as storage.
+                buffer: self.buffer(
+                    gpu,
+                    &v.data,
+                    wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE,
+                ),
                 stride: v.stride,
                 step: v.step,
                 attributes: v.attributes.clone(),
             })
             .collect();
         let indices = bound.indices.as_ref().map(|i| IndexInput {
-            buffer: self.buffer(gpu, &i.data, wgpu::BufferUsages::INDEX),
+            buffer: self.buffer(
+                gpu,
+                &i.data,
+                wgpu::BufferUsages::INDEX | wgpu::BufferUsages::STORAGE,
+            ),
             format: i.format,
             count: i.count,
+            bytes: Arc::clone(&i.data.bytes),
         });
         Ok(DrawInputs {
             resources,

@@ -3,16 +3,18 @@
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
 
-use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GpuPass};
+use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse};
 
 use super::inputs::{DrawInputs, Resource};
 use super::state;
+use super::subdivided::Subdivided;
 use super::targets::Targets;
 
 /// What a binding is filled with.
 pub(super) enum Filled<'a> {
     Author(&'a Resource),
     Attachment(&'a wgpu::TextureView, wgpu::BindingType),
+    Geometry(&'a wgpu::Buffer, wgpu::BufferBindingType),
 }
 
 impl Filled<'_> {
@@ -21,13 +23,19 @@ impl Filled<'_> {
         match self {
             Self::Author(resource) => resource.provided(),
             Self::Attachment(_, ty) => *ty,
+            Self::Geometry(buffer, ty) => wgpu::BindingType::Buffer {
+                ty: *ty,
+                has_dynamic_offset: false,
+                min_binding_size: NonZeroU64::new(buffer.size()),
+            },
         }
     }
 
-    pub fn binding(&self) -> wgpu::BindingResource<'_> {
+    fn binding(&self) -> wgpu::BindingResource<'_> {
         match self {
             Self::Author(resource) => resource.binding(),
             Self::Attachment(view, _) => wgpu::BindingResource::TextureView(view),
+            Self::Geometry(buffer, _) => buffer.as_entire_binding(),
         }
     }
 }
@@ -41,23 +49,31 @@ pub(super) struct Bound<'a> {
 /// The bindings of a pass by group.
 pub(super) type Groups<'a> = BTreeMap<u32, Vec<Bound<'a>>>;
 
-/// Fills the bindings of `pass`.
+/// Fills the bindings of a pass.
 ///
 /// # Errors
 /// In words, when the plan names a binding that the author's program does not have or an attachment that the frame does not have, when it
 /// does not say how to lay a binding out, and when what is there does not fit what it says.
 pub(super) fn fill<'a>(
-    pass: &'a GpuPass,
+    bindings: &'a [BindingUse],
     draw: &'a DrawInputs,
     targets: &'a Targets,
+    subdivided: Option<&'a Subdivided>,
+    stages: Stages,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();
-    for b in &pass.bindings {
+    for b in bindings {
         let filled = match &b.source {
             BindingSource::Author => {
                 Filled::Author(draw.resources.get(&(b.group, b.binding)).ok_or_else(|| {
                     format!("{} is not a binding the author's program uses", place(b))
                 })?)
+            }
+            BindingSource::Geometry { part } => {
+                let (buffer, ty) = subdivided
+                    .ok_or("the pass does not say how its geometry is subdivided")?
+                    .part(b, part, draw)?;
+                Filled::Geometry(buffer, ty)
             }
             BindingSource::Attachment { name } => {
                 let sampled = targets
@@ -74,7 +90,7 @@ pub(super) fn fill<'a>(
             }
         };
         let bound = Bound {
-            entry: entry(b, filled.provided())?,
+            entry: entry(b, filled.provided(), stages)?,
             filled,
         };
         groups.entry(b.group).or_default().push(bound);
@@ -82,8 +98,51 @@ pub(super) fn fill<'a>(
     Ok(groups)
 }
 
+/// The kind of pipeline that bindings are for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stages {
+    Raster,
+    Compute,
+}
+
+/// Layout and bind group of each group.
+pub(super) fn bind(
+    device: &wgpu::Device,
+    groups: &Groups<'_>,
+) -> Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)> {
+    groups
+        .iter()
+        .map(|(group, bindings)| {
+            let layout = layout(device, bindings);
+            let entries: Vec<_> = bindings
+                .iter()
+                .map(|b| wgpu::BindGroupEntry {
+                    binding: b.entry.binding,
+                    resource: b.filled.binding(),
+                })
+                .collect();
+            let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &layout,
+                entries: &entries,
+            });
+            (*group, layout, bound)
+        })
+        .collect()
+}
+
+/// The layouts of a pipeline, by group.
+pub(super) fn by_group<'l>(
+    layouts: &[(u32, &'l wgpu::BindGroupLayout)],
+) -> Vec<Option<&'l wgpu::BindGroupLayout>> {
+    let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
+    (0..count)
+        .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
+        .collect()
+}
+
 /// The layout of one group.
-pub(super) fn layout(device: &wgpu::Device, bindings: &[Bound<'_>]) -> wgpu::BindGroupLayout {
+fn layout(device: &wgpu::Device, bindings: &[Bound<'_>]) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = bindings.iter().map(|b| b.entry).collect();
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: None,
@@ -100,6 +159,7 @@ fn place(b: &BindingUse) -> String {
 fn entry(
     b: &BindingUse,
     provided: wgpu::BindingType,
+    stages: Stages,
 ) -> Result<wgpu::BindGroupLayoutEntry, String> {
     let layout = b.layout.as_ref().ok_or_else(|| {
         format!(
@@ -128,6 +188,7 @@ fn entry(
     let mut visibility = wgpu::ShaderStages::NONE;
     visibility.set(wgpu::ShaderStages::VERTEX, b.visibility.vertex);
     visibility.set(wgpu::ShaderStages::FRAGMENT, b.visibility.fragment);
+    visibility.set(wgpu::ShaderStages::COMPUTE, stages == Stages::Compute);
     Ok(wgpu::BindGroupLayoutEntry {
         binding: b.binding,
         visibility,

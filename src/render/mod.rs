@@ -6,11 +6,12 @@
 //! 2. [`shader`]: a plan goes through its JSON, its programs through the text that is emitted (or as IR);
 //! 3. [`inputs`]: what a scene's draws bind, uploaded once and shared by every variant;
 //! 4. [`state`], `layout`, `limits`: a plan's pipeline state and bindings in wgpu's terms;
-//! 5. [`frame`]: `targets`, `pipeline`s and bind groups of one frame, built once, encoded as often as needed;
+//! 5. [`frame`]: `targets`, `pipeline`s, `compute` passes, `subdivided` meshes and bind groups of one frame, built once, encoded as often as needed;
 //! 6. [`readback`]: colour bytes and depth at full precision, as [`picture`]s.
 //!
 //! [`mod@self_test`] executes a plan's self-test as a host does at load, by way of 2 to 5.
 
+mod compute;
 pub mod frame;
 pub mod gpu;
 pub mod inputs;
@@ -23,6 +24,7 @@ pub mod readback;
 pub mod self_test;
 pub mod shader;
 pub mod state;
+mod subdivided;
 mod targets;
 mod trusted;
 
@@ -32,6 +34,7 @@ pub use inputs::SceneInputs;
 pub use picture::{ColorImage, DepthImage};
 pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
+pub use subdivided::SubdivisionCost;
 
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]

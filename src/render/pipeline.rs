@@ -8,7 +8,9 @@ use preshade_passes::state::ColorTarget;
 
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
+use super::layout::Stages;
 use super::shader::Stage;
+use super::subdivided::Subdivided;
 use super::targets::Targets;
 use super::{Error, layout, limits, state, trusted};
 
@@ -40,6 +42,7 @@ pub(super) struct Build<'b> {
     pub stages: &'b (Stage, Option<Stage>),
     pub frame: &'b FramePass,
     pub draw: &'b DrawInputs,
+    pub subdivided: Option<&'b Subdivided>,
 }
 
 impl Build<'_> {
@@ -130,30 +133,19 @@ impl Build<'_> {
 
     /// Layout and bind group of each group the pass uses.
     pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
-        let filled =
-            layout::fill(self.pass, self.draw, self.targets).map_err(|m| self.failed(m))?;
+        let bindings = &self.pass.bindings;
+        let filled = layout::fill(
+            bindings,
+            self.draw,
+            self.targets,
+            self.subdivided,
+            Stages::Raster,
+        )
+        .map_err(|m| self.failed(m))?;
         let device = &self.gpu.device;
         self.gpu
             .checked(&format!("the bindings of {}", self.what()), || {
-                filled
-                    .iter()
-                    .map(|(group, bindings)| {
-                        let layout = layout::layout(device, bindings);
-                        let entries: Vec<_> = bindings
-                            .iter()
-                            .map(|b| wgpu::BindGroupEntry {
-                                binding: b.entry.binding,
-                                resource: b.filled.binding(),
-                            })
-                            .collect();
-                        let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
-                            label: None,
-                            layout: &layout,
-                            entries: &entries,
-                        });
-                        (*group, layout, bound)
-                    })
-                    .collect()
+                layout::bind(device, &filled)
             })
     }
 
@@ -247,10 +239,7 @@ impl Build<'_> {
             None if !targets.is_empty() => Some((blank, BLANK)),
             None => None,
         };
-        let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
-        let by_group: Vec<_> = (0..count)
-            .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
-            .collect();
+        let by_group = layout::by_group(layouts);
         let buffers: Vec<_> = key
             .vertex
             .iter()

@@ -41,6 +41,8 @@ pub struct Variant {
     shaders: BTreeMap<String, Shader>,
     /// Vertex and fragment stage of each plan's passes.
     stages: Vec<Vec<(Stage, Option<Stage>)>>,
+    /// Stage of each plan's compute passes.
+    compute: Vec<Vec<Stage>>,
 }
 
 impl Variant {
@@ -100,6 +102,7 @@ impl Variant {
             },
             shaders: BTreeMap::new(),
             stages: Vec::new(),
+            compute: Vec::new(),
         }
     }
 
@@ -147,7 +150,13 @@ impl Variant {
                 Ok((vertex, stage(&f.fragment)?))
             })
             .collect::<Result<Vec<_>, Error>>()?;
+        let compute = described
+            .compute_files
+            .iter()
+            .map(|f| stage(f)?.ok_or_else(|| failed("a compute pass has no file".to_owned())))
+            .collect::<Result<Vec<_>, Error>>()?;
         self.stages.push(stages);
+        self.compute.push(compute);
         self.plans.push(described.plan);
         Ok(())
     }
@@ -164,6 +173,11 @@ impl Variant {
             let module = Shader::Ir(Box::new(program.module().clone()));
             self.shaders.insert(name(key), module);
         }
+        let compute = host.compute.iter().map(|c| Stage {
+            shader: name(&c.program),
+            entry_point: c.entry_point.clone(),
+        });
+        self.compute.push(compute.collect());
         let stage = |pass: &GpuPass, entry_point: &str| Stage {
             shader: name(&pass.program),
             entry_point: entry_point.to_owned(),
@@ -192,6 +206,12 @@ impl Variant {
     /// The plans, without programs.
     pub fn plans(&self) -> &[Plan] {
         &self.plans
+    }
+
+    /// Each plan with the stages of its compute passes.
+    pub(super) fn compute(&self) -> impl Iterator<Item = (&Plan, &[Stage])> {
+        let stages = self.compute.iter().map(Vec::as_slice);
+        self.plans.iter().zip(stages)
     }
 
     /// The plans merged into one frame.
@@ -250,6 +270,16 @@ pub(super) struct Member<'v> {
     pub stages: &'v (Stage, Option<Stage>),
 }
 
+impl Member<'_> {
+    /// What is wrong with the plan.
+    pub fn failed(&self, message: String) -> Error {
+        Error::Plan {
+            material: self.plan.material.clone(),
+            message,
+        }
+    }
+}
+
 /// Fails, in words, unless a plan is of this version and its files are those of its passes.
 fn check(described: &emit::PlanFile) -> Result<(), String> {
     let plan = &described.plan;
@@ -276,5 +306,11 @@ fn check(described: &emit::PlanFile) -> Result<(), String> {
             ));
         }
     }
-    Ok(())
+    let named = plan.compute.iter().map(|c| Some(&c.entry_point));
+    let files = described.compute_files.iter();
+    let files = files.map(|f| f.get(&emit::Target::Wgsl).map(|s| &s.entry_point));
+    match named.eq(files) {
+        true => Ok(()),
+        false => Err("its files have other entry points than its compute passes".to_owned()),
+    }
 }
