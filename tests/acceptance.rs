@@ -19,10 +19,11 @@ fn other_compilers_take_every_variant_of_every_fixture() {
         let paths: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
         let original = fixtures_support::original(&paths);
         let mut variants = vec![("original", original.clone())];
-        for recipe in fixtures_support::RECIPES {
+        let composed = fixtures_support::COMPOSED;
+        for recipe in fixtures_support::RECIPES.into_iter().chain(composed) {
             // Ties measured to be none: the main pass of `equal` loses its discard, the hardest text of the two.
             let facts = Facts::without_ties();
-            if let Ok(plan) = Recipe::parse([recipe]).unwrap().apply(&original, &facts) {
+            if let Ok(plan) = Recipe::parse_list(recipe).unwrap().apply(&original, &facts) {
                 variants.push((recipe, plan));
             }
         }

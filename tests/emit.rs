@@ -9,7 +9,7 @@ use preshade::emit::{self, File, Target};
 use preshade::front::{self, Color, Source};
 use preshade_passes::plan::{Plan, Role};
 use preshade_passes::program::Program;
-use preshade_passes::state::MaterialState;
+use preshade_passes::state::{ColorTarget, MaterialState};
 
 const LIT: &str = r"
 struct Camera {
@@ -545,5 +545,54 @@ fn a_pass_names_the_features_it_needs() {
     assert_eq!(
         plan.passes[0].features,
         ["depth-clip-control", "shader-f16"]
+    );
+}
+
+#[test]
+fn a_pass_names_the_limits_it_needs_raised() {
+    let mut source = String::new();
+    let mut reads = String::new();
+    for i in 0..17 {
+        source.push_str(&format!(
+            "@group(5) @binding({i}) var t{i}: texture_2d<f32>;\n"
+        ));
+        reads.push_str(&format!(" + textureLoad(t{i}, vec2<i32>(0), 0)"));
+    }
+    source.push_str(
+        "@group(0) @binding(0) var<uniform> table: array<vec4<f32>, 5000>;
+@group(0) @binding(1000) var<uniform> last: vec4<f32>;
+@vertex fn vs(@location(16) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
+struct Out { @location(0) a: vec4<f32>, @location(1) b: vec4<f32>, @location(2) c: vec4<f32> }
+",
+    );
+    source.push_str(&format!(
+        "@fragment fn fs() -> Out {{ let a = table[1] + last{reads}; return Out(a, a, a); }}"
+    ));
+    let parsed = front::parse(
+        &[Source::new("dear.wgsl", &source)],
+        &front::Options::default(),
+    )
+    .unwrap();
+    let target = || Some(ColorTarget::opaque("rgba32float"));
+    let state = MaterialState {
+        targets: vec![target(), target(), target()],
+        ..MaterialState::default()
+    };
+    let plan = Plan::original("dear", parsed.program, "vs", Some("fs"), &state);
+    let limits: Vec<(&str, u64)> = plan.passes[0]
+        .limits
+        .iter()
+        .map(|(name, value)| (name.as_str(), *value))
+        .collect();
+    assert_eq!(
+        limits,
+        [
+            ("maxBindGroups", 6),
+            ("maxBindingsPerBindGroup", 1001),
+            ("maxColorAttachmentBytesPerSample", 48),
+            ("maxSampledTexturesPerShaderStage", 17),
+            ("maxUniformBufferBindingSize", 80_000),
+            ("maxVertexAttributes", 17),
+        ]
     );
 }

@@ -4,7 +4,7 @@
 use preshade::emit::{self, Target};
 use preshade::front::{self, Options, Source};
 use preshade::passes::contract::{Assumption, Contract};
-use preshade::passes::frame::FramePlan;
+use preshade::passes::frame::{FrameLoad, FramePlan};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::state::{
@@ -111,10 +111,14 @@ fn a_pre_pass_under_alpha_to_coverage_has_the_colour_targets_and_writes_none() {
         };
         assert!(given.contains(&Assumption::SameAlphaCoverage), "{given:?}");
         let frame = FramePlan::merge([&plan]).unwrap();
-        let cleared: Vec<bool> = frame.passes.iter().map(|p| p.clear_color).collect();
+        let loads: Vec<FrameLoad> = frame
+            .passes
+            .iter()
+            .map(|p| p.color_ops[0].unwrap().load)
+            .collect();
         assert_eq!(
-            cleared,
-            [true, false],
+            loads,
+            [FrameLoad::Clear, FrameLoad::Load],
             "the first to touch the colour clears it"
         );
         let emitted = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();

@@ -365,7 +365,8 @@ pub fn insert(
         fragment: placed.fragment.clone(),
         depth: Some(depth),
         targets: coverage::targets(main),
-        bindings: Vec::new(),
+        // `fill` lists anew what is used, and keeps where it comes from.
+        bindings: main.bindings.clone(),
         attributes: Vec::new(),
         draws: Draws::Opaque,
         ..main.clone()

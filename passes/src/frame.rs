@@ -3,6 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::plan::{Attachment, GpuPass, Phase, Plan};
+use crate::state::StoreOp;
+
+mod operations;
 
 /// The colour attachments of a render pass.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -47,6 +50,25 @@ impl ColorAttachments {
     }
 }
 
+/// Load operation of an attachment in a render pass of a frame (`GPULoadOp`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrameLoad {
+    /// To the attachment's clear value, the scene's colour to the host's, stencil to 0.
+    Clear,
+    /// What an earlier pass left there; in the first that has the attachment, what was there before the frame.
+    Load,
+}
+
+/// Operations of an attachment in a render pass of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct FrameOps {
+    /// Before the pass.
+    pub load: FrameLoad,
+    /// After it: `discard` only where every member says so.
+    pub store: StoreOp,
+}
+
 /// One render pass of a frame: a set of material passes that share their attachments. The host sorts draws within it as it likes
 /// (opaque draws in any order, blended ones in its own).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -57,12 +79,14 @@ pub struct FramePass {
     pub depth: Option<String>,
     /// Depth is bound read-only.
     pub depth_read_only: bool,
-    /// Clear the depth attachment first: no earlier pass of the frame wrote it.
-    pub clear_depth: bool,
+    /// Operations of the depth aspect; `None` where there is no depth or it is read-only.
+    pub depth_ops: Option<FrameOps>,
+    /// Operations of the stencil aspect; `None` where the format has none, and where it is read-only.
+    pub stencil_ops: Option<FrameOps>,
     /// Colour attachments.
     pub colors: ColorAttachments,
-    /// Clear the colour attachments first: no earlier pass of the frame wrote them.
-    pub clear_color: bool,
+    /// Operations of the colour attachments by location, `None` in a hole. Those of the scene are all that any pass of the frame has.
+    pub color_ops: Vec<Option<FrameOps>>,
     /// `(material, index in that material's plan.passes)`.
     pub members: Vec<(String, usize)>,
 }
@@ -103,13 +127,38 @@ pub enum FrameError {
         /// Role of the pass.
         role: &'static str,
     },
+    /// Of the passes that share a render pass, the first to have an attachment, some clear it and some keep what is there.
+    #[error(
+        "the {role} pass of material `{material}` loads {attachment}, and another that shares its render pass clears it"
+    )]
+    LoadMismatch {
+        /// Material that loads.
+        material: String,
+        /// Role of its pass.
+        role: &'static str,
+        /// Attachment and aspect.
+        attachment: String,
+    },
+    /// A pass throws away what a later one has or reads.
+    #[error(
+        "the {role} pass of material `{material}` discards {attachment}, which a later pass of the frame needs"
+    )]
+    Discarded {
+        /// Material that discards.
+        material: String,
+        /// Role of its pass.
+        role: &'static str,
+        /// Attachment and aspect.
+        attachment: String,
+    },
 }
 
 impl FramePlan {
     /// Merges plans. Shadow passes are left out: they run under the host's light view, outside the camera's frame.
     ///
     /// # Errors
-    /// When two plans disagree on an attachment's format, sample count or clear value, or a pass mixes the scene's colour with attachments.
+    /// When two plans disagree on an attachment's format, sample count or clear value, when a pass mixes the scene's colour with attachments,
+    /// and when load and store operations contradict each other.
     pub fn merge<'a>(
         plans: impl IntoIterator<Item = &'a Plan> + Clone,
     ) -> Result<Self, FrameError> {
@@ -172,42 +221,17 @@ impl FramePlan {
                             phase,
                             depth,
                             depth_read_only: read_only,
-                            clear_depth: false,
+                            depth_ops: None,
+                            stencil_ops: None,
                             colors,
-                            clear_color: false,
+                            color_ops: Vec::new(),
                             members: vec![member],
                         }),
                     }
                 }
             }
         }
-        // The first pass to touch an attachment clears it.
-        let mut cleared: Vec<&str> = Vec::new();
-        let mut scene_cleared = false;
-        for pass in &mut passes {
-            if let Some(name) = attachments
-                .iter()
-                .map(|(a, _)| a.name.as_str())
-                .find(|n| Some(*n) == pass.depth.as_deref())
-                && !cleared.contains(&name)
-            {
-                cleared.push(name);
-                pass.clear_depth = true;
-            }
-            pass.clear_color = match &pass.colors {
-                ColorAttachments::None => false,
-                ColorAttachments::Scene => !std::mem::replace(&mut scene_cleared, true),
-                named @ ColorAttachments::Named(_) => {
-                    let first: Vec<&str> = attachments
-                        .iter()
-                        .map(|(a, _)| a.name.as_str())
-                        .filter(|n| named.names().any(|m| m == *n) && !cleared.contains(n))
-                        .collect();
-                    cleared.extend(&first);
-                    !first.is_empty()
-                }
-            };
-        }
+        operations::resolve(plans, &mut passes)?;
         Ok(Self {
             attachments: attachments.into_iter().map(|(a, _)| a).collect(),
             passes,

@@ -7,7 +7,7 @@
 //! 2. [`graph`]: an analysis overlay on it (dependence, rate, effect, cost);
 //! 3. [`mod@slice`]: what decides a value, an output or an effect;
 //! 4. [`place`]: a slice rebuilt as an entry point of its own;
-//! 5. [`depth_prepass`], [`early_discard`], [`hoist`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
+//! 5. [`depth_prepass`], [`early_discard`], [`hoist`], [`tessellate`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
 //! 6. [`frame`]: the plans of several materials merged into one frame.
 //!
 //! Nothing in here reads a file, touches a GPU or asks the time.
@@ -20,8 +20,10 @@ pub mod depth_prepass;
 pub mod early_discard;
 pub mod evaluate;
 pub mod frame;
+pub mod geometry;
 pub mod graph;
 pub mod hoist;
+pub mod limits;
 pub mod link;
 mod near_plane;
 pub mod neighbours;
@@ -35,6 +37,7 @@ pub mod returns;
 pub mod shadow;
 pub mod slice;
 pub mod state;
+pub mod tessellate;
 
 pub use naga;
 
@@ -44,6 +47,7 @@ pub const PASSES: &[&dyn pass::AnyPass] = &[
     &pass::Erased::<early_discard::EarlyDiscard>::NEW,
     &pass::Erased::<shadow::Shadow>::NEW,
     &pass::Erased::<hoist::Hoist>::NEW,
+    &pass::Erased::<tessellate::Tessellate>::NEW,
 ];
 
 /// The pass of that name.

@@ -4,20 +4,25 @@
 //! renderer executes exactly that data.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::ShaderStage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
+use crate::geometry::Geometry;
 use crate::program::Program;
 use crate::state::{
-    ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState, Multisample,
-    PrimitiveState, StencilState,
+    AttachmentOps, ColorTarget, DepthDirection, DepthFormat, DepthState, MaterialState,
+    Multisample, PrimitiveState, StencilState,
 };
 
 /// Version of the JSON that [`Plan`] serialises to.
 pub const SCHEMA: &str = "preshade.plan.v1";
+
+/// The [`Plan::fallback`] to the material as its author wrote it.
+pub const ORIGINAL: &str = "original";
 
 /// Name of the depth attachment that all main passes of a frame share.
 pub const SCENE_DEPTH: &str = "scene-depth";
@@ -139,6 +144,35 @@ pub enum BindingSource {
         /// Name of the attachment.
         name: String,
     },
+    /// The draw's own geometry, for a pass that subdivides it ([`crate::geometry`]).
+    Geometry {
+        /// Which part of it.
+        part: GeometryPart,
+    },
+}
+
+/// A part of a draw's geometry, as a buffer that a shader reads.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum GeometryPart {
+    /// A uniform buffer of the draw's constants ([`crate::geometry::Constants`]).
+    Constants {
+        /// Locations of the attributes described there, in order.
+        streams: Vec<u32>,
+    },
+    /// [`crate::geometry::Subdivision::vertices`], four bytes each.
+    Pattern,
+    /// [`crate::tessellate::mesh::Mesh::points`] of the draw, sixteen bytes each.
+    Points,
+    /// The new vertices of the draw, one of the plan's [`VertexBuffer`]s.
+    Vertices {
+        /// Name of the buffer.
+        buffer: String,
+    },
+    /// The draw's index buffer; without one, any buffer.
+    Indices,
+    /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
+    Attribute(AttributeUse),
 }
 
 /// What a binding holds.
@@ -185,7 +219,11 @@ pub struct BindingUse {
     pub layout: Option<BindingLayout>,
 }
 
-/// What a bind group layout says of a binding, in WebGPU's words.
+/// What a bind group layout says of a binding, in WebGPU's words. With the binding's visibility it is the whole of its entry.
+///
+/// A host takes it as it is, with one relaxation, for the plan cannot know the format of an author's texture: where that format cannot be
+/// filtered (`r32float`, say, without the feature `float32-filterable`; several samples; a depth format bound as float), the host says
+/// `unfilterable-float` for `float`, and `non-filtering` for the `filtering` of every sampler that the shader samples it with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BindingLayout {
@@ -199,13 +237,13 @@ pub enum BindingLayout {
     },
     /// `GPUSamplerBindingLayout`.
     Sampler {
-        /// `filtering` or `comparison`. A host whose sampler does not filter may say `non-filtering`.
+        /// `filtering`, `non-filtering` or `comparison`.
         #[serde(rename = "type")]
         ty: String,
     },
     /// `GPUTextureBindingLayout`.
     Texture {
-        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture is taken to be filterable.
+        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture of one sample is taken to be filterable.
         sample_type: String,
         /// `1d`, `2d`, `2d-array`, `cube`, `cube-array` or `3d`.
         view_dimension: String,
@@ -274,11 +312,42 @@ pub struct GpuPass {
     pub attributes: Vec<AttributeUse>,
     /// WebGPU features it needs, in WebGPU's spelling.
     pub features: Vec<String>,
+    /// WebGPU limits it needs above their defaults, by WebGPU's name. Counted of the pass by itself: what else a host binds with it adds.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub limits: BTreeMap<String, u64>,
     /// Draws included.
     pub draws: Draws,
+    /// What is drawn of them.
+    #[serde(default, skip_serializing_if = "Geometry::is_as_given")]
+    pub geometry: Geometry,
     /// Uniforms this pass must read from another view than the camera's (the light's, for a shadow pass): variable or member names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_dependent: Vec<String>,
+}
+
+/// A buffer of computed vertices, one for each draw of the material.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct VertexBuffer {
+    /// The name passes refer to.
+    pub name: String,
+    /// Bytes of one vertex. A draw has as many as its subdivided mesh has, for each of its instances.
+    pub stride: u32,
+}
+
+/// Compute work ahead of a frame's render passes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ComputePass {
+    /// Key of its program in [`Plan::programs`].
+    pub program: String,
+    /// Entry point.
+    pub entry_point: String,
+    /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
+    /// `x`, they go on in `y`.
+    pub workgroup: u32,
+    /// What its new vertices are.
+    pub geometry: Geometry,
+    /// Bindings its entry point uses; their stage is the compute stage.
+    pub bindings: Vec<BindingUse>,
 }
 
 /// A step of the recipe, as it was applied.
@@ -337,6 +406,12 @@ pub struct Plan {
     pub programs: BTreeMap<String, Program>,
     /// Attachments, the scene's depth first. The scene's colour is not among them: it is the host's.
     pub attachments: Vec<Attachment>,
+    /// Buffers of computed vertices.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub vertex_buffers: Vec<VertexBuffer>,
+    /// Compute work of each frame, ahead of all passes, for each draw of the material.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compute: Vec<ComputePass>,
     /// GPU passes in the order they run.
     pub passes: Vec<GpuPass>,
     /// What was done to the original, in order.
@@ -345,8 +420,12 @@ pub struct Plan {
     pub contract: Contract,
     /// A check for the host to run at load.
     pub self_test: Option<SelfTest>,
-    /// The recipe to take instead where the self-test fails.
+    /// What to take instead where the self-test fails: [`ORIGINAL`], whose pass and files are in `plan.json`, or a recipe.
     pub fallback: Option<String>,
+    /// The plan before any transform, for the fallback to it. `None` in that plan itself, and in one that was read from JSON, which has its
+    /// passes and files beside the plan's own.
+    #[serde(skip)]
+    pub original: Option<Arc<Plan>>,
     /// Things the host should know that are not requirements.
     pub notes: Vec<String>,
 }
@@ -387,6 +466,8 @@ impl Plan {
                 write: state.depth_write,
                 bias: state.depth_bias,
                 read_only: false,
+                ops: AttachmentOps::default(),
+                stencil_ops: AttachmentOps::default(),
             }),
             stencil: state.stencil.clone(),
             multisample: state.multisample,
@@ -394,11 +475,13 @@ impl Plan {
             bindings: Vec::new(),
             attributes: Vec::new(),
             features: Vec::new(),
+            limits: BTreeMap::new(),
             draws: Draws::All,
+            geometry: Geometry::AsGiven,
             view_dependent: Vec::new(),
         };
         crate::reflect::fill(&mut pass, &program);
-        Self {
+        let plan = Self {
             schema: SCHEMA.to_owned(),
             material: material.to_owned(),
             programs: BTreeMap::from([(Role::Main.name().to_owned(), program)]),
@@ -408,12 +491,19 @@ impl Plan {
                 state.depth_direction,
                 state.multisample.count,
             )],
+            vertex_buffers: Vec::new(),
+            compute: Vec::new(),
             passes: vec![pass],
             steps: Vec::new(),
             contract: Contract::exact(),
             self_test: None,
             fallback: None,
+            original: None,
             notes: Vec::new(),
+        };
+        Self {
+            original: Some(Arc::new(plan.clone())),
+            ..plan
         }
     }
 

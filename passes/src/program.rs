@@ -173,6 +173,11 @@ impl Program {
         }
     }
 
+    /// Whether no transform has touched it.
+    pub fn is_as_written(&self) -> bool {
+        self.as_written
+    }
+
     /// The author's files.
     pub fn sources(&self) -> &Arc<SourceMap> {
         &self.sources

@@ -24,8 +24,12 @@ pub struct Io {
 
 /// The inputs of an entry point, struct arguments opened.
 pub fn inputs(module: &Module, function: &Function) -> Vec<Io> {
-    function
-        .arguments
+    opened(module, &function.arguments)
+}
+
+/// Arguments as inputs, struct arguments opened.
+pub fn opened(module: &Module, arguments: &[naga::FunctionArgument]) -> Vec<Io> {
+    arguments
         .iter()
         .flat_map(|a| open(module, a.name.clone(), a.ty, a.binding.clone()))
         .collect()
@@ -189,17 +193,16 @@ fn binding_layout(
     })
 }
 
-/// Fills a pass's bindings, attributes and features from the entry points it names. A binding that the pass already takes from an attachment keeps
-/// that source.
-pub fn fill(pass: &mut GpuPass, program: &Program) {
+/// The bindings that entry points use, by group and binding. One that is among `known` keeps its source; others are the author's.
+pub fn bindings(
+    program: &Program,
+    stages: &[(ShaderStage, &str)],
+    known: &[BindingUse],
+) -> Vec<BindingUse> {
     let module = program.module();
-    let stages = [
-        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
-        (ShaderStage::Fragment, pass.fragment.as_deref()),
-    ];
     let mut bindings: Vec<BindingUse> = Vec::new();
     for (stage, name) in stages {
-        let Some((index, _)) = name.and_then(|n| program.entry_point(stage, n)) else {
+        let Some((index, _)) = program.entry_point(*stage, name) else {
             continue;
         };
         let info = program.info().get_entry_point(index);
@@ -216,8 +219,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
             {
                 Some(i) => i,
                 None => {
-                    let source = pass
-                        .bindings
+                    let source = known
                         .iter()
                         .find(|b| (b.group, b.binding) == (at.group, at.binding))
                         .map_or(BindingSource::Author, |b| b.source.clone());
@@ -235,11 +237,27 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
             };
             match stage {
                 ShaderStage::Vertex => bindings[i].visibility.vertex = true,
-                _ => bindings[i].visibility.fragment = true,
+                ShaderStage::Fragment => bindings[i].visibility.fragment = true,
+                _ => {}
             }
         }
     }
     bindings.sort_by_key(|b| (b.group, b.binding));
+    bindings
+}
+
+/// Fills a pass's bindings, attributes, features and limits from the entry points it names. A binding that the pass already takes from an attachment, or from a draw's
+/// geometry, keeps that source.
+pub fn fill(pass: &mut GpuPass, program: &Program) {
+    let module = program.module();
+    let stages: Vec<(ShaderStage, &str)> = [
+        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
+        (ShaderStage::Fragment, pass.fragment.as_deref()),
+    ]
+    .into_iter()
+    .filter_map(|(stage, name)| Some((stage, name?)))
+    .collect();
+    let bindings = bindings(program, &stages, &pass.bindings);
     pass.features = features(pass, module);
     pass.bindings = bindings;
     pass.attributes = match program.entry_point(ShaderStage::Vertex, &pass.vertex) {
@@ -257,6 +275,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
             .collect(),
     };
     pass.attributes.sort_by_key(|a| a.location);
+    pass.limits = crate::limits::above_default(pass, program);
 }
 
 /// WebGPU features that a pass needs, by name: from its state, and from the module it draws with.

@@ -25,7 +25,7 @@ use crate::place::PositionInvariance;
 use crate::plan::{Attachment, Phase, Plan, Role, Step};
 use crate::program::Program;
 use crate::state::{
-    CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState, Multisample,
+    AttachmentOps, CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState, Multisample,
 };
 
 /// Name of the depth attachment that the shadow pass writes.
@@ -86,6 +86,8 @@ impl Pass for Shadow {
             // The camera's bias points away from the camera's viewer, in units of the camera's format: a light needs its own, which the host knows.
             bias: DepthBias::default(),
             read_only: false,
+            ops: AttachmentOps::default(),
+            stencil_ops: AttachmentOps::default(),
         };
         depth_only::insert_own(
             &mut next,

@@ -125,6 +125,38 @@ pub struct DepthBias {
     pub clamp: f32,
 }
 
+/// What a pass finds in an attachment (`GPULoadOp`, resolved over the frame).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum LoadOp {
+    /// `clear` in the first render pass of the frame that has the attachment, `load` in the others.
+    #[default]
+    ClearFirst,
+    /// `load`, also in the first: what was there before the frame.
+    Load,
+}
+
+/// What a pass leaves of an attachment (`GPUStoreOp`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StoreOp {
+    /// What was drawn, for later passes or for the host. Of several samples a host that resolves them may keep the resolved ones alone.
+    #[default]
+    Store,
+    /// Nothing: neither a later pass of the plan nor the host reads it.
+    Discard,
+}
+
+/// Load and store operation of an attachment in a pass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct AttachmentOps {
+    /// Before the pass.
+    pub load: LoadOp,
+    /// After it.
+    pub store: StoreOp,
+}
+
 /// What a pass does with one depth attachment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DepthState {
@@ -140,6 +172,13 @@ pub struct DepthState {
     /// The attachment is bound read-only (`depthReadOnly`), so that it may be sampled in the same pass.
     #[serde(default)]
     pub read_only: bool,
+    /// Operations of the depth aspect. A read-only one has none, as WebGPU asks.
+    #[serde(default)]
+    pub ops: AttachmentOps,
+    /// Operations of the stencil aspect, of a format that has one. A pass that binds the attachment read-only and whose stencil state writes
+    /// nothing has none.
+    #[serde(default)]
+    pub stencil_ops: AttachmentOps,
 }
 
 /// Stencil operation (`GPUStencilOperation`).
@@ -377,6 +416,9 @@ pub struct ColorTarget {
     /// Bits red 1, green 2, blue 4, alpha 8.
     #[serde(default = "all_channels")]
     pub write_mask: u8,
+    /// Load and store operation.
+    #[serde(default)]
+    pub ops: AttachmentOps,
 }
 
 fn all_channels() -> u8 {
@@ -391,6 +433,7 @@ impl ColorTarget {
             attachment: None,
             blend: None,
             write_mask: all_channels(),
+            ops: AttachmentOps::default(),
         }
     }
 

@@ -12,8 +12,9 @@
 //! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
 //!
 //! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
-//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Which file a pass takes is written in `plan.json`. A pass that draws depth alone
-//! has no fragment file but in GLSL ES, where it has an empty one.
+//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Compute stages end in `comp`. Which file a pass takes is written in `plan.json`.
+//! A pass that draws depth alone has no fragment file but in GLSL ES, where it has an empty one. A plan that falls back to the original ships that too, as
+//! `MATERIAL.original` where its main program is no longer the author's.
 
 mod blank;
 #[cfg(test)]
@@ -38,14 +39,14 @@ mod wgsl;
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
-use preshade_passes::plan::Plan;
+use preshade_passes::plan::{GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
 use serde::{Deserialize, Serialize};
 
 use crate::front::guard;
 
 pub use output::write;
-pub use plan_json::{Form, GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
+pub use plan_json::{Fallback, Form, GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
 
 /// A form to write programs in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -197,20 +198,38 @@ struct Stage {
     stem: String,
 }
 
+/// What `plan.json` says of each (program, entry point, target).
+type WrittenFiles = BTreeMap<(String, Written, Target), StageFile>;
+
 fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
-    if let Some(pass) = plan
-        .passes
-        .iter()
-        .find(|p| !plan.programs.contains_key(&p.program))
-    {
+    let mut files = Vec::new();
+    let written = write_programs(plan, targets, options, &mut files)?;
+    let fallback = match plan.original.as_deref() {
+        Some(original) if plan.fallback.as_deref() == Some(ORIGINAL) => Some(write_original(
+            plan, original, &written, targets, options, &mut files,
+        )?),
+        _ => None,
+    };
+    files.push(plan_json::file(plan, &written, fallback));
+    Ok(files)
+}
+
+/// Adds the files of the programs that the passes of `plan` draw with.
+fn write_programs(
+    plan: &Plan,
+    targets: &[Target],
+    options: &Options,
+    files: &mut Vec<File>,
+) -> Result<WrittenFiles, Error> {
+    let named = plan.passes.iter().map(|p| &p.program);
+    let named = named.chain(plan.compute.iter().map(|c| &c.program));
+    if let Some(missing) = named.into_iter().find(|p| !plan.programs.contains_key(*p)) {
         return Err(Error::BrokenPlan {
             material: plan.material.clone(),
-            what: format!("it has no program `{}`", pass.program),
+            what: format!("it has no program `{missing}`"),
         });
     }
-    let mut files = Vec::new();
-    // (program, stage, entry point, target) to what `plan.json` says of it.
-    let mut written: BTreeMap<(String, Written, Target), StageFile> = BTreeMap::new();
+    let mut written = WrittenFiles::new();
     for key in plan.programs.keys() {
         let stages = stages(plan, key);
         if stages.is_empty() {
@@ -227,18 +246,63 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
         }
     }
     for (program, file, said) in blank::files(plan, targets) {
-        files.push(file);
+        // A main pass without a fragment stage and the original's have the same one.
+        if !files.contains(&file) {
+            files.push(file);
+        }
         written.insert((program, blank::key(), Target::GlslEs300), said);
     }
-    files.push(plan_json::file(plan, &written));
-    Ok(files)
+    Ok(written)
+}
+
+/// The fallback to the author's own program: its passes, and its files, written as `MATERIAL.original` where those of `plan` are not the
+/// author's.
+fn write_original(
+    plan: &Plan,
+    original: &Plan,
+    written: &WrittenFiles,
+    targets: &[Target],
+    options: &Options,
+    files: &mut Vec<File>,
+) -> Result<Fallback, Error> {
+    let is_shipped = |pass: &GpuPass| {
+        let program = plan.programs.get(&pass.program);
+        let fragment = pass.fragment.as_deref().unwrap_or_default();
+        let has = |stage, entry: &str| {
+            let entry = written_key(stage, entry);
+            let mut keys = written.keys();
+            keys.any(|(p, e, _)| *p == pass.program && *e == entry)
+        };
+        program.is_some_and(Program::is_as_written)
+            && has(ShaderStage::Vertex, &pass.vertex)
+            && (fragment.is_empty() || has(ShaderStage::Fragment, fragment))
+    };
+    if original.passes.iter().all(is_shipped) {
+        return Ok(Fallback::new(original, written));
+    }
+    let mut named = original.clone();
+    named.programs = named
+        .programs
+        .into_values()
+        .map(|program| (ORIGINAL.to_owned(), program))
+        .collect();
+    for pass in &mut named.passes {
+        pass.program = ORIGINAL.to_owned();
+    }
+    let written = write_programs(&named, targets, options, files)?;
+    Ok(Fallback::new(&named, &written))
 }
 
 /// An entry point by stage and name, ordered vertex first.
 type Written = (u8, String);
 
 fn written_key(stage: ShaderStage, entry: &str) -> Written {
-    (u8::from(stage != ShaderStage::Vertex), entry.to_owned())
+    let order = match stage {
+        ShaderStage::Vertex => 0,
+        ShaderStage::Fragment => 1,
+        _ => 2,
+    };
+    (order, entry.to_owned())
 }
 
 fn dedup(targets: &[Target]) -> Vec<Target> {
@@ -251,13 +315,15 @@ fn dedup(targets: &[Target]) -> Vec<Target> {
     all
 }
 
-/// The entry points that passes use of a program, vertex stages first, each once.
+/// The entry points that passes use of a program, vertex stages first and compute stages last, each once.
 fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
     let passes = || plan.passes.iter().filter(|p| p.program == key);
     let mut all: Vec<Stage> = Vec::new();
     let vertex = passes().map(|p| (ShaderStage::Vertex, p.vertex.clone()));
     let fragment = passes().filter_map(|p| Some((ShaderStage::Fragment, p.fragment.clone()?)));
-    for (stage, entry) in vertex.chain(fragment) {
+    let compute = plan.compute.iter().filter(|c| c.program == key);
+    let compute = compute.map(|c| (ShaderStage::Compute, c.entry_point.clone()));
+    for (stage, entry) in vertex.chain(fragment).chain(compute) {
         if !all.iter().any(|s| s.stage == stage && s.entry == entry) {
             all.push(Stage {
                 stage,
@@ -368,6 +434,7 @@ fn write_program(
 fn extension(stage: ShaderStage) -> &'static str {
     match stage {
         ShaderStage::Vertex => "vert",
+        ShaderStage::Compute => "comp",
         _ => "frag",
     }
 }

@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
 use preshade_passes::contract::Contract;
-use preshade_passes::plan::Plan;
+use preshade_passes::plan::{Attachment, GpuPass, Plan};
 use serde::{Deserialize, Serialize};
 
-use super::{File, Target, Written, written_key};
+use super::{File, Target, WrittenFiles, written_key};
 
 /// The content of `MATERIAL.plan.json`: a plan ([`preshade_passes::plan::SCHEMA`]) and its files.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -17,9 +17,61 @@ pub struct PlanFile {
     pub plan: Plan,
     /// Files by pass, in the order of the plan's passes.
     pub files: Vec<PassFiles>,
+    /// The compute stages' files, by target, in the order of the plan's compute passes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compute_files: Vec<BTreeMap<Target, StageFile>>,
+    /// Where `fallback` is `original`: the material as its author wrote it, to be drawn instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub original: Option<Fallback>,
     /// The forms that promise less than the plan's `contract`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub forms: BTreeMap<Target, Form>,
+}
+
+/// What a host falls back to: passes and files that take the place of the plan's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fallback {
+    /// Attachments.
+    pub attachments: Vec<Attachment>,
+    /// GPU passes in the order they run.
+    pub passes: Vec<GpuPass>,
+    /// Files by pass.
+    pub files: Vec<PassFiles>,
+}
+
+impl Fallback {
+    pub(super) fn new(plan: &Plan, written: &WrittenFiles) -> Self {
+        Self {
+            attachments: plan.attachments.clone(),
+            passes: plan.passes.clone(),
+            files: pass_files(plan, written),
+        }
+    }
+}
+
+impl PlanFile {
+    /// What to draw where the self-test fails, as a file of its own; `None` where the fallback is a recipe, or there is none.
+    pub fn fallback(&self) -> Option<Self> {
+        let original = self.original.clone()?;
+        Some(Self {
+            plan: Plan {
+                attachments: original.attachments,
+                passes: original.passes,
+                vertex_buffers: Vec::new(),
+                compute: Vec::new(),
+                steps: Vec::new(),
+                contract: Contract::exact(),
+                self_test: None,
+                fallback: None,
+                notes: Vec::new(),
+                ..self.plan.clone()
+            },
+            files: original.files,
+            compute_files: Vec::new(),
+            original: None,
+            forms: BTreeMap::new(),
+        })
+    }
 }
 
 /// What an emitted form promises, where that is less than its plan does.
@@ -94,18 +146,25 @@ pub struct GlslBlock {
     pub slot: Option<u32>,
 }
 
-/// The file, of what was written of each (program, entry point, target).
-pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), StageFile>) -> File {
-    let of = |program: &str, stage, entry: &str| -> BTreeMap<Target, StageFile> {
-        let entry = written_key(stage, entry);
-        written
-            .iter()
-            .filter(|((p, e, _), _)| p == program && *e == entry)
-            .map(|((_, _, target), file)| (*target, file.clone()))
-            .collect()
-    };
-    let files = plan
-        .passes
+/// The files of one stage by target, of what was written of each (program, entry point, target).
+fn stage_files(
+    written: &WrittenFiles,
+    program: &str,
+    stage: ShaderStage,
+    entry: &str,
+) -> BTreeMap<Target, StageFile> {
+    let entry = written_key(stage, entry);
+    written
+        .iter()
+        .filter(|((p, e, _), _)| p == program && *e == entry)
+        .map(|((_, _, target), file)| (*target, file.clone()))
+        .collect()
+}
+
+/// The files of each pass.
+fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
+    let of = |program: &str, stage, entry: &str| stage_files(written, program, stage, entry);
+    plan.passes
         .iter()
         .map(|pass| PassFiles {
             role: pass.role.name().to_owned(),
@@ -117,15 +176,24 @@ pub(super) fn file(plan: &Plan, written: &BTreeMap<(String, Written, Target), St
                 pass.fragment.as_deref().unwrap_or_default(),
             ),
         })
-        .collect();
+        .collect()
+}
+
+/// The file.
+pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallback>) -> File {
     let targets: BTreeSet<Target> = written.keys().map(|(_, _, target)| *target).collect();
     let forms = targets
         .into_iter()
         .filter_map(|target| Some((target, super::weaker_form(plan, target)?)))
         .collect();
+    let compute = plan.compute.iter();
+    let compute =
+        compute.map(|c| stage_files(written, &c.program, ShaderStage::Compute, &c.entry_point));
     let content = PlanFile {
         plan: plan.clone(),
-        files,
+        compute_files: compute.collect(),
+        files: pass_files(plan, written),
+        original,
         forms,
     };
     // A plan is plain data: strings, numbers and lists, all with string keys. Serialising it cannot fail.

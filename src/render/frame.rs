@@ -2,17 +2,18 @@
 
 use std::time::{Duration, Instant};
 
-use preshade_passes::frame::{ColorAttachments, FramePass};
+use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
 use preshade_passes::plan::{Draws, Phase};
-use preshade_passes::state::StencilState;
+use preshade_passes::state::StoreOp;
 
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::Variant;
+use super::subdivided::{Meshes, Subdivided};
 use super::targets::Targets;
-use super::{Error, order, readback};
+use super::{Error, compute, order, readback};
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// What a frame is drawn with that is neither the scene's nor the plan's.
@@ -45,6 +46,8 @@ pub struct Prepared<'a> {
     gpu: &'a Gpu,
     inputs: &'a SceneInputs<'a>,
     targets: Targets,
+    compute: Vec<compute::PreparedCompute>,
+    meshes: Meshes,
     passes: Vec<PreparedPass>,
     clear_color: [f64; 4],
     /// What becomes of the samples of a colour target once it is resolved.
@@ -55,8 +58,6 @@ pub struct Prepared<'a> {
 
 struct PreparedPass {
     frame: FramePass,
-    /// Some member writes the stencil aspect, so that it cannot be read-only.
-    stencil_write: bool,
     pipelines: Vec<wgpu::RenderPipeline>,
     /// By draw, in the scene's order; a draw may have several where its material has several members.
     items: Vec<Item>,
@@ -71,6 +72,8 @@ struct Item {
     stencil_reference: u32,
     /// Attachment slot of each vertex buffer of the draw that the pass reads.
     vertex_buffers: Vec<usize>,
+    /// The draw's triangles divided, where the pass asks for it.
+    subdivided: Option<Subdivided>,
 }
 
 impl std::fmt::Debug for Prepared<'_> {
@@ -94,15 +97,17 @@ impl<'a> Prepared<'a> {
         settings: &FrameSettings,
     ) -> Result<Self, Error> {
         let (gpu, scene) = (inputs.gpu(), inputs.scene());
+        check_loads(&variant.frame().passes)?;
         let targets = Targets::new(gpu, variant, scene.size)?;
         let start = Instant::now();
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
+        let mut meshes = Meshes::default();
+        let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes)?;
         let mut passes = Vec::new();
         for frame_pass in &variant.frame().passes {
             let mut pass = PreparedPass {
                 frame: frame_pass.clone(),
-                stencil_write: false,
                 pipelines: Vec::new(),
                 items: Vec::new(),
                 sequence: Vec::new(),
@@ -125,8 +130,10 @@ impl<'a> Prepared<'a> {
                     let Some(bound) = inputs.draw(index) else {
                         continue;
                     };
-                    pass.stencil_write |=
-                        gpu_pass.stencil.as_ref().is_some_and(StencilState::writes);
+                    let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
+                    let subdivided = meshes
+                        .of(gpu, found.plan, geometry, bindings, (index, bound))
+                        .map_err(|message| found.failed(message))?;
                     let build = Build {
                         gpu,
                         targets: &targets,
@@ -136,7 +143,9 @@ impl<'a> Prepared<'a> {
                         stages: found.stages,
                         frame: frame_pass,
                         draw: bound,
+                        subdivided: subdivided.as_ref(),
                     };
+                    build.requirements()?;
                     let vertex = build.vertex_layout()?;
                     let key = PipelineKey {
                         material: draw.material,
@@ -161,6 +170,7 @@ impl<'a> Prepared<'a> {
                         groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
                         stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
                         vertex_buffers: vertex.iter().map(|v| v.source).collect(),
+                        subdivided,
                     });
                 }
             }
@@ -170,7 +180,9 @@ impl<'a> Prepared<'a> {
             gpu,
             inputs,
             targets,
-            pipelines: passes.iter().map(|p| p.pipelines.len()).sum(),
+            pipelines: compute.len() + passes.iter().map(|p| p.pipelines.len()).sum::<usize>(),
+            compute,
+            meshes,
             passes,
             clear_color: settings.clear_color,
             // What resolves is shown resolved: a host throws the samples away.
@@ -214,6 +226,7 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the frame; each render pass is one query of `statistics`.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, statistics: Option<&wgpu::QuerySet>) {
+        compute::encode(&self.compute, encoder);
         let last_color = self
             .passes
             .iter()
@@ -347,6 +360,11 @@ impl<'a> Prepared<'a> {
         self.passes.iter().map(|p| p.sequence.len()).sum()
     }
 
+    /// New vertices that subdivision computes in a frame, each once where triangles share it; and bytes that hold subdivided meshes, over all instances.
+    pub fn subdivision_cost(&self) -> (u64, u64) {
+        self.meshes.cost()
+    }
+
     /// Bytes of all attachments.
     pub fn target_bytes(&self) -> u64 {
         self.targets.bytes()
@@ -357,25 +375,20 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
         last: bool,
     ) -> Vec<Option<wgpu::RenderPassColorAttachment<'_>>> {
-        let ops = |clear: wgpu::Color, store| wgpu::Operations {
-            load: match pass.frame.clear_color {
-                true => wgpu::LoadOp::Clear(clear),
-                false => wgpu::LoadOp::Load,
-            },
-            store,
-        };
+        let planned = |location: usize| pass.frame.color_ops.get(location).copied().flatten();
         match &pass.frame.colors {
             ColorAttachments::None => return Vec::new(),
             ColorAttachments::Named(names) => {
                 return names
                     .iter()
-                    .map(|name| {
+                    .enumerate()
+                    .map(|(location, name)| {
                         let target = self.targets.named(name.as_deref()?)?;
                         Some(wgpu::RenderPassColorAttachment {
                             view: &target.view,
                             depth_slice: None,
                             resolve_target: None,
-                            ops: ops(target.clear, wgpu::StoreOp::Store),
+                            ops: operations(planned(location)?, target.clear),
                         })
                     })
                     .collect();
@@ -386,18 +399,23 @@ impl<'a> Prepared<'a> {
         self.targets
             .colors
             .iter()
-            .map(|slot| {
-                slot.as_ref().map(|target| wgpu::RenderPassColorAttachment {
+            .enumerate()
+            .map(|(location, slot)| {
+                let (target, planned) = (slot.as_ref()?, planned(location)?);
+                let mut ops = operations(planned, wgpu::Color { r, g, b, a });
+                // What is stored is shown, resolved where it has several samples; what is discarded is not.
+                let resolved = target
+                    .resolved
+                    .as_ref()
+                    .filter(|_| last && planned.store == StoreOp::Store);
+                if resolved.is_some() {
+                    ops.store = self.resolved_samples;
+                }
+                Some(wgpu::RenderPassColorAttachment {
                     view: &target.view,
                     depth_slice: None,
-                    resolve_target: target.resolved.as_ref().filter(|_| last).map(|(_, v)| v),
-                    ops: ops(
-                        wgpu::Color { r, g, b, a },
-                        match last && target.resolved.is_some() {
-                            true => self.resolved_samples,
-                            false => wgpu::StoreOp::Store,
-                        },
-                    ),
+                    resolve_target: resolved.map(|(_, view)| view),
+                    ops,
                 })
             })
             .collect()
@@ -408,24 +426,10 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
     ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
         let target = self.targets.depth(pass.frame.depth.as_deref()?)?;
-        let read_only = pass.frame.depth_read_only;
-        let stencil = target.format.has_stencil() && (!read_only || pass.stencil_write);
         Some(wgpu::RenderPassDepthStencilAttachment {
             view: &target.view,
-            depth_ops: (!read_only).then_some(wgpu::Operations {
-                load: match pass.frame.clear_depth {
-                    true => wgpu::LoadOp::Clear(target.clear),
-                    false => wgpu::LoadOp::Load,
-                },
-                store: wgpu::StoreOp::Store,
-            }),
-            stencil_ops: stencil.then_some(wgpu::Operations {
-                load: match pass.frame.clear_depth {
-                    true => wgpu::LoadOp::Clear(0),
-                    false => wgpu::LoadOp::Load,
-                },
-                store: wgpu::StoreOp::Store,
-            }),
+            depth_ops: pass.frame.depth_ops.map(|o| operations(o, target.clear)),
+            stencil_ops: pass.frame.stencil_ops.map(|o| operations(o, 0)),
         })
     }
 
@@ -451,6 +455,10 @@ impl<'a> Prepared<'a> {
                 let vertex = &draw.vertex_buffers[*source];
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
             }
+            if let Some(subdivided) = &item.subdivided {
+                subdivided.mesh.draw(render);
+                continue;
+            }
             match &draw.indices {
                 Some(indices) => {
                     render.set_index_buffer(indices.buffer.slice(..), indices.format);
@@ -460,4 +468,51 @@ impl<'a> Prepared<'a> {
             }
         }
     }
+}
+
+/// A frame's operations in wgpu's terms.
+fn operations<V>(ops: FrameOps, clear: V) -> wgpu::Operations<V> {
+    wgpu::Operations {
+        load: match ops.load {
+            FrameLoad::Clear => wgpu::LoadOp::Clear(clear),
+            FrameLoad::Load => wgpu::LoadOp::Load,
+        },
+        store: match ops.store {
+            StoreOp::Store => wgpu::StoreOp::Store,
+            StoreOp::Discard => wgpu::StoreOp::Discard,
+        },
+    }
+}
+
+/// Fails where a pass loads what no earlier one has drawn: a frame begins with empty attachments here.
+fn check_loads(passes: &[FramePass]) -> Result<(), Error> {
+    let mut drawn: Vec<String> = Vec::new();
+    for pass in passes {
+        let depth = pass.depth.clone().unwrap_or_default();
+        let stencil = format!("{depth} (stencil)");
+        let names: Vec<String> = match &pass.colors {
+            ColorAttachments::Named(names) => names
+                .iter()
+                .map(|n| n.clone().unwrap_or_default())
+                .collect(),
+            _ => (0..pass.color_ops.len())
+                .map(|i| format!("the scene's colour {i}"))
+                .collect(),
+        };
+        let colors = names.into_iter().zip(&pass.color_ops);
+        let aspects = [(depth, &pass.depth_ops), (stencil, &pass.stencil_ops)];
+        for (name, ops) in aspects.into_iter().chain(colors) {
+            match ops {
+                Some(ops) if ops.load == FrameLoad::Load && !drawn.contains(&name) => {
+                    return Err(Error::Attachment {
+                        name,
+                        message: "its first pass loads it, and nothing is in it yet".to_owned(),
+                    });
+                }
+                Some(_) => drawn.push(name),
+                None => {}
+            }
+        }
+    }
+    Ok(())
 }

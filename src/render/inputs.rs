@@ -1,6 +1,7 @@
 //! What the draws of a scene bind, on the GPU: bound once by the author's own program, and shared by every pass of every variant.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU64;
 use std::sync::Arc;
 
 use preshade_passes::plan::{BindingKind, GpuPass, Plan};
@@ -32,10 +33,10 @@ pub(super) struct DrawInputs {
     pub instances: u32,
 }
 
-/// One bound resource and the layout entry that fits it.
+/// One bound resource and what it can be bound as.
 #[derive(Debug)]
 pub(super) enum Resource {
-    Buffer(wgpu::Buffer, wgpu::BindingType),
+    Buffer(wgpu::Buffer, wgpu::BufferBindingType),
     Texture(wgpu::TextureView, wgpu::BindingType),
     Sampler(wgpu::Sampler, wgpu::BindingType),
 }
@@ -53,12 +54,20 @@ pub(super) struct IndexInput {
     pub buffer: wgpu::Buffer,
     pub format: wgpu::IndexFormat,
     pub count: u32,
+    /// The buffer's content, for meshes made of this one.
+    pub bytes: Arc<[u8]>,
 }
 
 impl Resource {
-    pub fn layout(&self) -> wgpu::BindingType {
+    /// What it can be bound as. Of a buffer, `min_binding_size` is the bytes there are.
+    pub fn provided(&self) -> wgpu::BindingType {
         match self {
-            Self::Buffer(_, ty) | Self::Texture(_, ty) | Self::Sampler(_, ty) => *ty,
+            Self::Buffer(buffer, ty) => wgpu::BindingType::Buffer {
+                ty: *ty,
+                has_dynamic_offset: false,
+                min_binding_size: NonZeroU64::new(buffer.size()),
+            },
+            Self::Texture(_, ty) | Self::Sampler(_, ty) => *ty,
         }
     }
 
@@ -213,12 +222,7 @@ impl Uploads {
             } else {
                 create(gpu, &b.data, usage | wgpu::BufferUsages::COPY_DST)
             };
-            let layout = wgpu::BindingType::Buffer {
-                ty,
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            };
-            resources.insert((b.group, b.binding), Resource::Buffer(buffer, layout));
+            resources.insert((b.group, b.binding), Resource::Buffer(buffer, ty));
         }
         for t in &bound.textures {
             let layout = wgpu::BindingType::Texture {
@@ -243,16 +247,26 @@ impl Uploads {
             .vertex_buffers
             .iter()
             .map(|v| VertexInput {
-                buffer: self.buffer(gpu, &v.data, wgpu::BufferUsages::VERTEX),
+                // A pass that subdivides its geometry reads it as storage.
+                buffer: self.buffer(
+                    gpu,
+                    &v.data,
+                    wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE,
+                ),
                 stride: v.stride,
                 step: v.step,
                 attributes: v.attributes.clone(),
             })
             .collect();
         let indices = bound.indices.as_ref().map(|i| IndexInput {
-            buffer: self.buffer(gpu, &i.data, wgpu::BufferUsages::INDEX),
+            buffer: self.buffer(
+                gpu,
+                &i.data,
+                wgpu::BufferUsages::INDEX | wgpu::BufferUsages::STORAGE,
+            ),
             format: i.format,
             count: i.count,
+            bytes: Arc::clone(&i.data.bytes),
         });
         Ok(DrawInputs {
             resources,

@@ -1,56 +1,79 @@
-//! Bind group layouts of a pass, from the bindings its plan lists and nothing else.
+//! Bind group layouts of a pass, from the bindings its plan lists and nothing else. What fills a binding must fit what the plan says of it.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU64;
 
-use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
+use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse};
 
 use super::inputs::{DrawInputs, Resource};
+use super::state;
+use super::subdivided::Subdivided;
 use super::targets::Targets;
 
 /// What a binding is filled with.
 pub(super) enum Filled<'a> {
     Author(&'a Resource),
     Attachment(&'a wgpu::TextureView, wgpu::BindingType),
+    Geometry(&'a wgpu::Buffer, wgpu::BufferBindingType),
 }
 
 impl Filled<'_> {
-    fn layout(&self) -> wgpu::BindingType {
+    /// What it could be bound as.
+    fn provided(&self) -> wgpu::BindingType {
         match self {
-            Self::Author(resource) => resource.layout(),
+            Self::Author(resource) => resource.provided(),
             Self::Attachment(_, ty) => *ty,
+            Self::Geometry(buffer, ty) => wgpu::BindingType::Buffer {
+                ty: *ty,
+                has_dynamic_offset: false,
+                min_binding_size: NonZeroU64::new(buffer.size()),
+            },
         }
     }
 
-    pub fn binding(&self) -> wgpu::BindingResource<'_> {
+    fn binding(&self) -> wgpu::BindingResource<'_> {
         match self {
             Self::Author(resource) => resource.binding(),
             Self::Attachment(view, _) => wgpu::BindingResource::TextureView(view),
+            Self::Geometry(buffer, _) => buffer.as_entire_binding(),
         }
     }
 }
 
-/// The bindings of a pass by group, each with what fills it.
-pub(super) type Groups<'a> = BTreeMap<u32, Vec<(&'a BindingUse, Filled<'a>)>>;
+/// One binding: its entry in the layout, and what fills it.
+pub(super) struct Bound<'a> {
+    pub entry: wgpu::BindGroupLayoutEntry,
+    pub filled: Filled<'a>,
+}
 
-/// Fills the bindings of `pass`.
+/// The bindings of a pass by group.
+pub(super) type Groups<'a> = BTreeMap<u32, Vec<Bound<'a>>>;
+
+/// Fills the bindings of a pass.
 ///
 /// # Errors
-/// In words, when the plan names a binding that the author's program does not have, or an attachment that the frame does not have.
+/// In words, when the plan names a binding that the author's program does not have or an attachment that the frame does not have, when it
+/// does not say how to lay a binding out, and when what is there does not fit what it says.
 pub(super) fn fill<'a>(
-    pass: &'a GpuPass,
+    bindings: &'a [BindingUse],
     draw: &'a DrawInputs,
     targets: &'a Targets,
+    subdivided: Option<&'a Subdivided>,
+    stages: Stages,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();
-    for b in &pass.bindings {
+    for b in bindings {
         let filled = match &b.source {
             BindingSource::Author => {
                 Filled::Author(draw.resources.get(&(b.group, b.binding)).ok_or_else(|| {
-                    format!(
-                        "`{}` (group {}, binding {}) is not a binding the author's program uses",
-                        b.name, b.group, b.binding
-                    )
+                    format!("{} is not a binding the author's program uses", place(b))
                 })?)
+            }
+            BindingSource::Geometry { part } => {
+                let (buffer, ty) = subdivided
+                    .ok_or("the pass does not say how its geometry is subdivided")?
+                    .part(b, part, draw)?;
+                Filled::Geometry(buffer, ty)
             }
             BindingSource::Attachment { name } => {
                 let sampled = targets
@@ -59,47 +82,354 @@ pub(super) fn fill<'a>(
                 Filled::Attachment(
                     sampled.view,
                     wgpu::BindingType::Texture {
-                        sample_type: match (b.kind, sampled.is_depth) {
-                            (BindingKind::DepthTexture, true) => wgpu::TextureSampleType::Depth,
-                            (BindingKind::Texture, _) => {
-                                wgpu::TextureSampleType::Float { filterable: false }
-                            }
-                            (kind, _) => {
-                                return Err(format!("`{}` reads `{name}` as {kind:?}", b.name));
-                            }
-                        },
+                        sample_type: sampled.sample_type,
                         view_dimension: wgpu::TextureViewDimension::D2,
                         multisampled: sampled.samples > 1,
                     },
                 )
             }
         };
-        groups.entry(b.group).or_default().push((b, filled));
+        let bound = Bound {
+            entry: entry(b, filled.provided(), stages)?,
+            filled,
+        };
+        groups.entry(b.group).or_default().push(bound);
     }
     Ok(groups)
 }
 
-/// The layout of one group.
-pub(super) fn layout(
+/// The kind of pipeline that bindings are for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stages {
+    Raster,
+    Compute,
+}
+
+/// Layout and bind group of each group.
+pub(super) fn bind(
     device: &wgpu::Device,
-    bindings: &[(&BindingUse, Filled<'_>)],
-) -> wgpu::BindGroupLayout {
-    let entries: Vec<_> = bindings
+    groups: &Groups<'_>,
+) -> Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)> {
+    groups
         .iter()
-        .map(|(b, filled)| {
-            let mut visibility = wgpu::ShaderStages::NONE;
-            visibility.set(wgpu::ShaderStages::VERTEX, b.visibility.vertex);
-            visibility.set(wgpu::ShaderStages::FRAGMENT, b.visibility.fragment);
-            wgpu::BindGroupLayoutEntry {
-                binding: b.binding,
-                visibility,
-                ty: filled.layout(),
-                count: None,
-            }
+        .map(|(group, bindings)| {
+            let layout = layout(device, bindings);
+            let entries: Vec<_> = bindings
+                .iter()
+                .map(|b| wgpu::BindGroupEntry {
+                    binding: b.entry.binding,
+                    resource: b.filled.binding(),
+                })
+                .collect();
+            let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &layout,
+                entries: &entries,
+            });
+            (*group, layout, bound)
         })
-        .collect();
+        .collect()
+}
+
+/// The layouts of a pipeline, by group.
+pub(super) fn by_group<'l>(
+    layouts: &[(u32, &'l wgpu::BindGroupLayout)],
+) -> Vec<Option<&'l wgpu::BindGroupLayout>> {
+    let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
+    (0..count)
+        .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
+        .collect()
+}
+
+/// The layout of one group.
+fn layout(device: &wgpu::Device, bindings: &[Bound<'_>]) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = bindings.iter().map(|b| b.entry).collect();
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: None,
         entries: &entries,
     })
+}
+
+/// A binding in words.
+fn place(b: &BindingUse) -> String {
+    format!("`{}` (group {}, binding {})", b.name, b.group, b.binding)
+}
+
+/// The layout entry of a binding: the plan's, with the one relaxation that [`BindingLayout`] allows.
+fn entry(
+    b: &BindingUse,
+    provided: wgpu::BindingType,
+    stages: Stages,
+) -> Result<wgpu::BindGroupLayoutEntry, String> {
+    let layout = b.layout.as_ref().ok_or_else(|| {
+        format!(
+            "{} has no layout: WebGPU has none for an external texture or an acceleration structure",
+            place(b)
+        )
+    })?;
+    let planned = binding_type(layout)
+        .ok_or_else(|| format!("{} has a layout that is not WebGPU's: {layout:?}", place(b)))?;
+    if b.kind != kind(&planned) {
+        return Err(format!(
+            "{} is a {:?} in the plan, and laid out as {}",
+            place(b),
+            b.kind,
+            describe(planned)
+        ));
+    }
+    let ty = fitting(planned, provided).ok_or_else(|| {
+        format!(
+            "{} is {} in the plan; what there is to bind is {}",
+            place(b),
+            describe(planned),
+            describe(provided)
+        )
+    })?;
+    let mut visibility = wgpu::ShaderStages::NONE;
+    visibility.set(wgpu::ShaderStages::VERTEX, b.visibility.vertex);
+    visibility.set(wgpu::ShaderStages::FRAGMENT, b.visibility.fragment);
+    visibility.set(wgpu::ShaderStages::COMPUTE, stages == Stages::Compute);
+    Ok(wgpu::BindGroupLayoutEntry {
+        binding: b.binding,
+        visibility,
+        ty,
+        count: None,
+    })
+}
+
+/// A layout in wgpu's terms; `None` where a word in it is not WebGPU's.
+fn binding_type(layout: &BindingLayout) -> Option<wgpu::BindingType> {
+    Some(match layout {
+        BindingLayout::Buffer {
+            ty,
+            min_binding_size,
+        } => wgpu::BindingType::Buffer {
+            ty: match ty.as_str() {
+                "uniform" => wgpu::BufferBindingType::Uniform,
+                "storage" => wgpu::BufferBindingType::Storage { read_only: false },
+                "read-only-storage" => wgpu::BufferBindingType::Storage { read_only: true },
+                _ => return None,
+            },
+            has_dynamic_offset: false,
+            min_binding_size: Some(NonZeroU64::new(*min_binding_size)?),
+        },
+        BindingLayout::Sampler { ty } => wgpu::BindingType::Sampler(match ty.as_str() {
+            "filtering" => wgpu::SamplerBindingType::Filtering,
+            "non-filtering" => wgpu::SamplerBindingType::NonFiltering,
+            "comparison" => wgpu::SamplerBindingType::Comparison,
+            _ => return None,
+        }),
+        BindingLayout::Texture {
+            sample_type,
+            view_dimension: dimension,
+            multisampled,
+        } => wgpu::BindingType::Texture {
+            sample_type: match sample_type.as_str() {
+                "float" => wgpu::TextureSampleType::Float { filterable: true },
+                "unfilterable-float" => wgpu::TextureSampleType::Float { filterable: false },
+                "depth" => wgpu::TextureSampleType::Depth,
+                "sint" => wgpu::TextureSampleType::Sint,
+                "uint" => wgpu::TextureSampleType::Uint,
+                _ => return None,
+            },
+            view_dimension: view_dimension(dimension)?,
+            multisampled: *multisampled,
+        },
+        BindingLayout::StorageTexture {
+            access,
+            format,
+            view_dimension: dimension,
+        } => wgpu::BindingType::StorageTexture {
+            access: match access.as_str() {
+                "write-only" => wgpu::StorageTextureAccess::WriteOnly,
+                "read-only" => wgpu::StorageTextureAccess::ReadOnly,
+                "read-write" => wgpu::StorageTextureAccess::ReadWrite,
+                _ => return None,
+            },
+            format: state::color_format(format)?,
+            view_dimension: view_dimension(dimension)?,
+        },
+    })
+}
+
+fn view_dimension(name: &str) -> Option<wgpu::TextureViewDimension> {
+    use wgpu::TextureViewDimension as D;
+    Some(match name {
+        "1d" => D::D1,
+        "2d" => D::D2,
+        "2d-array" => D::D2Array,
+        "3d" => D::D3,
+        "cube" => D::Cube,
+        "cube-array" => D::CubeArray,
+        _ => return None,
+    })
+}
+
+/// What a binding of that type holds.
+fn kind(ty: &wgpu::BindingType) -> BindingKind {
+    use wgpu::BindingType as T;
+    match ty {
+        T::Buffer { ty, .. } => match ty {
+            wgpu::BufferBindingType::Uniform => BindingKind::Uniform,
+            wgpu::BufferBindingType::Storage { read_only: true } => BindingKind::StorageRead,
+            wgpu::BufferBindingType::Storage { read_only: false } => BindingKind::StorageReadWrite,
+        },
+        T::Sampler(wgpu::SamplerBindingType::Comparison) => BindingKind::ComparisonSampler,
+        T::Sampler(_) => BindingKind::Sampler,
+        T::Texture {
+            sample_type: wgpu::TextureSampleType::Depth,
+            ..
+        } => BindingKind::DepthTexture,
+        T::StorageTexture { .. } => BindingKind::StorageTexture,
+        T::AccelerationStructure { .. } => BindingKind::AccelerationStructure,
+        T::Texture { .. } | T::ExternalTexture => BindingKind::Texture,
+    }
+}
+
+/// The type to lay a binding out with, so that both what the plan asks for and what is there fit: the planned one, but for the relaxation
+/// that [`BindingLayout`] allows. `None` where what is there cannot be bound so. A provided buffer says its size as its smallest.
+fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wgpu::BindingType> {
+    use wgpu::BindingType as T;
+    use wgpu::TextureSampleType as S;
+    match (planned, provided) {
+        (
+            T::Buffer {
+                ty,
+                min_binding_size: least,
+                ..
+            },
+            T::Buffer {
+                ty: is,
+                min_binding_size: bytes,
+                ..
+            },
+        ) => (ty == is && least <= bytes).then_some(planned),
+        (T::Sampler(wanted), T::Sampler(is)) => match (wanted, is) {
+            (wgpu::SamplerBindingType::Filtering, wgpu::SamplerBindingType::NonFiltering) => {
+                Some(provided)
+            }
+            _ => (wanted == is).then_some(planned),
+        },
+        (
+            T::Texture {
+                sample_type: wanted,
+                view_dimension,
+                multisampled,
+            },
+            T::Texture {
+                sample_type: is,
+                view_dimension: view,
+                multisampled: many,
+            },
+        ) if (view_dimension, multisampled) == (view, many) => match (wanted, is) {
+            // A depth format may be read as a float that cannot be filtered.
+            (S::Float { filterable: true }, S::Float { filterable: false } | S::Depth) => {
+                Some(T::Texture {
+                    sample_type: S::Float { filterable: false },
+                    view_dimension,
+                    multisampled,
+                })
+            }
+            (S::Float { filterable: false }, S::Float { .. } | S::Depth) => Some(planned),
+            _ => (wanted == is).then_some(planned),
+        },
+        _ => None,
+    }
+}
+
+/// A binding's type in words.
+fn describe(ty: wgpu::BindingType) -> String {
+    use wgpu::BindingType as T;
+    match ty {
+        T::Buffer {
+            ty,
+            min_binding_size,
+            ..
+        } => {
+            let kind = match ty {
+                wgpu::BufferBindingType::Uniform => "a uniform buffer",
+                wgpu::BufferBindingType::Storage { read_only: true } => {
+                    "a read-only storage buffer"
+                }
+                wgpu::BufferBindingType::Storage { read_only: false } => "a storage buffer",
+            };
+            let bytes = min_binding_size.map_or(0, NonZeroU64::get);
+            format!("{kind} of {bytes} bytes")
+        }
+        T::Sampler(wgpu::SamplerBindingType::Filtering) => "a filtering sampler".to_owned(),
+        T::Sampler(wgpu::SamplerBindingType::NonFiltering) => "a non-filtering sampler".to_owned(),
+        T::Sampler(wgpu::SamplerBindingType::Comparison) => "a comparison sampler".to_owned(),
+        T::Texture {
+            sample_type,
+            view_dimension,
+            multisampled,
+        } => format!(
+            "a {}{view_dimension:?} texture of {}",
+            if multisampled { "multisampled " } else { "" },
+            match sample_type {
+                wgpu::TextureSampleType::Float { filterable: true } => "floats",
+                wgpu::TextureSampleType::Float { filterable: false } =>
+                    "floats that are not filtered",
+                wgpu::TextureSampleType::Depth => "depths",
+                wgpu::TextureSampleType::Sint => "signed integers",
+                wgpu::TextureSampleType::Uint => "unsigned integers",
+            }
+        ),
+        T::StorageTexture { format, .. } => format!("a storage texture of {format:?}"),
+        T::AccelerationStructure { .. } => "an acceleration structure".to_owned(),
+        T::ExternalTexture => "an external texture".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use wgpu::TextureSampleType::{Depth, Float, Uint};
+
+    use super::*;
+
+    fn texture(sample_type: wgpu::TextureSampleType) -> wgpu::BindingType {
+        wgpu::BindingType::Texture {
+            sample_type,
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        }
+    }
+
+    fn uniform(bytes: u64) -> wgpu::BindingType {
+        wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: false,
+            min_binding_size: NonZeroU64::new(bytes),
+        }
+    }
+
+    #[test]
+    fn the_plans_layout_is_taken_but_for_formats_that_cannot_be_filtered() {
+        let (filtered, fetched) = (
+            texture(Float { filterable: true }),
+            texture(Float { filterable: false }),
+        );
+        let cases = [
+            (filtered, filtered, Some(filtered)),
+            (filtered, fetched, Some(fetched)),
+            (filtered, texture(Depth), Some(fetched)),
+            (fetched, filtered, Some(fetched)),
+            (texture(Depth), filtered, None),
+            (filtered, texture(Uint), None),
+            (filtered, uniform(16), None),
+        ];
+        for (planned, provided, expected) in cases {
+            assert_eq!(
+                fitting(planned, provided),
+                expected,
+                "{planned:?} {provided:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_buffer_has_at_least_the_bytes_that_the_plan_says() {
+        assert_eq!(fitting(uniform(80), uniform(96)), Some(uniform(80)));
+        assert_eq!(fitting(uniform(80), uniform(64)), None);
+    }
 }

@@ -5,20 +5,23 @@
 //! 1. [`gpu`]: an adapter is chosen and opened;
 //! 2. [`shader`]: a plan goes through its JSON, its programs through the text that is emitted (or as IR);
 //! 3. [`inputs`]: what a scene's draws bind, uploaded once and shared by every variant;
-//! 4. [`state`], `layout`: a plan's pipeline state and bindings in wgpu's terms;
-//! 5. [`frame`]: `targets`, `pipeline`s and bind groups of one frame, built once, encoded as often as needed;
+//! 4. [`state`], `layout`, `limits`: a plan's pipeline state and bindings in wgpu's terms;
+//! 5. [`frame`]: `targets`, `pipeline`s, `compute` passes, `subdivided` meshes and bind groups of one frame, built once, encoded as often as needed;
 //! 6. [`readback`]: colour bytes and depth at full precision, as [`picture`]s.
 
+mod compute;
 pub mod frame;
 pub mod gpu;
 pub mod inputs;
 mod layout;
+mod limits;
 pub mod order;
 pub mod picture;
 mod pipeline;
 pub mod readback;
 pub mod shader;
 pub mod state;
+mod subdivided;
 mod targets;
 mod trusted;
 

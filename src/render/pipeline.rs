@@ -8,9 +8,11 @@ use preshade_passes::state::ColorTarget;
 
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
+use super::layout::Stages;
 use super::shader::Stage;
+use super::subdivided::Subdivided;
 use super::targets::Targets;
-use super::{Error, layout, state, trusted};
+use super::{Error, layout, limits, state, trusted};
 
 /// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
 #[derive(Clone, PartialEq)]
@@ -40,6 +42,7 @@ pub(super) struct Build<'b> {
     pub stages: &'b (Stage, Option<Stage>),
     pub frame: &'b FramePass,
     pub draw: &'b DrawInputs,
+    pub subdivided: Option<&'b Subdivided>,
 }
 
 impl Build<'_> {
@@ -55,6 +58,19 @@ impl Build<'_> {
             "the pipeline of pass `{}` of material `{}`",
             self.pass.program, self.plan.material
         )
+    }
+
+    /// Fails where the adapter does not have what the pass says it needs.
+    pub fn requirements(&self) -> Result<(), Error> {
+        let what = self.what();
+        for feature in &self.pass.features {
+            self.gpu.require(&what, feature)?;
+        }
+        limits::check(self.gpu, &what, &self.pass.limits)?;
+        if self.pass.primitive.unclipped_depth {
+            self.gpu.require(&what, "depth-clip-control")?;
+        }
+        Ok(())
     }
 
     fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
@@ -111,30 +127,19 @@ impl Build<'_> {
 
     /// Layout and bind group of each group the pass uses.
     pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
-        let filled =
-            layout::fill(self.pass, self.draw, self.targets).map_err(|m| self.failed(m))?;
+        let bindings = &self.pass.bindings;
+        let filled = layout::fill(
+            bindings,
+            self.draw,
+            self.targets,
+            self.subdivided,
+            Stages::Raster,
+        )
+        .map_err(|m| self.failed(m))?;
         let device = &self.gpu.device;
         self.gpu
             .checked(&format!("the bindings of {}", self.what()), || {
-                filled
-                    .iter()
-                    .map(|(group, bindings)| {
-                        let layout = layout::layout(device, bindings);
-                        let entries: Vec<_> = bindings
-                            .iter()
-                            .map(|(b, filled)| wgpu::BindGroupEntry {
-                                binding: b.binding,
-                                resource: filled.binding(),
-                            })
-                            .collect();
-                        let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
-                            label: None,
-                            layout: &layout,
-                            entries: &entries,
-                        });
-                        (*group, layout, bound)
-                    })
-                    .collect()
+                layout::bind(device, &filled)
             })
     }
 
@@ -193,12 +198,6 @@ impl Build<'_> {
         key: &PipelineKey,
     ) -> Result<wgpu::RenderPipeline, Error> {
         let what = self.what();
-        for feature in &self.pass.features {
-            self.gpu.require(&what, feature)?;
-        }
-        if self.pass.primitive.unclipped_depth {
-            self.gpu.require(&what, "depth-clip-control")?;
-        }
         let depth_stencil = self.depth_stencil()?;
         let targets = self.color_targets();
         // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
@@ -209,10 +208,7 @@ impl Build<'_> {
             None if !targets.is_empty() => Some((blank, BLANK)),
             None => None,
         };
-        let count = layouts.iter().map(|(g, _)| *g + 1).max().unwrap_or(0);
-        let by_group: Vec<_> = (0..count)
-            .map(|g| layouts.iter().find(|(h, _)| *h == g).map(|(_, l)| *l))
-            .collect();
+        let by_group = layout::by_group(layouts);
         let buffers: Vec<_> = key
             .vertex
             .iter()

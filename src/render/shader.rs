@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::frame::FramePlan;
-use preshade_passes::plan::{GpuPass, Plan};
+use preshade_passes::plan::{GpuPass, Plan, SCHEMA};
 
 use super::gpu::Gpu;
 use super::{Error, trusted};
@@ -41,6 +41,8 @@ pub struct Variant {
     shaders: BTreeMap<String, Shader>,
     /// Vertex and fragment stage of each plan's passes.
     stages: Vec<Vec<(Stage, Option<Stage>)>>,
+    /// Stage of each plan's compute passes.
+    compute: Vec<Vec<Stage>>,
 }
 
 impl Variant {
@@ -50,18 +52,23 @@ impl Variant {
     /// [`Error::Plan`] when a plan cannot be emitted or does not survive its JSON (bugs of preshade), [`Error::Frame`] when the
     /// plans do not fit into one frame.
     pub fn new(plans: &[Plan], form: ShaderForm) -> Result<Self, Error> {
-        let mut out = Self {
-            plans: Vec::new(),
-            frame: FramePlan {
-                attachments: Vec::new(),
-                passes: Vec::new(),
-            },
-            shaders: BTreeMap::new(),
-            stages: Vec::new(),
-        };
+        let mut out = Self::empty();
         for plan in plans {
             match form {
-                ShaderForm::Text => out.add_emitted(plan)?,
+                ShaderForm::Text => {
+                    // What to fall back to is not drawn: its files need not be made.
+                    let drawn = Plan {
+                        original: None,
+                        ..plan.clone()
+                    };
+                    let (targets, options) = ([emit::Target::Wgsl], emit::Options::default());
+                    let files =
+                        emit::emit(&drawn, &targets, &options).map_err(|e| Error::Plan {
+                            material: plan.material.clone(),
+                            message: e.to_string(),
+                        })?;
+                    out.add_files(&plan.material, files)?;
+                }
                 ShaderForm::Ir => out.add_ir(plan)?,
             }
         }
@@ -69,15 +76,44 @@ impl Variant {
         Ok(out)
     }
 
-    /// Takes the files that are emitted for a host: `MATERIAL.plan.json` and the WGSL that it names.
-    fn add_emitted(&mut self, plan: &Plan) -> Result<(), Error> {
+    /// Takes what a host is given: for each material the files that [`emit::emit`] wrote, with WGSL among its targets.
+    ///
+    /// # Errors
+    /// [`Error::Plan`] when a `plan.json` is missing, is none of this version, or names files that are not there, [`Error::Frame`] when the
+    /// plans do not fit into one frame.
+    pub fn from_files(materials: &[Vec<emit::File>]) -> Result<Self, Error> {
+        let mut out = Self::empty();
+        for files in materials {
+            let json = files.iter().map(|f| f.name.as_str());
+            let name = json.clone().find_map(|n| n.strip_suffix(".plan.json"));
+            let name = name.unwrap_or_default().to_owned();
+            out.add_files(&name, files.clone())?;
+        }
+        out.frame = FramePlan::merge(&out.plans)?;
+        Ok(out)
+    }
+
+    fn empty() -> Self {
+        Self {
+            plans: Vec::new(),
+            frame: FramePlan {
+                attachments: Vec::new(),
+                passes: Vec::new(),
+            },
+            shaders: BTreeMap::new(),
+            stages: Vec::new(),
+            compute: Vec::new(),
+        }
+    }
+
+    /// Takes the files that are emitted for a host: `MATERIAL.plan.json` and the WGSL that its passes name.
+    fn add_files(&mut self, material: &str, files: Vec<emit::File>) -> Result<(), Error> {
         let failed = |message: String| Error::Plan {
-            material: plan.material.clone(),
+            material: material.to_owned(),
             message,
         };
-        let files = emit::emit(plan, &[emit::Target::Wgsl], &emit::Options::default())
-            .map_err(|e| failed(e.to_string()))?;
         let mut described = None;
+        let mut shaders = BTreeMap::new();
         for file in files {
             let text = String::from_utf8(file.bytes).map_err(|e| failed(e.to_string()))?;
             if file.name.ends_with(".json") {
@@ -85,26 +121,42 @@ impl Variant {
                     .map_err(|e| failed(format!("{}: {e}", file.name)))?;
                 described = Some(json);
             } else {
-                self.shaders.insert(file.name, Shader::Wgsl(text));
+                shaders.insert(file.name, Shader::Wgsl(text));
             }
         }
-        let described = described.ok_or_else(|| failed("no plan.json was emitted".to_owned()))?;
-        let stage = |at: &BTreeMap<emit::Target, emit::StageFile>| {
-            at.get(&emit::Target::Wgsl).map(|s| Stage {
-                shader: s.file.clone(),
-                entry_point: s.entry_point.clone(),
-            })
+        let described = described.ok_or_else(|| failed("there is no plan.json".to_owned()))?;
+        check(&described).map_err(failed)?;
+        let mut stage = |at: &BTreeMap<emit::Target, emit::StageFile>| {
+            let Some(s) = at.get(&emit::Target::Wgsl) else {
+                return Ok(None);
+            };
+            if let Some(shader) = shaders.remove(&s.file) {
+                self.shaders.insert(s.file.clone(), shader);
+            }
+            match self.shaders.contains_key(&s.file) {
+                true => Ok(Some(Stage {
+                    shader: s.file.clone(),
+                    entry_point: s.entry_point.clone(),
+                })),
+                false => Err(failed(format!("there is no file `{}`", s.file))),
+            }
         };
         let stages = described
             .files
             .iter()
             .map(|f| {
-                let vertex = stage(&f.vertex)
+                let vertex = stage(&f.vertex)?
                     .ok_or_else(|| failed(format!("pass `{}` has no vertex stage", f.role)))?;
-                Ok((vertex, stage(&f.fragment)))
+                Ok((vertex, stage(&f.fragment)?))
             })
             .collect::<Result<Vec<_>, Error>>()?;
+        let compute = described
+            .compute_files
+            .iter()
+            .map(|f| stage(f)?.ok_or_else(|| failed("a compute pass has no file".to_owned())))
+            .collect::<Result<Vec<_>, Error>>()?;
         self.stages.push(stages);
+        self.compute.push(compute);
         self.plans.push(described.plan);
         Ok(())
     }
@@ -121,6 +173,11 @@ impl Variant {
             let module = Shader::Ir(Box::new(program.module().clone()));
             self.shaders.insert(name(key), module);
         }
+        let compute = host.compute.iter().map(|c| Stage {
+            shader: name(&c.program),
+            entry_point: c.entry_point.clone(),
+        });
+        self.compute.push(compute.collect());
         let stage = |pass: &GpuPass, entry_point: &str| Stage {
             shader: name(&pass.program),
             entry_point: entry_point.to_owned(),
@@ -143,6 +200,12 @@ impl Variant {
     /// The plans, without programs.
     pub fn plans(&self) -> &[Plan] {
         &self.plans
+    }
+
+    /// Each plan with the stages of its compute passes.
+    pub(super) fn compute(&self) -> impl Iterator<Item = (&Plan, &[Stage])> {
+        let stages = self.compute.iter().map(Vec::as_slice);
+        self.plans.iter().zip(stages)
     }
 
     /// The plans merged into one frame.
@@ -199,4 +262,43 @@ pub(super) struct Member<'v> {
     pub plan: &'v Plan,
     pub pass: &'v GpuPass,
     pub stages: &'v (Stage, Option<Stage>),
+}
+
+impl Member<'_> {
+    /// What is wrong with the plan.
+    pub fn failed(&self, message: String) -> Error {
+        Error::Plan {
+            material: self.plan.material.clone(),
+            message,
+        }
+    }
+}
+
+/// Fails, in words, unless a plan is of this version and its files are those of its passes.
+fn check(described: &emit::PlanFile) -> Result<(), String> {
+    let plan = &described.plan;
+    if plan.schema != SCHEMA {
+        return Err(format!(
+            "its schema is `{}`, and this is `{SCHEMA}`",
+            plan.schema
+        ));
+    }
+    let roles = plan.passes.iter().map(|p| p.role.name());
+    if !roles.eq(described.files.iter().map(|f| f.role.as_str())) {
+        return Err("its files are not those of its passes, one by one".to_owned());
+    }
+    for (pass, files) in plan.passes.iter().zip(&described.files) {
+        // WGSL keeps the names of entry points.
+        let entry = |at: &BTreeMap<emit::Target, emit::StageFile>| {
+            at.get(&emit::Target::Wgsl).map(|s| s.entry_point.clone())
+        };
+        let named = (Some(pass.vertex.clone()), pass.fragment.clone());
+        if named != (entry(&files.vertex), entry(&files.fragment)) {
+            return Err(format!(
+                "its files have other entry points than pass `{}`",
+                pass.role.name()
+            ));
+        }
+    }
+    Ok(())
 }

@@ -40,7 +40,7 @@ impl NamedColor {
 pub(super) struct Sampled<'a> {
     pub view: &'a wgpu::TextureView,
     pub samples: u32,
-    pub is_depth: bool,
+    pub sample_type: wgpu::TextureSampleType,
 }
 
 /// A colour attachment; with several samples, also what it resolves to, where its format resolves.
@@ -109,14 +109,22 @@ impl Targets {
             return Ok(Sampled {
                 view: depth.sampled_view.as_ref().ok_or(UNMARKED)?,
                 samples: depth.samples,
-                is_depth: true,
+                sample_type: wgpu::TextureSampleType::Depth,
             });
         }
         match self.named.get(name) {
             Some(color) if color.sampled => Ok(Sampled {
                 view: &color.view,
                 samples: color.texture.sample_count(),
-                is_depth: false,
+                sample_type: match color.format().sample_type(None, None) {
+                    // What has several samples is never filtered.
+                    Some(wgpu::TextureSampleType::Float { filterable }) => {
+                        wgpu::TextureSampleType::Float {
+                            filterable: filterable && color.texture.sample_count() == 1,
+                        }
+                    }
+                    other => other.ok_or("whose format cannot be bound")?,
+                },
             }),
             Some(_) => Err(UNMARKED),
             None => Err("which is no attachment"),

@@ -23,6 +23,13 @@ pub const RECIPES: [&str; 12] = [
     "hoist:budget=0.02,finite=assumed",
 ];
 
+/// Recipes of several steps, separated by commas, shown to other compilers only: most of their text is the same for every material.
+pub const COMPOSED: [&str; 3] = [
+    "hoist:budget=0.02,finite=assumed,tessellate:level=3",
+    "hoist:budget=0.02,finite=assumed,tessellate:level=2,pattern=uniform,form=shared",
+    "hoist:budget=0.02,finite=assumed,tessellate:level=2,depth-prepass",
+];
+
 /// A material of one file or two, with the default state.
 pub fn original(files: &[&Path]) -> Plan {
     let sources: Vec<Source> = files

@@ -1,0 +1,224 @@
+//! A hoisted vertex stage taken apart: the author's function, and what `hoist` put behind it.
+
+use naga::{
+    Binding, Block, Expression, Function, FunctionArgument, Handle, Interpolation, Module, Range,
+    ScalarKind, Statement, Type, TypeInner,
+};
+
+use crate::graph::operands;
+
+/// A vertex stage of the form `rest(author(inputs))`.
+#[derive(Clone, Debug)]
+pub struct Split {
+    /// The author's stage, from vertex inputs to `given`.
+    pub author: Handle<Function>,
+    /// What it gives.
+    pub given: Handle<Type>,
+    /// What becomes of it: a function of it alone, not yet in the module.
+    pub rest: Function,
+    /// The entry point's inputs, which are the author's.
+    pub inputs: Vec<FunctionArgument>,
+}
+
+/// Takes an entry point apart; `None` where it is not straight-line code that begins by passing all its inputs on.
+pub fn split(module: &Module, entry: usize) -> Option<Split> {
+    let function = &module.entry_points[entry].function;
+    let (author, arguments, given) = function.body.iter().find_map(|s| match s {
+        Statement::Call {
+            function,
+            arguments,
+            result,
+        } => Some((*function, arguments, (*result)?)),
+        _ => None,
+    })?;
+    let all = arguments.len() == function.arguments.len();
+    let mut passed = arguments.iter().enumerate();
+    let in_order =
+        passed.all(|(i, a)| function.expressions[*a] == Expression::FunctionArgument(i as u32));
+    if !(all && in_order) {
+        return None;
+    }
+    let ty = module.functions[author].result.as_ref()?.ty;
+    let mut rest = Function {
+        name: None,
+        arguments: vec![FunctionArgument {
+            name: Some("author".to_owned()),
+            ty,
+            binding: None,
+        }],
+        result: function.result.clone(),
+        diagnostic_filter_leaf: function.diagnostic_filter_leaf,
+        ..Function::default()
+    };
+    let mut copies: Vec<Option<Handle<Expression>>> = vec![None; function.expressions.len()];
+    for (e, expression) in function.expressions.iter() {
+        let expression = match expression {
+            Expression::FunctionArgument(_) => continue,
+            _ if e == given => Expression::FunctionArgument(0),
+            other => {
+                let mut copy = other.clone();
+                let mut known = true;
+                operands::map_expression(&mut copy, &mut |o| match copies[o.index()] {
+                    Some(new) => *o = new,
+                    None => known = false,
+                });
+                if !known {
+                    return None;
+                }
+                copy
+            }
+        };
+        let span = function.expressions.get_span(e);
+        copies[e.index()] = Some(rest.expressions.append(expression, span));
+    }
+    rest.body = body(function, &copies, given)?;
+    for (e, name) in &function.named_expressions {
+        if let Some(new) = copies[e.index()].filter(|_| *e != given) {
+            rest.named_expressions.insert(new, name.clone());
+        }
+    }
+    Some(Split {
+        author,
+        given: ty,
+        rest,
+        inputs: function.arguments.clone(),
+    })
+}
+
+/// The statements behind the author's call.
+fn body(
+    function: &Function,
+    copies: &[Option<Handle<Expression>>],
+    given: Handle<Expression>,
+) -> Option<Block> {
+    let mut body = Block::new();
+    for (statement, span) in function.body.span_iter() {
+        let statement = match statement {
+            Statement::Call {
+                result: Some(r), ..
+            } if *r == given => continue,
+            Statement::Emit(range) => {
+                let mut emitted = range.clone().filter_map(|e| copies[e.index()]);
+                let Some(first) = emitted.next() else {
+                    continue;
+                };
+                let last = emitted.last().unwrap_or(first);
+                Statement::Emit(Range::new_from_bounds(first, last))
+            }
+            Statement::Call { .. } | Statement::Return { .. } => {
+                let mut copy = statement.clone();
+                if let Some(result) = operands::result_mut(&mut copy) {
+                    *result = copies[result.index()]?;
+                }
+                let mut known = true;
+                operands::map_statement(&mut copy, &mut |o| match copies[o.index()] {
+                    Some(new) => *o = new,
+                    None => known = false,
+                });
+                if !known {
+                    return None;
+                }
+                copy
+            }
+            _ => return None,
+        };
+        body.push(statement, *span);
+    }
+    Some(body)
+}
+
+/// How one output of the author's stage gets to a new vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carried {
+    /// Interpolated: this many `f32`.
+    Blended(u8),
+    /// The first vertex's.
+    Flat,
+}
+
+/// Outputs of the author's stage, in order, and the index of the position.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Outputs {
+    /// Each output.
+    pub carried: Vec<Carried>,
+    /// Which one is the position.
+    pub position: usize,
+    /// They are members of a struct; else the position is all there is.
+    pub is_struct: bool,
+}
+
+impl Outputs {
+    /// Of the author's result type.
+    ///
+    /// # Errors
+    /// The name of an output that cannot be interpolated, and why.
+    pub fn of(module: &Module, ty: Handle<Type>) -> Result<Self, (String, &'static str)> {
+        let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
+            return Ok(Self {
+                carried: vec![Carried::Blended(4)],
+                position: 0,
+                is_struct: false,
+            });
+        };
+        let mut position = 0;
+        let mut carried = Vec::new();
+        for (index, member) in members.iter().enumerate() {
+            let name = || member.name.clone().unwrap_or_default();
+            let inner = &module.types[member.ty].inner;
+            let float = inner.scalar().filter(|s| s.kind == ScalarKind::Float);
+            let width = match inner {
+                TypeInner::Scalar(_) => 1,
+                TypeInner::Vector { size, .. } => *size as u8,
+                _ => {
+                    return Err((name(), "an array cannot be interpolated here"));
+                }
+            };
+            carried.push(match &member.binding {
+                Some(Binding::BuiltIn(naga::BuiltIn::Position { .. })) => {
+                    position = index;
+                    Carried::Blended(4)
+                }
+                Some(Binding::Location {
+                    interpolation: Some(Interpolation::Flat),
+                    ..
+                }) => Carried::Flat,
+                Some(Binding::Location {
+                    interpolation: Some(Interpolation::Linear),
+                    ..
+                }) => {
+                    return Err((
+                        name(),
+                        "it is interpolated linearly on the screen, which a point behind the viewer has no place on",
+                    ));
+                }
+                Some(Binding::Location { .. }) if float.is_some_and(|s| s.width == 4) => {
+                    Carried::Blended(width)
+                }
+                Some(Binding::Location { .. }) if float.is_none() => Carried::Flat,
+                _ => return Err((name(), "only 32-bit numbers are interpolated here")),
+            });
+        }
+        Ok(Self {
+            carried,
+            position,
+            is_struct: true,
+        })
+    }
+
+    /// Widths of the outputs to interpolate, each once.
+    pub fn widths(&self) -> Vec<u8> {
+        let blended = self.carried.iter().filter_map(|c| match c {
+            Carried::Blended(width) => Some(*width),
+            Carried::Flat => None,
+        });
+        let mut widths: Vec<u8> = blended.collect();
+        widths.sort_unstable();
+        widths.dedup();
+        widths
+    }
+
+    /// Whether any comes from the first vertex alone.
+    pub fn has_flat(&self) -> bool {
+        self.carried.contains(&Carried::Flat)
+    }
+}

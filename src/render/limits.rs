@@ -1,0 +1,54 @@
+//! The limits that a plan asks for, against those of the device.
+
+use std::collections::BTreeMap;
+
+use super::Error;
+use super::gpu::Gpu;
+
+/// Fails unless the device has every limit of `needed`, by WebGPU's name. One it does not know of it does not have.
+pub(super) fn check(gpu: &Gpu, what: &str, needed: &BTreeMap<String, u64>) -> Result<(), Error> {
+    let limits = gpu.device.limits();
+    for (name, value) in needed {
+        if limit(&limits, name).is_none_or(|has| has < *value) {
+            return Err(gpu.unsupported(what, &format!("{name} of {value}")));
+        }
+    }
+    Ok(())
+}
+
+/// A limit by WebGPU's name, of those that plans tell of.
+fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
+    Some(match name {
+        "maxBindGroups" => l.max_bind_groups.into(),
+        "maxBindingsPerBindGroup" => l.max_bindings_per_bind_group.into(),
+        "maxColorAttachmentBytesPerSample" => l.max_color_attachment_bytes_per_sample.into(),
+        "maxColorAttachments" => l.max_color_attachments.into(),
+        "maxInterStageShaderVariables" => l.max_inter_stage_shader_variables.into(),
+        "maxSampledTexturesPerShaderStage" => l.max_sampled_textures_per_shader_stage.into(),
+        "maxSamplersPerShaderStage" => l.max_samplers_per_shader_stage.into(),
+        "maxStorageBufferBindingSize" => l.max_storage_buffer_binding_size,
+        "maxStorageBuffersPerShaderStage" => l.max_storage_buffers_per_shader_stage.into(),
+        "maxStorageTexturesPerShaderStage" => l.max_storage_textures_per_shader_stage.into(),
+        "maxUniformBufferBindingSize" => l.max_uniform_buffer_binding_size,
+        "maxUniformBuffersPerShaderStage" => l.max_uniform_buffers_per_shader_stage.into(),
+        "maxVertexAttributes" => l.max_vertex_attributes.into(),
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::limit;
+
+    #[test]
+    fn every_limit_a_plan_may_tell_of_is_known() {
+        for (name, default) in preshade_passes::limits::DEFAULTS {
+            // wgpu's defaults are WebGPU's.
+            assert_eq!(
+                limit(&wgpu::Limits::default(), name),
+                Some(default),
+                "{name}"
+            );
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! The subdivided triangles of a draw, as its plan describes them.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use preshade_passes::geometry::{Constants, Form, Geometry, Stream, Subdivision};
+use preshade_passes::plan::{BindingSource, BindingUse, GeometryPart, Plan};
+use preshade_passes::tessellate::mesh::{self, Mesh};
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
+
+use super::gpu::Gpu;
+use super::inputs::{DrawInputs, VertexInput};
+use crate::scene::bind::VertexAttribute;
+
+/// The subdivided meshes of a frame, each made once: all passes of a draw share it.
+#[derive(Default)]
+pub(super) struct Meshes(Vec<(usize, String, Subdivision, Arc<SubdividedMesh>)>);
+
+/// A draw's triangles, subdivided.
+pub(super) struct SubdividedMesh {
+    pattern: wgpu::Buffer,
+    /// `shared`: what each new vertex is made of.
+    points: wgpu::Buffer,
+    /// `shared`: the computed vertices, by the buffer's name in the plan.
+    vertices: BTreeMap<String, wgpu::Buffer>,
+    indices: wgpu::Buffer,
+    index_count: u32,
+    instances: u32,
+    constants: Constants,
+    form: Form,
+    /// Vertices of the pattern, times the triangles.
+    unshared: u64,
+}
+
+/// What a subdividing pass binds and draws of a draw.
+pub(super) struct Subdivided {
+    pub mesh: Arc<SubdividedMesh>,
+    constants: wgpu::Buffer,
+}
+
+impl Meshes {
+    /// The mesh of a draw under `geometry`, for a pass with these bindings; `None` where geometry is drawn as it is given.
+    ///
+    /// # Errors
+    /// In words: the plan and the draw do not fit together.
+    pub fn of(
+        &mut self,
+        gpu: &Gpu,
+        plan: &Plan,
+        geometry: &Geometry,
+        bindings: &[BindingUse],
+        (index, draw): (usize, &DrawInputs),
+    ) -> Result<Option<Subdivided>, String> {
+        let Some(subdivision) = geometry.subdivision() else {
+            return Ok(None);
+        };
+        let material = &plan.material;
+        let known = self
+            .0
+            .iter()
+            .find(|(i, m, s, _)| *i == index && m == material && s == subdivision);
+        let mesh = match known {
+            Some((.., mesh)) => Arc::clone(mesh),
+            None => {
+                let mesh = Arc::new(SubdividedMesh::new(gpu, plan, subdivision, draw));
+                let entry = (
+                    index,
+                    material.clone(),
+                    subdivision.clone(),
+                    Arc::clone(&mesh),
+                );
+                self.0.push(entry);
+                mesh
+            }
+        };
+        let constants = Constants {
+            streams: streams(bindings, draw)?,
+            ..mesh.constants.clone()
+        };
+        let words = constants
+            .words()
+            .ok_or("a vertex format is not one of WebGPU's")?;
+        let constants = buffer(gpu, &words, wgpu::BufferUsages::UNIFORM);
+        Ok(Some(Subdivided { mesh, constants }))
+    }
+
+    /// New vertices computed in a frame, and bytes of memory that hold them, what they are made of, and their triangles.
+    pub fn cost(&self) -> (u64, u64) {
+        let mut cost = (0, 0);
+        for (.., mesh) in &self.0 {
+            let (vertices, bytes) = mesh.cost();
+            cost.0 += vertices;
+            cost.1 += bytes;
+        }
+        cost
+    }
+}
+
+impl SubdividedMesh {
+    fn new(gpu: &Gpu, plan: &Plan, subdivision: &Subdivision, draw: &DrawInputs) -> Self {
+        let (count, index_bytes) = match &draw.indices {
+            Some(indices) => (indices.count, indices.format.byte_size() as u32),
+            None => (draw.vertex_count, 0),
+        };
+        let triangles = count / 3;
+        let constants = Constants {
+            triangles,
+            batches: triangles.div_ceil(subdivision.batch),
+            first: 0,
+            index_bytes,
+            base_vertex: 0,
+            first_instance: 0,
+            vertices: 0,
+            instances: draw.instances,
+            streams: Vec::new(),
+        };
+        let pattern_vertices = subdivision.vertices.len() as u32;
+        let unshared =
+            u64::from(triangles) * u64::from(pattern_vertices) * u64::from(draw.instances);
+        let pattern = buffer(gpu, &subdivision.vertices, wgpu::BufferUsages::STORAGE);
+        match subdivision.form {
+            Form::Pulled => {
+                let batch = 0..subdivision.batch;
+                let indices: Vec<u32> = batch
+                    .flat_map(|i| {
+                        let one = subdivision.indices.iter();
+                        one.map(move |v| v + i * pattern_vertices)
+                    })
+                    .collect();
+                Self {
+                    points: pattern.clone(),
+                    pattern,
+                    vertices: BTreeMap::new(),
+                    index_count: indices.len() as u32,
+                    indices: buffer(gpu, &indices, wgpu::BufferUsages::INDEX),
+                    instances: constants.batches * draw.instances,
+                    constants,
+                    form: Form::Pulled,
+                    unshared,
+                }
+            }
+            Form::Shared => {
+                let all = (0..triangles).map(|t| [0, 1, 2].map(|c| vertex(draw, 3 * t + c)));
+                let Mesh { points, triangles } =
+                    mesh::subdivide(subdivision.pattern, subdivision.level, all);
+                let vertices = points.len() as u64 * u64::from(draw.instances);
+                let stored = |b: &preshade_passes::plan::VertexBuffer| {
+                    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some(&b.name),
+                        size: (vertices * u64::from(b.stride)).max(16),
+                        usage: wgpu::BufferUsages::STORAGE,
+                        mapped_at_creation: false,
+                    })
+                };
+                let buffers = plan.vertex_buffers.iter();
+                Self {
+                    pattern,
+                    points: buffer(gpu, points.as_flattened(), wgpu::BufferUsages::STORAGE),
+                    vertices: buffers.map(|b| (b.name.clone(), stored(b))).collect(),
+                    index_count: triangles.as_flattened().len() as u32,
+                    indices: buffer(gpu, triangles.as_flattened(), wgpu::BufferUsages::INDEX),
+                    instances: draw.instances,
+                    constants: Constants {
+                        vertices: points.len() as u32,
+                        ..constants
+                    },
+                    form: Form::Shared,
+                    unshared,
+                }
+            }
+        }
+    }
+
+    /// New vertices computed in a frame, and bytes of memory.
+    fn cost(&self) -> (u64, u64) {
+        let vertices = u64::from(self.constants.vertices) * u64::from(self.instances);
+        match self.form {
+            Form::Pulled => (self.unshared, self.indices.size() + self.pattern.size()),
+            Form::Shared => {
+                let stored = self.vertices.values().map(wgpu::Buffer::size).sum::<u64>();
+                (vertices, stored + self.points.size() + self.indices.size())
+            }
+        }
+    }
+
+    /// Workgroups of a compute pass over all new vertices.
+    pub fn workgroups(&self, workgroup: u32) -> [u32; 2] {
+        let vertices = self.constants.vertices * self.constants.instances;
+        let groups = vertices.div_ceil(workgroup.max(1));
+        // WebGPU's limit for a dimension.
+        let x = groups.min(65_535);
+        [x, groups.div_ceil(x.max(1))]
+    }
+
+    /// Draws it; pipeline and bind groups are set.
+    pub fn draw(&self, render: &mut wgpu::RenderPass<'_>) {
+        render.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
+        render.draw_indexed(0..self.index_count, 0, 0..self.instances);
+    }
+}
+
+impl Subdivided {
+    /// What a part of the geometry is bound to.
+    ///
+    /// # Errors
+    /// In words: the draw has no such part.
+    pub fn part<'a>(
+        &'a self,
+        binding: &BindingUse,
+        part: &GeometryPart,
+        draw: &'a DrawInputs,
+    ) -> Result<(&'a wgpu::Buffer, wgpu::BufferBindingType), String> {
+        let mesh = &self.mesh;
+        let buffer = match part {
+            GeometryPart::Constants { .. } => {
+                return Ok((&self.constants, wgpu::BufferBindingType::Uniform));
+            }
+            GeometryPart::Pattern => &mesh.pattern,
+            GeometryPart::Points => &mesh.points,
+            GeometryPart::Vertices { buffer } => mesh
+                .vertices
+                .get(buffer)
+                .ok_or_else(|| format!("the plan has no buffer `{buffer}`"))?,
+            GeometryPart::Indices => match &draw.indices {
+                Some(indices) => &indices.buffer,
+                None => &mesh.pattern,
+            },
+            GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
+        };
+        let read_only = binding.kind == preshade_passes::plan::BindingKind::StorageRead;
+        Ok((buffer, wgpu::BufferBindingType::Storage { read_only }))
+    }
+}
+
+/// An index of the author's draw.
+fn vertex(draw: &DrawInputs, at: u32) -> u32 {
+    let Some(indices) = &draw.indices else {
+        return at;
+    };
+    let at = at as usize;
+    let word = match indices.format {
+        wgpu::IndexFormat::Uint16 => {
+            let bytes = indices.bytes.as_chunks::<2>().0.get(at);
+            bytes.map(|b| u32::from(u16::from_le_bytes(*b)))
+        }
+        wgpu::IndexFormat::Uint32 => {
+            let bytes = indices.bytes.as_chunks::<4>().0.get(at);
+            bytes.map(|b| u32::from_le_bytes(*b))
+        }
+    };
+    word.unwrap_or_default()
+}
+
+/// The buffer that holds an attribute, and its place there.
+fn attribute(draw: &DrawInputs, location: u32) -> Result<(&VertexInput, &VertexAttribute), String> {
+    let mut buffers = draw.vertex_buffers.iter();
+    buffers
+        .find_map(|b| Some((b, b.attributes.iter().find(|a| a.location == location)?)))
+        .ok_or_else(|| format!("no vertex buffer holds the attribute at location {location}"))
+}
+
+/// The layout of the attributes that the constants describe.
+fn streams(bindings: &[BindingUse], draw: &DrawInputs) -> Result<Vec<Stream>, String> {
+    let listed = bindings.iter().find_map(|b| match &b.source {
+        BindingSource::Geometry {
+            part: GeometryPart::Constants { streams },
+        } => Some(streams.as_slice()),
+        _ => None,
+    });
+    let listed = listed.unwrap_or_default().iter();
+    listed
+        .map(|location| {
+            let (buffer, attribute) = attribute(draw, *location)?;
+            Ok(Stream {
+                offset: attribute.offset as u32,
+                stride: buffer.stride as u32,
+                format: format(attribute.format),
+                by_instance: buffer.step == wgpu::VertexStepMode::Instance,
+            })
+        })
+        .collect()
+}
+
+/// A vertex format in WebGPU's spelling: wgpu's variants are named after it.
+fn format(format: wgpu::VertexFormat) -> String {
+    match format {
+        wgpu::VertexFormat::Unorm8x4Bgra => "unorm8x4-bgra".to_owned(),
+        other => format!("{other:?}").to_lowercase().replace('_', "-"),
+    }
+}
+
+fn buffer(gpu: &Gpu, words: &[u32], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+    // A binding of no bytes is not allowed; a mesh without triangles has some.
+    let empty = [0_u8; 16];
+    gpu.device.create_buffer_init(&BufferInitDescriptor {
+        label: None,
+        contents: if bytes.is_empty() { &empty } else { &bytes },
+        usage,
+    })
+}

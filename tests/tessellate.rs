@@ -1,0 +1,248 @@
+//! Subdivided geometry covers what it covered: no cracks, no overlaps, and at level 1 the picture it was made from.
+#![cfg(feature = "verify")]
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+use std::collections::BTreeMap;
+
+use glam::{Mat4, Vec3};
+use preshade::measure;
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::state::{Blend, ColorTarget, CompareFunction};
+use preshade::recipe::Recipe;
+use preshade::render::{ColorImage, Rendered, ShaderForm};
+use preshade::scene::mesh::Sphere;
+use preshade::scene::{Draw, DrawOrder, Frame, Scene};
+
+mod render_support;
+use render_support::{gpu, material, render_as, scene};
+
+/// Green waves to hoist, and a step of red for each fragment.
+const WAVES: &str = "
+struct Camera { view_proj: mat4x4<f32>, time: f32 }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> model: mat4x4<f32>;
+struct VertexOut { @builtin(position) clip: vec4<f32>, @location(0) world: vec3<f32>, @location(1) uv: vec2<f32> }
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> VertexOut {
+    let world = model * vec4(position, 1.0);
+    return VertexOut(camera.view_proj * world, world.xyz, uv);
+}
+@fragment fn fs(in: VertexOut) -> @location(0) vec4<f32> {
+    let waves = sin(in.world.x * 9.0) * cos(in.world.y * 7.0) * sin(in.world.z * 8.0 + camera.time) * exp(sin(in.world.x * 5.0)) + sin(exp(in.world.y));
+    return vec4(1.0 / 255.0, 0.5 + 0.2 * waves, 0.0, 1.0) + 0.0 * in.uv.xyxy;
+}
+";
+
+fn sphere(source: &str) -> Scene {
+    let mut scene = scene([211, 173], vec![material("waves", source)], Vec::new());
+    scene.meshes = vec![
+        Sphere {
+            radius: 1.0,
+            segments: 13,
+            rings: 7,
+        }
+        .mesh("sphere"),
+    ];
+    scene.draws = vec![Draw {
+        transform: Mat4::from_rotation_x(0.7) * Mat4::from_rotation_y(0.3),
+        values: BTreeMap::new(),
+        ..render_support::draw("sphere", Mat4::IDENTITY, [1.0; 4])
+    }];
+    let eye = Vec3::new(0.3, 0.4, 2.6);
+    let view = Mat4::look_at_rh(eye, Vec3::ZERO, Vec3::Y);
+    scene.cameras[0].frames = vec![Frame {
+        view,
+        projection: Mat4::perspective_rh(0.9, 211.0 / 173.0, 0.1, 10.0),
+        eye,
+        time: 0.4,
+    }];
+    scene
+}
+
+fn plans(scene: &Scene, recipe: &[&str]) -> Vec<Plan> {
+    let recipe = Recipe::parse(recipe).unwrap();
+    let facts = Facts::default();
+    measure::originals(scene)
+        .iter()
+        .map(|p| recipe.apply(p, &facts).unwrap_or_else(|r| panic!("{r}")))
+        .collect()
+}
+
+fn draw(scene: &Scene, recipe: &[&str]) -> Rendered {
+    let plans = plans(scene, recipe);
+    let text = render_as(gpu(), scene, &plans, DrawOrder::AsGiven, ShaderForm::Text);
+    let ir = render_as(gpu(), scene, &plans, DrawOrder::AsGiven, ShaderForm::Ir);
+    assert_eq!(text, ir, "text and IR differ");
+    text
+}
+
+fn color(rendered: &Rendered) -> &ColorImage {
+    rendered.colors[0].as_ref().unwrap()
+}
+
+const HOIST: &str = "hoist:budget=0.05,finite=assumed";
+
+/// Every pattern in every form.
+const PARAMETERS: [&str; 4] = [
+    "pattern=gl,form=pulled",
+    "pattern=uniform,form=pulled",
+    "pattern=gl,form=shared",
+    "pattern=uniform,form=shared",
+];
+
+/// Fragments of each pixel, counted in steps of red.
+fn counting(mut scene: Scene) -> Scene {
+    let state = &mut scene.materials[0].state;
+    state.targets = vec![Some(ColorTarget {
+        blend: Some(Blend::ADD),
+        ..ColorTarget::opaque("rgba8unorm")
+    })];
+    state.depth_compare = Some(CompareFunction::Always);
+    state.depth_write = false;
+    scene
+}
+
+#[test]
+fn level_1_is_the_picture_it_was_made_from() {
+    let scene = sphere(WAVES);
+    let hoisted = draw(&scene, &[HOIST]);
+    for parameters in PARAMETERS {
+        let one = draw(
+            &scene,
+            &[HOIST, &format!("tessellate:level=1,{parameters}")],
+        );
+        assert_eq!(one, hoisted, "{parameters}");
+    }
+}
+
+#[test]
+fn a_closed_mesh_has_neither_cracks_nor_overlaps() {
+    let scene = counting(sphere(WAVES));
+    for parameters in PARAMETERS {
+        for level in 1..=8 {
+            let recipe = format!("tessellate:level={level},{parameters}");
+            let picture = draw(&scene, &[HOIST, &recipe]);
+            let image = color(&picture);
+            let mut counts = BTreeMap::new();
+            let [width, height] = image.size.map(|n| n as usize);
+            for y in 0..height {
+                let row = y * width..(y + 1) * width;
+                let red: Vec<u8> = row.map(|i| image.texel(i)[0]).collect();
+                let Some(first) = red.iter().position(|r| *r != 0) else {
+                    continue;
+                };
+                let last = red.iter().rposition(|r| *r != 0).unwrap();
+                for r in &red[first..=last] {
+                    *counts.entry(*r).or_insert(0) += 1;
+                }
+            }
+            let once: u32 = counts.get(&1).copied().unwrap_or_default();
+            assert!(once > 8000, "{recipe}: {counts:?}");
+            assert_eq!(counts.len(), 1, "{recipe}: {counts:?}");
+        }
+    }
+}
+
+#[test]
+fn both_forms_draw_one_picture() {
+    let scene = sphere(WAVES);
+    for (pattern, level) in [("gl", 2), ("gl", 5), ("uniform", 3)] {
+        let of = |form: &str| {
+            let recipe = format!("tessellate:level={level},pattern={pattern},form={form}");
+            draw(&scene, &[HOIST, &recipe])
+        };
+        let (pulled, shared) = (of("pulled"), of("shared"));
+        assert_eq!(pulled, shared, "{pattern} {level}");
+    }
+}
+
+/// More vertices follow what bends more closely: the error to the picture of every fragment falls about with the square of the level.
+#[test]
+fn the_error_falls_with_the_level() {
+    let scene = sphere(WAVES);
+    let plans = measure::originals(&scene);
+    let original = render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text);
+    let error = |level: u32| {
+        let recipe = format!("tessellate:level={level},pattern=uniform");
+        let picture = draw(&scene, &[HOIST, &recipe]);
+        let pairs = color(&picture).bytes.iter().zip(&color(&original).bytes);
+        pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()
+    };
+    let errors: Vec<f64> = [1, 2, 4, 8].map(error).to_vec();
+    assert!(errors.windows(2).all(|w| w[1] < w[0] * 0.5), "{errors:?}");
+}
+
+/// A pre-pass of a subdivided main pass draws the same triangles: not a pixel and not a depth changes.
+#[test]
+fn a_prepass_is_divided_alike() {
+    let scene = sphere(WAVES);
+    for parameters in PARAMETERS {
+        let divided = format!("tessellate:level=3,{parameters}");
+        let forward = draw(&scene, &[HOIST, &divided]);
+        for prepass in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
+            let with = draw(&scene, &[HOIST, &divided, prepass]);
+            assert_eq!(with, forward, "{divided}, {prepass}");
+        }
+    }
+}
+
+/// Instance data are fetched by the author's instance, vertex data by the author's index, of 16 bits and of 32, and without indices.
+#[test]
+fn instances_and_indices_of_every_kind_are_fetched() {
+    let source = WAVES
+        .replace(
+            "@location(1) uv: vec2<f32>) -> VertexOut {",
+            "@location(1) uv: vec2<f32>, @location(2) instance_offset: vec3<f32>) -> VertexOut {",
+        )
+        .replace(
+            "model * vec4(position, 1.0);",
+            "model * vec4(position * 0.4 + instance_offset, 1.0);",
+        );
+    let mut scene = sphere(&source);
+    scene.draws[0].instances = 3;
+    let transform = |x: f32| Mat4::from_translation(Vec3::new(x, 0.3 * x, 0.0));
+    let transforms = [-0.7, 0.1, 0.6].map(transform);
+    scene.draws[0].instance_streams.insert(
+        "instance_transform".to_owned(),
+        preshade::scene::Stream::Float {
+            components: 16,
+            data: transforms.iter().flat_map(|m| m.to_cols_array()).collect(),
+        },
+    );
+    let check = |scene: &Scene, what: &str| {
+        let hoisted = draw(scene, &[HOIST]);
+        let lit = color(&hoisted).bytes.chunks(4).filter(|p| p[1] != 0);
+        assert!(lit.count() > 3000, "{what}");
+        for parameters in PARAMETERS {
+            let divided = format!("tessellate:level=1,{parameters}");
+            assert_eq!(
+                draw(scene, &[HOIST, &divided]),
+                hoisted,
+                "{what}, {divided}"
+            );
+        }
+    };
+    check(&scene, "16 bits");
+    let mesh = &mut scene.meshes[0];
+    // More vertices than 16 bits count, of which no triangle uses the last.
+    mesh.vertex_count = 70_000;
+    for stream in mesh.streams.values_mut() {
+        if let preshade::scene::Stream::Float { components, data } = stream {
+            data.resize(70_000 * *components as usize, 0.0);
+        }
+    }
+    check(&scene, "32 bits");
+    let mesh = &mut scene.meshes[0];
+    let indices = mesh.indices.take().unwrap();
+    for stream in mesh.streams.values_mut() {
+        if let preshade::scene::Stream::Float { components, data } = stream {
+            let n = *components as usize;
+            let gathered = indices
+                .iter()
+                .flat_map(|i| data[*i as usize * n..][..n].to_vec());
+            *data = gathered.collect();
+        }
+    }
+    mesh.vertex_count = indices.len() as u32;
+    check(&scene, "no indices");
+}
