@@ -1,4 +1,4 @@
-//! One entry point as GLSL 4.50 or GLSL ES 3.00, with what a host must know to bind its resources.
+//! One entry point as GLSL 4.50, 4.00 or GLSL ES 3.00, with what a host must know to bind its resources.
 
 use naga::back::glsl::{
     self, BindingMap, Options as WriterOptions, PipelineOptions, Version, Writer, WriterFlags,
@@ -35,6 +35,8 @@ pub(super) fn write(
     refuse_depth_loads(module, info, stage, entry, name, target)?;
     let (version, binding_map) = match target {
         Target::GlslEs300 => (Version::new_gles(300), BindingMap::default()),
+        Target::GlslTess => (Version::Desktop(400), BindingMap::default()),
+        Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(program.module())),
         _ => (Version::Desktop(450), binding_map(program.module())),
     };
     let mut writer_flags = WriterFlags::TEXTURE_SHADOW_LOD;
@@ -146,6 +148,19 @@ fn binding_map(module: &Module) -> BindingMap {
         *slot = slot.saturating_add(1);
     }
     map
+}
+
+/// Bindings of one descriptor set, in the order of group and binding. All stages of a program share them.
+fn descriptor_map(module: &Module) -> BindingMap {
+    let bound = module.global_variables.iter().filter_map(|(_, g)| {
+        // A sampler is combined into its texture's binding.
+        let is_sampler = matches!(module.types[g.ty].inner, TypeInner::Sampler { .. });
+        g.binding.filter(|_| !is_sampler)
+    });
+    let mut bound: Vec<ResourceBinding> = bound.collect();
+    bound.sort_by_key(|b| (b.group, b.binding));
+    let slots = (0..=u8::MAX).chain(std::iter::repeat(u8::MAX));
+    bound.into_iter().zip(slots).collect()
 }
 
 /// GLSL cannot fetch a texel of a depth texture without comparing it, and naga says so only as "WGSL `textureLoad` from depth textures is
