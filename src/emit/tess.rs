@@ -17,7 +17,7 @@
 
 use std::collections::BTreeMap;
 
-use naga::{AddressSpace, Binding, BuiltIn, Scalar, ScalarKind, ShaderStage, TypeInner};
+use naga::{AddressSpace, Binding, BuiltIn, Sampling, Scalar, ScalarKind, ShaderStage, TypeInner};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -118,37 +118,61 @@ fn plain(
     target: Target,
     options: &Options,
 ) -> Result<Emitted, Error> {
-    if target == Target::GlslVulkanTess {
-        refuse_for_vulkan(program, stage, name)?;
-    }
+    refuse(program, stage.stage, &stage.entry, target, name)?;
     let (text, said) = glsl::write(program, stage.stage, &stage.entry, name, target, options)?;
     let said = vec![(written_key(stage.stage, &stage.entry), said)];
     Ok((file(name.to_owned(), text), said))
 }
 
-/// What naga writes in OpenGL's words alone: `gl_VertexID`, `gl_InstanceID`, and uniforms outside of blocks.
-fn refuse_for_vulkan(program: &Program, stage: &Stage, name: &str) -> Result<(), Error> {
+/// Refuses what a target's version has no words for, though naga writes it: storage buffers in GLSL 4.00, and in Vulkan's GLSL `gl_VertexID`, `gl_InstanceID` and uniforms
+/// outside of blocks.
+fn refuse(
+    program: &Program,
+    stage: ShaderStage,
+    entry: &str,
+    target: Target,
+    name: &str,
+) -> Result<(), Error> {
     let module = program.module();
-    let refuse = |what: &str| {
+    let refuse = |what: &str, remedy: &str| {
         Err(Error::Inexpressible {
             file: name.to_owned(),
-            target: Target::GlslVulkanTess,
+            target,
             what: what.to_owned(),
-            remedy: "emit glsl-tess, or pass it as an attribute or in a uniform buffer".to_owned(),
+            remedy: remedy.to_owned(),
         })
     };
-    let entry = program.entry_point(stage.stage, &stage.entry);
-    let inputs = entry.map(|(_, e)| reflect::inputs(module, &e.function));
-    for input in inputs.into_iter().flatten() {
+    let Some((index, entry)) = program.entry_point(stage, entry) else {
+        return Ok(());
+    };
+    let used = program.info().get_entry_point(index);
+    let globals = module.global_variables.iter();
+    let mut spaces = globals
+        .filter(|(handle, _)| !used[*handle].is_empty())
+        .map(|(_, g)| g.space);
+    if target == Target::GlslTess {
+        return match spaces.any(|s| matches!(s, AddressSpace::Storage { .. })) {
+            true => refuse(
+                "a storage buffer (OpenGL has them from 4.3 on)",
+                "emit glsl-vulkan-tess, or read a uniform buffer or a texture",
+            ),
+            false => Ok(()),
+        };
+    }
+    let remedy = "emit glsl-tess, or pass it as an attribute or in a uniform buffer";
+    for input in reflect::inputs(module, &entry.function) {
         match input.binding {
-            Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => return refuse("the vertex index"),
-            Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => return refuse("the instance index"),
+            Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => {
+                return refuse("the vertex index", remedy);
+            }
+            Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => {
+                return refuse("the instance index", remedy);
+            }
             _ => {}
         }
     }
-    let mut globals = module.global_variables.iter();
-    match globals.any(|(_, g)| g.space == AddressSpace::Immediate) {
-        true => refuse("immediate data"),
+    match spaces.any(|s| s == AddressSpace::Immediate) {
+        true => refuse("immediate data", remedy),
         false => Ok(()),
     }
 }
@@ -195,14 +219,24 @@ fn version(target: Target) -> &'static str {
 /// The varying of a corner, as the vertex stage gives it and as the evaluation stage takes it.
 fn corner_name(varying: &PatchVarying) -> (String, String) {
     let at = varying.location;
-    (format!("_vs2fs_location{at}"), format!("_tc2te_location{at}"))
+    (
+        format!("_vs2fs_location{at}"),
+        format!("_tc2te_location{at}"),
+    )
 }
 
-fn qualifier(varying: &PatchVarying) -> &'static str {
-    match varying.blend {
-        Blend::Interpolated => "",
+/// As naga qualifies the vertex stage's output: drivers of GLSL 4.00 want both sides alike, though neither is interpolated.
+fn qualifier(varying: &PatchVarying) -> String {
+    let interpolation = match varying.blend {
+        Blend::Interpolated => "smooth ",
         Blend::Flat => "flat ",
-    }
+    };
+    let sampling = match varying.sampling {
+        Some(Sampling::Centroid) => "centroid ",
+        Some(Sampling::Sample) => "sample ",
+        _ => "",
+    };
+    format!("{interpolation}{sampling}")
 }
 
 /// The control stage: three corners passed on, and one level for all edges.
@@ -251,6 +285,7 @@ fn evaluation_text(
     file: &str,
 ) -> Result<(String, StageFile), Error> {
     let program = &hoisted.evaluation;
+    refuse(program, ShaderStage::Vertex, entry, target, file)?;
     let (text, mut said) = glsl::write(program, ShaderStage::Vertex, entry, file, target, options)?;
     let written_otherwise = |what: &str| Error::Writer {
         file: file.to_owned(),
@@ -299,6 +334,7 @@ fn evaluation_text(
             scalar: Scalar::F32,
         },
         blend: Blend::Interpolated,
+        sampling: None,
     };
     let varyings = hoisted.patch.varyings.iter();
     let mut types = Vec::new();
@@ -331,11 +367,12 @@ fn evaluation_text(
     main += &format!("    {evaluate}();\n}}\n");
 
     let mut out = version(target).to_owned();
-    out += &format!("layout(triangles, equal_spacing, {}) in;\n", winding(target));
-    for line in lines {
-        out += &line;
-        out.push('\n');
-    }
+    out += &format!(
+        "layout(triangles, equal_spacing, {}) in;\n",
+        winding(target)
+    );
+    out += lines.join("\n").trim_end();
+    out.push('\n');
     for ty in types {
         out += &format!(
             "

@@ -9,8 +9,8 @@
 //! writes the second one as a tessellation evaluation stage has to interpolate its inputs ([`Patch`]) between three corners.
 
 use naga::{
-    Binding, Expression, FunctionResult, Handle, Interpolation, Module, ShaderStage, Span,
-    Statement, Type, TypeInner,
+    Binding, Expression, FunctionResult, Handle, Interpolation, Module, Sampling, ShaderStage,
+    Span, Statement, Type, TypeInner,
 };
 
 use super::refuse;
@@ -52,6 +52,8 @@ pub struct PatchVarying {
     pub ty: TypeInner,
     /// How a new vertex gets it.
     pub blend: Blend,
+    /// Where the author wants it sampled. It means nothing for a corner, but older GLSL wants the stages on both sides to say the same.
+    pub sampling: Option<Sampling>,
 }
 
 /// How a new vertex gets a varying.
@@ -145,7 +147,10 @@ fn patch(module: &Module, split: &Split, outputs: &Outputs) -> Result<Patch, Str
         if index == outputs.position {
             continue;
         }
-        let Some(Binding::Location { location, .. }) = binding else {
+        let Some(Binding::Location {
+            location, sampling, ..
+        }) = binding
+        else {
             return Err("an output of the vertex stage has no location".to_owned());
         };
         varyings.push(PatchVarying {
@@ -155,6 +160,7 @@ fn patch(module: &Module, split: &Split, outputs: &Outputs) -> Result<Patch, Str
                 Carried::Blended(_) => Blend::Interpolated,
                 Carried::Flat => Blend::Flat,
             },
+            sampling,
         });
     }
     let last = varyings.iter().map(|v| v.location).max();
@@ -167,10 +173,7 @@ fn patch(module: &Module, split: &Split, outputs: &Outputs) -> Result<Patch, Str
 /// The module with the entry point of that index giving what the author's stage gives.
 fn corner(module: &Module, entry: usize, split: &Split) -> Module {
     let mut module = module.clone();
-    let is_struct = matches!(
-        module.types[split.given].inner,
-        TypeInner::Struct { .. }
-    );
+    let is_struct = matches!(module.types[split.given].inner, TypeInner::Struct { .. });
     let position = Binding::BuiltIn(naga::BuiltIn::Position { invariant: false });
     let name = module.entry_points[entry].function.name.clone();
     module.entry_points[entry].function = naga::Function {
@@ -181,23 +184,19 @@ fn corner(module: &Module, entry: usize, split: &Split) -> Module {
         }),
         ..naga::Function::default()
     };
-    place::rewritten(
-        &module,
-        FunctionId::EntryPoint(entry),
-        |build| {
-            let passed = split
-                .inputs
-                .iter()
-                .map(|a| {
-                    let name = a.name.as_deref().unwrap_or("input");
-                    build.argument(name, a.ty, a.binding.clone())
-                })
-                .collect();
-            let value = build.call(split.author, passed);
-            build.statement(Statement::Return { value });
-            Rewrite::default()
-        },
-    )
+    place::rewritten(&module, FunctionId::EntryPoint(entry), |build| {
+        let passed = split
+            .inputs
+            .iter()
+            .map(|a| {
+                let name = a.name.as_deref().unwrap_or("input");
+                build.argument(name, a.ty, a.binding.clone())
+            })
+            .collect();
+        let value = build.call(split.author, passed);
+        build.statement(Statement::Return { value });
+        Rewrite::default()
+    })
 }
 
 /// The module with the entry point of that index taking what the author's stage gives as inputs.
@@ -224,43 +223,37 @@ fn evaluation(
         ..naga::Function::default()
     };
     let members = members(&module, split.given);
-    place::rewritten(
-        &module,
-        FunctionId::EntryPoint(entry),
-        |build| {
-            let mut components = Vec::new();
-            for (index, (ty, binding)) in members.iter().enumerate() {
-                let location = match binding {
-                    Some(Binding::Location { location, .. }) if index != outputs.position => {
-                        *location
-                    }
-                    _ => patch.position,
-                };
-                let name = match index == outputs.position {
-                    true => "position".to_owned(),
-                    false => format!("varying_{location}"),
-                };
-                let integer = build.module().types[*ty].inner.scalar_kind()
-                    != Some(naga::ScalarKind::Float);
-                let binding = Binding::Location {
-                    location,
-                    interpolation: integer.then_some(Interpolation::Flat),
-                    sampling: None,
-                    blend_src: None,
-                    per_primitive: false,
-                };
-                components.push(build.argument(&name, *ty, Some(binding)));
-            }
-            let author = match (outputs.is_struct, &components[..]) {
-                (false, [position]) => *position,
-                _ => build.expression(Expression::Compose {
-                    ty: split.given,
-                    components,
-                }),
+    place::rewritten(&module, FunctionId::EntryPoint(entry), |build| {
+        let mut components = Vec::new();
+        for (index, (ty, binding)) in members.iter().enumerate() {
+            let location = match binding {
+                Some(Binding::Location { location, .. }) if index != outputs.position => *location,
+                _ => patch.position,
             };
-            let value = build.call(rest, vec![author]);
-            build.statement(Statement::Return { value });
-            Rewrite::default()
-        },
-    )
+            let name = match index == outputs.position {
+                true => "position".to_owned(),
+                false => format!("varying_{location}"),
+            };
+            let integer =
+                build.module().types[*ty].inner.scalar_kind() != Some(naga::ScalarKind::Float);
+            let binding = Binding::Location {
+                location,
+                interpolation: integer.then_some(Interpolation::Flat),
+                sampling: None,
+                blend_src: None,
+                per_primitive: false,
+            };
+            components.push(build.argument(&name, *ty, Some(binding)));
+        }
+        let author = match (outputs.is_struct, &components[..]) {
+            (false, [position]) => *position,
+            _ => build.expression(Expression::Compose {
+                ty: split.given,
+                components,
+            }),
+        };
+        let value = build.call(rest, vec![author]);
+        build.statement(Statement::Return { value });
+        Rewrite::default()
+    })
 }
