@@ -18,9 +18,10 @@ use super::overrides::{self, Settled};
 use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
 use super::{ClipSpace, Error, Options, Target};
 
-/// The text, and what `plan.json` says of it. `name` is the file's.
+/// The text, and what `plan.json` says of it. `name` is the file's. Bindings are numbered as those of `numbered`, which has all stages of the program.
 pub(super) fn write(
     program: &Program,
+    numbered: &Module,
     stage: ShaderStage,
     entry: &str,
     name: &str,
@@ -36,8 +37,8 @@ pub(super) fn write(
     let (version, binding_map) = match target {
         Target::GlslEs300 => (Version::new_gles(300), BindingMap::default()),
         Target::GlslTess => (Version::Desktop(400), BindingMap::default()),
-        Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(program.module())),
-        _ => (Version::Desktop(450), binding_map(program.module())),
+        Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(numbered)),
+        _ => (Version::Desktop(450), binding_map(numbered)),
     };
     let mut writer_flags = WriterFlags::TEXTURE_SHADOW_LOD;
     if options.glsl_clip_space == ClipSpace::OpenGl {

@@ -450,7 +450,15 @@ fn write_program(
                     _ => "",
                 };
                 let name = format!("{}.{es}{}", s.stem, extension(s.stage));
-                let (text, said) = glsl::write(program, s.stage, &s.entry, &name, target, options)?;
+                let (text, said) = glsl::write(
+                    program,
+                    program.module(),
+                    s.stage,
+                    &s.entry,
+                    &name,
+                    target,
+                    options,
+                )?;
                 let bytes = text.into_bytes();
                 Ok((
                     File { name, bytes },

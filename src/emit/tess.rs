@@ -17,7 +17,9 @@
 
 use std::collections::BTreeMap;
 
-use naga::{AddressSpace, Binding, BuiltIn, Sampling, Scalar, ScalarKind, ShaderStage, TypeInner};
+use naga::{
+    AddressSpace, Binding, BuiltIn, Module, Sampling, Scalar, ScalarKind, ShaderStage, TypeInner,
+};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -29,7 +31,7 @@ use super::{
     glsl, written_key,
 };
 
-/// Level of all edges where the host sets none: the one that the article of seed 4 recommends.
+/// Level of all edges where the host sets none: the one that the article recommends.
 const LEVEL: &str = "3.0";
 
 /// Refuses targets with tessellation stages for plans that cannot have them.
@@ -75,6 +77,8 @@ pub(super) fn write(
         _ => options,
     };
     let hoisted = native::native(plan).ok();
+    // Of which the author's vertex stage alone has no more than a part.
+    let all = program.module();
     let mut files = Vec::new();
     for stage in stages {
         let name = |extension: &str| format!("{}.{}{extension}", stage.stem, infix(target));
@@ -86,7 +90,7 @@ pub(super) fn write(
                     glsl_clip_space: ClipSpace::AsWritten,
                     ..*options
                 };
-                files.push(plain(&hoisted.corner, stage, &own, target, &corner)?);
+                files.push(plain(&hoisted.corner, all, stage, &own, target, &corner)?);
                 let key = |of: TessellationStage| of.key(&stage.entry);
                 let control = name("tesc");
                 let text = control_text(&hoisted.patch, target, &control)?;
@@ -95,11 +99,11 @@ pub(super) fn write(
                 files.push((file(control, text), said));
                 let evaluation = name("tese");
                 let (text, said) =
-                    evaluation_text(hoisted, &stage.entry, target, options, &evaluation)?;
+                    evaluation_text(hoisted, all, &stage.entry, target, options, &evaluation)?;
                 let said = vec![(key(TessellationStage::Evaluation), said)];
                 files.push((file(evaluation, text), said));
             }
-            _ => files.push(plain(program, stage, &own, target, options)?),
+            _ => files.push(plain(program, all, stage, &own, target, options)?),
         }
     }
     Ok(files)
@@ -113,13 +117,22 @@ fn file(name: String, text: String) -> File {
 /// A vertex or fragment stage as naga writes it.
 fn plain(
     program: &Program,
+    numbered: &Module,
     stage: &Stage,
     name: &str,
     target: Target,
     options: &Options,
 ) -> Result<Emitted, Error> {
     refuse(program, stage.stage, &stage.entry, target, name)?;
-    let (text, said) = glsl::write(program, stage.stage, &stage.entry, name, target, options)?;
+    let (text, said) = glsl::write(
+        program,
+        numbered,
+        stage.stage,
+        &stage.entry,
+        name,
+        target,
+        options,
+    )?;
     let said = vec![(written_key(stage.stage, &stage.entry), said)];
     Ok((file(name.to_owned(), text), said))
 }
@@ -279,6 +292,7 @@ void main() {
 /// The evaluation stage, made of what naga writes for a vertex stage.
 fn evaluation_text(
     hoisted: &Native,
+    numbered: &Module,
     entry: &str,
     target: Target,
     options: &Options,
@@ -286,7 +300,15 @@ fn evaluation_text(
 ) -> Result<(String, StageFile), Error> {
     let program = &hoisted.evaluation;
     refuse(program, ShaderStage::Vertex, entry, target, file)?;
-    let (text, mut said) = glsl::write(program, ShaderStage::Vertex, entry, file, target, options)?;
+    let (text, mut said) = glsl::write(
+        program,
+        numbered,
+        ShaderStage::Vertex,
+        entry,
+        file,
+        target,
+        options,
+    )?;
     let written_otherwise = |what: &str| Error::Writer {
         file: file.to_owned(),
         target,

@@ -19,7 +19,7 @@ use crate::graph::FunctionId;
 use crate::hoist::Hoist;
 use crate::pass::{Pass, Refusal};
 use crate::place::{self, Rewrite};
-use crate::plan::Plan;
+use crate::plan::{Plan, Step};
 use crate::program::Program;
 use crate::state::Topology;
 
@@ -70,12 +70,19 @@ pub enum Blend {
 /// # Errors
 /// Why the plan's main pass cannot be drawn in patches.
 pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
-    let hoisted = plan.steps.iter().any(|s| s.pass == Hoist::INFO.name);
-    if !hoisted {
+    let is_hoist = |step: &Step| step.pass == Hoist::INFO.name;
+    if !plan.steps.iter().any(is_hoist) {
         return Err(refuse(
             "not-hoisted",
             "nothing was moved to the vertices, so that more of them would change nothing",
             "hoist first",
+        ));
+    }
+    if !plan.steps.last().is_some_and(is_hoist) {
+        return Err(refuse(
+            "not-last",
+            "another pass came behind hoist, and these stages are made of the vertex stage that hoist built",
+            "hoist last: the stages divide the triangles themselves, at a level of the host's choice",
         ));
     }
     let found = match (&plan.passes[..], &plan.compute[..]) {
