@@ -186,7 +186,7 @@ fn a_target_that_cannot_say_it_does_not_hold_up_the_others() {
         );
     }
     let wgsl_and_spirv = ["frag.spv", "vert.spv", "wgsl"];
-    let mut expected: Vec<String> = ["main", "prepass"]
+    let mut expected: Vec<String> = ["main", "original", "prepass"]
         .iter()
         .flat_map(|role| {
             wgsl_and_spirv

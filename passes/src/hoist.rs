@@ -54,7 +54,7 @@ pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Metric, Params};
 
 use choose::Choice;
-use hoisted::Wanted;
+use hoisted::{Failed, Wanted};
 use travel::{Carriage, Class, Stays};
 use values::{Node, ValueId, Values};
 
@@ -83,10 +83,13 @@ impl Pass for Hoist {
         };
         let graph = Graph::build(material.program);
         match Found::new(&graph, &material, params, facts) {
-            Ok(found) => Sites {
-                sites: vec![found.site(&material)],
-                refusals: Vec::new(),
-                left: found.left,
+            Ok(found) => match found.rebuild(&material) {
+                Ok(_) => Sites {
+                    sites: vec![found.site(&material)],
+                    refusals: Vec::new(),
+                    left: found.left,
+                },
+                Err(why) => refused(Box::new(refuse(why)), found.left),
             },
             Err((refusal, left)) => refused(refusal, left),
         }
@@ -111,7 +114,7 @@ impl Pass for Hoist {
         }
         found
             .rebuild(&material)
-            .map_err(|why| Box::new(Refusal::bug(Self::INFO.name, why)))
+            .map_err(|why| Box::new(refuse(why)))
             .map(|program| found.plan(plan, &material, program, params))
     }
 }
@@ -189,6 +192,26 @@ impl<'a> Material<'a> {
                 "split the shader",
             ))
         })
+    }
+}
+
+/// A rebuild that failed.
+fn refuse(why: Failed) -> Refusal {
+    let name = Hoist::INFO.name;
+    match why {
+        Failed::NotSeparable => Refusal::new(
+            name,
+            "not-separable",
+            why.to_string(),
+            "compute it ahead of the branch or the return that it stands behind",
+        ),
+        Failed::NoOutput(_) => Refusal::new(
+            name,
+            "interface",
+            why.to_string(),
+            "let the vertex stage write every input of the fragment stage",
+        ),
+        Failed::Built(_) => Refusal::bug(name, why),
     }
 }
 
@@ -296,7 +319,7 @@ impl<'g, 'p> Found<'g, 'p> {
         )
     }
 
-    fn rebuild(&self, material: &Material<'_>) -> Result<Program, String> {
+    fn rebuild(&self, material: &Material<'_>) -> Result<Program, Failed> {
         let hoisted = hoisted::add(material.program, &self.values, &self.wanted)?;
         let remainder = remainder::rebuild(
             material.program,
@@ -330,10 +353,7 @@ impl<'g, 'p> Found<'g, 'p> {
         .flatten()
         .collect();
         let module = place::retain(&module, &entries);
-        material
-            .program
-            .with_module(module)
-            .map_err(|e| e.to_string())
+        material.program.with_module(module).map_err(Failed::from)
     }
 
     fn plan(

@@ -395,7 +395,7 @@ pub struct SelfTest {
 }
 
 /// The plan of one material.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Plan {
     /// Always [`SCHEMA`].
     pub schema: String,

@@ -45,6 +45,7 @@ use std::collections::BTreeMap;
 use naga::ShaderStage;
 use preshade_passes::plan::{GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::front::guard;
@@ -55,7 +56,9 @@ pub use plan_json::{
 };
 
 /// A form to write programs in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 pub enum Target {
     /// WebGPU Shading Language.
     #[serde(rename = "wgsl")]

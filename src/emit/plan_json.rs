@@ -5,12 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::ShaderStage;
 use preshade_passes::contract::Contract;
 use preshade_passes::plan::{Attachment, GpuPass, Plan};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{File, Target, TessellationStage, WrittenFiles, written_key};
 
 /// The content of `MATERIAL.plan.json`: a plan ([`preshade_passes::plan::SCHEMA`]) and its files.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct PlanFile {
     /// The plan. Its programs are the files.
     #[serde(flatten)]
@@ -29,7 +30,7 @@ pub struct PlanFile {
 }
 
 /// What a host falls back to: passes and files that take the place of the plan's.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Fallback {
     /// Attachments.
     pub attachments: Vec<Attachment>,
@@ -75,7 +76,7 @@ impl PlanFile {
 }
 
 /// What an emitted form promises, where that is less than its plan does.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Form {
     /// The promise in this form.
     pub contract: Contract,
@@ -84,7 +85,7 @@ pub struct Form {
 }
 
 /// Where a pass's stages are.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PassFiles {
     /// Name of the pass's role.
     pub role: String,
@@ -108,7 +109,7 @@ pub struct TessellationFiles {
 }
 
 /// One stage of a pass in one target.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct StageFile {
     /// File name, in the folder of `plan.json`.
     pub file: String,
@@ -133,7 +134,7 @@ impl StageFile {
 }
 
 /// A GLSL sampler uniform and the plan's bindings it combines.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GlslTexture {
     /// Uniform's name in the text.
     pub name: String,
@@ -147,7 +148,7 @@ pub struct GlslTexture {
 }
 
 /// A GLSL interface block and the plan's binding it holds.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GlslBlock {
     /// Name of the block (`glGetUniformBlockIndex`).
     pub block: String,

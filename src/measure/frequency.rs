@@ -1,6 +1,6 @@
 //! How well each value of a fragment stage can be interpolated on a scene's own triangles, and the choice under a budget that rests on it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::hoist::{self, Hoist, Metric};
 use preshade_passes::pass::{Facts, Frequency, Pass};
@@ -13,7 +13,7 @@ use crate::render::{
 };
 use crate::scene::{DrawOrder, Frame, Scene};
 
-/// Measures every candidate of every material: the picture with that value carried, and nothing else approximate, against the original. The worst of the
+/// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
 /// frames that choices are made on ([`choosing`]). `progress` is told the part done.
 ///
 /// # Errors
@@ -28,27 +28,38 @@ pub fn frequencies(
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = originals(scene);
     let references = pictures(&inputs, &plans, form)?;
-    let candidates: Vec<(usize, hoist::Candidate)> = plans
-        .iter()
-        .enumerate()
-        .filter_map(|(i, plan)| Some((i, hoist::candidates(plan).ok()?)))
-        .flat_map(|(i, found)| found.into_iter().map(move |c| (i, c)))
-        .collect();
+    // Materials of one shader have the same candidates, and are measured together.
+    let mut candidates: BTreeMap<String, Vec<(usize, hoist::Candidate)>> = BTreeMap::new();
+    for (material, plan) in plans.iter().enumerate() {
+        for candidate in hoist::candidates(plan).unwrap_or_default() {
+            let id = candidate.id.clone();
+            candidates
+                .entry(id)
+                .or_default()
+                .push((material, candidate));
+        }
+    }
     let mut measured = Vec::new();
-    for (done, (material, candidate)) in candidates.iter().enumerate() {
+    for (done, (id, of)) in candidates.iter().enumerate() {
         progress(done as f64 / candidates.len() as f64);
-        let Some(alone) = carried_alone(&plans[*material], &candidate.id) else {
+        let mut changed = plans.clone();
+        let carried: Vec<_> = of
+            .iter()
+            .filter_map(|(material, candidate)| {
+                changed[*material] = carried_alone(&plans[*material], id)?;
+                Some((material, candidate))
+            })
+            .collect();
+        if carried.is_empty() {
             continue;
-        };
-        let mut plans = plans.clone();
-        plans[*material] = alone;
-        let Ok(drawn) = pictures(&inputs, &plans, form) else {
+        }
+        let Ok(drawn) = pictures(&inputs, &changed, form) else {
             continue;
         };
         let worst = worst(&references, &drawn)?;
-        measured.push(Frequency {
+        measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
-            value: candidate.id.clone(),
+            value: id.clone(),
             name: candidate.name.clone(),
             cost: candidate.cost,
             max_abs: worst.max_abs,
@@ -56,7 +67,7 @@ pub fn frequencies(
             flip_p99: worst.flip_p99,
             nan_pixels: worst.nan_pixels,
             location: candidate.location.clone(),
-        });
+        }));
     }
     Ok(measured)
 }

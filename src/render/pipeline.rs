@@ -107,6 +107,12 @@ impl Build<'_> {
                         wanted.name, wanted.location
                     ))
                 })?;
+            if !feeds(attribute.format, &wanted.ty) {
+                return Err(self.failed(format!(
+                    "its attribute `{}` at location {} is a {}, which {:?} does not feed",
+                    wanted.name, wanted.location, wanted.ty, attribute.format
+                )));
+            }
             let at = wgpu::VertexAttribute {
                 format: attribute.format,
                 offset: attribute.offset,
@@ -151,6 +157,13 @@ impl Build<'_> {
             .targets
             .depth(&depth.attachment)
             .ok_or_else(|| self.failed(format!("it has no attachment `{}`", depth.attachment)))?;
+        if depth.read_only && depth.write {
+            return Err(self.failed(format!(
+                "pass `{}` writes `{}`, which it binds read-only",
+                self.pass.program, depth.attachment
+            )));
+        }
+        self.check_samples(&depth.attachment, target.samples)?;
         Ok(Some(state::depth_stencil(
             target.format,
             depth,
@@ -158,8 +171,19 @@ impl Build<'_> {
         )))
     }
 
+    /// Fails unless an attachment has the samples that the pass draws with.
+    fn check_samples(&self, attachment: &str, samples: u32) -> Result<(), Error> {
+        match self.pass.multisample.count {
+            n if n == samples => Ok(()),
+            n => Err(self.failed(format!(
+                "pass `{}` draws {n} samples a pixel, and `{attachment}` has {samples}",
+                self.pass.program
+            ))),
+        }
+    }
+
     /// The colour targets of the frame pass, with this pass's blending and masks; those it does not write are masked off.
-    fn color_targets(&self) -> Vec<Option<wgpu::ColorTargetState>> {
+    fn color_targets(&self) -> Result<Vec<Option<wgpu::ColorTargetState>>, Error> {
         let formats: Vec<Option<wgpu::TextureFormat>> = match &self.frame.colors {
             ColorAttachments::None => Vec::new(),
             ColorAttachments::Scene => {
@@ -168,10 +192,17 @@ impl Build<'_> {
             }
             ColorAttachments::Named(names) => names
                 .iter()
-                .map(|name| Some(self.targets.named(name.as_deref()?)?.format()))
-                .collect(),
+                .map(|name| {
+                    let Some(name) = name else { return Ok(None) };
+                    let target = self.targets.named(name);
+                    let target = target
+                        .ok_or_else(|| self.failed(format!("it has no attachment `{name}`")))?;
+                    self.check_samples(name, target.samples())?;
+                    Ok(Some(target.format()))
+                })
+                .collect::<Result<_, Error>>()?,
         };
-        formats
+        Ok(formats
             .into_iter()
             .enumerate()
             .map(|(location, format)| {
@@ -188,7 +219,7 @@ impl Build<'_> {
                     }),
                 })
             })
-            .collect()
+            .collect())
     }
 
     pub fn pipeline(
@@ -199,7 +230,7 @@ impl Build<'_> {
     ) -> Result<wgpu::RenderPipeline, Error> {
         let what = self.what();
         let depth_stencil = self.depth_stencil()?;
-        let targets = self.color_targets();
+        let targets = self.color_targets()?;
         // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
         let (vertex, fragment) = self.stages;
         let vertex = (self.shader(vertex)?, vertex.entry_point.as_str());
@@ -251,6 +282,21 @@ impl Build<'_> {
                 cache: None,
             })
         })
+    }
+}
+
+/// Whether a vertex format feeds an attribute of WGSL type `ty`: whether their numbers are of one kind (the sizes of vectors may differ).
+fn feeds(format: wgpu::VertexFormat, ty: &str) -> bool {
+    let scalar = ty
+        .rsplit_once('<')
+        .map_or(ty, |(_, inner)| inner.trim_end_matches('>'));
+    // wgpu's variants are named after WebGPU's formats.
+    let format = format!("{format:?}");
+    match scalar {
+        "u32" => format.starts_with("Uint"),
+        "i32" => format.starts_with("Sint"),
+        "f32" | "f16" => !format.starts_with("Uint") && !format.starts_with("Sint"),
+        _ => false,
     }
 }
 

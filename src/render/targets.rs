@@ -34,6 +34,10 @@ impl NamedColor {
     pub fn format(&self) -> wgpu::TextureFormat {
         self.texture.format()
     }
+
+    pub fn samples(&self) -> u32 {
+        self.texture.sample_count()
+    }
 }
 
 /// An attachment that a pass binds as a texture.

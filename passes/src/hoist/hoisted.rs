@@ -45,17 +45,37 @@ pub struct Hoisted {
     pub arguments: Vec<Vec<u32>>,
 }
 
+/// Why the stages were not rebuilt.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Failed {
+    /// The slice that computes the values rests on an input that the values themselves do not rest on: it stands where only a fragment decides.
+    #[error("what computes the values cannot be told apart from what only a fragment decides")]
+    NotSeparable,
+    /// The two stages do not fit together.
+    #[error("the vertex stage has no output at location {0}")]
+    NoOutput(u32),
+    /// What was built is not valid: a bug.
+    #[error("{0}")]
+    Built(String),
+}
+
+impl From<Box<crate::program::Invalid>> for Failed {
+    fn from(invalid: Box<crate::program::Invalid>) -> Self {
+        Self::Built(invalid.to_string())
+    }
+}
+
 const ENTRY: &str = "preshade_hoisted";
 
 /// Adds the function to the module.
 ///
 /// # Errors
-/// In words, if what was built is not valid: a bug.
+/// [`Failed`].
 pub fn add(
     program: &Program,
     values: &Values<'_, '_>,
     wanted: &[Wanted],
-) -> Result<Hoisted, String> {
+) -> Result<Hoisted, Failed> {
     let mut module = program.module().clone();
     let entry = module.entry_points.len();
     let mut copy = module.entry_points[values.entry].clone();
@@ -70,6 +90,7 @@ pub fn add(
     let mut leave = Block::new();
     leave.push(Statement::Return { value: None }, Span::UNDEFINED);
     let body = &mut module.entry_points[entry].function.body;
+    without_returns(body);
     body.splice(end..end, leave);
     if is_direct(values, wanted) {
         let function = &mut module.entry_points[entry].function;
@@ -88,7 +109,7 @@ pub fn add(
         ty: result,
         binding,
     });
-    let built = program.with_module(module).map_err(|e| e.to_string())?;
+    let built = program.with_module(module)?;
     let graph = Graph::build(&built);
     let all = [Criterion::Output(OutputFilter::All)];
     let slice = slice::backward(&graph, entry, &all);
@@ -101,7 +122,7 @@ pub fn add(
         PositionInvariance::AsWritten,
     );
     let Some(placed) = module.entry_points.pop() else {
-        return Err("nothing was placed".to_owned());
+        return Err(Failed::Built("nothing was placed".to_owned()));
     };
     // The copy that was sliced, and functions that only it called, go with the next compaction.
     module.entry_points.truncate(entry);
@@ -111,7 +132,7 @@ pub fn add(
         .iter()
         .map(|a| locations(&module, a))
         .collect::<Option<_>>()
-        .ok_or("what is hoisted reads an input that no vertex stage has")?;
+        .ok_or(Failed::NotSeparable)?;
     unbind(&mut module, result, wanted);
     let function = as_function(&module, placed.function, "hoisted");
     let function = module.functions.append(function, Span::UNDEFINED);
@@ -220,6 +241,22 @@ fn unbind(module: &mut Module, result: Handle<Type>, wanted: &[Wanted]) {
         }
         let inner = TypeInner::Struct { members, span };
         module.types.replace(result, Type { name, inner });
+    }
+}
+
+/// Takes the returns out, but for those that end a loop. Where the author returns before a value is computed it is not used, so it may be anything; where it
+/// was computed before, nothing that follows computes it again.
+fn without_returns(block: &mut Block) {
+    let old = std::mem::take(block);
+    for (mut statement, span) in old.span_into_iter() {
+        match &mut statement {
+            Statement::Return { .. } => continue,
+            Statement::Loop { .. } => {}
+            other => operands::blocks_mut(other)
+                .into_iter()
+                .for_each(without_returns),
+        }
+        block.push(statement, span);
     }
 }
 

@@ -7,7 +7,7 @@ use naga::{
     SwizzleComponent, TypeInner, VectorSize,
 };
 
-use super::hoisted::Wanted;
+use super::hoisted::{Failed, Wanted};
 use super::isolate::isolate;
 use super::pack::{self, Slot};
 use super::values::{ContextId, Values};
@@ -32,14 +32,14 @@ pub struct Remainder {
 /// The module, in which the author's functions are as they were, with the fragment entry point of `values` reading `wanted` from `slots`.
 ///
 /// # Errors
-/// In words, if what was built is not valid: a bug.
+/// [`Failed`].
 pub fn rebuild(
     program: &Program,
     module: &Module,
     values: &Values<'_, '_>,
     wanted: &[Wanted],
     slots: &[Slot],
-) -> Result<Remainder, String> {
+) -> Result<Remainder, Failed> {
     let entry = values.entry;
     let contexts: BTreeSet<ContextId> = wanted.iter().map(|w| w.context).collect();
     let (mut module, copies) = isolate(module, entry, values, &contexts);
@@ -92,7 +92,7 @@ pub fn rebuild(
             }
         });
     }
-    let built = program.with_module(module).map_err(|e| e.to_string())?;
+    let built = program.with_module(module)?;
     let graph = Graph::build(&built);
     let observed = [Criterion::Output(OutputFilter::All), Criterion::Discard];
     let slice = slice::backward_with(&graph, entry, &observed, Termination::Preserved);
@@ -106,7 +106,7 @@ pub fn rebuild(
         PositionInvariance::AsWritten,
     );
     let Some(mut placed) = module.entry_points.pop() else {
-        return Err("nothing was placed".to_owned());
+        return Err(Failed::Built("nothing was placed".to_owned()));
     };
     let kept: BTreeSet<u32> = reflect::inputs(&module, &placed.function)
         .iter()

@@ -18,7 +18,7 @@ use naga::{
     Binding, Expression, FunctionResult, Handle, Module, Span, StructMember, Type, TypeInner,
 };
 
-use super::hoisted::{self, Hoisted, Wanted};
+use super::hoisted::{self, Failed, Hoisted, Wanted};
 use super::pack::Slot;
 use super::remainder::{slot_binding, slot_name, slot_type, width};
 use crate::graph::Graph;
@@ -42,14 +42,14 @@ pub struct Outputs<'a> {
 /// `module` with the vertex entry point of that index calling the author's stage and `hoisted`.
 ///
 /// # Errors
-/// In words: the stages do not fit together, or what was built is not valid.
+/// [`Failed`].
 pub fn rebuild(
     program: &Program,
     module: Module,
     vertex: usize,
     hoisted: &Hoisted,
     outputs: &Outputs<'_>,
-) -> Result<Module, String> {
+) -> Result<Module, Failed> {
     let (hoisted, arguments) = (hoisted.function, &hoisted.arguments);
     let needed: BTreeSet<u32> = arguments
         .iter()
@@ -57,7 +57,7 @@ pub fn rebuild(
         .chain(outputs.kept)
         .copied()
         .collect();
-    let built = program.with_module(module).map_err(|e| e.to_string())?;
+    let built = program.with_module(module)?;
     let graph = Graph::build(&built);
     let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
     criteria.extend(
@@ -75,7 +75,7 @@ pub fn rebuild(
         PositionInvariance::AsWritten,
     );
     let Some(placed) = module.entry_points.pop() else {
-        return Err("nothing was placed".to_owned());
+        return Err(Failed::Built("nothing was placed".to_owned()));
     };
     let name = module.entry_points[vertex].name.clone();
     let given = reflect::outputs(&module, &placed.function);
@@ -118,7 +118,7 @@ pub fn rebuild(
                 })
                 .collect();
             let Some(from_author) = build.call(author, passed) else {
-                failed = Some("the author's vertex stage gives nothing".to_owned());
+                failed = Some(Failed::Built("the vertex stage gives nothing".to_owned()));
                 return Rewrite::default();
             };
             build.name(from_author, "author");
@@ -136,9 +136,7 @@ pub fn rebuild(
                     match given.iter().position(|io| is_at(io, *location)) {
                         Some(index) => members.push(output(build, index)),
                         None => {
-                            failed = Some(format!(
-                                "the vertex stage has no output at location {location}"
-                            ));
+                            failed = Some(Failed::NoOutput(*location));
                             return Rewrite::default();
                         }
                     }
@@ -153,7 +151,7 @@ pub fn rebuild(
                 });
             }
             let Some(carried) = build.call(hoisted, passed) else {
-                failed = Some("nothing is hoisted".to_owned());
+                failed = Some(Failed::Built("nothing is hoisted".to_owned()));
                 return Rewrite::default();
             };
             build.name(carried, "carried");

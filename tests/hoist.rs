@@ -1,0 +1,123 @@
+//! What hoisting promises, drawn: nothing changes, the last bit changes, or the budget is kept on every frame of a path.
+#![cfg(feature = "verify")]
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod render_support;
+
+use std::path::Path;
+
+use preshade::measure::{self, Settings, Timed, TimingSettings};
+use preshade::passes::contract::Verdict;
+use preshade::passes::pass::Facts;
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::report::VariantReport;
+use preshade::scene::Scene;
+use render_support::gpu;
+
+fn scene(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("fixtures/scenes")
+        .join(format!("{name}.toml"));
+    let scene = preshade::scene::load(&path).unwrap();
+    scene.resized([163, 91])
+}
+
+fn verified(scene: &Scene, recipe: &Recipe, facts: &Facts) -> VariantReport {
+    let variant = measure::variant(&measure::originals(scene), recipe, facts);
+    let settings = Settings {
+        form: ShaderForm::Text,
+        timed: Timed::No,
+        timing: TimingSettings::default(),
+        frames_per_camera: 5,
+        count: &measure::counting,
+        command: String::new(),
+    };
+    let outcome = measure::verify(gpu(), scene, &[variant], &settings, &mut |_| {}).unwrap();
+    outcome.report.variants.into_iter().nth(1).unwrap()
+}
+
+/// Scenes of which some material has work that moves without a budget.
+const UNBUDGETED: [&str; 6] = [
+    "frag-depth",
+    "gallery",
+    "gbuffer",
+    "glsl",
+    "instanced",
+    "log-depth",
+];
+
+#[test]
+fn without_a_budget_at_most_the_last_bit_changes() {
+    let recipe = Recipe::parse(["hoist"]).unwrap();
+    for name in UNBUDGETED {
+        let report = verified(&scene(name), &recipe, &Facts::default());
+        assert_eq!(report.verdict, Verdict::Holds, "{name}");
+        let error = report.error.unwrap();
+        assert!(error.max_abs <= 1.0 / 255.0 + 1e-9, "{name}");
+        assert_eq!(error.changed_depth, 0, "{name}");
+    }
+}
+
+#[test]
+fn an_exact_hoist_changes_no_pixel() {
+    let recipe = Recipe::parse(["hoist:allow=exact"]).unwrap();
+    let mut drawn = 0;
+    for name in UNBUDGETED {
+        let report = verified(&scene(name), &recipe, &Facts::default());
+        if matches!(report.verdict, Verdict::NotMeasured { .. }) {
+            continue;
+        }
+        drawn += 1;
+        assert_eq!(report.verdict, Verdict::Holds, "{name}");
+        let error = report.error.unwrap();
+        assert_eq!(error.changed_pixels, 0, "{name}");
+    }
+    assert!(drawn >= 4, "only {drawn} scenes have anything exact");
+}
+
+#[test]
+fn a_budget_is_kept_on_frames_the_choice_was_not_made_on() {
+    for (name, budget) in [("terrain-triplanar", 0.02)] {
+        let mut scene = scene(name);
+        // The path alone.
+        let path = scene.cameras.pop().unwrap();
+        assert!(path.frames.len() > 5, "{name}");
+        scene.cameras = vec![path];
+        let form = ShaderForm::Text;
+        let mut facts = measure::facts(gpu(), &scene, form, measure::counting).unwrap();
+        facts.frequencies = measure::frequencies(gpu(), &scene, form, &mut |_| {}).unwrap();
+        assert!(!facts.frequencies.is_empty(), "{name}");
+        // A picture as small as the test's has hardly more fragments than vertices; choose as for a large one.
+        facts.vertices_per_fragment = Some(0.01);
+        let open = Recipe::parse([format!("hoist:budget={budget}")]).unwrap();
+        let chosen = measure::within_budget(gpu(), &scene, &open, &facts, form).unwrap();
+        let report = verified(&scene, &chosen, &facts);
+        assert_eq!(report.verdict, Verdict::Holds, "{name}: {chosen}");
+        let error = report.error.unwrap();
+        assert!(error.changed_pixels > 0, "{name}: nothing was hoisted");
+        assert!(error.flip_mean <= budget, "{name}: {}", error.flip_mean);
+    }
+}
+
+/// Where no value keeps the budget the refusal names the least error there is.
+#[test]
+fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
+    let scene = scene("noise-grid-16");
+    let form = ShaderForm::Text;
+    let facts = Facts {
+        frequencies: measure::frequencies(gpu(), &scene, form, &mut |_| {}).unwrap(),
+        ..Facts::default()
+    };
+    let open = Recipe::parse(["hoist:budget=0.02"]).unwrap();
+    let chosen = measure::within_budget(gpu(), &scene, &open, &facts, form).unwrap();
+    let variant = measure::variant(&measure::originals(&scene), &chosen, &facts);
+    let [kept] = &variant.kept[..] else {
+        panic!("{:?}", variant.kept)
+    };
+    assert!(
+        kept.why.contains("does least harm, an error of 0."),
+        "{}",
+        kept.why
+    );
+}
