@@ -100,7 +100,7 @@ pub struct PassFiles {
 }
 
 /// The tessellation stages of a pass, which draws patches of three vertices.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct TessellationFiles {
     /// Control stage. It sets all levels to one `float`: in OpenGL the uniform `tessellation_level`, in Vulkan the specialisation constant 0; 3 where the host sets none.
     pub control: StageFile,

@@ -72,7 +72,6 @@ pub(super) fn write(
     let options = match target {
         Target::GlslVulkanTess => &Options {
             glsl_clip_space: ClipSpace::AsWritten,
-            ..*options
         },
         _ => options,
     };
@@ -88,7 +87,6 @@ pub(super) fn write(
                 let corner = Options {
                     // Positions are interpolated as the author has them; the last stage turns them.
                     glsl_clip_space: ClipSpace::AsWritten,
-                    ..*options
                 };
                 files.push(plain(&hoisted.corner, all, stage, &own, target, &corner)?);
                 let key = |of: TessellationStage| of.key(&stage.entry);
