@@ -48,6 +48,10 @@ enum Case {
     Packed,
     /// A pre-pass whose depth the main pass reads as a depth texture.
     Read,
+    /// Subdivided triangles, pulled by the vertex stage.
+    Pulled,
+    /// Subdivided triangles, whose vertices a compute pass computes.
+    Shared,
 }
 
 /// Fields that a renderer does not act on, each with what stands for it instead.
@@ -71,6 +75,54 @@ const INFORMATIVE: &[(&str, &str)] = &[
     (
         "passes[].bindings[].layout.storage-texture",
         "no scene gives a storage texture: a plan that asks for one is refused, below",
+    ),
+    (
+        "passes[].geometry.denominator",
+        "what packed weights sum to, for readers: the text divides by it",
+    ),
+    (
+        "passes[].bindings[].source.part.attribute.name",
+        "a name for readers: the location says which it is",
+    ),
+    (
+        "passes[].bindings[].source.part.attribute.type",
+        "what the text decodes to, for readers",
+    ),
+    (
+        "compute[].program",
+        "a name: `compute_files` says which file each stage is in",
+    ),
+    (
+        "compute[].bindings",
+        "of the type of a pass's bindings, and filled by the same function",
+    ),
+    (
+        "compute[].geometry.form",
+        "the same as the pass's: another is another mesh, which nobody draws",
+    ),
+    (
+        "compute[].geometry.denominator",
+        "what packed weights sum to, for readers: the text divides by it",
+    ),
+    (
+        "compute[].geometry.vertices",
+        "of the pulled form, which has no compute pass",
+    ),
+    (
+        "compute[].geometry.indices",
+        "of the pulled form, which has no compute pass",
+    ),
+    (
+        "compute[].geometry.batch",
+        "of the pulled form, which has no compute pass",
+    ),
+    (
+        "compute_files[].{}.textures",
+        "of GLSL, which the renderer does not draw",
+    ),
+    (
+        "compute_files[].{}.blocks",
+        "of GLSL, which the renderer does not draw",
     ),
     ("steps", "how the plan was made"),
     ("contract", "a promise: `verify` measures it"),
@@ -106,7 +158,7 @@ const INFORMATIVE: &[(&str, &str)] = &[
 /// One mutation a field: the case, a JSON pointer into its `plan.json`, the value to put there, and what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
-    use Case::{Alone, Glass, Lit, Mask, Packed, Read, Sampled};
+    use Case::{Alone, Glass, Lit, Mask, Packed, Pulled, Read, Sampled, Shared};
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
@@ -180,6 +232,25 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Lit, "/passes/0/features", json!(["time-travel"]), Refused("needs time-travel")),
         (Lit, "/passes/0/limits", json!({"maxBindGroups": 1_000_000}), Refused("needs maxBindGroups of 1000000")),
         (Glass, "/passes/0/draws", json!("opaque"), Redrawn),
+        (Pulled, "/passes/0/geometry/kind", json!("as-given"), Refused("does not say how its geometry is subdivided")),
+        (Shared, "/passes/0/geometry/pattern", json!("uniform"), Redrawn),
+        (Shared, "/passes/0/geometry/level", json!(3), Redrawn),
+        (Pulled, "/passes/0/geometry/form", json!("shared"), Redrawn),
+        (Pulled, "/passes/0/geometry/vertices/1", json!(0), Redrawn),
+        (Pulled, "/passes/0/geometry/indices/0", json!(5), Redrawn),
+        (Pulled, "/passes/0/geometry/batch", json!(1), Redrawn),
+        (Pulled, "/passes/0/bindings/5/source/part/attribute/location", json!(9), Refused("at location 9")),
+        (Pulled, "/passes/0/bindings/2/source/part/constants/streams/0", json!(9), Refused("at location 9")),
+        (Shared, "/passes/0/bindings/2/source/part/vertices/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
+        (Shared, "/vertex_buffers/0/name", json!("elsewhere"), Refused("has no buffer `vertices`")),
+        (Shared, "/vertex_buffers/0/stride", json!(4), Redrawn),
+        (Shared, "/compute/0/entry_point", json!("elsewhere"), Refused("other entry points")),
+        (Shared, "/compute/0/workgroup", json!(1_000_000), Redrawn),
+        (Shared, "/compute/0/geometry/kind", json!("as-given"), Refused("computes no geometry")),
+        (Shared, "/compute/0/geometry/pattern", json!("uniform"), Redrawn),
+        (Shared, "/compute/0/geometry/level", json!(3), Redrawn),
+        (Shared, "/compute_files/0/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
+        (Shared, "/compute_files/0/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
         (Lit, "/files/0/role", json!("prepass"), Refused("not those of its passes")),
         (Lit, "/files/0/vertex/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
         (Lit, "/files/0/vertex/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
@@ -202,6 +273,23 @@ struct Out { @builtin(position) @invariant at: vec4<f32>, @location(0) uv: vec2<
 }
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> {
     return object.tint * textureSample(albedo, smooth_sampler, in.uv);
+}
+";
+
+/// Waves on the same positions, to be hoisted.
+const WAVES: &str = "
+struct Camera { view_proj: mat4x4<f32> }
+struct Object { model: mat4x4<f32>, tint: vec4<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+struct Out { @builtin(position) at: vec4<f32>, @location(0) world: vec3<f32> }
+@vertex fn vs(@location(0) position: vec3<f32>) -> Out {
+    let world = object.model * vec4(position, 1.0);
+    return Out(camera.view_proj * world, world.xyz);
+}
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> {
+    let waves = sin(in.world.x * 5.0) * cos(in.world.y * 4.0) * sin(exp(in.world.z)) * exp(sin(in.world.x));
+    return vec4(object.tint.rgb * (0.5 + 0.4 * waves), 1.0);
 }
 ";
 
@@ -330,6 +418,11 @@ fn scene_of(case: Case) -> Scene {
         Case::Alone => unwalled(),
         Case::Glass | Case::Mask => stencilled(),
         Case::Packed | Case::Read => planes([64, 64], 3),
+        Case::Pulled | Case::Shared => {
+            let mut scene = lit();
+            scene.materials = vec![material("lit", WAVES)];
+            scene
+        }
     }
 }
 
@@ -338,13 +431,15 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
     let recipe = match case {
         Case::Packed => Some("early-discard:texture=packed"),
         Case::Read => Some("early-discard"),
+        Case::Pulled => Some("hoist:budget=1,finite=assumed,tessellate:level=4"),
+        Case::Shared => Some("hoist:budget=1,finite=assumed,tessellate:level=8,form=shared"),
         Case::Lit | Case::Sampled | Case::Glass | Case::Mask | Case::Alone => None,
     };
     let plans: Vec<Plan> = originals(scene)
         .into_iter()
         .map(|plan| match recipe {
             None => plan,
-            Some(recipe) => Recipe::parse([recipe])
+            Some(recipe) => Recipe::parse_list(recipe)
                 .unwrap()
                 .apply(&plan, &Facts::default())
                 .unwrap(),

@@ -173,7 +173,7 @@ impl Stream {
     }
 }
 
-/// The constants of one draw: what a binding from [`crate::plan::BindingSource::Tessellation`] holds, as words of a uniform buffer.
+/// The constants of one draw: what [`crate::plan::GeometryPart::Constants`] holds, as words of a uniform buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Constants {
     /// Triangles of one instance of the author's draw.

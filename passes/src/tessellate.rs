@@ -41,11 +41,13 @@ pub mod mesh;
 pub mod native;
 pub mod pattern;
 mod split;
+mod stored;
 mod text;
 
-use build::{Functions, Stored};
+use build::Functions;
 use pattern::{MAX_LEVEL, Pattern};
 use split::{Outputs, Split};
+use stored::Stored;
 use text::{Place, Text};
 
 /// The pass.
@@ -458,7 +460,7 @@ impl<'a> Material<'a> {
     ) -> Result<Program, String> {
         let module = self.program.module();
         let result = self.split.rest.result.as_ref().map(|r| r.ty);
-        let stored = Stored::of(module, result.ok_or("the vertex stage gives nothing")?)?;
+        let layout = Stored::of(module, result.ok_or("the vertex stage gives nothing")?)?;
         let functions = self.functions(&Text {
             attributes: &self.pass.attributes,
             widths: &self.outputs.widths(),
@@ -466,10 +468,10 @@ impl<'a> Material<'a> {
             place: Place::Record {
                 denominator: subdivision.denominator,
             },
-            stores: &stored.widths(),
+            stores: &layout.widths(),
         })?;
         let entry = format!("{}_points", self.pass.vertex);
-        let compute = build::stored(&functions, self.vertex, &entry, &stored)?;
+        let compute = stored::stored(&functions, self.vertex, &entry, &layout)?;
         let entries = [(ShaderStage::Compute, entry.as_str())];
         let compute = self.program(&compute, &entries)?;
         let mut known = self.parts(slots, Form::Shared);
@@ -484,9 +486,9 @@ impl<'a> Material<'a> {
         plan.programs.insert(COMPUTE.to_owned(), compute);
         plan.vertex_buffers.push(VertexBuffer {
             name: VERTICES.to_owned(),
-            stride: stored.words * 4,
+            stride: layout.words * 4,
         });
-        let main = build::loaded(module.clone(), self.vertex, slots, &stored)?;
+        let main = stored::loaded(module.clone(), self.vertex, slots, &layout)?;
         self.program(&main, &self.entries())
     }
 

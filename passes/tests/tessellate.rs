@@ -3,13 +3,17 @@
 
 mod common;
 
-use preshade_passes::geometry::Geometry;
+use std::collections::BTreeMap;
+
+use preshade_passes::evaluate::{self, Environment, Value};
+use preshade_passes::geometry::{Constants, Geometry, Stream, Subdivision};
 use preshade_passes::hoist::{self, Hoist};
 use preshade_passes::pass::{Facts, Pass, Refusal};
 use preshade_passes::plan::{BindingSource, GeometryPart, Plan};
 use preshade_passes::state::{MaterialState, PrimitiveState, Topology};
-use preshade_passes::tessellate::pattern::Pattern;
+use preshade_passes::tessellate::pattern::{self, Pattern};
 use preshade_passes::tessellate::{Params, Tessellate};
+use proptest::prelude::*;
 
 fn original(source: &str, state: &MaterialState) -> Plan {
     Plan::original("test", common::program(source), "vs", Some("fs"), state)
@@ -83,6 +87,275 @@ fn the_vertex_stage_pulls_corners_and_interpolates() {
     assert_eq!(next.contract, plan.contract);
 }
 
+/// A mesh as a host holds it: positions, as words of a buffer, and indices of 16 bits.
+struct Mesh<'a> {
+    positions: Vec<u32>,
+    layout: Stream,
+    clip: [[f32; 4]; 4],
+    indices: &'a [u16],
+}
+
+impl<'a> Mesh<'a> {
+    /// Of three floats a vertex, somehow in view.
+    fn of_floats(positions: &[[f32; 3]], indices: &'a [u16]) -> Self {
+        let floats = positions.as_flattened().iter();
+        Self {
+            positions: floats.map(|f| f.to_bits()).collect(),
+            layout: stream("float32x3", 0, 12),
+            clip: [
+                [1.3, 0.1, 0.2, 0.3],
+                [-0.2, 1.7, 0.3, 0.1],
+                [0.4, 0.3, 0.9, -1.1],
+                [0.5, 0.6, 0.7, 9.0],
+            ],
+            indices,
+        }
+    }
+}
+
+fn stream(format: &str, offset: u32, stride: u32) -> Stream {
+    Stream {
+        offset,
+        stride,
+        format: format.to_owned(),
+        by_instance: false,
+    }
+}
+
+fn words(words: &[u32]) -> Value {
+    Value::Composite(words.iter().map(|w| Value::u32(*w)).collect())
+}
+
+/// The clip position of a vertex of the subdivided mesh, by the interpreter.
+fn position(plan: &Plan, subdivision: &Subdivision, mesh: &Mesh<'_>, at: (u32, u32)) -> Value {
+    let triangles = mesh.indices.len() as u32 / 3;
+    let constants = Constants {
+        triangles,
+        batches: triangles.div_ceil(subdivision.batch),
+        first: 0,
+        index_bytes: 2,
+        base_vertex: 0,
+        first_instance: 0,
+        vertices: 0,
+        instances: 1,
+        streams: vec![
+            mesh.layout.clone(),
+            stream("float32x2", 0, 0),
+            stream("uint8x4", 0, 0),
+        ],
+    };
+    let constants = constants.words().unwrap();
+    let (scalars, streams) = constants.split_at(8);
+    let mut uniform: Vec<Value> = scalars.iter().map(|w| Value::u32(*w)).collect();
+    uniform.push(Value::Composite(streams.chunks(4).map(words).collect()));
+    let stream = words(&mesh.positions);
+    let pairs = mesh.indices.chunks(2);
+    let pairs = pairs.map(|p| u32::from(p[0]) | p.get(1).map_or(0, |i| u32::from(*i) << 16));
+    let clip = Value::Composite(mesh.clip.iter().map(|c| Value::vector(c)).collect());
+    let scene = vec![clip, Value::vector(&[1.0; 3]), Value::f32(0.5)];
+    let resources = BTreeMap::from([
+        ((0, 0), Value::Composite(scene)),
+        ((0, 1), Value::Composite(uniform)),
+        ((0, 2), words(&subdivision.vertices)),
+        ((0, 3), words(&pairs.collect::<Vec<_>>())),
+        ((0, 4), stream.clone()),
+        ((0, 5), stream.clone()),
+        ((0, 6), stream),
+    ]);
+    let environment = Environment {
+        resources,
+        texture: &|_| [0.0; 4],
+        steps: 100_000,
+    };
+    let program = plan.program(plan.main().unwrap()).unwrap();
+    let (entry, _) = program
+        .entry_point(naga::ShaderStage::Vertex, "vs")
+        .unwrap();
+    let (triangle, vertex) = at;
+    let index = triangle % subdivision.batch * subdivision.vertices.len() as u32 + vertex;
+    let arguments = [index, triangle / subdivision.batch].map(Value::u32);
+    let outcome = evaluate::entry_point(program.module(), entry, &arguments, &environment);
+    match outcome.unwrap().result {
+        Some(Value::Composite(members)) => members[0].clone(),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn divided(level: u32, pattern: Pattern) -> (Plan, Subdivision) {
+    let plan = hoisted(&original(WAVES, &MaterialState::default()));
+    let params = Params {
+        level,
+        pattern,
+        ..Params::default()
+    };
+    let plan = apply::<Tessellate>(&plan, &params).unwrap();
+    let subdivision = plan.main().unwrap().geometry.subdivision().unwrap().clone();
+    (plan, subdivision)
+}
+
+/// Positions along the edge between two corners of a triangle, by the weight of the first of them.
+fn along(
+    (plan, subdivision): &(Plan, Subdivision),
+    mesh: &Mesh<'_>,
+    triangle: u32,
+    [from, to]: [usize; 2],
+) -> BTreeMap<u32, Value> {
+    let points = pattern::divide(subdivision.pattern, subdivision.level).vertices;
+    let on_edge = points
+        .iter()
+        .enumerate()
+        .filter(|(_, p)| p[3 - from - to] == 0);
+    on_edge
+        .map(|(vertex, p)| {
+            let at = (triangle, vertex as u32);
+            (p[from], position(plan, subdivision, mesh, at))
+        })
+        .collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Both triangles of an edge have the same bits along it, where they share its vertices and where a seam gives each vertices of its own.
+    #[test]
+    fn an_edge_is_one_edge_from_both_sides(
+        positions in prop::array::uniform4(prop::array::uniform3(-9.0_f32..9.0)),
+        level in 1_u32..7,
+    ) {
+        for pattern in [Pattern::Gl, Pattern::Uniform] {
+            let divided = divided(level, pattern);
+            let [a, b, c, d] = positions;
+            // Corners 1 and 2 of the first triangle are corners 1 and 0 of the second.
+            let shared = Mesh::of_floats(&[a, b, c, d], &[0, 1, 2, 2, 1, 3]);
+            let seam = Mesh::of_floats(&[a, b, c, c, b, d], &[0, 1, 2, 3, 4, 5]);
+            for mesh in [shared, seam] {
+                let first = along(&divided, &mesh, 0, [1, 2]);
+                let second = along(&divided, &mesh, 1, [1, 0]);
+                prop_assert_eq!(first.len() as u32, level + 1);
+                prop_assert_eq!(first, second);
+            }
+        }
+    }
+}
+
+/// Every kind of format is read as WebGPU's vertex input reads it, at any offset it may have.
+#[test]
+fn packed_formats_are_decoded() {
+    let divided = divided(1, Pattern::Uniform);
+    let none = 0xeeee_eeee;
+    // Format, offset, words of a vertex, and what a shader sees of it as a vec3.
+    let cases: [(&str, u32, [u32; 4], [f32; 3]); 15] = [
+        (
+            "float32x3",
+            4,
+            [none, 0x3f80_0000, 0xc000_0000, 0x3f00_0000],
+            [1.0, -2.0, 0.5],
+        ),
+        (
+            "float32x2",
+            8,
+            [none, none, 0x3f80_0000, 0xc000_0000],
+            [1.0, -2.0, 0.0],
+        ),
+        (
+            "float32",
+            12,
+            [none, none, none, 0x4040_0000],
+            [3.0, 0.0, 0.0],
+        ),
+        (
+            "float32x4",
+            0,
+            [0x3f80_0000, 0, 0x4040_0000, none],
+            [1.0, 0.0, 3.0],
+        ),
+        (
+            "float16x4",
+            4,
+            [none, 0xc000_3c00, none << 16 | 0x3800, none],
+            [1.0, -2.0, 0.5],
+        ),
+        (
+            "float16",
+            6,
+            [none, 0x3800_0000, none, none],
+            [0.5, 0.0, 0.0],
+        ),
+        (
+            "unorm8x4",
+            0,
+            [0x00_ff_00_ff, none, none, none],
+            [1.0, 0.0, 1.0],
+        ),
+        (
+            "unorm8x2",
+            2,
+            [0xff_00_00_00, none, none, none],
+            [0.0, 1.0, 0.0],
+        ),
+        (
+            "unorm8",
+            3,
+            [0xff_00_00_00, none, none, none],
+            [1.0, 0.0, 0.0],
+        ),
+        (
+            "snorm8x4",
+            4,
+            [none, 0x00_7f_80_81, none, none],
+            [-1.0, -1.0, 1.0],
+        ),
+        (
+            "unorm16x4",
+            4,
+            [none, 0xffff_0000, 0x0000_ffff, none],
+            [0.0, 1.0, 1.0],
+        ),
+        (
+            "snorm16x2",
+            8,
+            [none, none, 0x8001_7fff, none],
+            [1.0, -1.0, 0.0],
+        ),
+        (
+            "snorm16",
+            2,
+            [0x7fff_0000, none, none, none],
+            [1.0, 0.0, 0.0],
+        ),
+        (
+            "unorm10-10-10-2",
+            4,
+            [none, 0x3ff0_03ff, none, none],
+            [1.0, 0.0, 1.0],
+        ),
+        (
+            "unorm8x4-bgra",
+            4,
+            [none, 0x00_ff_00_00, none, none],
+            [1.0, 0.0, 0.0],
+        ),
+    ];
+    for (format, offset, vertex, [x, y, z]) in cases {
+        let mesh = Mesh {
+            // The third corner of the triangle is the fourth vertex.
+            positions: [[none; 4], [none; 4], [none; 4], vertex].concat(),
+            layout: stream(format, offset, 16),
+            clip: [
+                [1.0, 0.0, 0.0, 0.0],
+                [0.0, 1.0, 0.0, 0.0],
+                [0.0, 0.0, 1.0, 0.0],
+                [0.0, 0.0, 0.0, 1.0],
+            ],
+            indices: &[0, 1, 3],
+        };
+        let (plan, subdivision) = &divided;
+        let found = position(plan, subdivision, &mesh, (0, 2));
+        // An addition of zero: no component is -0.
+        assert_eq!(found, Value::vector(&[x, y, z, 1.0]), "{format}");
+    }
+}
+
 #[test]
 fn shared_vertices_are_computed_and_then_read() {
     let smooth = WAVES
@@ -101,8 +374,8 @@ fn shared_vertices_are_computed_and_then_read() {
     let points = &points[points.find("fn tessellated_index").unwrap()..];
     insta::assert_snapshot!(format!("{main}\n// points, from its end\n\n{points}"));
     assert_eq!(next.compute.len(), 1);
-    // Position, and two values.
-    assert_eq!(next.vertex_buffers[0].stride, 4 * 6);
+    // Position, and three values.
+    assert_eq!(next.vertex_buffers[0].stride, 4 * 7);
     let flat = hoisted(&original(WAVES, &MaterialState::default()));
     let refusal = apply::<Tessellate>(&flat, &params).unwrap_err();
     assert_eq!(refusal.code, "flat-shared");

@@ -415,6 +415,7 @@ impl<'a> Subject<'a> {
                     creation_ms: creation.as_secs_f64() * 1e3,
                     draw_calls: prepared.draw_calls(),
                     target_bytes: prepared.target_bytes(),
+                    subdivision: prepared.subdivision_cost(),
                     encode_ms: None,
                     invocations: None,
                 });

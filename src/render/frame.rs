@@ -11,7 +11,7 @@ use super::inputs::SceneInputs;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::Variant;
-use super::subdivided::{Meshes, Subdivided};
+use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
 use crate::scene::{DrawOrder, Frame, Scene};
@@ -360,8 +360,8 @@ impl<'a> Prepared<'a> {
         self.passes.iter().map(|p| p.sequence.len()).sum()
     }
 
-    /// New vertices that subdivision computes in a frame, each once where triangles share it; and bytes that hold subdivided meshes, over all instances.
-    pub fn subdivision_cost(&self) -> (u64, u64) {
+    /// What subdivided geometry costs a frame; `None` where there is none.
+    pub fn subdivision_cost(&self) -> Option<SubdivisionCost> {
         self.meshes.cost()
     }
 

@@ -30,6 +30,7 @@ pub use gpu::{AdapterChoice, AdapterReport, Gpu, adapters};
 pub use inputs::SceneInputs;
 pub use picture::{ColorImage, DepthImage};
 pub use shader::{ShaderForm, Variant};
+pub use subdivided::SubdivisionCost;
 
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]

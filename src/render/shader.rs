@@ -300,5 +300,11 @@ fn check(described: &emit::PlanFile) -> Result<(), String> {
             ));
         }
     }
-    Ok(())
+    let named = plan.compute.iter().map(|c| Some(&c.entry_point));
+    let files = described.compute_files.iter();
+    let files = files.map(|f| f.get(&emit::Target::Wgsl).map(|s| &s.entry_point));
+    match named.eq(files) {
+        true => Ok(()),
+        false => Err("its files have other entry points than its compute passes".to_owned()),
+    }
 }

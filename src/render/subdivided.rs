@@ -6,11 +6,24 @@ use std::sync::Arc;
 use preshade_passes::geometry::{Constants, Form, Geometry, Stream, Subdivision};
 use preshade_passes::plan::{BindingSource, BindingUse, GeometryPart, Plan};
 use preshade_passes::tessellate::mesh::{self, Mesh};
+use serde::Serialize;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, VertexInput};
 use crate::scene::bind::VertexAttribute;
+
+/// What subdividing costs a frame, over all draws and instances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct SubdivisionCost {
+    /// New vertices computed. Of the pulled form one for each vertex of each triangle's pattern, which is what an adapter that reuses the vertices of an instance
+    /// computes.
+    pub evaluations: u64,
+    /// What that would be if no two triangles shared any.
+    pub unshared: u64,
+    /// Bytes of vertices, of what they are made of, and of indices.
+    pub bytes: u64,
+}
 
 /// The subdivided meshes of a frame, each made once: all passes of a draw share it.
 #[derive(Default)]
@@ -84,22 +97,21 @@ impl Meshes {
         Ok(Some(Subdivided { mesh, constants }))
     }
 
-    /// New vertices computed in a frame, and bytes of memory that hold them, what they are made of, and their triangles.
-    pub fn cost(&self) -> (u64, u64) {
-        let mut cost = (0, 0);
-        for (.., mesh) in &self.0 {
-            let (vertices, bytes) = mesh.cost();
-            cost.0 += vertices;
-            cost.1 += bytes;
-        }
-        cost
+    /// What all of them cost together; `None` where nothing is subdivided.
+    pub fn cost(&self) -> Option<SubdivisionCost> {
+        let costs = self.0.iter().map(|(.., mesh)| mesh.cost());
+        costs.reduce(|a, b| SubdivisionCost {
+            evaluations: a.evaluations + b.evaluations,
+            unshared: a.unshared + b.unshared,
+            bytes: a.bytes + b.bytes,
+        })
     }
 }
 
 impl SubdividedMesh {
     fn new(gpu: &Gpu, plan: &Plan, subdivision: &Subdivision, draw: &DrawInputs) -> Self {
         let (count, index_bytes) = match &draw.indices {
-            Some(indices) => (indices.count, indices.format.byte_size() as u32),
+            Some(indices) => (indices.count, indices.format.byte_size()),
             None => (draw.vertex_count, 0),
         };
         let triangles = count / 3;
@@ -171,15 +183,16 @@ impl SubdividedMesh {
         }
     }
 
-    /// New vertices computed in a frame, and bytes of memory.
-    fn cost(&self) -> (u64, u64) {
-        let vertices = u64::from(self.constants.vertices) * u64::from(self.instances);
-        match self.form {
-            Form::Pulled => (self.unshared, self.indices.size() + self.pattern.size()),
-            Form::Shared => {
-                let stored = self.vertices.values().map(wgpu::Buffer::size).sum::<u64>();
-                (vertices, stored + self.points.size() + self.indices.size())
-            }
+    fn cost(&self) -> SubdivisionCost {
+        let stored: u64 = self.vertices.values().map(wgpu::Buffer::size).sum();
+        let instances = u64::from(self.constants.instances);
+        SubdivisionCost {
+            evaluations: match self.form {
+                Form::Pulled => self.unshared,
+                Form::Shared => u64::from(self.constants.vertices) * instances,
+            },
+            unshared: self.unshared,
+            bytes: stored + self.points.size() + self.indices.size(),
         }
     }
 

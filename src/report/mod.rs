@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::measure::statistics::Invocations;
 use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, ShadowReport};
-use crate::render::AdapterReport;
+use crate::render::{AdapterReport, SubdivisionCost};
 use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
 
@@ -99,6 +99,9 @@ pub struct Cost {
     pub draw_calls: usize,
     /// Bytes of its depth and colour attachments.
     pub target_bytes: u64,
+    /// What subdivided geometry costs; `None`: there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub subdivision: Option<SubdivisionCost>,
     /// Milliseconds the CPU takes to encode one frame; `None`: not timed.
     pub encode_ms: Option<f64>,
     /// Invocations of one frame in the headline view, where the adapter counts them.

@@ -126,6 +126,15 @@ fn notes(report: &Report) -> String {
         if let Some(shadow) = &v.shadow {
             out.push_str(&under_the_light(&v.name, shadow));
         }
+        if let Some(cost) = v.cost.as_ref().and_then(|c| c.subdivision) {
+            out.push_str(&format!(
+                "{}: {} new vertices a frame (unshared {}), {:.1} MB\n",
+                v.name,
+                cost.evaluations,
+                cost.unshared,
+                cost.bytes as f64 / 1e6
+            ));
+        }
         match &v.verdict {
             Verdict::Broken { r#where } => {
                 out.push_str(&format!("{}: broken at {}\n", v.name, r#where));

@@ -182,6 +182,28 @@ pub fn cast(kind: ScalarKind, convert: Option<u8>, value: &Value) -> Result<Valu
     })
 }
 
+/// The fields of a word, `width` bits each from the lowest, each through `decode`.
+fn unpack(arguments: &[&Value], width: u32, decode: &dyn Fn(u32) -> f32) -> Result<Value, Stuck> {
+    let Value::Scalar(Scalar::U32(word)) = arguments[0] else {
+        return Err(Stuck::Type("unpacking no u32".to_owned()));
+    };
+    let fields = (0..32).step_by(width as usize);
+    let fields = fields.map(|shift| decode((word >> shift) & ((1 << width) - 1)));
+    Ok(Value::vector(&fields.collect::<Vec<_>>()))
+}
+
+/// A 16-bit float (IEEE 754 binary16).
+fn half(bits: u32) -> f32 {
+    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
+    let (exponent, fraction) = ((bits >> 10) & 31, (bits & 1023) as f32 / 1024.0);
+    sign * match exponent {
+        0 => fraction * 2.0_f32.powi(-14),
+        31 if fraction == 0.0 => f32::INFINITY,
+        31 => f32::NAN,
+        e => (1.0 + fraction) * 2.0_f32.powi(e as i32 - 15),
+    }
+}
+
 /// A built-in function.
 pub fn call(fun: MathFunction, arguments: &[&Value]) -> Result<Value, Stuck> {
     use MathFunction as M;
@@ -248,6 +270,13 @@ pub fn call(fun: MathFunction, arguments: &[&Value]) -> Result<Value, Stuck> {
                 parts.try_fold(first, |sum, p| binary(BinaryOperator::Add, &sum, &p))
             }
         },
+        M::Unpack4x8unorm => unpack(arguments, 8, &|bits| bits as f32 / 255.0),
+        M::Unpack4x8snorm => unpack(arguments, 8, &|bits| (bits as i8 as f32 / 127.0).max(-1.0)),
+        M::Unpack2x16unorm => unpack(arguments, 16, &|bits| bits as f32 / 65535.0),
+        M::Unpack2x16snorm => unpack(arguments, 16, &|bits| {
+            (bits as i16 as f32 / 32767.0).max(-1.0)
+        }),
+        M::Unpack2x16float => unpack(arguments, 16, &half),
         M::Length => dot(arguments[0], arguments[0]).map(|d| Value::f32(d.sqrt())),
         M::Distance => {
             let between = binary(BinaryOperator::Subtract, arguments[0], arguments[1])?;

@@ -1,0 +1,230 @@
+//! New vertices in a buffer: the compute stage that stores them, and the vertex stage that loads them.
+
+use std::collections::BTreeMap;
+
+use naga::{
+    BinaryOperator, Binding, BuiltIn, Expression, Function, Handle, Literal, Module, Scalar,
+    ScalarKind, ShaderStage, Span, Statement, Type, TypeInner, VectorSize,
+};
+
+use super::Slots;
+use super::build::{Functions, Linked, access, ours, vertex_inputs, word};
+use super::text::{self, Points, WORKGROUP};
+use crate::graph::FunctionId;
+use crate::place::{self, Builder, Rewrite};
+
+/// How a new vertex lies in the buffer that holds it once computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stored {
+    /// Each member of the vertex stage's result: its type, first word and width.
+    members: Vec<(Handle<Type>, u32, u8)>,
+    /// Words of a vertex.
+    pub words: u32,
+}
+
+impl Stored {
+    /// Of a vertex stage's result type.
+    ///
+    /// # Errors
+    /// In words: a member is not made of 32-bit numbers.
+    pub fn of(module: &Module, result: Handle<Type>) -> Result<Self, String> {
+        let TypeInner::Struct { members, .. } = &module.types[result].inner else {
+            return Err("the vertex stage gives no struct".to_owned());
+        };
+        let mut stored = Self {
+            members: Vec::new(),
+            words: 0,
+        };
+        for member in members {
+            let width = match &module.types[member.ty].inner {
+                TypeInner::Scalar(s) if s.width == 4 => 1,
+                TypeInner::Vector { size, scalar } if scalar.width == 4 => *size as u8,
+                _ => return Err("a varying is not made of 32-bit numbers".to_owned()),
+            };
+            stored.members.push((member.ty, stored.words, width));
+            stored.words += u32::from(width);
+        }
+        Ok(stored)
+    }
+
+    /// Widths of its members, each once.
+    pub fn widths(&self) -> Vec<u8> {
+        let mut widths: Vec<u8> = self.members.iter().map(|m| m.2).collect();
+        widths.sort_unstable();
+        widths.dedup();
+        widths
+    }
+
+    /// The word of a member, of the vertex of that index.
+    fn at(
+        &self,
+        build: &mut Builder<'_>,
+        index: Handle<Expression>,
+        word: u32,
+    ) -> Handle<Expression> {
+        let words = build.literal(Literal::U32(self.words));
+        let first = build.expression(Expression::Binary {
+            op: BinaryOperator::Multiply,
+            left: index,
+            right: words,
+        });
+        if word == 0 {
+            return first;
+        }
+        let word = build.literal(Literal::U32(word));
+        build.expression(Expression::Binary {
+            op: BinaryOperator::Add,
+            left: first,
+            right: word,
+        })
+    }
+}
+
+/// The bits of a 32-bit number or vector, as another kind of it.
+fn bits(build: &mut Builder<'_>, expr: Handle<Expression>, kind: ScalarKind) -> Handle<Expression> {
+    build.expression(Expression::As {
+        expr,
+        kind,
+        convert: None,
+    })
+}
+
+/// `functions`' module with a compute entry point that evaluates and stores every new vertex.
+///
+/// # Errors
+/// In words: our own text lacks something.
+pub fn stored(
+    functions: &Functions,
+    vertex: usize,
+    name: &str,
+    stored: &Stored,
+) -> Result<Module, String> {
+    let mut module = functions.module.clone();
+    let triple = module.types.insert(
+        Type {
+            name: None,
+            inner: TypeInner::Vector {
+                size: VectorSize::Tri,
+                scalar: Scalar::U32,
+            },
+        },
+        Span::UNDEFINED,
+    );
+    let entry = naga::EntryPoint {
+        name: name.to_owned(),
+        stage: ShaderStage::Compute,
+        workgroup_size: [WORKGROUP, 1, 1],
+        function: Function {
+            name: Some(name.to_owned()),
+            ..Function::default()
+        },
+        ..module.entry_points[vertex].clone()
+    };
+    module.entry_points.push(entry);
+    let entry = FunctionId::EntryPoint(module.entry_points.len() - 1);
+    let ours = |name: &str| ours(&functions.ours, name);
+    let (index_of, is_one, place_of) = (
+        ours("tessellated_index")?,
+        ours("tessellated_is_one")?,
+        ours("tessellated_place_of")?,
+    );
+    let mut stores = BTreeMap::new();
+    for width in stored.widths() {
+        stores.insert(width, ours(&format!("tessellated_store_{width}_"))?);
+    }
+    Ok(place::rewritten(&module, entry, |build| {
+        let inputs = [
+            ("id", BuiltIn::GlobalInvocationId),
+            ("groups", BuiltIn::NumWorkGroups),
+        ];
+        let inputs: Vec<_> = inputs
+            .into_iter()
+            .map(|(name, b)| build.argument(name, triple, Some(Binding::BuiltIn(b))))
+            .collect();
+        let index = build.call(index_of, inputs);
+        let one = index.and_then(|i| build.call(is_one, vec![i]));
+        let (Some(index), Some(one)) = (index, one) else {
+            return Rewrite::default();
+        };
+        build.name(index, "index");
+        build.if_then(one, |build| {
+            let place = build.call(place_of, vec![index]);
+            let author = place.and_then(|p| build.call(functions.between, vec![p]));
+            let Some(value) = author.and_then(|a| build.call(functions.rest, vec![a])) else {
+                return;
+            };
+            for (i, (ty, word, width)) in stored.members.iter().enumerate() {
+                let member = access(build, value, i as u32);
+                let member = match build.module().types[*ty].inner.scalar_kind() {
+                    Some(ScalarKind::Uint) => member,
+                    _ => bits(build, member, ScalarKind::Uint),
+                };
+                let at = stored.at(build, index, *word);
+                build.call(stores[width], vec![at, member]);
+            }
+        });
+        Rewrite::default()
+    }))
+}
+
+/// `module` with the vertex entry point of that index reading what a compute pass stored.
+///
+/// # Errors
+/// In words: our own text lacks something.
+pub fn loaded(
+    module: Module,
+    vertex: usize,
+    slots: Slots,
+    stored: &Stored,
+) -> Result<Module, String> {
+    let widths = stored.widths();
+    let wgsl = text::constants(slots, 0) + &text::points(slots, Points::Loaded, &widths);
+    let Linked {
+        mut module,
+        ours: by_name,
+    } = Linked::new(module, &wgsl)?;
+    let index_of = ours(&by_name, "tessellated_index")?;
+    let mut loads = BTreeMap::new();
+    for width in widths {
+        loads.insert(
+            width,
+            ours(&by_name, &format!("tessellated_load_{width}_"))?,
+        );
+    }
+    let word = word(&mut module);
+    let point = &mut module.entry_points[vertex].function;
+    let result = point.result.clone();
+    let ty = result.as_ref().map(|r| r.ty);
+    *point = Function {
+        name: point.name.clone(),
+        result,
+        ..Function::default()
+    };
+    let ty = ty.ok_or("the vertex stage gives nothing")?;
+    Ok(place::rewritten(
+        &module,
+        FunctionId::EntryPoint(vertex),
+        |build| {
+            let inputs = vertex_inputs(build, word);
+            let Some(index) = build.call(index_of, inputs) else {
+                return Rewrite::default();
+            };
+            build.name(index, "index");
+            let mut components = Vec::new();
+            for (member, at, width) in &stored.members {
+                let at = stored.at(build, index, *at);
+                let Some(loaded) = build.call(loads[width], vec![at]) else {
+                    continue;
+                };
+                let kind = build.module().types[*member].inner.scalar_kind();
+                components.push(match kind {
+                    Some(ScalarKind::Uint) | None => loaded,
+                    Some(kind) => bits(build, loaded, kind),
+                });
+            }
+            let value = build.expression(Expression::Compose { ty, components });
+            build.statement(Statement::Return { value: Some(value) });
+            Rewrite::default()
+        },
+    ))
+}
