@@ -2,6 +2,7 @@
 # Installs what preshade needs on a bare Debian or Ubuntu machine, and nothing where it is there already.
 #
 #   setup.sh vulkan    a Vulkan loader, and Mesa's software Vulkan (lavapipe) where no adapter is found
+#   setup.sh gl        EGL and OpenGL 4: Mesa's, in software where there is no graphics card
 #   setup.sh accept    spirv-val, glslangValidator, and Tint (npm package `webgpu`) for the acceptance tests
 set -eu
 
@@ -30,6 +31,15 @@ vulkan() {
     have c++ || install build-essential
 }
 
+gl() {
+    # EGL's loader, and a driver's half behind it.
+    loader=$(ldconfig -p 2>/dev/null | grep -c 'libEGL\.so\.1' || true)
+    drivers=$(ls /usr/share/glvnd/egl_vendor.d /etc/glvnd/egl_vendor.d 2>/dev/null | grep -c '\.json$' || true)
+    if [ "$loader" = 0 ] || [ "$drivers" = 0 ]; then
+        install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri
+    fi
+}
+
 accept() {
     have spirv-val || install spirv-tools
     have glslangValidator || install glslang-tools
@@ -41,6 +51,7 @@ accept() {
 for part in "$@"; do
     case "$part" in
         vulkan) vulkan ;;
+        gl) gl ;;
         accept) accept ;;
         *) echo "setup: unknown part $part" >&2; exit 2 ;;
     esac

@@ -72,7 +72,7 @@ fn plan(name: &str, text: &str) -> Plan {
 }
 
 fn emit_all(plan: &Plan) -> Vec<File> {
-    emit::emit(plan, &Target::ALL, &emit::Options::default()).unwrap()
+    emit::emit(plan, &Target::GENERAL, &emit::Options::default()).unwrap()
 }
 
 fn text<'a>(files: &'a [File], name: &str) -> &'a str {
@@ -267,7 +267,7 @@ fn overrides_stay_in_wgsl_and_take_their_default_elsewhere() {
             "override level: f32{init};\n{VS}@fragment fn fs() -> @location(0) vec4<f32> {{ return vec4(level); }}"
         )
     };
-    let (name, files) = emitted("o.wgsl", &with(" = 0.75"), &Target::ALL);
+    let (name, files) = emitted("o.wgsl", &with(" = 0.75"), &Target::GENERAL);
     assert!(text(&files, "material.main.wgsl").contains("override level: f32 = 0.75f;"));
     assert!(text(&files, "material.main.frag").contains("0.75"));
     accept::accept(&[(name, files)]);

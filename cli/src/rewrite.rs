@@ -51,6 +51,10 @@ enum EmitTarget {
     Glsl,
     /// GLSL ES 3.00 for WebGL 2.
     GlslEs,
+    /// GLSL 4.00 for OpenGL, what was hoisted in a tessellation stage.
+    GlslTess,
+    /// GLSL 4.50 for Vulkan, likewise.
+    GlslVulkanTess,
 }
 
 impl From<EmitTarget> for Target {
@@ -60,6 +64,8 @@ impl From<EmitTarget> for Target {
             EmitTarget::Spirv => Self::Spirv,
             EmitTarget::Glsl => Self::Glsl450,
             EmitTarget::GlslEs => Self::GlslEs300,
+            EmitTarget::GlslTess => Self::GlslTess,
+            EmitTarget::GlslVulkanTess => Self::GlslVulkanTess,
         }
     }
 }

@@ -38,6 +38,7 @@ use crate::state::Topology;
 
 mod build;
 pub mod mesh;
+pub mod native;
 pub mod pattern;
 mod split;
 mod stored;

@@ -1,4 +1,4 @@
-//! One entry point as GLSL 4.50 or GLSL ES 3.00, with what a host must know to bind its resources.
+//! One entry point as GLSL 4.50, 4.00 or GLSL ES 3.00, with what a host must know to bind its resources.
 
 use naga::back::glsl::{
     self, BindingMap, Options as WriterOptions, PipelineOptions, Version, Writer, WriterFlags,
@@ -18,9 +18,10 @@ use super::overrides::{self, Settled};
 use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
 use super::{ClipSpace, Error, Options, Target};
 
-/// The text, and what `plan.json` says of it. `name` is the file's.
+/// The text, and what `plan.json` says of it. `name` is the file's. Bindings are numbered as those of `numbered`, which has all stages of the program.
 pub(super) fn write(
     program: &Program,
+    numbered: &Module,
     stage: ShaderStage,
     entry: &str,
     name: &str,
@@ -35,7 +36,9 @@ pub(super) fn write(
     refuse_depth_loads(module, info, stage, entry, name, target)?;
     let (version, binding_map) = match target {
         Target::GlslEs300 => (Version::new_gles(300), BindingMap::default()),
-        _ => (Version::Desktop(450), binding_map(program.module())),
+        Target::GlslTess => (Version::Desktop(400), BindingMap::default()),
+        Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(numbered)),
+        _ => (Version::Desktop(450), binding_map(numbered)),
     };
     let mut writer_flags = WriterFlags::TEXTURE_SHADOW_LOD;
     if options.glsl_clip_space == ClipSpace::OpenGl {
@@ -146,6 +149,19 @@ fn binding_map(module: &Module) -> BindingMap {
         *slot = slot.saturating_add(1);
     }
     map
+}
+
+/// Bindings of one descriptor set, in the order of group and binding. All stages of a program share them.
+fn descriptor_map(module: &Module) -> BindingMap {
+    let bound = module.global_variables.iter().filter_map(|(_, g)| {
+        // A sampler is combined into its texture's binding.
+        let is_sampler = matches!(module.types[g.ty].inner, TypeInner::Sampler { .. });
+        g.binding.filter(|_| !is_sampler)
+    });
+    let mut bound: Vec<ResourceBinding> = bound.collect();
+    bound.sort_by_key(|b| (b.group, b.binding));
+    let slots = (0..=u8::MAX).chain(std::iter::repeat(u8::MAX));
+    bound.into_iter().zip(slots).collect()
 }
 
 /// GLSL cannot fetch a texel of a depth texture without comparing it, and naga says so only as "WGSL `textureLoad` from depth textures is

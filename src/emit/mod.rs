@@ -10,6 +10,8 @@
 //! | [`Target::Spirv`] | `MATERIAL.ROLE.vert.spv`, `MATERIAL.ROLE.frag.spv` |
 //! | [`Target::Glsl450`] | `MATERIAL.ROLE.vert`, `MATERIAL.ROLE.frag` |
 //! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
+//! | [`Target::GlslTess`] | `MATERIAL.ROLE.tess.vert`, `.tess.tesc`, `.tess.tese`, `.tess.frag`, of a hoisted plan |
+//! | [`Target::GlslVulkanTess`] | `MATERIAL.ROLE.vulkan.vert`, `.vulkan.tesc`, `.vulkan.tese`, `.vulkan.frag`, of a hoisted plan |
 //!
 //! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
 //! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Compute stages end in `comp`. Which file a pass takes is written in `plan.json`.
@@ -32,6 +34,8 @@ mod reduce;
 mod repair;
 #[cfg(feature = "spirv")]
 mod spirv;
+#[cfg(feature = "glsl")]
+mod tess;
 mod text;
 mod tidy;
 mod wgsl;
@@ -47,7 +51,9 @@ use serde::{Deserialize, Serialize};
 use crate::front::guard;
 
 pub use output::write;
-pub use plan_json::{Fallback, Form, GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile};
+pub use plan_json::{
+    Fallback, Form, GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile, TessellationFiles,
+};
 
 /// A form to write programs in.
 #[derive(
@@ -66,11 +72,27 @@ pub enum Target {
     /// GLSL ES 3.00 for WebGL 2: combined samplers, bindings by name.
     #[serde(rename = "glsl-es")]
     GlslEs300,
+    /// GLSL 4.00 for OpenGL, with tessellation stages that evaluate what was hoisted: combined samplers, bindings by name.
+    #[serde(rename = "glsl-tess")]
+    GlslTess,
+    /// GLSL 4.50 for Vulkan, with the same stages: combined samplers, one descriptor set.
+    #[serde(rename = "glsl-vulkan-tess")]
+    GlslVulkanTess,
 }
 
 impl Target {
     /// Every target, in the order of the command line's help.
-    pub const ALL: [Self; 4] = [Self::Wgsl, Self::Spirv, Self::Glsl450, Self::GlslEs300];
+    pub const ALL: [Self; 6] = [
+        Self::Wgsl,
+        Self::Spirv,
+        Self::Glsl450,
+        Self::GlslEs300,
+        Self::GlslTess,
+        Self::GlslVulkanTess,
+    ];
+
+    /// The targets for any plan: without those for hoisted ones alone.
+    pub const GENERAL: [Self; 4] = [Self::Wgsl, Self::Spirv, Self::Glsl450, Self::GlslEs300];
 
     /// Its name on the command line and in `plan.json`.
     pub fn name(self) -> &'static str {
@@ -79,6 +101,8 @@ impl Target {
             Self::Spirv => "spirv",
             Self::Glsl450 => "glsl",
             Self::GlslEs300 => "glsl-es",
+            Self::GlslTess => "glsl-tess",
+            Self::GlslVulkanTess => "glsl-vulkan-tess",
         }
     }
 
@@ -205,6 +229,8 @@ struct Stage {
 type WrittenFiles = BTreeMap<(String, Written, Target), StageFile>;
 
 fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
+    #[cfg(feature = "glsl")]
+    tess::check(plan, targets)?;
     let mut files = Vec::new();
     let written = write_programs(plan, targets, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
@@ -308,6 +334,24 @@ fn written_key(stage: ShaderStage, entry: &str) -> Written {
     (order, entry.to_owned())
 }
 
+/// A stage that naga has no name for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TessellationStage {
+    Control,
+    Evaluation,
+}
+
+impl TessellationStage {
+    /// Of the stage between a vertex entry point and its fragments.
+    fn key(self, vertex: &str) -> Written {
+        let order = match self {
+            Self::Control => 3,
+            Self::Evaluation => 4,
+        };
+        (order, vertex.to_owned())
+    }
+}
+
 fn dedup(targets: &[Target]) -> Vec<Target> {
     let mut all = Vec::new();
     for target in targets {
@@ -409,7 +453,15 @@ fn write_program(
                     _ => "",
                 };
                 let name = format!("{}.{es}{}", s.stem, extension(s.stage));
-                let (text, said) = glsl::write(program, s.stage, &s.entry, &name, target, options)?;
+                let (text, said) = glsl::write(
+                    program,
+                    program.module(),
+                    s.stage,
+                    &s.entry,
+                    &name,
+                    target,
+                    options,
+                )?;
                 let bytes = text.into_bytes();
                 Ok((
                     File { name, bytes },
@@ -417,13 +469,17 @@ fn write_program(
                 ))
             })
             .collect(),
+        #[cfg(feature = "glsl")]
+        Target::GlslTess | Target::GlslVulkanTess => {
+            tess::write(plan, program, stages, target, options)
+        }
         #[cfg(not(feature = "spirv"))]
         Target::Spirv => Err(Error::NotBuilt {
             target,
             feature: "spirv",
         }),
         #[cfg(not(feature = "glsl"))]
-        Target::Glsl450 | Target::GlslEs300 => {
+        Target::Glsl450 | Target::GlslEs300 | Target::GlslTess | Target::GlslVulkanTess => {
             let _ = options;
             Err(Error::NotBuilt {
                 target,

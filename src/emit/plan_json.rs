@@ -8,7 +8,7 @@ use preshade_passes::plan::{Attachment, GpuPass, Plan};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{File, Target, WrittenFiles, written_key};
+use super::{File, Target, TessellationStage, WrittenFiles, written_key};
 
 /// The content of `MATERIAL.plan.json`: a plan ([`preshade_passes::plan::SCHEMA`]) and its files.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -94,6 +94,18 @@ pub struct PassFiles {
     /// Fragment stage, by target; for a pass without one GLSL ES alone, which needs an empty stage.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub fragment: BTreeMap<Target, StageFile>,
+    /// Tessellation stages, by target, where it has them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub tessellation: BTreeMap<Target, TessellationFiles>,
+}
+
+/// The tessellation stages of a pass, which draws patches of three vertices.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct TessellationFiles {
+    /// Control stage. It sets all levels to one `float`: in OpenGL the uniform `tessellation_level`, in Vulkan the specialisation constant 0; 3 where the host sets none.
+    pub control: StageFile,
+    /// Evaluation stage.
+    pub evaluation: StageFile,
 }
 
 /// One stage of a pass in one target.
@@ -162,6 +174,28 @@ fn stage_files(
         .collect()
 }
 
+/// The tessellation stages around a vertex stage, by target.
+fn tessellation_files(
+    written: &WrittenFiles,
+    program: &str,
+    vertex: &str,
+) -> BTreeMap<Target, TessellationFiles> {
+    let of = |stage: TessellationStage, target: Target| {
+        let key = (program.to_owned(), stage.key(vertex), target);
+        written.get(&key).cloned()
+    };
+    let stages = |target| {
+        Some(TessellationFiles {
+            control: of(TessellationStage::Control, target)?,
+            evaluation: of(TessellationStage::Evaluation, target)?,
+        })
+    };
+    let targets = Target::ALL.into_iter();
+    targets
+        .filter_map(|target| Some((target, stages(target)?)))
+        .collect()
+}
+
 /// The files of each pass.
 fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
     let of = |program: &str, stage, entry: &str| stage_files(written, program, stage, entry);
@@ -176,6 +210,7 @@ fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
                 ShaderStage::Fragment,
                 pass.fragment.as_deref().unwrap_or_default(),
             ),
+            tessellation: tessellation_files(written, &pass.program, &pass.vertex),
         })
         .collect()
 }

@@ -19,6 +19,8 @@ pub struct Judged {
     pub spirv: usize,
     /// Files given to glslang.
     pub glsl: usize,
+    /// Programs with tessellation stages that glslang linked.
+    pub linked: usize,
 }
 
 /// Has every file of every set judged: a set is a label, for the message, and what `emit::emit` returned. Panics with all rejections, each
@@ -45,7 +47,11 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
             })
             .collect()
     };
-    let (wgsl, spirv, glsl) = (of(&["wgsl"]), of(&["spv"]), of(&["vert", "frag"]));
+    let (wgsl, spirv, glsl) = (
+        of(&["wgsl"]),
+        of(&["spv"]),
+        of(&["vert", "tesc", "tese", "frag"]),
+    );
     let mut rejections = tint(&wgsl);
     for (label, path) in &spirv {
         let mut command = Command::new("spirv-val");
@@ -53,9 +59,17 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
         rejections.extend(run(command, label, path));
     }
     for (label, path) in &glsl {
-        let mut command = Command::new("glslangValidator");
+        let mut command = glslang(path);
         command.arg(path);
         rejections.extend(run(command, label, path));
+    }
+    let controls = of(&["tesc"]);
+    for (label, control) in &controls {
+        let mut command = glslang(control);
+        command.arg("-l");
+        command.args(["vert", "tesc", "tese", "frag"].map(|e| control.with_extension(e)));
+        let label = format!("{label}, all stages");
+        rejections.extend(run(command, &label, control));
     }
     assert!(
         rejections.is_empty(),
@@ -69,7 +83,20 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
         wgsl: wgsl.len(),
         spirv: spirv.len(),
         glsl: glsl.len(),
+        linked: controls.len(),
     }
+}
+
+/// glslang by the rules of the file's API: OpenGL's, or Vulkan's, which it knows by writing SPIR-V.
+fn glslang(path: &Path) -> Command {
+    let mut command = Command::new("glslangValidator");
+    let stem = path.file_stem().and_then(|s| s.to_str());
+    if stem.is_some_and(|s| s.ends_with(".vulkan")) {
+        command.arg("-V").arg("-o");
+        // A name that no file has, though several are written to it in turn.
+        command.arg(path.with_extension("judged"));
+    }
+    command
 }
 
 fn scratch() -> PathBuf {

@@ -1,0 +1,439 @@
+//! A hoisted program with tessellation stages, as GLSL 4.00 for OpenGL and GLSL 4.50 for Vulkan (GLSL 4.50, sections 4.4.1.1, 4.4.2.1 and 7.1).
+//!
+//! ```text
+//! .vert   the author's vertex stage                      _vs2fs_locationN
+//! .tesc   passes three corners on, sets the levels       _tc2te_locationN
+//! .tese   interpolates, runs what hoist put behind       _vs2fs_locationN
+//! .frag   what hoist left
+//! ```
+//!
+//! naga writes no tessellation stages. It writes the evaluation stage as the vertex stage that it is but for its inputs ([`native::Native::evaluation`]); each input's
+//! declaration, one line whose every word is known, then becomes a patch input and a global variable, and a `main` of ours fills the globals and calls naga's. Two things
+//! are renamed, identifier by identifier: naga's `main`, and what naga named after the vertex stage, so that no block or sampler has the name of another one's of the
+//! real vertex stage.
+//!
+//! No cracks: corners keep their bits, and a point of a shared edge is the sum of two products, `precise` and so the same in either order, of coordinates that are the same
+//! seen from both sides (OpenGL 4.0, appendix A.4, rules 3 and 5).
+
+use std::collections::BTreeMap;
+
+use naga::{
+    AddressSpace, Binding, BuiltIn, Module, Sampling, Scalar, ScalarKind, ShaderStage, TypeInner,
+};
+use preshade_passes::plan::Plan;
+use preshade_passes::program::Program;
+use preshade_passes::reflect;
+use preshade_passes::tessellate::native::{self, Blend, Native, Patch, PatchVarying};
+
+use super::plan_json::StageFile;
+use super::{
+    ClipSpace, Emitted, Error, File, Options, Stage, Target, TessellationStage, dedup, extension,
+    glsl, written_key,
+};
+
+/// Level of all edges where the host sets none: the one that the article recommends.
+const LEVEL: &str = "3.0";
+
+/// Refuses targets with tessellation stages for plans that cannot have them.
+pub(super) fn check(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+    let tessellated = [Target::GlslTess, Target::GlslVulkanTess];
+    for target in dedup(targets) {
+        if tessellated.contains(&target)
+            && let Err(refusal) = native::native(plan)
+        {
+            return Err(Error::Inexpressible {
+                file: format!("{}.main.{}tese", plan.material, infix(target)),
+                target,
+                what: format!("a tessellation stage: {}", refusal.reason),
+                remedy: refusal.remedy.clone(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// What stands before the extension of a target's files.
+fn infix(target: Target) -> &'static str {
+    match target {
+        Target::GlslVulkanTess => "vulkan.",
+        _ => "tess.",
+    }
+}
+
+/// The files of a program. A plan's fallback to the original is not hoisted, and has no tessellation stages.
+pub(super) fn write(
+    plan: &Plan,
+    program: &Program,
+    stages: &[Stage],
+    target: Target,
+    options: &Options,
+) -> Result<Vec<Emitted>, Error> {
+    // Vulkan's clip space is the author's but for y, which the host's viewport turns, as for SPIR-V.
+    let options = match target {
+        Target::GlslVulkanTess => &Options {
+            glsl_clip_space: ClipSpace::AsWritten,
+        },
+        _ => options,
+    };
+    let hoisted = native::native(plan).ok();
+    // Of which the author's vertex stage alone has no more than a part.
+    let all = program.module();
+    let mut files = Vec::new();
+    for stage in stages {
+        let name = |extension: &str| format!("{}.{}{extension}", stage.stem, infix(target));
+        let own = name(extension(stage.stage));
+        match &hoisted {
+            Some(hoisted) if stage.stage == ShaderStage::Vertex => {
+                let corner = Options {
+                    // Positions are interpolated as the author has them; the last stage turns them.
+                    glsl_clip_space: ClipSpace::AsWritten,
+                };
+                files.push(plain(&hoisted.corner, all, stage, &own, target, &corner)?);
+                let key = |of: TessellationStage| of.key(&stage.entry);
+                let control = name("tesc");
+                let text = control_text(&hoisted.patch, target, &control)?;
+                let said = StageFile::new(&control, "main");
+                let said = vec![(key(TessellationStage::Control), said)];
+                files.push((file(control, text), said));
+                let evaluation = name("tese");
+                let (text, said) =
+                    evaluation_text(hoisted, all, &stage.entry, target, options, &evaluation)?;
+                let said = vec![(key(TessellationStage::Evaluation), said)];
+                files.push((file(evaluation, text), said));
+            }
+            _ => files.push(plain(program, all, stage, &own, target, options)?),
+        }
+    }
+    Ok(files)
+}
+
+fn file(name: String, text: String) -> File {
+    let bytes = text.into_bytes();
+    File { name, bytes }
+}
+
+/// A vertex or fragment stage as naga writes it.
+fn plain(
+    program: &Program,
+    numbered: &Module,
+    stage: &Stage,
+    name: &str,
+    target: Target,
+    options: &Options,
+) -> Result<Emitted, Error> {
+    refuse(program, stage.stage, &stage.entry, target, name)?;
+    let (text, said) = glsl::write(
+        program,
+        numbered,
+        stage.stage,
+        &stage.entry,
+        name,
+        target,
+        options,
+    )?;
+    let said = vec![(written_key(stage.stage, &stage.entry), said)];
+    Ok((file(name.to_owned(), text), said))
+}
+
+/// Refuses what a target's version has no words for, though naga writes it: storage buffers in GLSL 4.00, and in Vulkan's GLSL `gl_VertexID`, `gl_InstanceID` and uniforms
+/// outside of blocks.
+fn refuse(
+    program: &Program,
+    stage: ShaderStage,
+    entry: &str,
+    target: Target,
+    name: &str,
+) -> Result<(), Error> {
+    let module = program.module();
+    let refuse = |what: &str, remedy: &str| {
+        Err(Error::Inexpressible {
+            file: name.to_owned(),
+            target,
+            what: what.to_owned(),
+            remedy: remedy.to_owned(),
+        })
+    };
+    let Some((index, entry)) = program.entry_point(stage, entry) else {
+        return Ok(());
+    };
+    let used = program.info().get_entry_point(index);
+    let globals = module.global_variables.iter();
+    let mut spaces = globals
+        .filter(|(handle, _)| !used[*handle].is_empty())
+        .map(|(_, g)| g.space);
+    if target == Target::GlslTess {
+        return match spaces.any(|s| matches!(s, AddressSpace::Storage { .. })) {
+            true => refuse(
+                "a storage buffer (OpenGL has them from 4.3 on)",
+                "emit glsl-vulkan-tess, or read a uniform buffer or a texture",
+            ),
+            false => Ok(()),
+        };
+    }
+    let remedy = "emit glsl-tess, or pass it as an attribute or in a uniform buffer";
+    for input in reflect::inputs(module, &entry.function) {
+        match input.binding {
+            Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => {
+                return refuse("the vertex index", remedy);
+            }
+            Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => {
+                return refuse("the instance index", remedy);
+            }
+            _ => {}
+        }
+    }
+    match spaces.any(|s| s == AddressSpace::Immediate) {
+        true => refuse("immediate data", remedy),
+        false => Ok(()),
+    }
+}
+
+/// GLSL's name for a varying's type.
+fn type_name(ty: &TypeInner, target: Target, file: &str) -> Result<String, Error> {
+    let of = |scalar: Scalar, size: u8| match (scalar.kind, size) {
+        (ScalarKind::Float, 1) => Some("float".to_owned()),
+        (ScalarKind::Sint, 1) => Some("int".to_owned()),
+        (ScalarKind::Uint, 1) => Some("uint".to_owned()),
+        (ScalarKind::Float, n) => Some(format!("vec{n}")),
+        (ScalarKind::Sint, n) => Some(format!("ivec{n}")),
+        (ScalarKind::Uint, n) => Some(format!("uvec{n}")),
+        _ => None,
+    };
+    let name = match ty {
+        TypeInner::Scalar(scalar) if scalar.width == 4 => of(*scalar, 1),
+        TypeInner::Vector { size, scalar } if scalar.width == 4 => of(*scalar, *size as u8),
+        _ => None,
+    };
+    name.ok_or_else(|| Error::Inexpressible {
+        file: file.to_owned(),
+        target,
+        what: "a varying that is not made of 32-bit numbers".to_owned(),
+        remedy: "declare it f32".to_owned(),
+    })
+}
+
+/// GLSL 4.00 has no locations between stages: variables meet by name.
+fn location(target: Target, location: u32) -> String {
+    match target {
+        Target::GlslVulkanTess => format!("layout(location = {location}) "),
+        _ => String::new(),
+    }
+}
+
+fn version(target: Target) -> &'static str {
+    match target {
+        Target::GlslVulkanTess => "#version 450 core\n",
+        _ => "#version 400 core\n",
+    }
+}
+
+/// The varying of a corner, as the vertex stage gives it and as the evaluation stage takes it.
+fn corner_name(varying: &PatchVarying) -> (String, String) {
+    let at = varying.location;
+    (
+        format!("_vs2fs_location{at}"),
+        format!("_tc2te_location{at}"),
+    )
+}
+
+/// As naga qualifies the vertex stage's output: drivers of GLSL 4.00 want both sides alike, though neither is interpolated.
+fn qualifier(varying: &PatchVarying) -> String {
+    let interpolation = match varying.blend {
+        Blend::Interpolated => "smooth ",
+        Blend::Flat => "flat ",
+    };
+    let sampling = match varying.sampling {
+        Some(Sampling::Centroid) => "centroid ",
+        Some(Sampling::Sample) => "sample ",
+        _ => "",
+    };
+    format!("{interpolation}{sampling}")
+}
+
+/// The control stage: three corners passed on, and one level for all edges.
+fn control_text(patch: &Patch, target: Target, file: &str) -> Result<String, Error> {
+    let mut text = version(target).to_owned();
+    text += "layout(vertices = 3) out;\n\n";
+    text += match target {
+        Target::GlslVulkanTess => {
+            "layout(constant_id = 0) const float tessellation_level = LEVEL;\n\n"
+        }
+        _ => "uniform float tessellation_level = LEVEL;\n\n",
+    }
+    .replace("LEVEL", LEVEL)
+    .as_str();
+    for varying in &patch.varyings {
+        let ty = type_name(&varying.ty, target, file)?;
+        let (from, to) = corner_name(varying);
+        let (at, how) = (location(target, varying.location), qualifier(varying));
+        text += &format!("{at}{how}in {ty} {from}[];\n{at}out {ty} {to}[];\n");
+    }
+    text += "
+void main() {
+    gl_out[gl_InvocationID].gl_Position = gl_in[gl_InvocationID].gl_Position;
+";
+    for varying in &patch.varyings {
+        let (from, to) = corner_name(varying);
+        text += &format!("    {to}[gl_InvocationID] = {from}[gl_InvocationID];\n");
+    }
+    text += "    if (gl_InvocationID == 0) {
+        gl_TessLevelOuter[0] = tessellation_level;
+        gl_TessLevelOuter[1] = tessellation_level;
+        gl_TessLevelOuter[2] = tessellation_level;
+        gl_TessLevelInner[0] = tessellation_level;
+    }
+}
+";
+    Ok(text)
+}
+
+/// The evaluation stage, made of what naga writes for a vertex stage.
+fn evaluation_text(
+    hoisted: &Native,
+    numbered: &Module,
+    entry: &str,
+    target: Target,
+    options: &Options,
+    file: &str,
+) -> Result<(String, StageFile), Error> {
+    let program = &hoisted.evaluation;
+    refuse(program, ShaderStage::Vertex, entry, target, file)?;
+    let (text, mut said) = glsl::write(
+        program,
+        numbered,
+        ShaderStage::Vertex,
+        entry,
+        file,
+        target,
+        options,
+    )?;
+    let written_otherwise = |what: &str| Error::Writer {
+        file: file.to_owned(),
+        target,
+        message: format!("{what} is not written as it was expected to be"),
+    };
+    // A name of ours that is none of naga's.
+    let free = |base: &str| {
+        let mut name = base.to_owned();
+        while identifiers(&text).any(|word| word == name) {
+            name.push('x');
+        }
+        name
+    };
+    let (evaluate, between) = (free("evaluate"), free("between"));
+
+    let mut names = BTreeMap::from([("main".to_owned(), evaluate.clone())]);
+    for block in &mut said.blocks {
+        let Some(stem) = block.block.strip_suffix("Vertex") else {
+            return Err(written_otherwise("a block"));
+        };
+        let name = format!("{stem}TessEvaluation");
+        let [group, binding] = block.binding;
+        let variable = format!("_group_{group}_binding_{binding}");
+        names.insert(format!("{variable}_vs"), format!("{variable}_te"));
+        names.insert(std::mem::replace(&mut block.block, name.clone()), name);
+    }
+    for texture in &mut said.textures {
+        let Some(stem) = texture.name.strip_suffix("_vs") else {
+            return Err(written_otherwise("a texture"));
+        };
+        let name = format!("{stem}_te");
+        names.insert(std::mem::replace(&mut texture.name, name.clone()), name);
+    }
+
+    let rest = text
+        .strip_prefix(version(target))
+        .ok_or_else(|| written_otherwise("the version"))?;
+    let mut lines: Vec<String> = rest.lines().map(|line| renamed(line, &names)).collect();
+    // Our own `main`: each input of naga's, from the corners.
+    let mut main = "\nvoid main() {\n".to_owned();
+    let position = PatchVarying {
+        location: hoisted.patch.position,
+        ty: TypeInner::Vector {
+            size: naga::VectorSize::Quad,
+            scalar: Scalar::F32,
+        },
+        blend: Blend::Interpolated,
+        sampling: None,
+    };
+    let varyings = hoisted.patch.varyings.iter();
+    let mut types = Vec::new();
+    for varying in std::iter::once(&position).chain(varyings) {
+        let (at, ty) = (varying.location, type_name(&varying.ty, target, file)?);
+        let declared = format!("layout(location = {at}) in {ty} _p2vs_location{at};");
+        let mut found = lines.iter_mut().filter(|line| **line == declared);
+        let line = found.next().ok_or_else(|| written_otherwise("an input"))?;
+        let is_position = at == hoisted.patch.position;
+        let (_, corner) = corner_name(varying);
+        let (corner, member) = match is_position {
+            true => ("gl_in", ".gl_Position"),
+            false => (corner.as_str(), ""),
+        };
+        *line = format!("{ty} _p2vs_location{at};");
+        if !is_position {
+            *line = format!("{}in {ty} {corner}[];\n{line}", location(target, at));
+        }
+        let [a, b, c] = [0, 1, 2].map(|i| format!("{corner}[{i}]{member}"));
+        main += &match varying.blend {
+            Blend::Interpolated => {
+                if !types.contains(&ty) {
+                    types.push(ty.clone());
+                }
+                format!("    _p2vs_location{at} = {between}({a}, {b}, {c});\n")
+            }
+            Blend::Flat => format!("    _p2vs_location{at} = {a};\n"),
+        };
+    }
+    main += &format!("    {evaluate}();\n}}\n");
+
+    let mut out = version(target).to_owned();
+    out += &format!(
+        "layout(triangles, equal_spacing, {}) in;\n",
+        winding(target)
+    );
+    out += lines.join("\n").trim_end();
+    out.push('\n');
+    for ty in types {
+        out += &format!(
+            "
+{ty} {between}({ty} a, {ty} b, {ty} c) {{
+    precise {ty} sum = gl_TessCoord.x * a + gl_TessCoord.y * b + gl_TessCoord.z * c;
+    return sum;
+}}
+"
+        );
+    }
+    Ok((out + &main, said))
+}
+
+/// The order in which a new triangle turns as the one it lies in: in OpenGL's domain (its origin is the lower left) and in Vulkan's (the upper left, by default).
+fn winding(target: Target) -> &'static str {
+    match target {
+        Target::GlslVulkanTess => "cw",
+        _ => "ccw",
+    }
+}
+
+fn in_identifier(c: char) -> bool {
+    c.is_ascii_alphanumeric() || c == '_'
+}
+
+/// Words of a text that has neither comments nor strings; numbers are among them.
+fn identifiers(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c| !in_identifier(c)).filter(|w| !w.is_empty())
+}
+
+/// The text with whole identifiers replaced.
+fn renamed(text: &str, names: &BTreeMap<String, String>) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(start) = rest.find(in_identifier) {
+        let (before, word) = rest.split_at(start);
+        let end = word.find(|c| !in_identifier(c)).unwrap_or(word.len());
+        let (word, after) = word.split_at(end);
+        out += before;
+        out += names.get(word).map_or(word, String::as_str);
+        rest = after;
+    }
+    out + rest
+}
