@@ -89,6 +89,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "what the text decodes to, for readers",
     ),
     (
+        "files[].tessellation",
+        "files of stages that WebGPU does not have: `native_tessellation.rs` draws them by OpenGL",
+    ),
+    (
         "compute[].program",
         "a name: `compute_files` says which file each stage is in",
     ),
