@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use preshade::emit::{self, Target};
 use preshade::passes::PASSES;
+use preshade::passes::contract::Contract;
 use preshade::passes::pass::{AnyPass, Facts};
 use preshade::passes::plan::Plan;
 use preshade::recipe::Recipe;
@@ -84,6 +85,13 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     for original in &originals {
         check_name(&original.material)?;
         let plan = apply(original, &recipe);
+        if let Contract::Approximate { metric, budget } = &plan.contract {
+            output::message(&format!(
+                "warning: `{}` is an approximation, allowed to be off by {budget} ({metric}), and nothing is measured here: `preshade verify` tells whether it keeps \
+                 that, and what to pass to `rewrite` for the choice it measured",
+                plan.material
+            ));
+        }
         let emitted = emit_each(&plan, &targets)?;
         files.extend(emitted.files);
         for error in emitted.errors {

@@ -251,7 +251,23 @@ fn choose(
         .map(|recipe| {
             bar.set_message(format!("choosing within the budget of {recipe}"));
             match measure::leaves_a_choice(&recipe) {
-                true => Ok(measure::within_budget(gpu, scene, &recipe, facts, form)?),
+                true => {
+                    let chosen = measure::within_budget(gpu, scene, &recipe, facts, form)?;
+                    if let Some(written) = measure::written_out(&chosen, facts) {
+                        let steps: Vec<String> = written
+                            .steps
+                            .iter()
+                            .map(|step| format!("--pass {step}"))
+                            .collect();
+                        bar.suspend(|| {
+                            output::message(&format!(
+                                "{recipe}: chosen by measurement; `rewrite` makes the same of {}",
+                                steps.join(" ")
+                            ));
+                        });
+                    }
+                    Ok(chosen)
+                }
                 false => Ok(recipe),
             }
         })

@@ -191,7 +191,7 @@ impl<'a> Material<'a> {
             return Err(refuse(
                 "not-hoisted",
                 "nothing was moved to the vertices: more of them would change nothing but the time",
-                "hoist first: --recipe hoist:budget=0.01,tessellate",
+                "put hoist:budget=0.01 before it in the recipe",
             ));
         };
         if !matches!(hoist.contract, Contract::Approximate { .. }) {

@@ -293,7 +293,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
                     Code::UnknownStage,
                     format!("cannot tell the stage of {}", source.name),
                 )
-                .note("name it by the extension .vert or .frag, or with --stage"));
+                .note("name it by the extension: .vert or .frag"));
             }
         }
     }

@@ -213,6 +213,42 @@ pub fn within_budget(
     Ok(recipe)
 }
 
+/// The recipe with its thresholds on measured errors written out as the values that keep them, so that it means the same where nothing is measured. `None`
+/// if it rests on no measurement.
+pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
+    let mut recipe = recipe.clone();
+    let mut changed = false;
+    for step in &mut recipe.steps {
+        let params = serde_json::from_value::<hoist::Params>(step.params.clone().into());
+        let (Ok(params), true) = (params, step.pass == Hoist::INFO.name) else {
+            continue;
+        };
+        let (Some(threshold), false) = (params.threshold, facts.frequencies.is_empty()) else {
+            continue;
+        };
+        let keeps = |f: &&Frequency| params.metric.of(f) <= threshold && f.nan_pixels == 0;
+        let ids: BTreeSet<&str> = facts
+            .frequencies
+            .iter()
+            .filter(keeps)
+            .map(|f| f.value.as_str())
+            .collect();
+        let ids: Vec<&str> = ids.into_iter().collect();
+        if ids.is_empty() {
+            continue;
+        }
+        step.params.remove("threshold");
+        step.params.insert("carry".to_owned(), ids.join("+").into());
+        if let Some(ratio) = params.vertices_per_fragment.or(facts.vertices_per_fragment) {
+            let ratio = (ratio * 1e6).round() / 1e6;
+            step.params
+                .insert("vertices-per-fragment".to_owned(), ratio.into());
+        }
+        changed = true;
+    }
+    changed.then_some(recipe)
+}
+
 /// The threshold with the fewest digits that chooses what the one at `index` does.
 fn shortest(thresholds: &[f64], index: usize) -> f64 {
     let exact = thresholds[index];

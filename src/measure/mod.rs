@@ -14,7 +14,7 @@ pub mod verdict;
 pub mod verify;
 
 pub use error::{ErrorLadder, compare};
-pub use frequency::{frequencies, leaves_a_choice, within_budget};
+pub use frequency::{frequencies, leaves_a_choice, within_budget, written_out};
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};

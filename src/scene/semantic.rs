@@ -152,7 +152,7 @@ const NAMES: &[(&str, Semantic)] = &[
 ];
 
 /// A name as it is compared: without case and underscores, and without the prefixes that authors put before uniforms and attributes
-/// (`u_`, `a_`, `in_`, `i_`, `uViewProj`, `aPosition`).
+/// (`u_`, `a_`, `in_`, `i_`, `uViewProj`, `aPosition`, `inPosition`).
 pub(crate) fn normalise(name: &str) -> String {
     let mut rest = name.trim_start_matches('_');
     for prefix in ["u_", "a_", "in_", "i_", "v_", "g_", "m_"] {
@@ -160,6 +160,11 @@ pub(crate) fn normalise(name: &str) -> String {
             rest = r;
             break;
         }
+    }
+    if let Some(r) = rest.strip_prefix("in")
+        && r.starts_with(|c: char| c.is_ascii_uppercase())
+    {
+        rest = r;
     }
     let mut chars = rest.chars();
     if let (Some('u' | 'a' | 'i'), Some(c)) = (chars.next(), chars.next())
