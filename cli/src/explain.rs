@@ -241,21 +241,36 @@ fn print(explained: &Explained, plan: &Plan) -> String {
     if !explained.frequencies.is_empty() {
         lines.push(
             "\nvalues that might be interpolated, by error against saved cost\n  \
-             saved ops  FLIP mean   max abs  NaN px  value"
+             saved ops  FLIP mean   max abs  NaN px  off by  of range  value"
                 .to_owned(),
         );
         for f in &explained.frequencies {
             let place = f.location.as_ref().map_or(String::new(), |l| {
                 format!(" ({}:{}:{})", l.file, l.line, l.column)
             });
+            let (off, range) = f
+                .interpolation
+                .as_ref()
+                .map_or(("-".to_owned(), "-".to_owned()), |i| {
+                    (short(i.max), short(i.range))
+                });
             lines.push(format!(
-                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  `{}`{place}",
+                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  {off:>6}  {range:>8}  `{}`{place}",
                 f.cost, f.flip_mean, f.max_abs, f.nan_pixels, f.name
             ));
         }
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// A number in four digits or so.
+fn short(number: f64) -> String {
+    match number.abs() {
+        0.0 => "0".to_owned(),
+        1e-3..1e4 => format!("{number:.4}").chars().take(6).collect(),
+        _ => format!("{number:.0e}"),
+    }
 }
 
 /// Most values told of that stayed: the dearest.

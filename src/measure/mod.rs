@@ -1,10 +1,11 @@
 //! What a variant costs in accuracy and gains in time, measured beside the original.
 //!
 //! [`error`] compares two pictures, [`shading`] counts fragments and depth ties, [`timing`] times frames, [`statistics`] asks the adapter what it
-//! invoked; [`frequency`] finds what can be interpolated; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene.
+//! invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene.
 
 pub mod error;
 pub mod frequency;
+pub mod interpolation;
 pub mod shading;
 pub mod shadow;
 pub mod statistics;
@@ -15,6 +16,7 @@ pub mod verify;
 
 pub use error::{ErrorLadder, compare};
 pub use frequency::{frequencies, leaves_a_choice, within_budget, written_out};
+pub use interpolation::interpolation;
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};

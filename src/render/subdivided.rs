@@ -34,6 +34,8 @@ pub(super) struct SubdividedMesh {
     pattern: wgpu::Buffer,
     /// `shared`: what each new vertex is made of.
     points: wgpu::Buffer,
+    /// `shared`: the same, as [`Mesh::points`].
+    made_of: Vec<[u32; 4]>,
     /// `shared`: the computed vertices, by the buffer's name in the plan.
     vertices: BTreeMap<String, wgpu::Buffer>,
     indices: wgpu::Buffer,
@@ -97,6 +99,14 @@ impl Meshes {
         Ok(Some(Subdivided { mesh, constants }))
     }
 
+    /// The buffers of computed vertices: draw, what each vertex of one instance is made of, and the buffer.
+    pub fn computed(&self) -> impl Iterator<Item = (usize, &[[u32; 4]], &wgpu::Buffer)> {
+        self.0.iter().flat_map(|(draw, _, _, mesh)| {
+            let buffers = mesh.vertices.values();
+            buffers.map(move |b| (*draw, mesh.made_of.as_slice(), b))
+        })
+    }
+
     /// What all of them cost together; `None` where nothing is subdivided.
     pub fn cost(&self) -> Option<SubdivisionCost> {
         let costs = self.0.iter().map(|(.., mesh)| mesh.cost());
@@ -142,6 +152,7 @@ impl SubdividedMesh {
                 Self {
                     points: pattern.clone(),
                     pattern,
+                    made_of: Vec::new(),
                     vertices: BTreeMap::new(),
                     index_count: indices.len() as u32,
                     indices: buffer(gpu, &indices, wgpu::BufferUsages::INDEX),
@@ -160,7 +171,7 @@ impl SubdividedMesh {
                     gpu.device.create_buffer(&wgpu::BufferDescriptor {
                         label: Some(&b.name),
                         size: (vertices * u64::from(b.stride)).max(16),
-                        usage: wgpu::BufferUsages::STORAGE,
+                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
                         mapped_at_creation: false,
                     })
                 };
@@ -176,6 +187,7 @@ impl SubdividedMesh {
                         vertices: points.len() as u32,
                         ..constants
                     },
+                    made_of: points,
                     form: Form::Shared,
                     unshared,
                 }
