@@ -5,6 +5,7 @@ use preshade::emit::{self, Target};
 use preshade::front::{self, Options, Source};
 use preshade::passes::contract::{Assumption, Contract};
 use preshade::passes::frame::{FrameLoad, FramePlan};
+use preshade::passes::neighbours;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::state::{
@@ -209,6 +210,139 @@ fn states_that_no_prepass_can_stand_in_front_of() {
                 outcome(&plan, recipe, &Facts::default()),
                 code,
                 "{recipe} on {change:?}"
+            );
+        }
+    }
+}
+
+/// What the plans of materials that write these channels of two targets say of each other: the code of the refusal of the first, or `together`.
+#[test]
+fn materials_that_leave_channels_which_others_write() {
+    let both = "struct O { @location(0) c: vec4<f32>, @location(1) n: vec4<f32> }\n@fragment fn fs() -> O { return O(vec4<f32>(1.0), vec4<f32>(1.0)); }\n";
+    let target = |write_mask| {
+        Some(ColorTarget {
+            write_mask,
+            ..ColorTarget::opaque("rgba8unorm")
+        })
+    };
+    let two = |second| state(|s| s.targets = vec![target(0b1111), second]);
+    let narrow = Some(ColorTarget::opaque("rg8unorm"));
+    let unwritten = |s: MaterialState| MaterialState {
+        depth_write: false,
+        ..s
+    };
+    // Text and state of both, what becomes of a pre-pass of the first, whether the first promises less alone.
+    for (first, second, code, partial) in [
+        (
+            (both, two(target(15))),
+            (both, two(target(15))),
+            "together",
+            false,
+        ),
+        (
+            (both, two(target(7))),
+            (both, two(target(15))),
+            "color-mask",
+            true,
+        ),
+        (
+            (both, two(target(7))),
+            (both, two(target(7))),
+            "together",
+            true,
+        ),
+        (
+            (both, two(target(7))),
+            (both, two(target(3))),
+            "color-mask",
+            true,
+        ),
+        // The neighbour leaves what the first writes, with a pre-pass or without: farther draws of the first show there.
+        (
+            (both, two(target(15))),
+            (both, two(target(7))),
+            "color-mask",
+            false,
+        ),
+        (
+            (both, two(target(15))),
+            (both, two(target(0))),
+            "color-mask",
+            false,
+        ),
+        // One that writes no depth keeps nothing from covering what shows.
+        (
+            (both, two(target(15))),
+            (both, unwritten(two(target(7)))),
+            "together",
+            false,
+        ),
+        (
+            (both, two(target(7))),
+            (both, unwritten(two(target(15)))),
+            "color-mask",
+            true,
+        ),
+        // Holes of a geometry buffer: not bound, not an output, not in the format.
+        (
+            (both, two(None)),
+            (both, two(target(15))),
+            "color-mask",
+            true,
+        ),
+        ((both, two(None)), (both, two(None)), "together", true),
+        (
+            (FLAT, state(|_| ())),
+            (both, two(target(15))),
+            "color-mask",
+            false,
+        ),
+        (
+            (FLAT, two(target(15))),
+            (both, two(target(15))),
+            "color-mask",
+            true,
+        ),
+        (
+            (both, two(narrow.clone())),
+            (both, two(narrow)),
+            "together",
+            false,
+        ),
+        (
+            ("", state(|_| ())),
+            (FLAT, state(|_| ())),
+            "color-mask",
+            true,
+        ),
+        (("", state(|_| ())), ("", state(|_| ())), "together", true),
+    ] {
+        let first = plan(&format!("{VERTEX}{}", first.0), &first.1);
+        let mut second = plan(&format!("{VERTEX}{}", second.0), &second.1);
+        second.material = "other".to_owned();
+        for recipe in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
+            let Ok(plan) = Recipe::parse([recipe])
+                .unwrap()
+                .apply(&first, &Facts::default())
+            else {
+                // Nothing to leave early in a material without a fragment stage.
+                assert_eq!(
+                    (recipe, first.main().unwrap().fragment.as_deref()),
+                    ("early-discard", None)
+                );
+                continue;
+            };
+            let conflict = neighbours::conflict(&plan, [&first, &second]);
+            let refused = conflict.map_or("together".to_owned(), |r| r.code);
+            assert_eq!(refused, code, "{recipe} on {first:#?}\nbeside {second:#?}");
+            let Contract::Exact { given } = &plan.contract else {
+                panic!("{:?}", plan.contract);
+            };
+            assert!(given.contains(&Assumption::OrdinaryNeighbours));
+            assert_eq!(
+                given.contains(&Assumption::LeftChannelsUnwritten),
+                partial,
+                "{recipe} on {first:#?}"
             );
         }
     }

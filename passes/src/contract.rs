@@ -11,8 +11,11 @@ pub enum Assumption {
     NoDepthTies,
     /// Both passes rasterise the same position bits from the same inputs.
     InvariantPosition,
-    /// No other opaque material of the frame moves depth away from the viewer or leaves traces of hidden fragments (stencil, stores).
+    /// No other opaque material of the frame moves depth away from the viewer or leaves traces of hidden fragments (stencil, stores), and none that writes depth
+    /// leaves colour channels as they are that others write.
     OrdinaryNeighbours,
+    /// No other opaque material of the frame writes the colour channels, or targets, that this one leaves as they are: what lies hidden would show there.
+    LeftChannelsUnwritten,
     /// No surface lies exactly on the near plane, at depth 0 of a float format, where bias vanishes.
     BeyondNearPlane,
     /// The original's position is `@invariant` already. Where it is not, marking it may move positions by their last bits.

@@ -338,7 +338,7 @@ fn biased(
         (opaque.direction == DepthDirection::Forward && format.may_be_float())
             .then_some(Assumption::BeyondNearPlane),
     );
-    given.extend(opaque.coverage_assumptions());
+    given.extend(opaque.assumptions());
     next.steps.push(step(slice, opaque, params, given));
     next.self_test = self_test::biased(&next);
     depth_only::finish(&mut next, "original");
@@ -404,7 +404,7 @@ fn equal(
         Assumption::SameViewport,
         Assumption::OrdinaryNeighbours,
     ]);
-    given.extend(opaque.coverage_assumptions());
+    given.extend(opaque.assumptions());
     given.extend(
         (opaque.depth.compare == opaque.strict() || drop_discard)
             .then_some(Assumption::NoDepthTies),

@@ -456,7 +456,7 @@ fn transform(
         Assumption::SameViewport,
         Assumption::OrdinaryNeighbours,
     ];
-    given.extend(opaque.coverage_assumptions());
+    given.extend(opaque.assumptions());
     if params.attachment == MainAttachment::Readonly {
         given.extend(invariant.assumptions(opaque));
         given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
