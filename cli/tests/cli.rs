@@ -381,3 +381,35 @@ fn deep_nesting_is_refused() {
     }
     fs::remove_file(&file).unwrap();
 }
+
+/// A scene's materials are drawn in one frame: what one of them hides, another may need.
+#[test]
+fn what_a_scene_forbids_is_neither_written_nor_said_to_apply() {
+    let out = nowhere("color-mask");
+    let scene = "../fixtures/scenes/color-mask.toml";
+    for name in ["stone", "tint"] {
+        let args = [
+            "rewrite",
+            scene,
+            "--name",
+            name,
+            "--pass",
+            "depth-prepass",
+            "-o",
+            out.to_str().unwrap(),
+        ];
+        let output = run(&args);
+        assert_eq!(output.status.code(), Some(0));
+        let said = stderr(&output);
+        assert!(said.contains("depth-prepass/color-mask"), "{said}");
+        assert!(!out.join(format!("{name}.prepass.wgsl")).exists());
+    }
+    let explained = run(&["explain", scene, "--pass", "early-discard"]);
+    let said = String::from_utf8(explained.stdout).unwrap();
+    assert_eq!(
+        said.matches("early-discard/color-mask").count(),
+        2,
+        "{said}"
+    );
+    assert!(!said.contains("applies to"), "{said}");
+}
