@@ -9,7 +9,7 @@ use preshade::measure::{self, ErrorLadder};
 use preshade::passes::contract::Contract;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
-use preshade::passes::state::{DepthDirection, DepthFormat};
+use preshade::passes::state::{DepthBias, DepthDirection, DepthFormat};
 use preshade::recipe::Recipe;
 use preshade::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
@@ -139,10 +139,16 @@ fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String
                 "fragment-store",
                 "[compare]",
             ];
-            let masked = label.starts_with("color-mask");
+            // What two scenes are made for.
+            let made_for = if label.starts_with("color-mask") {
+                "[color-mask]"
+            } else if label.starts_with("depth-bands") {
+                "[biased-position]"
+            } else {
+                "[]"
+            };
             if !variant.kept.iter().all(|k| {
-                expected.iter().any(|code| k.why.contains(code))
-                    || masked && k.why.contains("[color-mask]")
+                expected.iter().any(|code| k.why.contains(code)) || k.why.contains(made_for)
             }) {
                 wrong.push(format!(
                     "{label}: {recipe} applies to no material: {:?}",
@@ -317,6 +323,34 @@ fn what_alpha_leaves_uncovered_is_seen_to_break() {
         );
         assert!(covered.changed_pixels > 100, "{recipe}: {covered:?}");
     }
+}
+
+/// A pre-pass biased in spite of the refusal of a material that discards by its depth: the same slices, at depths that are not the main pass's.
+#[test]
+fn what_a_bias_does_to_the_depth_a_stage_sees_is_seen_to_break() {
+    let gpu = gpu();
+    let scene = load("depth-bands.toml");
+    let inputs = SceneInputs::new(gpu, &scene).unwrap();
+    let originals = measure::originals(&scene);
+    let reference = pictures(&inputs, &scene, &originals, ShaderForm::Text);
+    let recipe = Recipe::parse(["depth-prepass"]).unwrap();
+    let refusal = recipe.apply(&originals[0], &Facts::default()).unwrap_err();
+    assert_eq!(refusal.code, "biased-position");
+    let recipe = Recipe::parse(["depth-prepass:form=equal,vertex=sliced"]).unwrap();
+    let mut plan = recipe.apply(&originals[0], &Facts::without_ties()).unwrap();
+    let bias = DepthBias {
+        constant: 64,
+        slope_scale: 2.0,
+        clamp: 0.0,
+    };
+    let depth = originals[0].passes[0].depth.clone();
+    plan.passes[1].depth = depth;
+    plan.passes[0].depth.as_mut().unwrap().bias = bias;
+    let error = worst(
+        &reference,
+        &pictures(&inputs, &scene, &[plan], ShaderForm::Text),
+    );
+    assert!(error.changed_pixels > 20, "{error:?}");
 }
 
 /// What lies hidden shows in the channels that a material leaves as they are. Each material by itself takes the recipe; only the frame knows better.

@@ -393,6 +393,76 @@ fn what_the_biased_form_alone_refuses() {
     }
 }
 
+/// A depth bias is part of the z that a fragment stage sees, and of nothing else of its position.
+#[test]
+fn only_the_depth_of_a_position_is_biased() {
+    let read = "@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { if CONDITION { discard; } return p; }\n";
+    let of_struct = "struct In { @builtin(front_facing) f: bool, @builtin(position) p: vec4<f32> }\n\
+                     @fragment fn fs(i: In) -> @location(0) vec4<f32> { var v = i; if CONDITION { discard; } return v.p; }\n";
+    for (text, condition, code) in [
+        (read, "fract(p.z * 300.0) > 0.5", "biased-position"),
+        (read, "p.x + p.y + p.w > 3.0", "applies"),
+        (
+            read,
+            "dot(p, vec4<f32>(0.0, 0.0, 1.0, 0.0)) > 0.5",
+            "biased-position",
+        ),
+        (read, "p[u32(p.x) & 3u] > 0.5", "biased-position"),
+        (read, "(p.wzyx * 2.0).y > 0.5", "biased-position"),
+        (read, "(p.wzyx * 2.0).z > 0.5", "applies"),
+        (of_struct, "v.p.z > 0.5", "biased-position"),
+        (of_struct, "v.p.y > 0.5 && v.f", "applies"),
+    ] {
+        let text = format!("{VERTEX}{}", text.replace("CONDITION", condition));
+        let plan = plan(&text, &MaterialState::default());
+        for (recipe, code) in [
+            ("depth-prepass", code),
+            ("depth-prepass:form=equal", "applies"),
+            ("early-discard", "applies"),
+            ("early-discard:attachment=readonly", "applies"),
+            ("shadow", "applies"),
+        ] {
+            assert_eq!(
+                outcome(&plan, recipe, &Facts::default()),
+                code,
+                "{recipe} on {condition}"
+            );
+        }
+        let shadow = Recipe::parse(["shadow"]).unwrap();
+        let notes = shadow.apply(&plan, &Facts::default()).unwrap().notes;
+        let told = notes.iter().any(|n| n.contains("the light's depth"));
+        assert_eq!(told, code == "biased-position", "{notes:?}");
+    }
+}
+
+/// A written depth is pushed away in the shader alone, so that a z it is made of is the main pass's.
+#[test]
+fn the_pre_pass_of_a_depth_writer_leaves_the_rasteriser_as_it_is() {
+    let text = format!(
+        "{VERTEX}@early_depth_test(less_equal) @fragment fn fs(@builtin(position) p: vec4<f32>) -> @builtin(frag_depth) f32 {{ if p.z < 0.2 {{ discard; }} return p.z * p.z; }}\n"
+    );
+    let author = DepthBias {
+        constant: 3,
+        slope_scale: 0.5,
+        clamp: 0.0,
+    };
+    let original = plan(&text, &state(|s| s.depth_bias = author));
+    let plan = Recipe::parse(["depth-prepass"])
+        .unwrap()
+        .apply(&original, &Facts::default())
+        .unwrap();
+    assert_eq!(plan.passes[0].depth.as_ref().unwrap().bias, author);
+    let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+    let text = |name: &str| {
+        let file = files.iter().find(|f| f.name == name).unwrap();
+        String::from_utf8(file.bytes.clone()).unwrap()
+    };
+    let prepass = text("case.prepass.wgsl");
+    // Pushed away, it may lie behind the rasterised depth.
+    assert!(!prepass.contains("early_depth_test"), "{prepass}");
+    assert!(text("case.main.wgsl").contains("@early_depth_test(less_equal)"));
+}
+
 #[test]
 fn ties_are_refused_only_where_they_are_measured_and_matter() {
     let text = format!("{VERTEX}{FLAT}");
