@@ -289,6 +289,25 @@ fn every_frame_of_a_path_is_compared_up_to_the_limit() {
 }
 
 #[test]
+fn every_budget_is_told_beside_what_was_measured() {
+    let scene = planes([32, 32], 3);
+    let mut settings = settings();
+    settings.timed = Timed::No;
+    let within = |metric: &str, budget: f64| Contract::Approximate {
+        metric: metric.to_owned(),
+        budget,
+    };
+    let mut plans = measure::originals(&scene);
+    plans[0].contract = within("flip_mean", 0.05).and(within("max_abs", 0.02));
+    let outcome = run(&scene, &[variant("off", plans)], &settings);
+    let text = table::render(&outcome.report);
+    assert!(
+        text.contains("off: an approximation, flip_mean at most 0.05 (measured 0.00000), max_abs at most 0.02 (measured 0.00000)\n"),
+        "{text}"
+    );
+}
+
+#[test]
 fn contracts_are_held_to_their_own_terms() {
     let mut error = measure::ErrorLadder {
         changed_pixels: 4,
@@ -305,6 +324,14 @@ fn contracts_are_held_to_their_own_terms() {
     assert!(!broken(&Contract::Rounding { k: 4 }, &error));
     assert!(!broken(&approximate(0.01), &error));
     assert!(broken(&approximate(0.001), &error));
+    // Of two budgets each binds.
+    let max_abs = |budget: f64| Contract::Approximate {
+        metric: "max_abs".to_owned(),
+        budget,
+    };
+    assert!(!broken(&approximate(0.01).and(max_abs(0.01)), &error));
+    assert!(broken(&approximate(0.01).and(max_abs(0.001)), &error));
+    assert!(broken(&max_abs(0.01).and(approximate(0.001)), &error));
     error.changed_depth = 1;
     assert!(broken(&Contract::Rounding { k: 4 }, &error));
     error.flip_mean = f64::NAN;

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use preshade::emit::{self, Target};
 use preshade::passes::PASSES;
-use preshade::passes::contract::Contract;
 use preshade::passes::neighbours;
 use preshade::passes::pass::{AnyPass, Facts};
 use preshade::passes::plan::Plan;
@@ -89,11 +88,17 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     for original in &originals {
         check_name(&original.material)?;
         let plan = apply(original, &recipe, &frame);
-        if let Contract::Approximate { metric, budget } = &plan.contract {
+        let budgets = plan.contract.budgets();
+        if !budgets.is_empty() {
+            let off: Vec<String> = budgets
+                .iter()
+                .map(|b| format!("{} ({})", b.budget, b.metric))
+                .collect();
             output::message(&format!(
-                "warning: `{}` is an approximation, allowed to be off by {budget} ({metric}), and nothing is measured here: `preshade verify` tells whether it keeps \
+                "warning: `{}` is an approximation, allowed to be off by {}, and nothing is measured here: `preshade verify` tells whether it keeps \
                  that, and what to pass to `rewrite` for the choice it measured",
-                plan.material
+                plan.material,
+                off.join(" and ")
             ));
         }
         let emitted = emit_each(&plan, &targets)?;

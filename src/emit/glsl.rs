@@ -106,10 +106,11 @@ pub(super) fn write(
 /// ones: with a coarse one three lanes of a quad may leave over the head of the fourth, whose derivatives are then undefined.
 pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
     early_discard::vote_shields_derivatives(plan).then(|| Form {
-        contract: plan.contract.clone().and(Contract::Approximate {
+        // Whatever the plan promises: a spoilt lane may be any colour.
+        contract: Contract::Approximate {
             metric: "max_abs".to_owned(),
             budget: 1.0,
-        }),
+        },
         why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss one of its lanes and spoil that lane's level of detail: nothing is promised. Take \
               early-discard:quad=lane with a budget, or measure"
             .to_owned(),

@@ -1,6 +1,6 @@
 //! Whether a difference keeps a contract.
 
-use preshade_passes::contract::{Assumption, Contract};
+use preshade_passes::contract::{Assumption, Budget, Contract};
 
 use super::ErrorLadder;
 
@@ -33,15 +33,27 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
                 )
             })
         }
-        Contract::Approximate { metric, budget } => {
-            let value = match metric.as_str() {
-                "flip_mean" => error.flip_mean,
-                "flip_p99" => error.flip_p99,
-                _ => error.max_abs,
-            };
-            // A NaN keeps no budget.
-            let kept = value <= *budget;
-            (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+        Contract::Approximate { .. } | Contract::Budgets { .. } => {
+            let broken: Vec<String> = contract
+                .budgets()
+                .iter()
+                .filter_map(|Budget { metric, budget }| {
+                    let value = measured(metric, error);
+                    // A NaN keeps no budget.
+                    let kept = value <= *budget;
+                    (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+                })
+                .collect();
+            (!broken.is_empty()).then(|| broken.join(", "))
         }
+    }
+}
+
+/// What a budget in this metric is held against.
+pub fn measured(metric: &str, error: &ErrorLadder) -> f64 {
+    match metric {
+        "flip_mean" => error.flip_mean,
+        "flip_p99" => error.flip_p99,
+        _ => error.max_abs,
     }
 }
