@@ -376,13 +376,6 @@ fn what_the_biased_form_alone_refuses() {
             "depth-prepass:form=equal",
             "applies",
         ),
-        (state(|_| ()), "depth-prepass:bias-constant=0", "no-bias"),
-        (
-            state(|_| ()),
-            "depth-prepass:bias-constant=4294967295",
-            "bias-constant",
-        ),
-        (state(|_| ()), "depth-prepass:bias-slope=-1", "bias-slope"),
     ] {
         let plan = plan(&format!("{VERTEX}{FLAT}"), &change);
         assert_eq!(
@@ -390,6 +383,74 @@ fn what_the_biased_form_alone_refuses() {
             code,
             "{recipe} on {change:?}"
         );
+    }
+}
+
+/// On the command line they are bad usage, whatever the shader; to the pass itself, a refusal.
+#[test]
+fn numbers_out_of_their_range() {
+    let plan = plan(&format!("{VERTEX}{FLAT}"), &MaterialState::default());
+    for (pass, name, value, range, code) in [
+        ("hoist", "budget", 2.0, "above 0 and at most 1", "budget"),
+        ("hoist", "budget", 0.0, "above 0 and at most 1", "budget"),
+        ("hoist", "threshold", -0.5, "at least 0", "threshold"),
+        (
+            "hoist",
+            "vertices-per-fragment",
+            -1.0,
+            "at least 0",
+            "vertices-per-fragment",
+        ),
+        (
+            "early-discard",
+            "budget",
+            1.5,
+            "at least 0 and at most 1",
+            "budget",
+        ),
+        (
+            "early-discard",
+            "tolerance",
+            -1.0,
+            "at least 0",
+            "tolerance",
+        ),
+        (
+            "depth-prepass",
+            "bias-slope",
+            -1.0,
+            "at least 0",
+            "bias-slope",
+        ),
+        (
+            "depth-prepass",
+            "bias-constant",
+            0.0,
+            "at least 1 and at most 16777216",
+            "no-bias",
+        ),
+        (
+            "depth-prepass",
+            "bias-constant",
+            4294967295.0,
+            "at least 1 and at most 16777216",
+            "bias-constant",
+        ),
+    ] {
+        let text = format!("{pass}:{name}={value}");
+        let error = Recipe::parse([&text]).unwrap_err().to_string();
+        assert!(
+            error.contains(&format!("`{name}` is {range}, which {value} is not")),
+            "{error}"
+        );
+        let mut recipe = Recipe::parse([pass]).unwrap();
+        let number = match name {
+            "bias-constant" => serde_json::json!(value as u64),
+            _ => serde_json::json!(value),
+        };
+        recipe.steps[0].params.insert(name.to_owned(), number);
+        let refusal = recipe.apply(&plan, &Facts::default()).unwrap_err();
+        assert_eq!(refusal.code, code, "{text}");
     }
 }
 

@@ -71,9 +71,11 @@ pub struct Params {
     pub invariant: Option<Invariance>,
     /// `form=biased`: constant bias in steps of the depth format, at least 1; default by format.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = MOST_BIAS))]
     pub bias_constant: Option<u32>,
     /// `form=biased`: slope-scaled bias, at least 0; default 2.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
     pub bias_slope: Option<f32>,
 }
 
