@@ -88,7 +88,7 @@ impl Pass for Shadow {
             bias: DepthBias::default(),
             read_only: false,
             ops: AttachmentOps::default(),
-            stencil_ops: AttachmentOps::default(),
+            stencil_ops: params.format.has_stencil().then(AttachmentOps::default),
         };
         depth_only::insert_own(
             &mut next,
