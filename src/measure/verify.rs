@@ -1,7 +1,7 @@
 //! A scene drawn with the original and its variants, view by view.
 
 use preshade_passes::contract::{Contract, Verdict};
-use preshade_passes::plan::{GpuPass, Plan};
+use preshade_passes::plan::{GpuPass, Phase, Plan};
 
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
@@ -100,6 +100,8 @@ struct Subject<'a> {
     shadow: Option<Verdict>,
     /// Pixels with anything opaque in them, over the views counted.
     covered: Option<u64>,
+    /// What to say of a picture with nothing in it; `None` where blended draws, which are not counted, may be in it.
+    empty: Option<String>,
 }
 
 /// Draws every view of `scene` with the original and with `variants`, compares, counts and times them.
@@ -396,6 +398,7 @@ impl<'a> Subject<'a> {
             broken: None,
             shadow: None,
             covered: None,
+            empty: empty(&variant.plans),
         };
         let built = || -> Result<_, Error> {
             let host = HostVariant::new(&variant.plans, settings.form)?;
@@ -564,6 +567,11 @@ impl<'a> Subject<'a> {
                     why: "no opaque surface is seen in any view".to_owned(),
                 };
             }
+            (None, None) if drawn && self.covered == Some(0) && self.empty.is_some() => {
+                self.report.verdict = Verdict::NotMeasured {
+                    why: self.empty.unwrap_or_default(),
+                };
+            }
             (None, None) if drawn => self.report.verdict = Verdict::Holds,
             (None, None) => {}
         }
@@ -571,4 +579,29 @@ impl<'a> Subject<'a> {
         let is_original = self.report.name == ORIGINAL;
         (self.report, self.pictures.filter(|_| !is_original))
     }
+}
+
+/// What an empty picture of `plans` is put down to, if they are all opaque: the vertex stages, and what they make a position of.
+fn empty(plans: &[Plan]) -> Option<String> {
+    let main = || plans.iter().filter_map(|p| Some((p, p.main()?)));
+    if main().any(|(_, pass)| pass.phase != Phase::Opaque) {
+        return None;
+    }
+    let reads = |(plan, pass): (&Plan, &GpuPass)| {
+        let names: Vec<String> = pass
+            .attributes
+            .iter()
+            .map(|a| format!("`{}` at location {}", a.name, a.location))
+            .collect();
+        match names[..] {
+            [] => format!("`{}` reads no vertex attribute", plan.material),
+            _ => format!("`{}` reads {}", plan.material, names.join(", ")),
+        }
+    };
+    let read: Vec<String> = main().map(reads).collect();
+    Some(format!(
+        "nothing is drawn in any view, so no picture tells anything: every triangle lies outside of the view, faces away or is discarded. Look whether the vertex \
+         stage gets a mesh's positions ({})",
+        read.join("; ")
+    ))
 }
