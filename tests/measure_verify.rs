@@ -288,6 +288,35 @@ fn every_frame_of_a_path_is_compared_up_to_the_limit() {
     );
 }
 
+/// Without a depth test the order decides: right in the headline view, and wrong in the other.
+#[test]
+fn the_worst_view_is_pictured_where_it_is_not_the_headline() {
+    let mut scene = planes([32, 32], 3);
+    scene.orders = vec![DrawOrder::BackToFront, DrawOrder::FrontToBack];
+    let mut settings = settings();
+    settings.timed = Timed::No;
+    let mut wrong = measure::originals(&scene);
+    wrong[0].passes[0].depth.as_mut().unwrap().compare = CompareFunction::Always;
+    let variants = [
+        variant("unsorted", wrong),
+        variant("same", measure::originals(&scene)),
+    ];
+    let outcome = run(&scene, &variants, &settings);
+    let [unsorted, same] = &outcome.pictures[..] else {
+        panic!("{} variants", outcome.pictures.len());
+    };
+    let names = |p: &report::Pictures| -> Vec<String> {
+        p.files().unwrap().into_iter().map(|f| f.name).collect()
+    };
+    assert_eq!(unsorted.variant, unsorted.original);
+    let worst = unsorted.worst.as_ref().unwrap();
+    assert!(worst.view.contains("front to back"), "{}", worst.view);
+    assert_ne!(worst.variant, unsorted.original);
+    assert!(names(unsorted).contains(&"unsorted.worst.difference.png".to_owned()));
+    assert_eq!(same.worst, None);
+    assert!(!names(same).iter().any(|n| n.contains("worst")));
+}
+
 #[test]
 fn every_budget_is_told_beside_what_was_measured() {
     let scene = planes([32, 32], 3);

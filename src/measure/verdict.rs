@@ -1,6 +1,7 @@
 //! Whether a difference keeps a contract.
 
 use preshade_passes::contract::{Assumption, Budget, Contract};
+use preshade_passes::plan::{GpuPass, Phase, Plan};
 
 use super::ErrorLadder;
 
@@ -56,4 +57,29 @@ pub fn measured(metric: &str, error: &ErrorLadder) -> f64 {
         "flip_p99" => error.flip_p99,
         _ => error.max_abs,
     }
+}
+
+/// What an empty picture of `plans` is put down to, if they are all opaque: the vertex stages, and what they make a position of.
+pub(super) fn nothing_drawn(plans: &[Plan]) -> Option<String> {
+    let main = || plans.iter().filter_map(|p| Some((p, p.main()?)));
+    if main().any(|(_, pass)| pass.phase != Phase::Opaque) {
+        return None;
+    }
+    let reads = |(plan, pass): (&Plan, &GpuPass)| {
+        let names: Vec<String> = pass
+            .attributes
+            .iter()
+            .map(|a| format!("`{}` at location {}", a.name, a.location))
+            .collect();
+        match names[..] {
+            [] => format!("`{}` reads no vertex attribute", plan.material),
+            _ => format!("`{}` reads {}", plan.material, names.join(", ")),
+        }
+    };
+    let read: Vec<String> = main().map(reads).collect();
+    Some(format!(
+        "nothing is drawn in any view, so no picture tells anything: every triangle lies outside of the view, faces away or is discarded. Look whether the vertex \
+         stage gets a mesh's positions ({})",
+        read.join("; ")
+    ))
 }

@@ -1,18 +1,19 @@
 //! A scene drawn with the original and its variants, view by view.
 
 use preshade_passes::contract::{Contract, Verdict};
-use preshade_passes::plan::{GpuPass, Phase, Plan};
+use preshade_passes::plan::{GpuPass, Plan};
 
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
-use super::verdict::{breaks, needs_invariant_original};
+use super::verdict::{breaks, needs_invariant_original, nothing_drawn};
 use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shadow, time};
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm,
     Variant as HostVariant, order, self_test,
 };
 use crate::report::{
-    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, VariantReport, ViewReport, path,
+    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, VariantReport, ViewReport,
+    Worst, path,
 };
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
@@ -94,6 +95,8 @@ struct Subject<'a> {
     counter: Option<Counter<'a>>,
     report: VariantReport,
     pictures: Option<Pictures>,
+    /// The largest error yet, by mean FLIP and then by changed pixels, and its pictures unless it is the headline's.
+    worst: Option<((f64, u64), Option<Worst>)>,
     /// First view that broke the contract.
     broken: Option<String>,
     /// What drawing its shadow passes under the light says; `None`: it has none, or they were not drawn yet.
@@ -395,10 +398,11 @@ impl<'a> Subject<'a> {
                 by_view: Vec::new(),
             },
             pictures: None,
+            worst: None,
             broken: None,
             shadow: None,
             covered: None,
-            empty: empty(&variant.plans),
+            empty: nothing_drawn(&variant.plans),
         };
         let built = || -> Result<_, Error> {
             let host = HostVariant::new(&variant.plans, settings.form)?;
@@ -455,6 +459,20 @@ impl<'a> Subject<'a> {
         }
         if view.headline {
             self.pictures = Pictures::new(&self.report.name, reference, picture);
+        }
+        let key = (error.flip_mean, error.changed_pixels);
+        if key > self.worst.as_ref().map_or((0.0, 0), |w| w.0) {
+            let pictures = match view.headline {
+                // Those are kept anyway.
+                true => None,
+                false => Pictures::new(&self.report.name, reference, picture),
+            };
+            let worst = pictures.map(|p| Worst {
+                view: view.to_string(),
+                variant: p.variant,
+                difference: p.difference,
+            });
+            self.worst = Some((key, worst));
         }
         self.add_view(view, error);
         Ok(())
@@ -577,31 +595,8 @@ impl<'a> Subject<'a> {
         }
         self.report.by_path = path::times(&self.report.by_view);
         let is_original = self.report.name == ORIGINAL;
-        (self.report, self.pictures.filter(|_| !is_original))
+        let worst = self.worst.and_then(|(_, worst)| worst);
+        let pictures = self.pictures.map(|p| Pictures { worst, ..p });
+        (self.report, pictures.filter(|_| !is_original))
     }
-}
-
-/// What an empty picture of `plans` is put down to, if they are all opaque: the vertex stages, and what they make a position of.
-fn empty(plans: &[Plan]) -> Option<String> {
-    let main = || plans.iter().filter_map(|p| Some((p, p.main()?)));
-    if main().any(|(_, pass)| pass.phase != Phase::Opaque) {
-        return None;
-    }
-    let reads = |(plan, pass): (&Plan, &GpuPass)| {
-        let names: Vec<String> = pass
-            .attributes
-            .iter()
-            .map(|a| format!("`{}` at location {}", a.name, a.location))
-            .collect();
-        match names[..] {
-            [] => format!("`{}` reads no vertex attribute", plan.material),
-            _ => format!("`{}` reads {}", plan.material, names.join(", ")),
-        }
-    };
-    let read: Vec<String> = main().map(reads).collect();
-    Some(format!(
-        "nothing is drawn in any view, so no picture tells anything: every triangle lies outside of the view, faces away or is discarded. Look whether the vertex \
-         stage gets a mesh's positions ({})",
-        read.join("; ")
-    ))
 }

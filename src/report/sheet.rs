@@ -106,6 +106,13 @@ pub fn contact(pictures: &Pictures) -> Picture {
             ));
         }
     }
+    if let Some(worst) = &pictures.worst {
+        panels.push((format!("worst: {}", worst.view), worst.variant.clone()));
+        panels.push((
+            format!("difference x{DIFFERENCE_FACTOR} there"),
+            worst.difference.clone(),
+        ));
+    }
     let factor = pictures.original.size[0].div_ceil(PANEL).max(1);
     let panels: Vec<(String, Picture)> = panels
         .into_iter()
