@@ -15,7 +15,7 @@ use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
 
 pub use path::PathTime;
-pub use picture::Pictures;
+pub use picture::{Pictures, Worst};
 
 /// Version of the JSON that [`Report`] serialises to.
 pub const SCHEMA: &str = "preshade.verify.v1";
