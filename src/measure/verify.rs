@@ -200,6 +200,7 @@ pub fn verify(
         depth_ties: depth_ties.filter(|_| lost.is_none()),
         assumed: bind::guessed(scene),
         variants: Vec::new(),
+        sweeps: Vec::new(),
     };
     let mut pictures = Vec::new();
     for subject in subjects {

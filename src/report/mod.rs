@@ -2,7 +2,9 @@
 
 pub mod path;
 pub mod picture;
+pub mod plot;
 pub mod sheet;
+pub mod sweep;
 pub mod table;
 
 use preshade_passes::contract::{Contract, Verdict};
@@ -16,6 +18,7 @@ use crate::scene::bind::Guessed;
 
 pub use path::PathTime;
 pub use picture::Pictures;
+pub use sweep::SweepReport;
 
 /// Version of the JSON that [`Report`] serialises to.
 pub const SCHEMA: &str = "preshade.verify.v1";
@@ -46,6 +49,9 @@ pub struct Report {
     pub assumed: Vec<Guessed>,
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
+    /// Recipes with parameters left to vary, whose points are among the variants.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sweeps: Vec<SweepReport>,
 }
 
 /// One variant.
@@ -103,7 +109,7 @@ pub struct Kept {
 }
 
 /// What a variant takes beside time on the GPU.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cost {
     /// Pipelines.
     pub pipelines: usize,

@@ -106,7 +106,13 @@ pub fn contact(pictures: &Pictures) -> Picture {
             ));
         }
     }
-    let factor = pictures.original.size[0].div_ceil(PANEL).max(1);
+    laid_out(panels)
+}
+
+/// Panels of one size, labelled, [`COLUMNS`] a row.
+fn laid_out(panels: Vec<(String, Picture)>) -> Picture {
+    let widest = panels.first().map_or(1, |(_, p)| p.size[0]);
+    let factor = widest.div_ceil(PANEL).max(1);
     let panels: Vec<(String, Picture)> = panels
         .into_iter()
         .map(|(label, p)| (label, reduce(&opaque(p), factor)))
@@ -125,6 +131,18 @@ pub fn contact(pictures: &Pictures) -> Picture {
         text(&mut sheet, [x, y + 6], &label, zoom);
     }
     sheet
+}
+
+/// Original, variant and difference of each, a row each, labelled.
+pub fn rows(variants: &[(String, &Pictures)]) -> Picture {
+    let mut panels = Vec::new();
+    for (label, pictures) in variants {
+        let difference = format!("difference x{DIFFERENCE_FACTOR}");
+        panels.push(("original".to_owned(), pictures.original.clone()));
+        panels.push((label.clone(), pictures.variant.clone()));
+        panels.push((difference, pictures.difference.clone()));
+    }
+    laid_out(panels)
 }
 
 /// Alpha is data, not coverage: what is shown is opaque.

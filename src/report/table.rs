@@ -62,6 +62,9 @@ pub fn render(report: &Report) -> String {
     out.push('\n');
     out.push_str(&by_view(report));
     out.push_str(&by_path(report));
+    for sweep in &report.sweeps {
+        out.push_str(&sweep.table(report));
+    }
     out.push_str(&notes(report));
     out
 }
@@ -127,7 +130,7 @@ fn notes(report: &Report) -> String {
         if let Some(shadow) = &v.shadow {
             out.push_str(&under_the_light(&v.name, shadow));
         }
-        if let Some(cost) = v.cost.as_ref().and_then(|c| c.subdivision) {
+        if let Some(cost) = v.cost.as_ref().and_then(|c| c.subdivision.as_ref()) {
             out.push_str(&format!(
                 "{}: {} new vertices a frame (unshared {}), {:.1} MB\n",
                 v.name,
