@@ -19,6 +19,8 @@
 //!
 //! It hurts where triangles are small already, and where interpolating three corners costs more than what was hoisted.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +33,7 @@ use crate::hoist::Hoist;
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
 use crate::plan::{BindingKind, BindingSource, BindingUse, ComputePass, GeometryPart};
-use crate::plan::{GpuPass, Plan, Role, Step, VertexBuffer, Visibility};
+use crate::plan::{GpuPass, Plan, Role, Step, VertexBuffer, Visibility, When};
 use crate::program::Program;
 use crate::reflect;
 use crate::state::Topology;
@@ -474,15 +476,20 @@ impl<'a> Material<'a> {
         let compute = stored::stored(&functions, self.vertex, &entry, &layout)?;
         let entries = [(ShaderStage::Compute, entry.as_str())];
         let compute = self.program(&compute, &entries)?;
-        let mut known = self.parts(slots, Form::Shared);
-        known.extend(self.pass.bindings.iter().cloned());
-        plan.compute.push(ComputePass {
+        let mut bindings = self.parts(slots, Form::Shared);
+        bindings.extend(self.pass.bindings.iter().cloned());
+        let mut pass = ComputePass {
             program: COMPUTE.to_owned(),
-            bindings: reflect::bindings(&compute, &entries, &known),
             entry_point: entry,
             workgroup: text::WORKGROUP,
             geometry: Geometry::Subdivided(subdivision.clone()),
-        });
+            bindings,
+            when: When::Frame,
+            features: Vec::new(),
+            limits: BTreeMap::new(),
+        };
+        reflect::fill_compute(&mut pass, &compute);
+        plan.compute.push(pass);
         plan.programs.insert(COMPUTE.to_owned(), compute);
         plan.vertex_buffers.push(VertexBuffer {
             name: VERTICES.to_owned(),

@@ -8,6 +8,7 @@ use super::Error;
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
 use super::layout::{self, Stages};
+use super::limits;
 use super::shader::Variant;
 use super::subdivided::Meshes;
 use super::targets::Targets;
@@ -40,6 +41,10 @@ pub(super) fn prepare(
         for (pass, stage) in plan.compute.iter().zip(stages) {
             let failed = |message: String| failed(plan, message);
             let what = format!("the compute pass of material `{}`", plan.material);
+            for feature in &pass.features {
+                gpu.require(&what, feature)?;
+            }
+            limits::check(gpu, &what, &pass.limits)?;
             let shader = shaders
                 .get(stage.shader.as_str())
                 .ok_or_else(|| failed(format!("there is no shader `{}`", stage.shader)))?;
