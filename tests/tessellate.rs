@@ -83,11 +83,13 @@ fn color(rendered: &Rendered) -> &ColorImage {
 const HOIST: &str = "hoist:budget=0.05,finite=assumed";
 
 /// Every pattern in every form.
-const PARAMETERS: [&str; 4] = [
+const PARAMETERS: [&str; 6] = [
     "pattern=gl,form=pulled",
     "pattern=uniform,form=pulled",
     "pattern=gl,form=shared",
     "pattern=uniform,form=shared",
+    "pattern=gl,form=static,fixed=model+camera.time",
+    "pattern=uniform,form=static,fixed=model+camera.time",
 ];
 
 /// Fragments of each pixel, counted in steps of red.

@@ -1,8 +1,9 @@
 //! What a variant costs in accuracy and gains in time, measured beside the original.
 //!
-//! [`error`] compares two pictures, [`shading`] counts fragments and depth ties, [`timing`] times frames, [`statistics`] asks the adapter what it
+//! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames, [`shading`] counts fragments and depth ties, [`timing`] times frames, [`statistics`] asks the adapter what it
 //! invoked; [`frequency`] finds what can be interpolated; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene.
 
+pub mod changing;
 pub mod error;
 pub mod frequency;
 pub mod shading;
@@ -13,6 +14,7 @@ pub mod variant;
 pub mod verdict;
 pub mod verify;
 
+pub use changing::changing;
 pub use error::{ErrorLadder, compare};
 pub use frequency::{frequencies, leaves_a_choice, within_budget, written_out};
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};

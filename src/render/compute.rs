@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::plan::Plan;
+use preshade_passes::plan::{Plan, When};
 
 use super::Error;
 use super::gpu::Gpu;
@@ -17,6 +17,7 @@ use super::targets::Targets;
 pub(super) struct PreparedCompute {
     pipeline: wgpu::ComputePipeline,
     dispatches: Vec<Dispatch>,
+    when: When,
 }
 
 struct Dispatch {
@@ -81,6 +82,7 @@ pub(super) fn prepare(
             prepared.extend(pipeline.map(|pipeline| PreparedCompute {
                 pipeline,
                 dispatches,
+                when: pass.when.clone(),
             }));
         }
     }
@@ -119,9 +121,33 @@ fn build(
     })
 }
 
-/// Encodes all of them.
+/// Encodes those of each frame.
 pub(super) fn encode(passes: &[PreparedCompute], encoder: &mut wgpu::CommandEncoder) {
-    if passes.is_empty() {
+    encode_those(passes.iter().filter(|p| p.when.is_frame()), encoder);
+}
+
+/// Runs those that run once.
+///
+/// # Errors
+/// What the adapter says.
+pub(super) fn load(gpu: &Gpu, passes: &[PreparedCompute]) -> Result<(), Error> {
+    let once = || passes.iter().filter(|p| !p.when.is_frame());
+    if once().next().is_none() {
+        return Ok(());
+    }
+    gpu.checked("computing what is kept from load", || {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encode_those(once(), &mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+    })
+}
+
+fn encode_those<'p>(
+    passes: impl Iterator<Item = &'p PreparedCompute>,
+    encoder: &mut wgpu::CommandEncoder,
+) {
+    let mut passes = passes.peekable();
+    if passes.peek().is_none() {
         return;
     }
     let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());

@@ -21,6 +21,8 @@ pub struct SubdivisionCost {
     pub evaluations: u64,
     /// Of them, those computed in a compute pass; the others are in the vertex stage.
     pub in_compute: u64,
+    /// New vertices computed once, at load.
+    pub at_load: u64,
     /// What `evaluations` would be if no two triangles shared any.
     pub unshared: u64,
     /// Bytes of vertices, of what they are made of, and of indices.
@@ -168,7 +170,7 @@ impl SubdividedMesh {
                     unshared,
                 }
             }
-            Form::Shared => {
+            Form::Shared | Form::Static => {
                 let all = (0..triangles).map(|t| [0, 1, 2].map(|c| vertex(draw, 3 * t + c)));
                 let Mesh { points, triangles } =
                     mesh::subdivide(subdivision.pattern, subdivision.level, all);
@@ -193,7 +195,7 @@ impl SubdividedMesh {
                         vertices: points.len() as u32,
                         ..constants
                     },
-                    form: Form::Shared,
+                    form: subdivision.form,
                     unshared,
                 }
             }
@@ -207,7 +209,11 @@ impl SubdividedMesh {
         let (evaluations, in_compute) = match self.form {
             Form::Pulled => (self.unshared, 0),
             Form::Shared => (computed, computed),
+            Form::Static => (0, 0),
         };
+        if self.form == Form::Static {
+            all.at_load += computed;
+        }
         let bytes = stored + self.points.size() + self.indices.size();
         all.evaluations += evaluations;
         all.in_compute += in_compute;

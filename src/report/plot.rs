@@ -37,7 +37,7 @@ const BOTTOM: f64 = 36.0;
 const COLUMNS: usize = 2;
 const HEADER: f64 = 44.0;
 
-/// The panels as an SVG file, two in a row, under a title. Heights are logarithmic where all are above 0 and the largest is more than ten times the least, and start at 0
+/// The panels as an SVG file, two in a row, under a title, over whole numbers. Heights are logarithmic where all are above 0 and the largest is more than ten times the least, and start at 0
 /// otherwise.
 pub fn svg(title: &str, x_label: &str, panels: &[Panel]) -> String {
     let mut names: Vec<&str> = Vec::new();
@@ -105,7 +105,8 @@ fn draw(out: &mut String, panel: &Panel, x_label: &str, names: &[&str]) {
         );
         text(out, (LEFT - 6.0, at + 4.0), "end", &number(tick));
     }
-    for tick in xs.ticks() {
+    // What is along the side are whole numbers.
+    for tick in xs.ticks().into_iter().filter(|t| t.fract() == 0.0) {
         text(out, (x(tick), TOP + h + 16.0), "middle", &number(tick));
     }
     text(out, (LEFT + w / 2.0, TOP + h + 31.0), "middle", x_label);

@@ -250,13 +250,14 @@ impl SweepReport {
             "FLIP p99",
             "evaluations",
             "in compute",
+            "at load",
             "unshared",
             "vertex runs",
             "MB",
             "largest draw",
         ];
         for (name, rows) in self.series(report) {
-            let cells: Vec<[String; 12]> = rows.iter().map(|row| self.cells(row)).collect();
+            let cells: Vec<[String; 13]> = rows.iter().map(|row| self.cells(row)).collect();
             if !name.is_empty() {
                 out.push_str(&format!("{name}\n"));
             }
@@ -266,7 +267,7 @@ impl SweepReport {
                     *width = (*width).max(cell.len());
                 }
             }
-            let mut line = |cells: [&str; 12]| {
+            let mut line = |cells: [&str; 13]| {
                 let padded: Vec<String> = cells
                     .iter()
                     .zip(widths)
@@ -288,7 +289,7 @@ impl SweepReport {
         out
     }
 
-    fn cells(&self, row: &Row<'_>) -> [String; 12] {
+    fn cells(&self, row: &Row<'_>) -> [String; 13] {
         let dash = || "-".to_owned();
         let error = |f: &dyn Fn(&ErrorLadder) -> f64, digits: usize| {
             row.error()
@@ -309,6 +310,7 @@ impl SweepReport {
             error(&|e| e.flip_p99, 4),
             count(divided.map(|d| d.evaluations)),
             count(divided.map(|d| d.in_compute)),
+            count(divided.map(|d| d.at_load)),
             count(divided.map(|d| d.unshared)),
             count(invoked.map(|i| i.vertex)),
             divided.map_or_else(dash, |d| megabytes(d.bytes)),
