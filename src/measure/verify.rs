@@ -389,6 +389,7 @@ impl<'a> Subject<'a> {
                 cost: None,
                 shadow: None,
                 self_test: Vec::new(),
+                junctions: super::junctions(inputs.scene(), &variant.plans),
                 kept: variant.kept.clone(),
                 by_path: Vec::new(),
                 by_view: Vec::new(),

@@ -11,7 +11,7 @@ use preshade_passes::contract::{Contract, Verdict};
 use serde::Serialize;
 
 use crate::measure::statistics::Invocations;
-use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, ShadowReport};
+use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, Junction, ShadowReport};
 use crate::render::{AdapterReport, SelfTestResult, SubdivisionCost};
 use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
@@ -79,6 +79,9 @@ pub struct VariantReport {
     pub shadow: Option<ShadowReport>,
     /// The self-tests of its plans, in the scene's order of materials. Empty where no plan has one.
     pub self_test: Vec<SelfTestReport>,
+    /// Edges that it divides in one draw and not in the draw beside it. Empty where nothing is subdivided.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub junctions: Vec<Junction>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
     pub kept: Vec<Kept>,
     /// Each camera path of which several frames were timed.

@@ -130,6 +130,12 @@ fn notes(report: &Report) -> String {
         if let Some(shadow) = &v.shadow {
             out.push_str(&under_the_light(&v.name, shadow));
         }
+        for junction in &v.junctions {
+            out.push_str(&format!(
+                "{}: {} edges of draw `{}` are edges of `{}` too, which is not divided alike: pixels along these T-junctions may show what is behind\n",
+                v.name, junction.edges, junction.divided, junction.beside
+            ));
+        }
         let points = report.sweeps.iter().flat_map(|s| &s.points);
         let is_swept = points.into_iter().any(|p| p.variant == v.name);
         let divided = v.cost.as_ref().and_then(|c| c.subdivision.as_ref());
