@@ -228,6 +228,21 @@ fn find(name: &str) -> Result<&'static dyn AnyPass, RecipeError> {
     })
 }
 
+/// The steps of [`Recipe::parse_list`], apart.
+pub(crate) fn split_list(text: &str) -> Vec<String> {
+    let mut steps: Vec<String> = Vec::new();
+    for part in text.split(',') {
+        match steps.last_mut() {
+            Some(step) if part.contains('=') && !part.contains(':') => {
+                step.push(if step.contains(':') { ',' } else { ':' });
+                step.push_str(part);
+            }
+            _ => steps.push(part.to_owned()),
+        }
+    }
+    steps
+}
+
 impl Recipe {
     /// Reads one step a string.
     ///
@@ -248,17 +263,7 @@ impl Recipe {
     /// # Errors
     /// As [`Step::parse`].
     pub fn parse_list(text: &str) -> Result<Self, RecipeError> {
-        let mut steps: Vec<String> = Vec::new();
-        for part in text.split(',') {
-            match steps.last_mut() {
-                Some(step) if part.contains('=') && !part.contains(':') => {
-                    step.push(if step.contains(':') { ',' } else { ':' });
-                    step.push_str(part);
-                }
-                _ => steps.push(part.to_owned()),
-            }
-        }
-        Self::parse(steps)
+        Self::parse(split_list(text))
     }
 
     /// Applies every step. `plan` is untouched.

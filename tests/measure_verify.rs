@@ -104,7 +104,7 @@ fn each_variant_gets_its_verdict_and_the_others_stand() {
     assert_eq!(prepass.by_view[1].shaded_per_pixel, Some(1.0));
     assert!(prepass.by_view[0].time_ms.is_some() && prepass.by_view[1].time_ms.is_none());
     assert!(prepass.speedup.unwrap().median > 0.0);
-    let cost = prepass.cost.unwrap();
+    let cost = prepass.cost.clone().unwrap();
     assert_eq!((cost.pipelines, cost.draw_calls), (2, 10));
     assert_eq!(cost.target_bytes, 64 * 48 * 8);
 

@@ -97,6 +97,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "a name: `compute_files` says which file each stage is in",
     ),
     (
+        "compute[].when",
+        "one frame is drawn here, which is the one at load: `tessellate_static.rs` draws several",
+    ),
+    (
         "compute[].bindings",
         "of the type of a pass's bindings, and filled by the same function",
     ),
@@ -253,6 +257,8 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Shared, "/compute/0/geometry/kind", json!("as-given"), Refused("computes no geometry")),
         (Shared, "/compute/0/geometry/pattern", json!("uniform"), Redrawn),
         (Shared, "/compute/0/geometry/level", json!(3), Redrawn),
+        (Shared, "/compute/0/features", json!(["time-travel"]), Refused("needs time-travel")),
+        (Shared, "/compute/0/limits", json!({"maxComputeWorkgroupSizeX": 1_000_000}), Refused("needs maxComputeWorkgroupSizeX of 1000000")),
         (Shared, "/compute_files/0/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
         (Shared, "/compute_files/0/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
         (Lit, "/files/0/role", json!("prepass"), Refused("not those of its passes")),

@@ -10,7 +10,9 @@ use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
+use preshade::report::sweep::{Budget, SweepReport};
 use preshade::scene::{self, DrawOrder, Scene};
+use preshade::sweep::{self, Sweep};
 
 use crate::input::ShaderArgs;
 use crate::output;
@@ -23,9 +25,14 @@ Examples:
   preshade verify scene.toml
   preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
+  preshade verify scene.toml --pass hoist --pass tessellate:level=1..8 --budget flip_mean=0.02 --out report/
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
-Each --pass is a variant of its own; --recipe puts several passes into one.
+Each --pass is a variant of its own; --recipe puts several passes into one. But tessellate divides what
+hoist moved: after a --pass hoist it stands on that one, with a budget of 1 if it has none, since its
+error is measured.
+level=1..8 stands for eight variants, form=pulled/shared for two, form=all for one a word: any
+whole number and any choice of any pass. Ranges get a table, a plot and rows of pictures of their own.
 Exit status 1: a variant broke its contract.")]
 pub struct Args {
     /// A variant of one pass; may be given several times. Default: the depth passes in their main forms.
@@ -34,6 +41,10 @@ pub struct Args {
     /// A variant of several passes, separated by commas.
     #[arg(long = "recipe", value_name = "NAME[:k=v,..],NAME..")]
     recipes: Vec<String>,
+    /// Of each range, name the fastest variant whose error is within this: flip_mean, flip_p99 or
+    /// max_abs, the worst of all views.
+    #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
+    budget: Option<Budget>,
     /// Draw these cameras only; the first is the headline.
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
@@ -149,7 +160,11 @@ const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-
 
 /// Verifies a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let recipes = recipes(args)?;
+    let sweeps = sweeps(args)?;
+    let recipes = sweeps
+        .iter()
+        .flat_map(|s| s.points.iter().map(|p| p.recipe.clone()))
+        .collect();
     let scene = scene(args)?;
     if let Some(dir) = &args.out {
         check_folder(dir)?;
@@ -198,11 +213,19 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         count: &measure::counting,
         command: command(),
     };
-    let outcome = measure::verify(&gpu, &scene, &variants, &settings, &mut |p| {
+    let mut outcome = measure::verify(&gpu, &scene, &variants, &settings, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(p.what);
     })?;
     bar.finish_and_clear();
+    let mut names = variants.iter().map(|v| v.name.clone());
+    for sweep in &sweeps {
+        let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();
+        if sweep.varies() {
+            let told = SweepReport::new(sweep, &names, args.budget, &outcome.report);
+            outcome.report.sweeps.push(told);
+        }
+    }
     // Told before it is written: a full disk does not lose what was measured.
     match args.format {
         Format::Human => output::data(&report::table::render(&outcome.report))?,
@@ -219,6 +242,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                     files.push(file);
                 }
             }
+        }
+        for sweep in &outcome.report.sweeps {
+            files.extend(sweep.files(&outcome.report, &outcome.pictures)?);
         }
         preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {} files to {}", files.len(), dir.display()));
@@ -318,22 +344,35 @@ fn guesses(scene: &Scene) -> Option<String> {
     Some(lines.join("\n"))
 }
 
-fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {
-    let mut recipes = args
-        .passes
-        .iter()
-        .map(|p| Recipe::parse([p]))
-        .collect::<Result<Vec<_>, _>>()?;
+/// What is asked for: a `--pass` is a sweep of one step, or of two where it stands on a pass before it, a `--recipe` one of several.
+fn sweeps(args: &Args) -> Result<Vec<Sweep>, Failure> {
+    let mut sweeps = Vec::new();
+    for (i, pass) in args.passes.iter().enumerate() {
+        sweeps.push(match sweep::founded(pass, &args.passes[..i]) {
+            Some(recipe) => {
+                output::message(&format!(
+                    "note: --pass {pass} stands on the pass before it: --recipe {recipe}"
+                ));
+                Sweep::parse_list(&recipe)?
+            }
+            None => Sweep::parse_step(pass)?,
+        });
+    }
     for list in &args.recipes {
-        recipes.push(Recipe::parse_list(list)?);
+        sweeps.push(Sweep::parse_list(list)?);
     }
-    if recipes.is_empty() {
-        recipes = DEFAULT
-            .iter()
-            .map(|p| Recipe::parse([p]))
-            .collect::<Result<_, _>>()?;
+    if sweeps.is_empty() {
+        for pass in DEFAULT {
+            sweeps.push(Sweep::parse_step(pass)?);
+        }
     }
-    Ok(recipes)
+    if args.budget.is_some() && !sweeps.iter().any(Sweep::varies) {
+        return Err(Failure(
+            "error: --budget chooses among the variants of a range, and there is none: write level=1..8, say"
+                .to_owned(),
+        ));
+    }
+    Ok(sweeps)
 }
 
 /// The scene asked for, under the set-up asked for.

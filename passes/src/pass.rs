@@ -151,9 +151,25 @@ pub struct Facts {
     /// Vertices shaded for each fragment shaded, over every camera measured.
     #[serde(default)]
     pub vertices_per_fragment: Option<f64>,
+    /// Uniforms that change over the cameras measured; `None`: not looked at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub changing: Option<Vec<Changing>>,
     /// What carrying each value of a fragment stage alone does to the picture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<Frequency>,
+}
+
+/// A uniform, or a member of one, that is not the same in all frames.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+pub struct Changing {
+    /// Name of the material.
+    pub material: String,
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+    /// Name of the member; `None` where the uniform is no struct.
+    pub member: Option<String>,
 }
 
 /// How well one value of a fragment stage is interpolated: the worst of the pictures that were drawn with it, and it alone, carried from the vertices.

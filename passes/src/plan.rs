@@ -337,6 +337,27 @@ pub struct VertexBuffer {
     pub stride: u32,
 }
 
+/// When a compute pass runs.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum When {
+    /// Ahead of the render passes of each frame.
+    #[default]
+    Frame,
+    /// Once, when the variant and its meshes are loaded.
+    Load {
+        /// What it read and may not change afterwards: uniforms, or members of them, by name. Nor may the vertex buffers. A host that changes any runs it again.
+        fixed: Vec<String>,
+    },
+}
+
+impl When {
+    /// Whether it runs in each frame.
+    pub fn is_frame(&self) -> bool {
+        *self == Self::Frame
+    }
+}
+
 /// Compute work ahead of a frame's render passes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ComputePass {
@@ -351,6 +372,15 @@ pub struct ComputePass {
     pub geometry: Geometry,
     /// Bindings its entry point uses; their stage is the compute stage.
     pub bindings: Vec<BindingUse>,
+    /// When it runs.
+    #[serde(default, skip_serializing_if = "When::is_frame")]
+    pub when: When,
+    /// WebGPU features it needs, as of a [`GpuPass`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub features: Vec<String>,
+    /// WebGPU limits it needs above their defaults, as of a [`GpuPass`].
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub limits: BTreeMap<String, u64>,
 }
 
 /// A step of the recipe, as it was applied.
@@ -451,7 +481,7 @@ pub struct Plan {
     /// Buffers of computed vertices.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub vertex_buffers: Vec<VertexBuffer>,
-    /// Compute work of each frame, ahead of all passes, for each draw of the material.
+    /// Compute work ahead of all passes, for each draw of the material.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub compute: Vec<ComputePass>,
     /// GPU passes in the order they run.

@@ -84,6 +84,7 @@ fn tessellated(plan: &Plan, id: &str, level: u32) -> Option<(Plan, Components, u
         level,
         pattern: Pattern::Uniform,
         form: geometry::Form::Shared,
+        ..tessellate::Params::default()
     };
     let facts = Facts::default();
     let sites = Tessellate::sites(&alone, &facts, &params);

@@ -205,6 +205,7 @@ pub fn verify(
         depth_ties: depth_ties.filter(|_| lost.is_none()),
         assumed: bind::guessed(scene),
         variants: Vec::new(),
+        sweeps: Vec::new(),
     };
     let mut pictures = Vec::new();
     for subject in subjects {
@@ -393,6 +394,7 @@ impl<'a> Subject<'a> {
                 cost: None,
                 shadow: None,
                 self_test: Vec::new(),
+                junctions: super::junctions(inputs.scene(), &variant.plans),
                 kept: variant.kept.clone(),
                 by_path: Vec::new(),
                 by_view: Vec::new(),

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::plan::Plan;
+use preshade_passes::plan::{Plan, When};
 
 use super::Error;
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
 use super::layout::{self, Stages};
+use super::limits;
 use super::shader::Variant;
 use super::subdivided::Meshes;
 use super::targets::Targets;
@@ -16,6 +17,7 @@ use super::targets::Targets;
 pub(super) struct PreparedCompute {
     pipeline: wgpu::ComputePipeline,
     dispatches: Vec<Dispatch>,
+    when: When,
 }
 
 struct Dispatch {
@@ -40,6 +42,10 @@ pub(super) fn prepare(
         for (pass, stage) in plan.compute.iter().zip(stages) {
             let failed = |message: String| failed(plan, message);
             let what = format!("the compute pass of material `{}`", plan.material);
+            for feature in &pass.features {
+                gpu.require(&what, feature)?;
+            }
+            limits::check(gpu, &what, &pass.limits)?;
             let shader = shaders
                 .get(stage.shader.as_str())
                 .ok_or_else(|| failed(format!("there is no shader `{}`", stage.shader)))?;
@@ -76,6 +82,7 @@ pub(super) fn prepare(
             prepared.extend(pipeline.map(|pipeline| PreparedCompute {
                 pipeline,
                 dispatches,
+                when: pass.when.clone(),
             }));
         }
     }
@@ -114,9 +121,33 @@ fn build(
     })
 }
 
-/// Encodes all of them.
+/// Encodes those of each frame.
 pub(super) fn encode(passes: &[PreparedCompute], encoder: &mut wgpu::CommandEncoder) {
-    if passes.is_empty() {
+    encode_those(passes.iter().filter(|p| p.when.is_frame()), encoder);
+}
+
+/// Runs those that run once.
+///
+/// # Errors
+/// What the adapter says.
+pub(super) fn load(gpu: &Gpu, passes: &[PreparedCompute]) -> Result<(), Error> {
+    let once = || passes.iter().filter(|p| !p.when.is_frame());
+    if once().next().is_none() {
+        return Ok(());
+    }
+    gpu.checked("computing what is kept from load", || {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encode_those(once(), &mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+    })
+}
+
+fn encode_those<'p>(
+    passes: impl Iterator<Item = &'p PreparedCompute>,
+    encoder: &mut wgpu::CommandEncoder,
+) {
+    let mut passes = passes.peekable();
+    if passes.peek().is_none() {
         return;
     }
     let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());

@@ -123,6 +123,7 @@ impl<'a> Prepared<'a> {
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
         let mut meshes = Meshes::default();
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes)?;
+        compute::load(inputs.gpu(), &compute)?;
         let mut passes = Vec::new();
         for frame_pass in &variant.frame().passes {
             let mut pass = PreparedPass {

@@ -23,6 +23,8 @@ fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
         "maxBindingsPerBindGroup" => l.max_bindings_per_bind_group.into(),
         "maxColorAttachmentBytesPerSample" => l.max_color_attachment_bytes_per_sample.into(),
         "maxColorAttachments" => l.max_color_attachments.into(),
+        "maxComputeInvocationsPerWorkgroup" => l.max_compute_invocations_per_workgroup.into(),
+        "maxComputeWorkgroupSizeX" => l.max_compute_workgroup_size_x.into(),
         "maxInterStageShaderVariables" => l.max_inter_stage_shader_variables.into(),
         "maxSampledTexturesPerShaderStage" => l.max_sampled_textures_per_shader_stage.into(),
         "maxSamplersPerShaderStage" => l.max_samplers_per_shader_stage.into(),

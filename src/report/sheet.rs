@@ -113,7 +113,13 @@ pub fn contact(pictures: &Pictures) -> Picture {
             worst.difference.clone(),
         ));
     }
-    let factor = pictures.original.size[0].div_ceil(PANEL).max(1);
+    laid_out(panels)
+}
+
+/// Panels of one size, labelled, [`COLUMNS`] a row.
+fn laid_out(panels: Vec<(String, Picture)>) -> Picture {
+    let widest = panels.first().map_or(1, |(_, p)| p.size[0]);
+    let factor = widest.div_ceil(PANEL).max(1);
     let panels: Vec<(String, Picture)> = panels
         .into_iter()
         .map(|(label, p)| (label, reduce(&opaque(p), factor)))
@@ -153,6 +159,18 @@ fn wrap(label: &str, width: usize) -> Vec<String> {
     }
     lines.push(rest.iter().collect());
     lines
+}
+
+/// Original, variant and difference of each, a row each, labelled.
+pub fn rows(variants: &[(String, &Pictures)]) -> Picture {
+    let mut panels = Vec::new();
+    for (label, pictures) in variants {
+        let difference = format!("difference x{DIFFERENCE_FACTOR}");
+        panels.push(("original".to_owned(), pictures.original.clone()));
+        panels.push((label.clone(), pictures.variant.clone()));
+        panels.push((difference, pictures.difference.clone()));
+    }
+    laid_out(panels)
 }
 
 /// Alpha is data, not coverage: what is shown is opaque.
