@@ -69,9 +69,12 @@ pub struct Subdivision {
     pub level: u32,
     /// Where the new vertices are computed.
     pub form: Form,
+    /// Each edge has as many segments, at most `level`, as make them no longer than so many pixels; `None`: all have `level`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge_pixels: Option<u32>,
     /// What the weights of a vertex sum to.
     pub denominator: u32,
-    /// The pattern's vertices, packed: three weights of 8 bits from the lowest, the weightless last, and the three corners they are of, 2 bits each from bit 24.
+    /// The pattern's vertices, packed; with `edge_pixels`, row and column of 8 bits each. Else three weights of 8 bits from the lowest, the weightless last, and the three corners they are of, 2 bits each from bit 24.
     pub vertices: Vec<u32>,
     /// The pattern's triangles, three vertices each.
     pub indices: Vec<u32>,
@@ -89,10 +92,25 @@ impl Subdivision {
             pattern,
             level,
             form,
+            edge_pixels: None,
             denominator: divided.denominator,
             vertices,
             indices: divided.triangles.into_iter().flatten().collect(),
             batch,
+        }
+    }
+}
+
+impl Subdivision {
+    /// Of each edge into segments of about `edge_pixels`, at most `level` of them. There is one pattern and one form: rows of similar triangles, pulled.
+    pub fn adaptive(level: u32, edge_pixels: u32) -> Self {
+        let (vertices, triangles) = pattern::from_corner(level);
+        Self {
+            edge_pixels: Some(edge_pixels),
+            indices: triangles.into_iter().flatten().collect(),
+            batch: (BATCH_VERTICES / vertices.len() as u32).max(1),
+            vertices,
+            ..Self::new(Pattern::Uniform, level, Form::Pulled)
         }
     }
 }
@@ -204,6 +222,8 @@ pub struct Constants {
     pub vertices: u32,
     /// `shared`: instances.
     pub instances: u32,
+    /// With [`Subdivision::edge_pixels`], width and height of what is drawn to, in pixels: a host that draws to another size writes it anew.
+    pub viewport: Option<[u32; 2]>,
     /// The attributes, in the order the binding lists their locations.
     pub streams: Vec<Stream>,
 }
@@ -221,6 +241,9 @@ impl Constants {
             self.vertices,
             self.instances,
         ];
+        if let Some([width, height]) = self.viewport {
+            words.extend([width, height, 0, 0]);
+        }
         for stream in &self.streams {
             words.extend(stream.words()?);
         }

@@ -36,6 +36,7 @@ use crate::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
 use crate::program::Program;
 use crate::reflect;
 
+mod adaptive;
 mod build;
 mod examine;
 mod fixed;
@@ -61,6 +62,10 @@ pub struct Tessellate;
 pub struct Params {
     /// Segments along each edge of a triangle, 1 to 64.
     pub level: u32,
+    /// Divides each edge into segments of at most so many pixels, 1 to 256, and into `level` of them at most; `form` is then `pulled`, and the pattern rows of similar
+    /// triangles. Default: every edge has `level` segments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub edge_pixels: Option<u32>,
     /// How a triangle is divided.
     pub pattern: Pattern,
     /// Where the new vertices are computed.
@@ -75,6 +80,7 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             level: 3,
+            edge_pixels: None,
             pattern: Pattern::default(),
             form: Form::default(),
             fixed: None,
@@ -211,9 +217,15 @@ impl Material<'_> {
                 )
             }
         };
+        let level = match subdivision.edge_pixels {
+            None => format!("level {}", subdivision.level),
+            Some(pixels) => format!(
+                "segments of {pixels} pixels, at most {} an edge",
+                subdivision.level
+            ),
+        };
         format!(
-            "level {}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, what was hoisted is computed at each{when}",
-            subdivision.level,
+            "{level}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, what was hoisted is computed at each{when}",
             subdivision.indices.len() / 3,
             subdivision.vertices.len(),
         )
@@ -272,6 +284,28 @@ impl Material<'_> {
     }
 
     fn pulled(&self, slots: Slots, subdivision: &Subdivision) -> Result<Program, String> {
+        if let Some(edge_pixels) = subdivision.edge_pixels {
+            let module = adaptive::adaptive(
+                self.program.module().clone(),
+                self.vertex,
+                &self.split,
+                &self.outputs,
+                &Text {
+                    attributes: &self.pass.attributes,
+                    widths: &self.outputs.widths(),
+                    slots,
+                    place: Place::Adaptive {
+                        vertices: subdivision.vertices.len() as u32,
+                        batch: subdivision.batch,
+                        edge_pixels,
+                        most: subdivision.level,
+                    },
+                    points: None,
+                    order: Order::ByPosition,
+                },
+            )?;
+            return self.program(&module, &self.entries());
+        }
         let functions = self.functions(&Text {
             attributes: &self.pass.attributes,
             widths: &self.outputs.widths(),
@@ -449,5 +483,8 @@ const COMPUTE: &str = "points";
 const VERTICES: &str = "vertices";
 
 fn subdivision(params: &Params) -> Subdivision {
-    Subdivision::new(params.pattern, params.level, params.form)
+    match params.edge_pixels {
+        Some(edge_pixels) => Subdivision::adaptive(params.level, edge_pixels),
+        None => Subdivision::new(params.pattern, params.level, params.form),
+    }
 }

@@ -43,8 +43,11 @@ pub struct DrawSubdivision {
 }
 
 /// The subdivided meshes of a frame, each made once: all passes of a draw share it.
-#[derive(Default)]
-pub(super) struct Meshes(Vec<(usize, String, Subdivision, Arc<SubdividedMesh>)>);
+pub(super) struct Meshes {
+    /// Of the targets, in pixels.
+    size: [u32; 2],
+    known: Vec<(usize, String, Subdivision, Arc<SubdividedMesh>)>,
+}
 
 /// A draw's triangles, subdivided.
 pub(super) struct SubdividedMesh {
@@ -69,6 +72,14 @@ pub(super) struct Subdivided {
 }
 
 impl Meshes {
+    /// None yet, for targets of so many pixels.
+    pub fn new(size: [u32; 2]) -> Self {
+        Self {
+            size,
+            known: Vec::new(),
+        }
+    }
+
     /// The mesh of a draw under `geometry`, for a pass with these bindings; `None` where geometry is drawn as it is given.
     ///
     /// # Errors
@@ -86,20 +97,20 @@ impl Meshes {
         };
         let material = &plan.material;
         let known = self
-            .0
+            .known
             .iter()
             .find(|(i, m, s, _)| *i == index && m == material && s == subdivision);
         let mesh = match known {
             Some((.., mesh)) => Arc::clone(mesh),
             None => {
-                let mesh = Arc::new(SubdividedMesh::new(gpu, plan, subdivision, draw));
+                let mesh = Arc::new(SubdividedMesh::new(gpu, plan, subdivision, draw, self.size));
                 let entry = (
                     index,
                     material.clone(),
                     subdivision.clone(),
                     Arc::clone(&mesh),
                 );
-                self.0.push(entry);
+                self.known.push(entry);
                 mesh
             }
         };
@@ -116,11 +127,11 @@ impl Meshes {
 
     /// What all of them cost together; `None` where nothing is subdivided.
     pub fn cost(&self) -> Option<SubdivisionCost> {
-        if self.0.is_empty() {
+        if self.known.is_empty() {
             return None;
         }
         let mut all = SubdivisionCost::default();
-        for (draw, .., mesh) in &self.0 {
+        for (draw, .., mesh) in &self.known {
             mesh.add_cost(*draw, &mut all);
         }
         Some(all)
@@ -128,7 +139,13 @@ impl Meshes {
 }
 
 impl SubdividedMesh {
-    fn new(gpu: &Gpu, plan: &Plan, subdivision: &Subdivision, draw: &DrawInputs) -> Self {
+    fn new(
+        gpu: &Gpu,
+        plan: &Plan,
+        subdivision: &Subdivision,
+        draw: &DrawInputs,
+        size: [u32; 2],
+    ) -> Self {
         let (count, index_bytes) = match &draw.indices {
             Some(indices) => (indices.count, indices.format.byte_size()),
             None => (draw.vertex_count, 0),
@@ -143,6 +160,7 @@ impl SubdividedMesh {
             first_instance: 0,
             vertices: 0,
             instances: draw.instances,
+            viewport: subdivision.edge_pixels.map(|_| size),
             streams: Vec::new(),
         };
         let pattern_vertices = subdivision.vertices.len() as u32;

@@ -32,6 +32,20 @@ impl<'a> Material<'a> {
                 "give a level of 1 to 64",
             ));
         }
+        if params.edge_pixels.is_some_and(|p| !(1..=256).contains(&p)) {
+            return Err(refuse(
+                "edge-pixels",
+                "a segment is 1 to 256 pixels long",
+                "give edge-pixels=8, say",
+            ));
+        }
+        if params.edge_pixels.is_some() && params.form != Form::Pulled {
+            return Err(refuse(
+                "adaptive-form",
+                "the vertices of a mesh that is made once cannot follow the camera",
+                "take form=pulled",
+            ));
+        }
         let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
         let Some((pass, program)) = main else {
             return Err(refuse(
