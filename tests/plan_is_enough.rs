@@ -111,6 +111,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "the same as the pass's: another is another mesh, which nobody draws",
     ),
     (
+        "compute[].geometry.given",
+        "the same as the pass's: another is another mesh, which nobody draws",
+    ),
+    (
         "compute[].geometry.edge_pixels",
         "of the pulled form, which has no compute pass",
     ),
@@ -253,6 +257,7 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Pulled, "/passes/0/geometry/vertices/1", json!(0), Redrawn),
         (Pulled, "/passes/0/geometry/indices/0", json!(5), Redrawn),
         (Pulled, "/passes/0/geometry/batch", json!(1), Redrawn),
+        (Pulled, "/passes/0/geometry/given", json!("triangle-strip"), Redrawn),
         (Adaptive, "/passes/0/geometry/edge_pixels", json!(null), Refused("bytes in the plan")),
         (Pulled, "/passes/0/bindings/5/source/part/attribute/location", json!(9), Refused("at location 9")),
         (Pulled, "/passes/0/bindings/2/source/part/constants/streams/0", json!(9), Refused("at location 9")),

@@ -249,6 +249,54 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     check(&scene, "no indices");
 }
 
+/// A strip with restarts, of 16-bit and 32-bit indices, is divided as the list of its triangles is.
+#[test]
+fn strips_are_divided_as_lists() {
+    let mut scene = sphere(WAVES);
+    scene.materials[0].state.primitive.cull = preshade::passes::state::CullMode::Back;
+    let given = scene.meshes[0].indices.clone().unwrap();
+    let mut triangles = given.as_chunks::<3>().0.iter().peekable();
+    let (mut strip, mut list) = (Vec::new(), Vec::new());
+    while let Some([a, b, c]) = triangles.next() {
+        strip.extend([*b, *c, *a]);
+        list.extend([*b, *c, *a]);
+        // The other half of a quad goes on with the strip.
+        if let Some([_, _, d]) = triangles.next_if(|[e, f, _]| (e, f) == (a, c)) {
+            strip.push(*d);
+            list.extend([*c, *d, *a]);
+        }
+        strip.push(u32::MAX);
+    }
+    assert_eq!(list.len(), given.len());
+    assert!(strip.len() < given.len());
+    scene.meshes[0].indices = Some(strip);
+    scene.materials[0].state.primitive.topology = preshade::passes::state::Topology::TriangleStrip;
+    let check = |scene: &Scene, what: &str| {
+        let hoisted = draw(scene, &[HOIST]);
+        for parameters in PARAMETERS.into_iter().chain(["edge-pixels=200"]) {
+            let one = format!("tessellate:level=1,{parameters}");
+            assert_eq!(draw(scene, &[HOIST, &one]), hoisted, "{what}, {one}");
+        }
+        let mut listed = scene.clone();
+        listed.meshes[0].indices = Some(list.clone());
+        listed.materials[0].state.primitive.topology = Default::default();
+        for parameters in PARAMETERS {
+            let many = format!("tessellate:level=4,{parameters}");
+            let of_list = draw(&listed, &[HOIST, &many]);
+            assert_eq!(draw(scene, &[HOIST, &many]), of_list, "{what}, {many}");
+        }
+    };
+    check(&scene, "16 bits");
+    let mesh = &mut scene.meshes[0];
+    mesh.vertex_count = 70_000;
+    for stream in mesh.streams.values_mut() {
+        if let preshade::scene::Stream::Float { components, data } = stream {
+            data.resize(70_000 * *components as usize, 0.0);
+        }
+    }
+    check(&scene, "32 bits");
+}
+
 /// Cameras that see the edges of one sphere at many lengths: near and far, along and across, and from so near that some reach behind the viewer.
 fn around() -> Vec<Frame> {
     let eyes = [

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::state::Topology;
 use crate::tessellate::pattern::{self, Pattern};
 
 /// What a pass draws.
@@ -69,6 +70,9 @@ pub struct Subdivision {
     pub level: u32,
     /// Where the new vertices are computed.
     pub form: Form,
+    /// What the author's draw is made of. Of a strip the host lists the triangles when it loads the mesh ([`strip_triangles`]): as 32-bit indices they are the draw that this is about.
+    #[serde(default, skip_serializing_if = "is_list")]
+    pub given: Topology,
     /// Each edge has as many segments, at most `level`, as make them no longer than so many pixels; `None`: all have `level`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge_pixels: Option<u32>,
@@ -92,6 +96,7 @@ impl Subdivision {
             pattern,
             level,
             form,
+            given: Topology::TriangleList,
             edge_pixels: None,
             denominator: divided.denominator,
             vertices,
@@ -113,6 +118,30 @@ impl Subdivision {
             ..Self::new(Pattern::Uniform, level, Form::Pulled)
         }
     }
+}
+
+fn is_list(topology: &Topology) -> bool {
+    *topology == Topology::TriangleList
+}
+
+/// The triangles of a strip, each with its provoking vertex first and turned the way the first one is (WebGPU, section 10.3.7); `None` is a restart.
+pub fn strip_triangles(indices: impl IntoIterator<Item = Option<u32>>) -> Vec<[u32; 3]> {
+    let mut triangles = Vec::new();
+    let mut run: Vec<u32> = Vec::new();
+    for index in indices {
+        let Some(index) = index else {
+            run.clear();
+            continue;
+        };
+        run.push(index);
+        if let [.., a, b, c] = run[..] {
+            triangles.push(match run.len() % 2 {
+                1 => [a, b, c],
+                _ => [a, c, b],
+            });
+        }
+    }
+    triangles
 }
 
 /// New vertices an instance should have: instances of a few vertices leave most of a wave of vertex invocations idle.
@@ -267,6 +296,24 @@ mod tests {
         assert_eq!(unpack(pack([0, 4, 5])), ([4, 5, 0], [1, 2, 0]));
         assert_eq!(unpack(pack([3, 0, 6])), ([3, 6, 0], [0, 2, 1]));
         assert_eq!(unpack(pack([3, 4, 2])), ([3, 4, 2], [0, 1, 2]));
+    }
+
+    #[test]
+    fn a_strip_turns_every_other_triangle_and_starts_anew() {
+        let strip = [
+            Some(0),
+            Some(1),
+            Some(2),
+            Some(3),
+            None,
+            Some(4),
+            Some(5),
+            None,
+            Some(6),
+            Some(7),
+            Some(8),
+        ];
+        assert_eq!(strip_triangles(strip), [[0, 1, 2], [1, 3, 2], [6, 7, 8]]);
     }
 
     #[test]

@@ -17,6 +17,9 @@
 //! No cracks: a corner keeps its own bits; a point on an edge is computed from the edge's ends alone, in an order given by the bits of their positions, so that both
 //! triangles agree even across a seam of vertices; all edges have one level.
 //!
+//! Strips are drawn as the lists of their triangles. Refused are varyings interpolated linearly on the screen, where a point behind the viewer has no place, and half-precision attributes
+//! and varyings, which would be decoded and blended at another precision than the rasteriser's.
+//!
 //! It hurts where triangles are small already, and where interpolating three corners costs more than what was hoisted.
 
 use std::collections::BTreeMap;
@@ -35,6 +38,7 @@ use crate::plan::{BindingKind, BindingSource, BindingUse, ComputePass, GeometryP
 use crate::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
 use crate::program::Program;
 use crate::reflect;
+use crate::state::Topology;
 
 mod adaptive;
 mod build;
@@ -70,8 +74,8 @@ pub struct Params {
     pub pattern: Pattern,
     /// Where the new vertices are computed.
     pub form: Form,
-    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after load, joined by `+`; default: those that are the same in all frames of the
-    /// scene, where there is one.
+    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after load, joined by `+`; default: those that follow neither
+    /// the camera nor the time in the scene, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fixed: Option<String>,
 }
@@ -232,7 +236,10 @@ impl Material<'_> {
     }
 
     fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, String> {
-        let subdivision = subdivision(params);
+        let subdivision = Subdivision {
+            given: self.pass.primitive.topology,
+            ..subdivision(params)
+        };
         let slots = Slots::free(self.program.module());
         let mut next = plan.clone();
         let program = match params.form {
@@ -244,6 +251,7 @@ impl Material<'_> {
         for pass in &mut next.passes {
             pass.bindings.extend(parts.clone());
             pass.geometry = Geometry::Subdivided(subdivision.clone());
+            pass.primitive.topology = Topology::TriangleList;
             reflect::fill(pass, &program);
         }
         next.programs.insert(self.pass.program.clone(), program);

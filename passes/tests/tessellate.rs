@@ -502,16 +502,16 @@ fn what_cannot_be_divided_is_refused() {
         ..Params::default()
     };
     assert_eq!(code(apply::<Tessellate>(&hoisted(&plan), &level)), "level");
-    let strip = MaterialState {
+    let lines = MaterialState {
         primitive: PrimitiveState {
-            topology: Topology::TriangleStrip,
+            topology: Topology::LineStrip,
             ..PrimitiveState::default()
         },
         ..MaterialState::default()
     };
-    let strip = hoisted(&original(WAVES, &strip));
+    let lines = hoisted(&original(WAVES, &lines));
     assert_eq!(
-        code(apply::<Tessellate>(&strip, &Params::default())),
+        code(apply::<Tessellate>(&lines, &Params::default())),
         "topology"
     );
     let linear = WAVES.replace("@location(1) uv", "@location(1) @interpolate(linear) uv");

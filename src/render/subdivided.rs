@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use preshade_passes::geometry::{Constants, Form, Geometry, Stream, Subdivision};
+use preshade_passes::geometry::{self, Constants, Form, Geometry, Stream, Subdivision};
 use preshade_passes::plan::{BindingSource, BindingUse, GeometryPart, Plan};
+use preshade_passes::state::Topology;
 use preshade_passes::tessellate::mesh::{self, Mesh};
 use serde::Serialize;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
@@ -52,6 +53,8 @@ pub(super) struct Meshes {
 /// A draw's triangles, subdivided.
 pub(super) struct SubdividedMesh {
     pattern: wgpu::Buffer,
+    /// The triangles of a strip.
+    list: Option<wgpu::Buffer>,
     /// `shared`: what each new vertex is made of.
     points: wgpu::Buffer,
     /// `shared`: the computed vertices, by the buffer's name in the plan.
@@ -150,7 +153,22 @@ impl SubdividedMesh {
             Some(indices) => (indices.count, indices.format.byte_size()),
             None => (draw.vertex_count, 0),
         };
-        let triangles = count / 3;
+        // A strip is drawn as the list of its triangles.
+        let listed = match subdivision.given {
+            Topology::TriangleStrip => {
+                let indices = (0..count).map(|i| strip_vertex(draw, i));
+                Some(geometry::strip_triangles(indices))
+            }
+            _ => None,
+        };
+        let (triangles, index_bytes) = match &listed {
+            Some(listed) => (listed.len() as u32, 4),
+            None => (count / 3, index_bytes),
+        };
+        let list = listed.as_ref().map(|l| {
+            let words = l.as_flattened();
+            buffer(gpu, words, wgpu::BufferUsages::STORAGE)
+        });
         let constants = Constants {
             triangles,
             batches: triangles.div_ceil(subdivision.batch),
@@ -179,6 +197,7 @@ impl SubdividedMesh {
                 Self {
                     points: pattern.clone(),
                     pattern,
+                    list,
                     vertices: BTreeMap::new(),
                     index_count: indices.len() as u32,
                     indices: buffer(gpu, &indices, wgpu::BufferUsages::INDEX),
@@ -189,7 +208,10 @@ impl SubdividedMesh {
                 }
             }
             Form::Shared | Form::Static => {
-                let all = (0..triangles).map(|t| [0, 1, 2].map(|c| vertex(draw, 3 * t + c)));
+                let all = (0..triangles).map(|t| match &listed {
+                    Some(listed) => listed[t as usize],
+                    None => [0, 1, 2].map(|c| vertex(draw, 3 * t + c)),
+                });
                 let Mesh { points, triangles } =
                     mesh::subdivide(subdivision.pattern, subdivision.level, all);
                 let vertices = points.len() as u64 * u64::from(draw.instances);
@@ -204,6 +226,7 @@ impl SubdividedMesh {
                 let buffers = plan.vertex_buffers.iter();
                 Self {
                     pattern,
+                    list,
                     points: buffer(gpu, points.as_flattened(), wgpu::BufferUsages::STORAGE),
                     vertices: buffers.map(|b| (b.name.clone(), stored(b))).collect(),
                     index_count: triangles.as_flattened().len() as u32,
@@ -282,15 +305,27 @@ impl Subdivided {
                 .vertices
                 .get(buffer)
                 .ok_or_else(|| format!("the plan has no buffer `{buffer}`"))?,
-            GeometryPart::Indices => match &draw.indices {
-                Some(indices) => &indices.buffer,
-                None => &mesh.pattern,
+            GeometryPart::Indices => match (&mesh.list, &draw.indices) {
+                (Some(list), _) => list,
+                (None, Some(indices)) => &indices.buffer,
+                (None, None) => &mesh.pattern,
             },
             GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
         };
         let read_only = binding.kind == preshade_passes::plan::BindingKind::StorageRead;
         Ok((buffer, wgpu::BufferBindingType::Storage { read_only }))
     }
+}
+
+/// An index of the author's strip; `None` for a restart.
+fn strip_vertex(draw: &DrawInputs, at: u32) -> Option<u32> {
+    let index = vertex(draw, at);
+    let restart = match draw.indices.as_ref().map(|i| i.format) {
+        Some(wgpu::IndexFormat::Uint16) => Some(u32::from(u16::MAX)),
+        Some(wgpu::IndexFormat::Uint32) => Some(u32::MAX),
+        None => None,
+    };
+    (Some(index) != restart).then_some(index)
 }
 
 /// An index of the author's draw.

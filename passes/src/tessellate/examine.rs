@@ -14,7 +14,6 @@ use crate::pass::{Facts, Pass, Refusal, SiteKey};
 use crate::plan::{BindingKind, GpuPass, Plan, Role};
 use crate::program::Program;
 use crate::reflect;
-use crate::state::Topology;
 
 /// Storage buffers that every WebGPU device reads in a stage.
 const STORAGE_BUFFERS: usize = 8;
@@ -76,11 +75,11 @@ impl<'a> Material<'a> {
                 "tessellate first, then add the pre-pass: it is then divided alike",
             ));
         }
-        if pass.primitive.topology != Topology::TriangleList {
+        if !pass.primitive.topology.is_triangles() {
             return Err(refuse(
                 "topology",
-                "only lists of triangles are divided (a strip's restarts are not followed)",
-                "draw a triangle list",
+                "only triangles are divided",
+                "draw triangles",
             ));
         }
         let Some((vertex, _)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) else {
