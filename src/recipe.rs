@@ -89,6 +89,18 @@ pub enum RecipeError {
         /// As given.
         value: String,
     },
+    /// The parameter is a number within bounds, and this is beyond them.
+    #[error("{pass}: `{name}` is {range}, which {value} is not (see `preshade passes {pass}`)")]
+    OutOfRange {
+        /// Name of the pass.
+        pass: &'static str,
+        /// Name of the parameter.
+        name: String,
+        /// The bounds, in words.
+        range: String,
+        /// As given.
+        value: String,
+    },
     /// A parameter is given twice.
     #[error("in `{text}`: `{name}` is given twice")]
     Twice {
@@ -175,6 +187,16 @@ fn check(pass: &dyn AnyPass, name: &str, value: &str) -> Result<(), RecipeError>
             pass: pass.info().name,
             name: name.to_owned(),
             kind,
+            value: value.to_owned(),
+        });
+    }
+    if let (Some(range), Ok(number)) = (parameter.range, value.parse::<f64>())
+        && !range.contains(number)
+    {
+        return Err(RecipeError::OutOfRange {
+            pass: pass.info().name,
+            name: name.to_owned(),
+            range: range.to_string(),
             value: value.to_owned(),
         });
     }

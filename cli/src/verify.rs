@@ -311,8 +311,7 @@ fn check_folder(dir: &Path) -> Result<(), Failure> {
         .unwrap_or(here);
     if !there.is_dir() {
         return Err(Failure(format!(
-            "error: {}: {} is not a folder",
-            dir.display(),
+            "error: {} is a file, not a folder",
             there.display()
         )));
     }

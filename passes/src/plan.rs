@@ -539,7 +539,10 @@ impl Plan {
                 bias: state.depth_bias,
                 read_only: false,
                 ops: AttachmentOps::default(),
-                stencil_ops: AttachmentOps::default(),
+                stencil_ops: state
+                    .depth_format
+                    .has_stencil()
+                    .then(AttachmentOps::default),
             }),
             stencil: state.stencil.clone(),
             multisample: state.multisample,

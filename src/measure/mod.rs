@@ -1,11 +1,13 @@
 //! What a variant costs in accuracy and gains in time, measured beside the original.
 //!
-//! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames, [`shading`] counts fragments and depth ties, [`timing`] times frames, [`statistics`] asks the adapter what it
-//! invoked; [`frequency`] finds what can be interpolated; [`mod@junctions`] finds edges that two draws divide differently; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene.
+//! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames, [`shading`] counts fragments and depth ties, [`timing`] times frames,
+//! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself;
+//! [`mod@junctions`] finds edges that two draws divide differently; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene.
 
 pub mod changing;
 pub mod error;
 pub mod frequency;
+pub mod interpolation;
 pub mod junctions;
 pub mod shading;
 pub mod shadow;
@@ -18,6 +20,7 @@ pub mod verify;
 pub use changing::changing;
 pub use error::{ErrorLadder, compare};
 pub use frequency::{frequencies, leaves_a_choice, within_budget, written_out};
+pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;

@@ -41,6 +41,17 @@ pub struct Rendered {
     pub depth: Option<DepthImage>,
 }
 
+/// The vertices that a compute pass stored for a draw.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ComputedVertices {
+    /// Index of the draw in the scene.
+    pub draw: usize,
+    /// What each vertex of one instance is made of, as [`preshade_passes::tessellate::mesh::Mesh::points`].
+    pub points: Vec<[u32; 4]>,
+    /// The vertices, instance by instance, each the same number of words.
+    pub words: Vec<u32>,
+}
+
 /// A variant ready to be drawn: targets, pipelines, bind groups.
 pub struct Prepared<'a> {
     gpu: &'a Gpu,
@@ -226,6 +237,41 @@ impl<'a> Prepared<'a> {
                 })
                 .collect();
         }
+    }
+
+    /// Runs the compute passes and reads back the vertices they store, for each draw that has any.
+    ///
+    /// # Errors
+    /// [`Error::Lost`], [`Error::Refused`].
+    pub fn computed_vertices(&self) -> Result<Vec<ComputedVertices>, Error> {
+        let what = "reading computed vertices back";
+        let device = &self.gpu.device;
+        let mut encoder = device.create_command_encoder(&Default::default());
+        compute::encode(&self.compute, &mut encoder);
+        let mut copies = Vec::new();
+        for (draw, points, buffer) in self.meshes.computed() {
+            let copy = self.gpu.checked(what, || {
+                device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(what),
+                    size: buffer.size(),
+                    usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                    mapped_at_creation: false,
+                })
+            })?;
+            encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
+            copies.push((draw, points, copy));
+        }
+        self.gpu.submit(what, encoder)?;
+        let read = |(draw, points, copy): (usize, &[[u32; 4]], wgpu::Buffer)| {
+            let bytes = self.gpu.read_buffer(&copy)?;
+            let words = bytes.as_chunks::<4>().0.iter();
+            Ok(ComputedVertices {
+                draw,
+                points: points.to_vec(),
+                words: words.map(|w| u32::from_le_bytes(*w)).collect(),
+            })
+        };
+        copies.into_iter().map(read).collect()
     }
 
     /// Encodes the whole frame once, from clear to resolve.

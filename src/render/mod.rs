@@ -28,7 +28,7 @@ mod subdivided;
 mod targets;
 mod trusted;
 
-pub use frame::{FrameSettings, Prepared, Rendered};
+pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};
 pub use gpu::{AdapterChoice, AdapterReport, Gpu, adapters};
 pub use inputs::SceneInputs;
 pub use picture::{ColorImage, DepthImage};

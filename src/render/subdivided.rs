@@ -57,6 +57,8 @@ pub(super) struct SubdividedMesh {
     list: Option<wgpu::Buffer>,
     /// `shared`: what each new vertex is made of.
     points: wgpu::Buffer,
+    /// `shared`: the same, as [`Mesh::points`].
+    made_of: Vec<[u32; 4]>,
     /// `shared`: the computed vertices, by the buffer's name in the plan.
     vertices: BTreeMap<String, wgpu::Buffer>,
     indices: wgpu::Buffer,
@@ -126,6 +128,14 @@ impl Meshes {
             .ok_or("a vertex format is not one of WebGPU's")?;
         let constants = buffer(gpu, &words, wgpu::BufferUsages::UNIFORM);
         Ok(Some(Subdivided { mesh, constants }))
+    }
+
+    /// The buffers of computed vertices: draw, what each vertex of one instance is made of, and the buffer.
+    pub fn computed(&self) -> impl Iterator<Item = (usize, &[[u32; 4]], &wgpu::Buffer)> {
+        self.known.iter().flat_map(|(draw, _, _, mesh)| {
+            let buffers = mesh.vertices.values();
+            buffers.map(move |b| (*draw, mesh.made_of.as_slice(), b))
+        })
     }
 
     /// What all of them cost together; `None` where nothing is subdivided.
@@ -198,6 +208,7 @@ impl SubdividedMesh {
                     points: pattern.clone(),
                     pattern,
                     list,
+                    made_of: Vec::new(),
                     vertices: BTreeMap::new(),
                     index_count: indices.len() as u32,
                     indices: buffer(gpu, &indices, wgpu::BufferUsages::INDEX),
@@ -219,7 +230,7 @@ impl SubdividedMesh {
                     gpu.device.create_buffer(&wgpu::BufferDescriptor {
                         label: Some(&b.name),
                         size: (vertices * u64::from(b.stride)).max(16),
-                        usage: wgpu::BufferUsages::STORAGE,
+                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
                         mapped_at_creation: false,
                     })
                 };
@@ -236,6 +247,7 @@ impl SubdividedMesh {
                         vertices: points.len() as u32,
                         ..constants
                     },
+                    made_of: points,
                     form: subdivision.form,
                     unshared,
                 }

@@ -17,7 +17,7 @@ use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
 
 pub use path::PathTime;
-pub use picture::Pictures;
+pub use picture::{Pictures, Worst};
 pub use sweep::SweepReport;
 
 /// Version of the JSON that [`Report`] serialises to.

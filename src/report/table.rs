@@ -3,7 +3,7 @@
 use preshade_passes::contract::Verdict;
 
 use super::{PathTime, Report, VariantReport};
-use crate::measure::{Clock, ShadowReport};
+use crate::measure::{Clock, ShadowReport, verdict};
 use crate::render::SelfTestResult;
 
 /// The report as lines of text.
@@ -152,6 +152,7 @@ fn notes(report: &Report) -> String {
                 cost.bytes as f64 / 1e6
             ));
         }
+        out.push_str(&budgets(v));
         match &v.verdict {
             Verdict::Broken { r#where } => {
                 out.push_str(&format!("{}: broken at {}\n", v.name, r#where));
@@ -165,6 +166,19 @@ fn notes(report: &Report) -> String {
     }
     out.push_str(&left_alone(report));
     out
+}
+
+/// What an approximation may be off by, each budget beside what was measured.
+fn budgets(v: &VariantReport) -> String {
+    let budgets = v.contract.budgets();
+    let (Some(error), false) = (&v.error, budgets.is_empty()) else {
+        return String::new();
+    };
+    let told: Vec<String> = budgets
+        .iter()
+        .map(|b| format!("{b} (measured {:.5})", verdict::measured(&b.metric, error)))
+        .collect();
+    format!("{}: an approximation, {}\n", v.name, told.join(", "))
 }
 
 /// What a shadow pass leaves in the light's map, and what that costs.
