@@ -117,6 +117,27 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
     assert_eq!(column(kept, 6), [0.0; 3]);
     assert_eq!(column(kept, 8), column(shared, 7));
 
+    // One that is refused says why, once.
+    let mut refused = report.clone();
+    for variant in refused
+        .variants
+        .iter_mut()
+        .filter(|v| v.name.contains("static"))
+    {
+        variant.verdict = preshade::passes::contract::Verdict::NotMeasured {
+            why: "every material refuses it".to_owned(),
+        };
+        variant.kept = vec![preshade::report::Kept {
+            material: "waves".to_owned(),
+            why: "it moves".to_owned(),
+        }];
+    }
+    let table = told.table(&refused);
+    assert!(
+        table.contains("form=static\n  not drawn at level 1, 2, 3: it moves\n"),
+        "{table}"
+    );
+
     let files = told.files(&report, &pictures).unwrap();
     let named: Vec<&str> = files.iter().map(|f| f.name.as_str()).collect();
     let [plot, sheets @ ..] = &named[..] else {
@@ -132,7 +153,11 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
         let picture = image::load_from_memory(&sheet.bytes).unwrap();
         // Three columns of 120 pixels, three rows of 100, and what is around them.
         assert!((360..400).contains(&picture.width()), "{}", sheet.name);
-        assert!((300..400).contains(&picture.height()), "{}", sheet.name);
+        assert!(
+            (300..500).contains(&picture.height()),
+            "{}",
+            picture.height()
+        );
     }
 }
 

@@ -20,6 +20,8 @@ pub struct SubdivisionCost {
     /// New vertices computed each frame. Of the pulled form one for each vertex of each triangle's pattern, which is what an adapter that reuses the vertices of an
     /// instance computes.
     pub evaluations: u64,
+    /// Whether some of `evaluations` are not made after all.
+    pub surplus: Surplus,
     /// Of them, those computed in a compute pass; the others are in the vertex stage.
     pub in_compute: u64,
     /// New vertices computed once, at load.
@@ -30,6 +32,17 @@ pub struct SubdivisionCost {
     pub bytes: u64,
     /// Each subdivided draw, all its instances together.
     pub draws: Vec<DrawSubdivision>,
+}
+
+/// Whether vertices are drawn that a triangle does not need.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Surplus {
+    /// All are needed.
+    #[default]
+    None,
+    /// Those of adaptive levels, of which triangles with short edges use a few: how many depends on the view. The others run, and evaluate nothing.
+    Some,
 }
 
 /// What subdividing one draw costs.
@@ -268,6 +281,9 @@ impl SubdividedMesh {
             all.at_load += computed;
         }
         let bytes = stored + self.points.size() + self.indices.size();
+        if self.constants.viewport.is_some() {
+            all.surplus = Surplus::Some;
+        }
         all.evaluations += evaluations;
         all.in_compute += in_compute;
         all.unshared += self.unshared;
