@@ -52,7 +52,7 @@ mod stored;
 mod text;
 
 use build::Functions;
-use pattern::Pattern;
+use pattern::{MAX_LEVEL, Pattern};
 use split::{Origin, Outputs, Split};
 use stored::{Evaluation, Stored};
 use text::{Order, Place, Points, Text};
@@ -65,10 +65,12 @@ pub struct Tessellate;
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
     /// Segments along each edge of a triangle, 1 to 64.
+    #[schemars(range(min = 1, max = MAX_LEVEL))]
     pub level: u32,
     /// Divides each edge into segments of at most so many pixels, 1 to 256, and into `level` of them at most; `form` is then `pulled`, and the pattern rows of similar
     /// triangles. Default: every edge has `level` segments.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = MOST_EDGE_PIXELS))]
     pub edge_pixels: Option<u32>,
     /// How a triangle is divided.
     pub pattern: Pattern,
@@ -91,6 +93,9 @@ impl Default for Params {
         }
     }
 }
+
+/// The longest segment that may be asked for, in pixels: its square in half pixels, times that of the highest level, fits 32 bits.
+pub const MOST_EDGE_PIXELS: u32 = 256;
 
 /// Bindings of our own: the constants, the pattern, the indices, and a stream for each attribute, in this order from `first` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

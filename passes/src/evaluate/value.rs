@@ -244,10 +244,7 @@ impl<F: Number> Value<F> {
     ///
     /// # Errors
     /// What `f` says; shapes that differ.
-    pub fn zip(
-        values: &[&Self],
-        f: &mut ScalarFunction<'_, F>,
-    ) -> Result<Self, Stuck> {
+    pub fn zip(values: &[&Self], f: &mut ScalarFunction<'_, F>) -> Result<Self, Stuck> {
         let count = values.iter().find_map(|v| match v {
             Self::Composite(parts) => Some(parts.len()),
             _ => None,

@@ -6,7 +6,7 @@ use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
 use super::fixed::{self, Read};
 use super::pattern::MAX_LEVEL;
 use super::split::{self, Outputs, Split};
-use super::{Material, Params, Slots, Tessellate, refuse};
+use super::{MOST_EDGE_PIXELS, Material, Params, Slots, Tessellate, refuse};
 use crate::contract::Contract;
 use crate::geometry::{Form, Subdivision};
 use crate::hoist::Hoist;
@@ -31,7 +31,10 @@ impl<'a> Material<'a> {
                 "give a level of 1 to 64",
             ));
         }
-        if params.edge_pixels.is_some_and(|p| !(1..=256).contains(&p)) {
+        if params
+            .edge_pixels
+            .is_some_and(|p| !(1..=MOST_EDGE_PIXELS).contains(&p))
+        {
             return Err(refuse(
                 "edge-pixels",
                 "a segment is 1 to 256 pixels long",
