@@ -151,7 +151,7 @@ pub struct Facts {
     /// Vertices shaded for each fragment shaded, over every camera measured.
     #[serde(default)]
     pub vertices_per_fragment: Option<f64>,
-    /// Uniforms that change over the cameras measured; `None`: not looked at.
+    /// Uniforms that follow the camera or the time, or change between the scene's frames in another way; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub changing: Option<Vec<Changing>>,
     /// What carrying each value of a fragment stage alone does to the picture.

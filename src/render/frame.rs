@@ -121,7 +121,7 @@ impl<'a> Prepared<'a> {
         let start = Instant::now();
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
-        let mut meshes = Meshes::default();
+        let mut meshes = Meshes::new(scene.size);
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes)?;
         compute::load(inputs.gpu(), &compute)?;
         let mut passes = Vec::new();

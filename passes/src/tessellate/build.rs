@@ -88,11 +88,7 @@ pub fn add(
         Order::ByPosition => Some(ours(&by_name, "tessellated_precedes")?),
         Order::AsRecorded => None,
     };
-    let mut fetch = Vec::new();
-    for attribute in text.attributes {
-        let function = ours(&by_name, &format!("tessellated_{}_", attribute.location))?;
-        fetch.push((attribute.location, function));
-    }
+    let fetch = fetch(&by_name, text)?;
     let mut blends = Vec::new();
     for width in text.widths {
         let function = ours(&by_name, &format!("tessellated_blend_{width}_"))?;
@@ -104,7 +100,7 @@ pub fn add(
         .map(|r| r.ty)
         .ok_or("`tessellated_place` gives nothing")?;
     let (module, corner) = corner(module, name, &split, &fetch)?;
-    let (mut module, between) = between(
+    let (module, between) = between(
         module,
         name,
         &Between {
@@ -116,11 +112,7 @@ pub fn add(
             outputs,
         },
     )?;
-    let rest = Function {
-        name: Some(place::free_name(&module, name, "rest")),
-        ..split.rest
-    };
-    let rest = module.functions.append(rest, Span::UNDEFINED);
+    let (module, rest) = rest(module, name, &split);
     Ok(Functions {
         module,
         place,
@@ -128,6 +120,27 @@ pub fn add(
         rest,
         ours: by_name,
     })
+}
+
+/// The functions of our own text that read the author's attributes, by location.
+pub(super) fn fetch(
+    by_name: &BTreeMap<String, Handle<Function>>,
+    text: &Text<'_>,
+) -> Result<Vec<(u32, Handle<Function>)>, String> {
+    let locations = text.attributes.iter().map(|a| a.location);
+    locations
+        .map(|l| Ok((l, ours(by_name, &format!("tessellated_{l}_"))?)))
+        .collect()
+}
+
+/// What becomes of the author's outputs, as a function.
+pub(super) fn rest(mut module: Module, name: &str, split: &Split) -> (Module, Handle<Function>) {
+    let rest = Function {
+        name: Some(place::free_name(&module, name, "rest")),
+        ..split.rest.clone()
+    };
+    let rest = module.functions.append(rest, Span::UNDEFINED);
+    (module, rest)
 }
 
 /// A new function, named `NAME_SUFFIX` and written by `build`.
@@ -174,7 +187,7 @@ pub fn word(module: &mut Module) -> Handle<Type> {
 }
 
 /// The author's stage on one of the author's vertices.
-fn corner(
+pub(super) fn corner(
     mut module: Module,
     name: &str,
     split: &Split,
