@@ -19,6 +19,7 @@ pub mod depth_only;
 pub mod depth_prepass;
 pub mod early_discard;
 pub mod evaluate;
+mod fetch;
 pub mod frame;
 pub mod geometry;
 pub mod graph;
