@@ -1,4 +1,4 @@
-//! What a pass draws: the material's own triangles, or subdivided ones.
+//! What a pass draws: the material's own triangles, subdivided ones, or the whole screen.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,10 @@ pub enum Geometry {
     AsGiven,
     /// Each triangle divided into smaller ones.
     Subdivided(Subdivision),
+    /// The draw's triangles without vertex or index buffers, `draw(3 * triangles, instances)`: vertex `3 * t + c` is corner `c` of triangle `t`.
+    Unindexed,
+    /// Three vertices that cover the screen, once for each draw: `draw(3, 1)`.
+    FullScreen,
 }
 
 impl Geometry {
@@ -25,7 +29,7 @@ impl Geometry {
     /// The subdivision, if there is one.
     pub fn subdivision(&self) -> Option<&Subdivision> {
         match self {
-            Self::AsGiven => None,
+            Self::AsGiven | Self::Unindexed | Self::FullScreen => None,
             Self::Subdivided(subdivision) => Some(subdivision),
         }
     }

@@ -44,6 +44,12 @@ pub enum Role {
     Main,
     /// Depth only, under a light's view.
     Shadow,
+    /// Depth, and which triangle of which draw is nearest: no shading.
+    Ids,
+    /// Once for the frame: the number of the draw that each pixel shows, as a depth to compare with.
+    Classify,
+    /// Shades each pixel of the material once, from the ids.
+    Resolve,
 }
 
 impl Role {
@@ -53,7 +59,15 @@ impl Role {
             Self::Prepass => "prepass",
             Self::Main => "main",
             Self::Shadow => "shadow",
+            Self::Ids => "ids",
+            Self::Classify => "classify",
+            Self::Resolve => "resolve",
         }
+    }
+
+    /// Whether what it draws to the scene's colour is the material's own shading.
+    pub fn shades(self) -> bool {
+        matches!(self, Self::Main | Self::Resolve)
     }
 }
 
@@ -65,8 +79,12 @@ impl Role {
 pub enum Phase {
     /// Shadow maps: the host's light view, outside the camera's frame.
     Shadow,
-    /// Depth only, opaque draws.
+    /// Depth only, opaque draws; ids with it.
     Depth,
+    /// What each pixel shows is told apart, over all materials.
+    Classify,
+    /// Shaded from ids. Opaque draws that are shaded as they are drawn come after, tested against the same depth.
+    Resolve,
     /// Shaded, opaque draws.
     Opaque,
     /// Blended draws, last, in the host's order.
@@ -147,7 +165,7 @@ pub enum BindingSource {
         /// Name of the attachment.
         name: String,
     },
-    /// The draw's own geometry, for a pass that subdivides it ([`crate::geometry`]).
+    /// The draw's own geometry, for a pass that subdivides it ([`crate::geometry`]) or shades it from ids ([`crate::draw_table`]).
     Geometry {
         /// Which part of it.
         part: GeometryPart,
@@ -172,10 +190,17 @@ pub enum GeometryPart {
         /// Name of the buffer.
         buffer: String,
     },
-    /// The draw's index buffer; without one, any buffer.
+    /// The draw's index buffer, which needs the usage `STORAGE` beside `INDEX`; without one, any buffer.
     Indices,
     /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
     Attribute(AttributeUse),
+    /// A uniform buffer of the draw's entry in the frame's draw table ([`crate::draw_table::Entry`]).
+    Draw {
+        /// Locations of the attributes described there, in order.
+        streams: Vec<u32>,
+    },
+    /// The first id of each draw of the frame's draw table, ascending, four bytes each ([`crate::draw_table`]).
+    DrawTable,
 }
 
 /// What a binding holds.
@@ -284,6 +309,8 @@ pub enum Draws {
     All,
     /// The opaque ones only.
     Opaque,
+    /// None: once for the frame. Where several plans have the same such pass, one of them stands for all.
+    Once,
 }
 
 /// One GPU pass of a plan.

@@ -359,7 +359,7 @@ fn counting_plan(
         let is_own = |t: &ColorTarget| t.attachment.is_some();
         pass.targets.retain(|t| t.as_ref().is_some_and(is_own));
         pass.targets.extend(covers);
-        if pass.role == Role::Main && pass.fragment.is_some() {
+        if pass.role.shades() && pass.fragment.is_some() {
             let key = format!("count-{}", out.passes.len());
             let (program, vertex, fragment) = match count(plan, &pass) {
                 CountProgram::Sliced {

@@ -7,7 +7,7 @@ use preshade_passes::plan::Plan;
 use super::Error;
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
-use super::layout::{self, Stages};
+use super::layout::{self, Made, Stages};
 use super::shader::Variant;
 use super::subdivided::Meshes;
 use super::targets::Targets;
@@ -59,7 +59,7 @@ pub(super) fn prepare(
                     &pass.bindings,
                     bound,
                     targets,
-                    Some(&subdivided),
+                    Made::Subdivided(&subdivided),
                     Stages::Compute,
                 )
                 .map_err(failed)?;

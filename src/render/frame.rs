@@ -3,11 +3,14 @@
 use std::time::{Duration, Instant};
 
 use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
+use preshade_passes::geometry::Geometry;
 use preshade_passes::plan::{Draws, Phase};
 use preshade_passes::state::StoreOp;
 
+use super::drawn::DrawTable;
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
+use super::layout::Made;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::Variant;
@@ -80,8 +83,18 @@ struct Item {
     stencil_reference: u32,
     /// Attachment slot of each vertex buffer of the draw that the pass reads.
     vertex_buffers: Vec<usize>,
-    /// The draw's triangles divided, where the pass asks for it.
-    subdivided: Option<Subdivided>,
+    call: Call,
+}
+
+/// What is drawn of a draw.
+enum Call {
+    AsGiven,
+    /// The draw's triangles divided.
+    Subdivided(Subdivided),
+    /// So many vertices, without vertex buffers.
+    Unindexed(u32),
+    /// The whole screen.
+    FullScreen,
 }
 
 impl std::fmt::Debug for Prepared<'_> {
@@ -111,6 +124,10 @@ impl<'a> Prepared<'a> {
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
         let mut meshes = Meshes::default();
+        let table = DrawTable::new(inputs).map_err(|message| Error::Scene {
+            draw: scene.name.clone(),
+            message,
+        })?;
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes)?;
         let mut passes = Vec::new();
         for frame_pass in &variant.frame().passes {
@@ -142,6 +159,13 @@ impl<'a> Prepared<'a> {
                     let subdivided = meshes
                         .of(gpu, found.plan, geometry, bindings, (index, bound))
                         .map_err(|message| found.failed(message))?;
+                    let drawn = table
+                        .of(gpu, bindings, (index, bound))
+                        .map_err(|message| found.failed(message))?;
+                    let made = match &subdivided {
+                        Some(subdivided) => Made::Subdivided(subdivided),
+                        None => Made::Drawn(&drawn),
+                    };
                     let build = Build {
                         gpu,
                         targets: &targets,
@@ -151,7 +175,7 @@ impl<'a> Prepared<'a> {
                         stages: found.stages,
                         frame: frame_pass,
                         draw: bound,
-                        subdivided: subdivided.as_ref(),
+                        made,
                     };
                     build.requirements()?;
                     let vertex = build.vertex_layout()?;
@@ -178,8 +202,16 @@ impl<'a> Prepared<'a> {
                         groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
                         stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
                         vertex_buffers: vertex.iter().map(|v| v.source).collect(),
-                        subdivided,
+                        call: match (subdivided, geometry) {
+                            (Some(subdivided), _) => Call::Subdivided(subdivided),
+                            (None, Geometry::Unindexed) => Call::Unindexed(drawn.triangles * 3),
+                            (None, Geometry::FullScreen) => Call::FullScreen,
+                            (None, _) => Call::AsGiven,
+                        },
                     });
+                    if gpu_pass.draws == Draws::Once {
+                        break;
+                    }
                 }
             }
             passes.push(pass);
@@ -490,9 +522,20 @@ impl<'a> Prepared<'a> {
                 let vertex = &draw.vertex_buffers[*source];
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
             }
-            if let Some(subdivided) = &item.subdivided {
-                subdivided.mesh.draw(render);
-                continue;
+            match &item.call {
+                Call::AsGiven => {}
+                Call::Subdivided(subdivided) => {
+                    subdivided.mesh.draw(render);
+                    continue;
+                }
+                Call::Unindexed(vertices) => {
+                    render.draw(0..*vertices, 0..draw.instances);
+                    continue;
+                }
+                Call::FullScreen => {
+                    render.draw(0..3, 0..1);
+                    continue;
+                }
             }
             match &draw.indices {
                 Some(indices) => {

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
 
-use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse};
+use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GeometryPart};
 
+use super::drawn::Drawn;
 use super::inputs::{DrawInputs, Resource};
 use super::state;
-use super::subdivided::Subdivided;
+use super::subdivided::{Subdivided, attribute};
 use super::targets::Targets;
 
 /// What a binding is filled with.
@@ -49,6 +50,42 @@ pub(super) struct Bound<'a> {
 /// The bindings of a pass by group.
 pub(super) type Groups<'a> = BTreeMap<u32, Vec<Bound<'a>>>;
 
+/// What the renderer made of a draw's geometry for a pass.
+#[derive(Clone, Copy)]
+pub(super) enum Made<'a> {
+    /// Its triangles, divided.
+    Subdivided(&'a Subdivided),
+    /// Its entry of the draw table.
+    Drawn(&'a Drawn),
+}
+
+impl<'a> Made<'a> {
+    fn part(
+        self,
+        b: &BindingUse,
+        part: &GeometryPart,
+        draw: &'a DrawInputs,
+    ) -> Result<(&'a wgpu::Buffer, wgpu::BufferBindingType), String> {
+        let drawn = match self {
+            Self::Subdivided(subdivided) => return subdivided.part(b, part, draw),
+            Self::Drawn(drawn) => drawn,
+        };
+        if let Some(found) = drawn.part(part) {
+            return Ok(found);
+        }
+        let buffer = match part {
+            GeometryPart::Indices => match &draw.indices {
+                Some(indices) => &indices.buffer,
+                None => drawn.filler(),
+            },
+            GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
+            _ => return Err("the pass does not say how its geometry is subdivided".to_owned()),
+        };
+        let read_only = b.kind == BindingKind::StorageRead;
+        Ok((buffer, wgpu::BufferBindingType::Storage { read_only }))
+    }
+}
+
 /// Fills the bindings of a pass.
 ///
 /// # Errors
@@ -58,7 +95,7 @@ pub(super) fn fill<'a>(
     bindings: &'a [BindingUse],
     draw: &'a DrawInputs,
     targets: &'a Targets,
-    subdivided: Option<&'a Subdivided>,
+    made: Made<'a>,
     stages: Stages,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();
@@ -70,9 +107,7 @@ pub(super) fn fill<'a>(
                 })?)
             }
             BindingSource::Geometry { part } => {
-                let (buffer, ty) = subdivided
-                    .ok_or("the pass does not say how its geometry is subdivided")?
-                    .part(b, part, draw)?;
+                let (buffer, ty) = made.part(b, part, draw)?;
                 Filled::Geometry(buffer, ty)
             }
             BindingSource::Attachment { name } => {

@@ -8,9 +8,8 @@ use preshade_passes::state::ColorTarget;
 
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
-use super::layout::Stages;
+use super::layout::{Made, Stages};
 use super::shader::Stage;
-use super::subdivided::Subdivided;
 use super::targets::Targets;
 use super::{Error, layout, limits, state, trusted};
 
@@ -42,7 +41,7 @@ pub(super) struct Build<'b> {
     pub stages: &'b (Stage, Option<Stage>),
     pub frame: &'b FramePass,
     pub draw: &'b DrawInputs,
-    pub subdivided: Option<&'b Subdivided>,
+    pub made: Made<'b>,
 }
 
 impl Build<'_> {
@@ -134,14 +133,8 @@ impl Build<'_> {
     /// Layout and bind group of each group the pass uses.
     pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
         let bindings = &self.pass.bindings;
-        let filled = layout::fill(
-            bindings,
-            self.draw,
-            self.targets,
-            self.subdivided,
-            Stages::Raster,
-        )
-        .map_err(|m| self.failed(m))?;
+        let filled = layout::fill(bindings, self.draw, self.targets, self.made, Stages::Raster)
+            .map_err(|m| self.failed(m))?;
         let device = &self.gpu.device;
         self.gpu
             .checked(&format!("the bindings of {}", self.what()), || {

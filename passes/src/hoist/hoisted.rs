@@ -76,6 +76,40 @@ pub fn add(
     values: &Values<'_, '_>,
     wanted: &[Wanted],
 ) -> Result<Hoisted, Failed> {
+    let extracted = extract(program, values, wanted)?;
+    let arguments = extracted
+        .arguments
+        .iter()
+        .map(|bindings| bindings.iter().map(location_of).collect())
+        .collect::<Option<_>>()
+        .ok_or(Failed::NotSeparable)?;
+    Ok(Hoisted {
+        module: extracted.module,
+        function: extracted.function,
+        arguments,
+    })
+}
+
+/// Values of a fragment stage as a function of its inputs, in its module.
+#[derive(Clone, Debug)]
+pub struct Extracted {
+    /// The module, in which the author's functions and entry points are as they were.
+    pub module: Module,
+    /// The function.
+    pub function: Handle<Function>,
+    /// The fragment input that each of its arguments, or the members of a struct argument, stands for.
+    pub arguments: Vec<Vec<Binding>>,
+}
+
+/// Adds a function of the fragment stage's inputs that gives `wanted`: the value, or a struct of several in their order.
+///
+/// # Errors
+/// [`Failed::Built`].
+pub fn extract(
+    program: &Program,
+    values: &Values<'_, '_>,
+    wanted: &[Wanted],
+) -> Result<Extracted, Failed> {
     let mut module = program.module().clone();
     let entry = module.entry_points.len();
     let mut copy = module.entry_points[values.entry].clone();
@@ -130,13 +164,13 @@ pub fn add(
         .function
         .arguments
         .iter()
-        .map(|a| locations(&module, a))
+        .map(|a| bindings(&module, a))
         .collect::<Option<_>>()
-        .ok_or(Failed::NotSeparable)?;
+        .ok_or_else(|| Failed::Built("an input has no binding".to_owned()))?;
     unbind(&mut module, result, wanted);
     let function = as_function(&module, placed.function, "hoisted");
     let function = module.functions.append(function, Span::UNDEFINED);
-    Ok(Hoisted {
+    Ok(Extracted {
         module,
         function,
         arguments,
@@ -153,17 +187,21 @@ fn location(location: u32) -> Binding {
     }
 }
 
-/// The locations of an argument, or of the members of a struct argument; `None` where one is a builtin.
-fn locations(module: &Module, argument: &FunctionArgument) -> Option<Vec<u32>> {
-    let of = |b: &Option<Binding>| match b {
-        Some(Binding::Location { location, .. }) => Some(*location),
-        _ => None,
-    };
+/// The bindings of an argument, or of the members of a struct argument.
+fn bindings(module: &Module, argument: &FunctionArgument) -> Option<Vec<Binding>> {
     match &module.types[argument.ty].inner {
         TypeInner::Struct { members, .. } if argument.binding.is_none() => {
-            members.iter().map(|m| of(&m.binding)).collect()
+            members.iter().map(|m| m.binding.clone()).collect()
         }
-        _ => Some(vec![of(&argument.binding)?]),
+        _ => Some(vec![argument.binding.clone()?]),
+    }
+}
+
+/// The location of a varying; `None` of a builtin.
+fn location_of(binding: &Binding) -> Option<u32> {
+    match binding {
+        Binding::Location { location, .. } => Some(*location),
+        Binding::BuiltIn(_) => None,
     }
 }
 

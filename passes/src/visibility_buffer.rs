@@ -1,0 +1,510 @@
+//! `visibility-buffer`: draw which triangle each pixel shows, then shade each pixel once.
+//!
+//! Goal: the material's fragment stage runs once for each covered pixel, and only for what is seen, whatever the depth complexity and the order of draws
+//! (Burns and Hunt, "The Visibility Buffer: A Cache-Friendly Approach to Deferred Shading", JCGT 2013; seed 3's article builds one by hand for grass).
+//!
+//! ```text
+//! before:  main      vs + fs                 every fragment that is nearest so far is shaded
+//!
+//! after:   ids       vs_ids + fs_ids         position, discard; writes (draw and instance, triangle) and depth
+//!          resolve   vs_resolve + fs_resolve full screen, once a draw: the triangle's corners are fetched and run through the author's vertex stage,
+//!                                            the varyings interpolated, and the author's fragment stage run on them
+//! ```
+//!
+//! What a fragment took from the rasteriser is made again: barycentrics from homogeneous edge functions, right for triangles that reach behind the viewer; each varying by its
+//! own interpolation; gradients as differences between pixels of the quad on the same triangle; facing from the sign of a determinant.
+//!
+//! It hurts where little is hidden, where vertices are dear (each pixel runs three), and where neighbouring pixels show far-apart instances, whose data no cache holds.
+
+use naga::valid::GlobalUse;
+use naga::{AddressSpace, Binding, BuiltIn, ShaderStage};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::contract::Contract;
+use crate::depth_only::{self, DepthOnly};
+use crate::geometry::Geometry;
+use crate::graph::{Effect, FunctionId};
+use crate::opaque::{self, Opaque};
+use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::place::{self, PositionInvariance};
+use crate::plan::{
+    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, Draws,
+    GeometryPart, GpuPass, Phase, Plan, Role, Step, Visibility,
+};
+use crate::program::Program;
+use crate::reflect;
+use crate::state::{AttachmentOps, ColorTarget, CullMode, PrimitiveState, Topology};
+
+mod gradients;
+mod ids;
+mod resolve;
+mod text;
+
+use gradients::Failed;
+use ids::Triangles;
+use resolve::Resolve;
+use text::Slots;
+
+/// Name of the attachment of ids.
+pub const IDS: &str = "visibility-ids";
+
+/// The pass.
+pub struct VisibilityBuffer;
+
+/// How the id pass knows a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ids {
+    /// By the builtin `primitive_index`, which is a feature of the adapter.
+    #[default]
+    PrimitiveIndex,
+    /// By vertices that no two triangles share, each fetched out of storage buffers: on any adapter.
+    Unindexed,
+}
+
+/// Parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// How the id pass knows a triangle.
+    pub ids: Ids,
+}
+
+impl Pass for VisibilityBuffer {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "visibility-buffer",
+        summary: "draws which triangle each pixel shows, then shades each pixel once",
+        source: "Burns and Hunt, The Visibility Buffer (JCGT 2013)",
+        hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices",
+    };
+
+    fn sites(plan: &Plan, _: &Facts, params: &Params) -> Sites {
+        match Material::examine(plan).and_then(|m| {
+            m.apply(plan, params).map_err(|r| vec![*r])?;
+            Ok(m)
+        }) {
+            Ok(material) => Sites {
+                sites: vec![material.site(params)],
+                ..Sites::default()
+            },
+            Err(refusals) => opaque::refused(refusals),
+        }
+    }
+
+    fn apply(
+        plan: &Plan,
+        _: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
+        let material = Material::examine(plan).map_err(depth_only::first)?;
+        material
+            .depth
+            .expect(&material.opaque, site, Self::INFO.name)?;
+        material.apply(plan, params)
+    }
+}
+
+fn refuse(code: &str, reason: impl Into<String>, remedy: &str) -> Refusal {
+    Refusal::new(VisibilityBuffer::INFO.name, code, reason.into(), remedy)
+}
+
+/// A material that can be split.
+struct Material<'a> {
+    opaque: Opaque<'a>,
+    depth: DepthOnly,
+    fragment: usize,
+}
+
+impl<'a> Material<'a> {
+    fn examine(plan: &'a Plan) -> Result<Self, Vec<Refusal>> {
+        let opaque = Opaque::examine(plan, VisibilityBuffer::INFO.name)?;
+        let mut refusals = Vec::new();
+        refusals.extend(check_state(plan, opaque.pass));
+        refusals.extend(check_vertex(&opaque));
+        let Some(fragment) = opaque.fragment else {
+            refusals.push(refuse(
+                "no-fragment-stage",
+                "the material draws depth alone: there is nothing to shade later",
+                "leave it as it is",
+            ));
+            return Err(refusals);
+        };
+        refusals.extend(check_fragment(&opaque, fragment));
+        if !refusals.is_empty() {
+            return Err(refusals);
+        }
+        Ok(Self {
+            depth: depth_only::slice(&opaque, depth_only::VertexStage::Sliced),
+            opaque,
+            fragment,
+        })
+    }
+
+    fn site(&self, params: &Params) -> Site {
+        let graph = &self.opaque.graph;
+        let depth = self.depth.site(&self.opaque, self.describe(params));
+        Site {
+            cost: SiteCost {
+                slice: 3.0 * graph.entry_cost(self.opaque.vertex) + graph.entry_cost(self.fragment),
+                ..depth.cost
+            },
+            ..depth
+        }
+    }
+
+    fn describe(&self, params: &Params) -> String {
+        let triangles = match params.ids {
+            Ids::PrimitiveIndex => "by primitive_index",
+            Ids::Unindexed => "by vertices of their own",
+        };
+        let covers = match self.opaque.decides.anything() {
+            true => " and what decides coverage",
+            false => "",
+        };
+        format!(
+            "an id pass of position{covers}, triangles {triangles}; a full-screen resolve that runs the vertex stage for three corners and the fragment stage once a pixel"
+        )
+    }
+
+    fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, Box<Refusal>> {
+        let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
+        let pass = self.opaque.pass;
+        let slots = slots(self.opaque.program);
+        let mut next = plan.clone();
+        next.passes.clear();
+        next.programs.clear();
+        next.attachments.push(Attachment {
+            name: IDS.to_owned(),
+            format: AttachmentFormat::Color("rg32uint".to_owned()),
+            samples: 1,
+            sampled: true,
+            clear: ClearValue::Color([0.0; 4]),
+        });
+        self.ids(&mut next, params, slots).map_err(bug)?;
+        self.resolve(&mut next, slots)?;
+        let k = self.site(params).cost.slice.ceil() as u32;
+        next.steps.push(Step {
+            pass: VisibilityBuffer::INFO.name.to_owned(),
+            site: self.depth.key(&self.opaque),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: Contract::Rounding { k },
+        });
+        next.notes.push(self.describe(params));
+        debug_assert!(pass.role == Role::Main);
+        depth_only::finish(&mut next, "original");
+        Ok(next)
+    }
+
+    /// Adds the id pass.
+    fn ids(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), String> {
+        let opaque = &self.opaque;
+        let placed = self
+            .depth
+            .place(opaque, "ids", PositionInvariance::AsWritten, None);
+        let vertex = placed
+            .module
+            .entry_points
+            .iter()
+            .find(|e| e.stage == ShaderStage::Vertex && e.name == placed.vertex)
+            .ok_or("there is no depth-only vertex stage")?;
+        let inputs = reflect::inputs(&placed.module, &vertex.function);
+        let attributes: Vec<_> = opaque
+            .pass
+            .attributes
+            .iter()
+            .filter(|a| {
+                inputs.iter().any(|i| {
+                    matches!(i.binding, Some(Binding::Location { location, .. }) if location == a.location)
+                })
+            })
+            .cloned()
+            .collect();
+        let (triangles, geometry) = match params.ids {
+            Ids::PrimitiveIndex => (Triangles::PrimitiveIndex, Geometry::AsGiven),
+            Ids::Unindexed => (Triangles::Unindexed(&attributes), Geometry::Unindexed),
+        };
+        let module = ids::add(
+            placed.module.clone(),
+            &placed.vertex,
+            placed.fragment.as_deref(),
+            &triangles,
+            slots,
+        )?;
+        let entries = [
+            (ShaderStage::Vertex, ids::VERTEX),
+            (ShaderStage::Fragment, ids::FRAGMENT),
+        ];
+        let program = opaque
+            .program
+            .with_module(place::retain(&module, &entries))
+            .map_err(|e| e.to_string())?;
+        let streams = match params.ids {
+            Ids::PrimitiveIndex => Vec::new(),
+            Ids::Unindexed => attributes,
+        };
+        let mut bindings = parts(slots, &streams);
+        bindings.extend(opaque.pass.bindings.iter().cloned());
+        let mut pass = GpuPass {
+            role: Role::Ids,
+            phase: Phase::Depth,
+            program: Role::Ids.name().to_owned(),
+            vertex: ids::VERTEX.to_owned(),
+            fragment: Some(ids::FRAGMENT.to_owned()),
+            targets: vec![Some(ColorTarget {
+                attachment: Some(IDS.to_owned()),
+                ..ColorTarget::opaque("rg32uint")
+            })],
+            bindings,
+            attributes: Vec::new(),
+            draws: Draws::Opaque,
+            geometry,
+            ..opaque.pass.clone()
+        };
+        reflect::fill(&mut pass, &program);
+        plan.passes.push(pass);
+        plan.programs.insert(Role::Ids.name().to_owned(), program);
+        Ok(())
+    }
+
+    /// Adds the resolve pass.
+    fn resolve(&self, plan: &mut Plan, slots: Slots) -> Result<(), Box<Refusal>> {
+        let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
+        let opaque = &self.opaque;
+        let (shaded, fragment) = resolve::shaded(opaque.program, self.fragment).map_err(bug)?;
+        let explicit = gradients::explicit(&shaded, fragment).map_err(|failed| match failed {
+            Failed::Bug(why) => bug(why),
+            Failed::Refused(code, reason, span) => Box::new(
+                refuse(code, reason, "sample with gradients or a level of your own")
+                    .at(opaque.program.sources(), span),
+            ),
+        })?;
+        let built = Resolve {
+            explicit,
+            fragment,
+            vertex: opaque.vertex,
+            attributes: &opaque.pass.attributes,
+            front_face: opaque.pass.primitive.front_face,
+        }
+        .build(slots)
+        .map_err(bug)?;
+        let entries = [
+            (ShaderStage::Vertex, resolve::VERTEX),
+            (ShaderStage::Fragment, resolve::FRAGMENT),
+        ];
+        let program = opaque
+            .program
+            .with_module(place::retain(&built.module, &entries))
+            .map_err(|e| bug(e.to_string()))?;
+        let mut bindings = parts(slots, &built.attributes);
+        bindings.extend(opaque.pass.bindings.iter().cloned());
+        let mut pass = GpuPass {
+            role: Role::Resolve,
+            phase: Phase::Resolve,
+            program: Role::Resolve.name().to_owned(),
+            vertex: resolve::VERTEX.to_owned(),
+            fragment: Some(resolve::FRAGMENT.to_owned()),
+            primitive: PrimitiveState {
+                topology: Topology::TriangleList,
+                cull: CullMode::None,
+                ..PrimitiveState::default()
+            },
+            depth: None,
+            stencil: None,
+            bindings,
+            attributes: Vec::new(),
+            draws: Draws::Opaque,
+            geometry: Geometry::FullScreen,
+            ..opaque.pass.clone()
+        };
+        for target in pass.targets.iter_mut().flatten() {
+            target.ops = AttachmentOps::default();
+        }
+        reflect::fill(&mut pass, &program);
+        plan.passes.push(pass);
+        plan.programs
+            .insert(Role::Resolve.name().to_owned(), program);
+        Ok(())
+    }
+}
+
+/// Behind all bindings of the last group that has any.
+fn slots(program: &Program) -> Slots {
+    let bindings = || {
+        let globals = program.module().global_variables.iter();
+        globals.filter_map(|(_, g)| g.binding)
+    };
+    let group = bindings().map(|b| b.group).max().unwrap_or(0);
+    let in_group = bindings().filter(|b| b.group == group);
+    Slots {
+        group,
+        first: in_group.map(|b| b.binding + 1).max().unwrap_or(0),
+    }
+}
+
+/// Our own bindings, for [`reflect::fill`] to know where they come from.
+fn parts(slots: Slots, attributes: &[crate::plan::AttributeUse]) -> Vec<BindingUse> {
+    let geometry = |part| BindingSource::Geometry { part };
+    let streams = attributes.iter().cloned().map(GeometryPart::Attribute);
+    let fixed = [
+        (
+            Slots::ENTRY,
+            geometry(GeometryPart::Draw {
+                streams: attributes.iter().map(|a| a.location).collect(),
+            }),
+        ),
+        (
+            Slots::IDS,
+            BindingSource::Attachment {
+                name: IDS.to_owned(),
+            },
+        ),
+        (Slots::INDICES, geometry(GeometryPart::Indices)),
+    ];
+    fixed
+        .into_iter()
+        .chain((Slots::STREAMS..).zip(streams.map(geometry)))
+        .map(|(at, source)| BindingUse {
+            group: slots.group,
+            binding: slots.first + at,
+            name: String::new(),
+            kind: BindingKind::StorageRead,
+            visibility: Visibility::default(),
+            source,
+            layout: None,
+        })
+        .collect()
+}
+
+fn check_state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    if pass.primitive.topology != Topology::TriangleList {
+        refusals.push(refuse(
+            "topology",
+            "only lists of triangles have ids here (a strip's restarts are not followed)",
+            "draw a triangle list",
+        ));
+    }
+    if pass.multisample.count > 1 {
+        refusals.push(refuse(
+            "multisampled",
+            "a pixel of several samples shows several triangles, and would be shaded for one of them",
+            "draw it with one sample a pixel",
+        ));
+    }
+    if !pass.geometry.is_as_given() {
+        refusals.push(refuse(
+            "subdivided",
+            "the triangles are subdivided ones, whose corners are not the author's vertices",
+            "leave tessellate out of the recipe",
+        ));
+    }
+    if pass
+        .targets
+        .iter()
+        .flatten()
+        .any(|t| t.attachment.is_some())
+        || plan.passes.len() > 1
+    {
+        refusals.push(refuse(
+            "has-other-passes",
+            "another pass of the plan draws the same surface",
+            "start from the original plan",
+        ));
+    }
+    refusals
+}
+
+fn check_vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    let module = opaque.program.module();
+    let entry = &module.entry_points[opaque.vertex];
+    let info = opaque.program.info().get_entry_point(opaque.vertex);
+    for (handle, global) in module.global_variables.iter() {
+        if global.space == AddressSpace::Private && info[handle].contains(GlobalUse::WRITE) {
+            refusals.push(refuse(
+                "vertex-state",
+                format!(
+                    "the vertex stage keeps state in the private variable `{}`, and it would run three times in one invocation",
+                    global.name.as_deref().unwrap_or_default()
+                ),
+                "make the variable local",
+            ));
+        }
+    }
+    for input in reflect::inputs(module, &entry.function) {
+        if let Some(Binding::BuiltIn(b)) = input.binding
+            && !matches!(b, BuiltIn::VertexIndex | BuiltIn::InstanceIndex)
+        {
+            refusals.push(refuse(
+                "vertex-builtin",
+                format!("the vertex stage reads {b:?}, which a resolve pass has not"),
+                "leave it out",
+            ));
+        }
+    }
+    if let Some(attribute) = opaque.pass.attributes.iter().find(|a| a.ty.contains("f16")) {
+        refusals.push(refuse(
+            "half-attribute",
+            format!(
+                "the attribute `{}` is of half precision, which is not decoded here",
+                attribute.name
+            ),
+            "declare it f32: the vertex buffer's format may stay",
+        ));
+    }
+    refusals
+}
+
+fn check_fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    let module = opaque.program.module();
+    let entry = &module.entry_points[fragment];
+    for input in reflect::inputs(module, &entry.function) {
+        let name = input.name.unwrap_or_default();
+        let half = module.types[input.ty].inner.scalar() == Some(naga::Scalar::F16);
+        match input.binding {
+            Some(Binding::BuiltIn(
+                BuiltIn::Position { .. } | BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex,
+            )) => {}
+            Some(Binding::BuiltIn(b)) => refusals.push(refuse(
+                "fragment-builtin",
+                format!("the fragment stage reads {b:?}, which is not reconstructed"),
+                "leave it out",
+            )),
+            Some(Binding::Location { .. }) if half => refusals.push(refuse(
+                "half-varying",
+                format!(
+                    "the varying `{name}` is of half precision, which is not interpolated here"
+                ),
+                "make it f32",
+            )),
+            _ => {}
+        }
+    }
+    let info = opaque.program.info().get_entry_point(fragment);
+    for (handle, global) in module.global_variables.iter() {
+        if global.space == AddressSpace::Private && info[handle].contains(GlobalUse::WRITE) {
+            refusals.push(refuse(
+                "fragment-state",
+                format!(
+                    "the fragment stage keeps state in the private variable `{}`, and parts of it run for several pixels in one invocation",
+                    global.name.as_deref().unwrap_or_default()
+                ),
+                "make the variable local",
+            ));
+        }
+    }
+    let effects = opaque.graph.effects(FunctionId::EntryPoint(fragment));
+    if effects.contains(&Effect::Subgroup) {
+        refusals.push(refuse(
+            "subgroup",
+            "the fragment stage talks to its neighbours, which in a resolve pass are others",
+            "leave it out",
+        ));
+    }
+    refusals
+}

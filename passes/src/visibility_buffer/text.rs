@@ -1,0 +1,155 @@
+//! The part of a visibility buffer's shaders that does not depend on the author's code, as WGSL: ids, corners of triangles, and where in a triangle a pixel is.
+//!
+//! Barycentrics come from homogeneous edge functions (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997): with corners `(x, y, w)` and a
+//! pixel at `(X, Y)`, the edge function of corner `i` is proportional to the weight that the perspective-correct interpolation gives it, also where a `w` is negative or 0.
+//! The pixel is subtracted first, so that what cancels is small.
+
+use std::fmt::Write;
+
+use crate::fetch::{self, Names};
+use crate::plan::AttributeUse;
+
+/// How functions and variables of ours begin.
+pub const NAMES: Names = Names {
+    function: "visible",
+    variable: "visibility",
+};
+
+/// Bindings of our own: the draw's entry, the ids, the indices, and a stream for each attribute, in this order from `first` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slots {
+    pub group: u32,
+    pub first: u32,
+}
+
+impl Slots {
+    /// The draw's entry of the draw table.
+    pub const ENTRY: u32 = 0;
+    /// The texture of ids.
+    pub const IDS: u32 = 1;
+    /// The indices.
+    pub const INDICES: u32 = 2;
+    /// The first attribute's stream.
+    pub const STREAMS: u32 = 3;
+}
+
+/// The draw's entry, of so many attributes ([`crate::draw_table::Entry`]).
+pub fn entry(slots: Slots, attributes: usize) -> String {
+    let Slots { group, first } = slots;
+    let streams = match attributes {
+        0 => String::new(),
+        n => format!("\n    streams: array<vec4<u32>, {n}>,"),
+    };
+    format!(
+        "struct Visibility {{
+    first_id: u32,
+    instances: u32,
+    first_instance: u32,
+    number: u32,
+    first: u32,
+    index_bytes: u32,
+    base_vertex: u32,
+    triangles: u32,
+    viewport: vec4<f32>,{streams}
+}}
+@group({group}) @binding({}) var<uniform> visibility: Visibility;
+",
+        first + Slots::ENTRY
+    )
+}
+
+/// What an id pass has: `visible_id_of(instance)`.
+pub fn ids() -> &'static str {
+    "fn visible_id_of(instance: u32) -> u32 {
+    return 1u + visibility.first_id + instance - visibility.first_instance;
+}
+"
+}
+
+/// Corners of triangles and their attributes.
+pub fn vertices(slots: Slots, attributes: &[AttributeUse]) -> String {
+    let Slots { group, first } = slots;
+    let mut out = fetch::corners(NAMES, group, first + Slots::INDICES);
+    out.push_str(&fetch::attributes(
+        NAMES,
+        attributes,
+        group,
+        first + Slots::STREAMS,
+    ));
+    out
+}
+
+/// What a resolve pass has beside: what a pixel shows, and where in its triangle it is. `widths` are those of the varyings to interpolate.
+pub fn resolve(slots: Slots, widths: &[u8]) -> String {
+    let Slots { group, first } = slots;
+    let mut out = format!(
+        "@group({group}) @binding({}) var visibility_ids: texture_2d<u32>;\n{RESOLVE}",
+        first + Slots::IDS
+    );
+    for width in widths {
+        let ty = match width {
+            1 => "f32".to_owned(),
+            n => format!("vec{n}<f32>"),
+        };
+        // Differences to the first, so that three equal values stay what they are.
+        let _ = write!(
+            out,
+            "fn visible_blend_{width}_(weights: vec3<f32>, a: {ty}, b: {ty}, c: {ty}) -> {ty} {{
+    return a + (b - a) * weights.y + (c - a) * weights.z;
+}}
+"
+        );
+    }
+    out
+}
+
+const RESOLVE: &str = "fn visible_id(at: vec4<f32>) -> vec2<u32> {
+    return textureLoad(visibility_ids, vec2<i32>(at.xy), 0).xy;
+}
+fn visible_is_ours(id: vec2<u32>) -> bool {
+    return id.x - 1u - visibility.first_id < visibility.instances;
+}
+fn visible_instance(id: vec2<u32>) -> u32 {
+    return visibility.first_instance + id.x - 1u - visibility.first_id;
+}
+fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+    let inside = (at - visibility.viewport.xy) / visibility.viewport.zw;
+    let clip = vec2<f32>(inside.x * 2.0 - 1.0, 1.0 - inside.y * 2.0);
+    let p = a.xy - clip * a.w;
+    let q = b.xy - clip * b.w;
+    let r = c.xy - clip * c.w;
+    return vec3<f32>(q.x * r.y - q.y * r.x, r.x * p.y - r.y * p.x, p.x * q.y - p.y * q.x);
+}
+fn visible_inside(edges: vec3<f32>) -> vec3<f32> {
+    let turned = select(edges, -edges, edges.x + edges.y + edges.z < 0.0);
+    return max(turned, vec3<f32>());
+}
+fn visible_normalised(edges: vec3<f32>) -> vec3<f32> {
+    let sum = edges.x + edges.y + edges.z;
+    return select(edges / sum, vec3<f32>(1.0 / 3.0), sum == 0.0);
+}
+fn visible_linear(edges: vec3<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+    return visible_normalised(edges * vec3<f32>(a.w, b.w, c.w));
+}
+fn visible_position(at: vec2<f32>, weights: vec3<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec4<f32> {
+    let w = dot(weights, vec3<f32>(a.w, b.w, c.w));
+    return vec4<f32>(at, dot(weights, vec3<f32>(a.z, b.z, c.z)) / w, 1.0 / w);
+}
+fn visible_winding(a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> f32 {
+    return dot(a.xyw, cross(b.xyw, c.xyw));
+}
+fn visible_in_quad(at: vec2<f32>, x: u32, y: u32) -> vec2<f32> {
+    return vec2<f32>((vec2<u32>(at) & vec2<u32>(0xfffffffeu)) + vec2<u32>(x, y)) + 0.5;
+}
+fn visible_beside(at: vec2<f32>, x: u32, y: u32) -> vec2<f32> {
+    return vec2<f32>(vec2<u32>(at) ^ vec2<u32>(x, y)) + 0.5;
+}
+fn visible_away(at: vec2<f32>) -> vec2<f32> {
+    return 1.0 - 2.0 * vec2<f32>(vec2<u32>(at) & vec2<u32>(1u));
+}
+@vertex
+fn vs_resolve(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
+    let depth = f32(visibility.number + 1u) / 16777216.0;
+    return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
+}
+";
