@@ -14,26 +14,28 @@ pub fn conflict<'a>(
     neighbours: impl IntoIterator<Item = &'a Plan>,
 ) -> Option<Refusal> {
     let step = plan.steps.last()?;
-    let prepass = plan.passes.iter().find(|p| p.role == Role::Prepass)?;
+    let draws_ahead = |p: &&GpuPass| matches!(p.role, Role::Prepass | Role::Ids);
+    let prepass = plan.passes.iter().find(draws_ahead)?;
     let direction = prepass.depth.as_ref()?.compare.direction();
-    let main = plan.main()?.depth.as_ref()?;
     // Who takes the pre-pass's depth for the last word: by EQUAL, read-only, or as a texture. Nobody may have moved depth meanwhile.
     let samples =
         |b: &crate::plan::BindingUse| matches!(b.source, BindingSource::Attachment { .. });
-    let trusts_depth = main.read_only
-        || main.compare.direction().is_none()
-        || plan.main()?.bindings.iter().any(samples);
+    let main = plan.main().and_then(|p| Some((p, p.depth.as_ref()?)));
+    // Without a main pass it is shaded from ids, before its neighbours are drawn.
+    let trusts_depth = main.is_none_or(|(main, depth)| {
+        depth.read_only || depth.compare.direction().is_none() || main.bindings.iter().any(samples)
+    });
     neighbours.into_iter().filter(|n| n.material != plan.material).find_map(|neighbour| {
         let pass = neighbour.main().filter(|p| p.phase == Phase::Opaque)?;
         let moves_depth = pass.depth.as_ref().is_some_and(|d| d.write && d.compare.direction() != direction)
-            && !neighbour.passes.iter().any(|p| p.role == Role::Prepass);
+            && !neighbour.passes.iter().any(|p| draws_ahead(&p));
         // Under a bias the author's own comparison goes on, and what a mover overdraws does not show; unless it leaves colour standing.
         let opaque_colors = !pass.targets.is_empty() && pass.targets.iter().flatten().all(|t| t.write_mask == 0b1111);
         if moves_depth && (trusts_depth || !opaque_colors) {
             return Some(Refusal::new(
                 &step.pass,
                 "neighbour-moves-depth",
-                format!("material `{}` writes depth without comparing it, over what the pre-pass laid", neighbour.material),
+                format!("material `{}` writes depth without comparing it, over what was drawn ahead of it", neighbour.material),
                 "take depth-prepass:form=biased, which keeps the author's comparison, or draw that material in a phase of its own",
             ));
         }

@@ -7,6 +7,7 @@
 //! before:  main      vs + fs                 every fragment that is nearest so far is shaded
 //!
 //! after:   ids       vs_ids + fs_ids         position, discard; writes (draw and instance, triangle) and depth
+//!          classify  once for the frame       the number of the draw that each pixel shows, as a depth
 //!          resolve   vs_resolve + fs_resolve full screen, once a draw: the triangle's corners are fetched and run through the author's vertex stage,
 //!                                            the varyings interpolated, and the author's fragment stage run on them
 //! ```
@@ -23,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
 use crate::depth_only::{self, DepthOnly};
+use crate::fetch::Linked;
 use crate::geometry::Geometry;
 use crate::graph::{Effect, FunctionId};
 use crate::opaque::{self, Opaque};
@@ -34,7 +36,10 @@ use crate::plan::{
 };
 use crate::program::Program;
 use crate::reflect;
-use crate::state::{AttachmentOps, ColorTarget, CullMode, PrimitiveState, Topology};
+use crate::state::{
+    AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, DepthState,
+    PrimitiveState, Topology,
+};
 
 mod gradients;
 mod ids;
@@ -48,6 +53,9 @@ use text::Slots;
 
 /// Name of the attachment of ids.
 pub const IDS: &str = "visibility-ids";
+
+/// Name of the depth attachment of draws' numbers.
+pub const DRAWS: &str = "visibility-draws";
 
 /// The pass.
 pub struct VisibilityBuffer;
@@ -63,12 +71,25 @@ pub enum Ids {
     Unindexed,
 }
 
+/// How a draw's resolve passes over the pixels of other draws.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Select {
+    /// By the depth test: a pass over the frame writes the number of each pixel's draw as a depth, and a draw's resolve compares EQUAL with its own.
+    #[default]
+    Depth,
+    /// By looking at the id, in the fragment stage: no further pass, for frames of one draw or few.
+    Id,
+}
+
 /// Parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
     /// How the id pass knows a triangle.
     pub ids: Ids,
+    /// How a draw's resolve passes over the pixels of other draws.
+    pub select: Select,
 }
 
 impl Pass for VisibilityBuffer {
@@ -185,7 +206,10 @@ impl<'a> Material<'a> {
             clear: ClearValue::Color([0.0; 4]),
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
-        self.resolve(&mut next, slots)?;
+        if params.select == Select::Depth {
+            self.classify(&mut next).map_err(bug)?;
+        }
+        self.resolve(&mut next, params, slots)?;
         let k = self.site(params).cost.slice.ceil() as u32;
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
@@ -270,8 +294,85 @@ impl<'a> Material<'a> {
         Ok(())
     }
 
+    /// Adds the pass that tells the draws of a frame apart, the same one for every material.
+    fn classify(&self, plan: &mut Plan) -> Result<(), String> {
+        let module = Linked::new(naga::Module::default(), &text::classify())?.module;
+        let program = self
+            .opaque
+            .program
+            .with_module(module)
+            .map_err(|e| e.to_string())?;
+        let binding = |binding, source| BindingUse {
+            group: 0,
+            binding,
+            name: String::new(),
+            kind: BindingKind::StorageRead,
+            visibility: Visibility::default(),
+            source,
+            layout: None,
+        };
+        let ids = BindingSource::Attachment {
+            name: IDS.to_owned(),
+        };
+        let table = BindingSource::Geometry {
+            part: GeometryPart::DrawTable,
+        };
+        let mut pass = GpuPass {
+            role: Role::Classify,
+            phase: Phase::Classify,
+            program: Role::Classify.name().to_owned(),
+            vertex: "vs_classify".to_owned(),
+            fragment: Some("fs_classify".to_owned()),
+            depth: Some(DepthState {
+                attachment: DRAWS.to_owned(),
+                compare: CompareFunction::Always,
+                write: true,
+                bias: DepthBias::default(),
+                read_only: false,
+                ops: AttachmentOps::default(),
+                stencil_ops: AttachmentOps::default(),
+            }),
+            targets: Vec::new(),
+            bindings: vec![
+                binding(text::CLASSIFY_IDS, ids),
+                binding(text::CLASSIFY_TABLE, table),
+            ],
+            draws: Draws::Once,
+            ..self.full_screen()
+        };
+        reflect::fill(&mut pass, &program);
+        plan.attachments.push(Attachment {
+            name: DRAWS.to_owned(),
+            format: AttachmentFormat::Depth(DepthFormat::Depth32float),
+            samples: 1,
+            sampled: false,
+            // No draw's number: they begin at 1.
+            clear: ClearValue::Depth(0.0),
+        });
+        plan.passes.push(pass);
+        plan.programs
+            .insert(Role::Classify.name().to_owned(), program);
+        Ok(())
+    }
+
+    /// A pass over the screen, its stages and bindings not filled in.
+    fn full_screen(&self) -> GpuPass {
+        GpuPass {
+            primitive: PrimitiveState {
+                topology: Topology::TriangleList,
+                cull: CullMode::None,
+                ..PrimitiveState::default()
+            },
+            depth: None,
+            stencil: None,
+            attributes: Vec::new(),
+            geometry: Geometry::FullScreen,
+            ..self.opaque.pass.clone()
+        }
+    }
+
     /// Adds the resolve pass.
-    fn resolve(&self, plan: &mut Plan, slots: Slots) -> Result<(), Box<Refusal>> {
+    fn resolve(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         let opaque = &self.opaque;
         let (shaded, fragment) = resolve::shaded(opaque.program, self.fragment).map_err(bug)?;
@@ -288,6 +389,7 @@ impl<'a> Material<'a> {
             vertex: opaque.vertex,
             attributes: &opaque.pass.attributes,
             front_face: opaque.pass.primitive.front_face,
+            select: params.select,
         }
         .build(slots)
         .map_err(bug)?;
@@ -307,18 +409,18 @@ impl<'a> Material<'a> {
             program: Role::Resolve.name().to_owned(),
             vertex: resolve::VERTEX.to_owned(),
             fragment: Some(resolve::FRAGMENT.to_owned()),
-            primitive: PrimitiveState {
-                topology: Topology::TriangleList,
-                cull: CullMode::None,
-                ..PrimitiveState::default()
-            },
-            depth: None,
-            stencil: None,
+            depth: (params.select == Select::Depth).then(|| DepthState {
+                attachment: DRAWS.to_owned(),
+                compare: CompareFunction::Equal,
+                write: false,
+                bias: DepthBias::default(),
+                read_only: false,
+                ops: AttachmentOps::default(),
+                stencil_ops: AttachmentOps::default(),
+            }),
             bindings,
-            attributes: Vec::new(),
             draws: Draws::Opaque,
-            geometry: Geometry::FullScreen,
-            ..opaque.pass.clone()
+            ..self.full_screen()
         };
         for target in pass.targets.iter_mut().flatten() {
             target.ops = AttachmentOps::default();

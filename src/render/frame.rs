@@ -138,7 +138,7 @@ impl<'a> Prepared<'a> {
                 sequence: Vec::new(),
             };
             let mut built: Vec<(PipelineKey, usize)> = Vec::new();
-            for (index, draw) in scene.draws.iter().enumerate() {
+            'draws: for (index, draw) in scene.draws.iter().enumerate() {
                 let Some(material) = scene.materials.get(draw.material) else {
                     continue;
                 };
@@ -210,7 +210,7 @@ impl<'a> Prepared<'a> {
                         },
                     });
                     if gpu_pass.draws == Draws::Once {
-                        break;
+                        break 'draws;
                     }
                 }
             }

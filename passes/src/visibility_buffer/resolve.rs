@@ -14,6 +14,7 @@ use naga::{
     Literal, Module, Scalar, ScalarKind, ShaderStage, Span, Statement, Type, TypeInner, VectorSize,
 };
 
+use super::Select;
 use super::gradients::{Explicit, GRADIENTS, Level, Neighbours};
 use super::ids::new_entry;
 use super::text::{self, Slots};
@@ -99,6 +100,8 @@ pub struct Resolve<'a> {
     pub attributes: &'a [AttributeUse],
     /// Winding of front faces.
     pub front_face: FrontFace,
+    /// How pixels of other draws are passed over.
+    pub select: Select,
 }
 
 /// A resolve stage, and the attributes it fetches.
@@ -151,6 +154,7 @@ impl Resolve<'_> {
             vertex,
             attributes,
             front_face,
+            select,
         } = self;
         let mut module = explicit.program.module().clone();
         let shaded = module.entry_points.remove(fragment);
@@ -231,6 +235,7 @@ impl Resolve<'_> {
             levels: &levels,
             ours: &by_name,
             front_face,
+            select,
             position: author
                 .position()
                 .ok_or("the vertex stage gives no position")?,
@@ -356,6 +361,7 @@ struct Stage<'a> {
     levels: &'a [(Level, Shader)],
     ours: &'a BTreeMap<String, Handle<Function>>,
     front_face: FrontFace,
+    select: Select,
     position: u32,
 }
 
@@ -428,12 +434,14 @@ impl Stage<'_> {
     fn triangle(&self, build: &mut Builder<'_>, at: Handle<Expression>) -> Option<Triangle> {
         let id = self.our(build, "visible_id", vec![at])?;
         build.name(id, "id");
-        let is_ours = self.our(build, "visible_is_ours", vec![id])?;
-        let other = build.expression(Expression::Unary {
-            op: naga::UnaryOperator::LogicalNot,
-            expr: is_ours,
-        });
-        build.if_then(other, |build| build.statement(Statement::Kill));
+        if self.select == Select::Id {
+            let is_ours = self.our(build, "visible_is_ours", vec![id])?;
+            let other = build.expression(Expression::Unary {
+                op: naga::UnaryOperator::LogicalNot,
+                expr: is_ours,
+            });
+            build.if_then(other, |build| build.statement(Statement::Kill));
+        }
         let instance = self.our(build, "visible_instance", vec![id])?;
         build.name(instance, "instance");
         let number = build.named("triangle", Expression::AccessIndex { base: id, index: 1 });

@@ -81,11 +81,8 @@ pub fn vertices(slots: Slots, attributes: &[AttributeUse]) -> String {
 
 /// What a resolve pass has beside: what a pixel shows, and where in its triangle it is. `widths` are those of the varyings to interpolate.
 pub fn resolve(slots: Slots, widths: &[u8]) -> String {
-    let Slots { group, first } = slots;
-    let mut out = format!(
-        "@group({group}) @binding({}) var visibility_ids: texture_2d<u32>;\n{RESOLVE}",
-        first + Slots::IDS
-    );
+    let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS);
+    out.push_str(RESOLVE);
     for width in widths {
         let ty = match width {
             1 => "f32".to_owned(),
@@ -103,10 +100,56 @@ pub fn resolve(slots: Slots, widths: &[u8]) -> String {
     out
 }
 
-const RESOLVE: &str = "fn visible_id(at: vec4<f32>) -> vec2<u32> {
+fn texture_of_ids(group: u32, binding: u32) -> String {
+    format!(
+        "@group({group}) @binding({binding}) var visibility_ids: texture_2d<u32>;
+fn visible_id(at: vec4<f32>) -> vec2<u32> {{
     return textureLoad(visibility_ids, vec2<i32>(at.xy), 0).xy;
+}}
+"
+    )
 }
-fn visible_is_ours(id: vec2<u32>) -> bool {
+
+/// Bindings of the pass that tells draws apart: the ids, and the draw table.
+pub const CLASSIFY_IDS: u32 = 0;
+/// Bindings of the pass that tells draws apart: the ids, and the draw table.
+pub const CLASSIFY_TABLE: u32 = 1;
+
+/// The pass that tells draws apart: the number of the draw that a pixel shows, as a depth. It is the last draw whose first id is not past the pixel's.
+pub fn classify() -> String {
+    let mut out = texture_of_ids(0, CLASSIFY_IDS);
+    let _ = write!(
+        out,
+        "@group(0) @binding({CLASSIFY_TABLE}) var<storage, read> visibility_table: array<u32>;
+@vertex
+fn vs_classify(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {{
+    return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.0, 1.0);
+}}
+@fragment
+fn fs_classify(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {{
+    let id = visible_id(at).x;
+    if (id == 0u) {{
+        discard;
+    }}
+    var first = 0u;
+    var count = arrayLength(&visibility_table);
+    while (count > 1u) {{
+        let half = count / 2u;
+        if (visibility_table[first + half] < id) {{
+            first += half;
+            count -= half;
+        }} else {{
+            count = half;
+        }}
+    }}
+    return f32(first + 1u) / 16777216.0;
+}}
+"
+    );
+    out
+}
+
+const RESOLVE: &str = "fn visible_is_ours(id: vec2<u32>) -> bool {
     return id.x - 1u - visibility.first_id < visibility.instances;
 }
 fn visible_instance(id: vec2<u32>) -> u32 {
