@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use preshade::measure::sweep::{Point, Sweep};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
-use preshade::scene::{self, DrawOrder, Scene};
+use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::input::ShaderArgs;
 use crate::output;
@@ -24,6 +25,7 @@ Examples:
   preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
+  preshade verify grass.toml --sweep instances=50000..400000 --pass depth-prepass --pass visibility-buffer
 
 Each --pass is a variant of its own; --recipe puts several passes into one.
 Exit status 1: a variant broke its contract.")]
@@ -49,6 +51,12 @@ pub struct Args {
     /// Frames of each camera path to compare, evenly spaced.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = parse_frames)]
     frames: usize,
+    /// Measure at several values of a scene's variable: 50000..400000 doubles, 1..9:5 takes five steps of one ratio. The times are the headline view's.
+    #[arg(long, value_name = "NAME=A..B[:STEPS]", value_parser = parse_sweep)]
+    sweep: Option<Axis>,
+    /// Write what was measured as one JSON file that others can read, to send in: docs/results says how.
+    #[arg(long, value_name = "FILE")]
+    share: Option<PathBuf>,
     /// Views to time.
     #[arg(long, value_enum, default_value_t = TimeArg::FirstFrames)]
     time: TimeArg,
@@ -128,6 +136,51 @@ impl From<OrderArg> for DrawOrder {
     }
 }
 
+/// What a sweep moves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Axis {
+    variable: String,
+    values: Vec<u32>,
+}
+
+/// Reads `NAME=A..B[:STEPS]`: steps of one ratio, as near to doubling as it goes where none are given.
+fn parse_sweep(text: &str) -> Result<Axis, String> {
+    let expected = "expected NAME=A..B[:STEPS], instances=50000..400000 say";
+    let (variable, range) = text.split_once('=').ok_or(expected)?;
+    let (range, steps) = match range.split_once(':') {
+        Some((range, steps)) => (range, Some(steps)),
+        None => (range, None),
+    };
+    let (low, high) = range.split_once("..").ok_or(expected)?;
+    let number = |s: &str| match s.trim().replace('_', "").parse::<u32>() {
+        Ok(n @ 1..) => Ok(n),
+        _ => Err(format!("`{s}` is not a whole number from 1")),
+    };
+    let (low, high) = (number(low)?, number(high)?);
+    if low > high {
+        return Err(format!("{low} is more than {high}"));
+    }
+    let ratio = f64::from(high) / f64::from(low);
+    let steps = match steps {
+        Some(steps) => match number(steps)? {
+            n @ 2..=64 => n,
+            n => return Err(format!("{n} steps: 2 to 64 are allowed")),
+        },
+        None => ratio.log2().round() as u32 + 1,
+    };
+    let mut values: Vec<u32> = (0..steps)
+        .map(|i| {
+            let part = f64::from(i) / f64::from((steps - 1).max(1));
+            (f64::from(low) * ratio.powf(part)).round() as u32
+        })
+        .collect();
+    values.dedup();
+    Ok(Axis {
+        variable: variable.trim().to_owned(),
+        values,
+    })
+}
+
 /// Reads a number of frames.
 fn parse_frames(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
@@ -150,12 +203,24 @@ const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-
 /// Verifies a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let recipes = recipes(args)?;
-    let scene = scene(args)?;
-    if let Some(dir) = &args.out {
-        check_folder(dir)?;
+    let first = match &args.sweep {
+        None => scene(args, &Variables::new())?,
+        Some(axis) => scene_at(args, axis, axis.values.first().copied().unwrap_or(1))?,
+    };
+    for dir in [
+        &args.out,
+        &args
+            .share
+            .as_deref()
+            .and_then(Path::parent)
+            .map(Path::to_owned),
+    ] {
+        if let Some(dir) = dir {
+            check_folder(dir)?;
+        }
     }
     if !args.shader.is_scene()
-        && let Some(note) = guesses(&scene)
+        && let Some(note) = guesses(&first)
     {
         output::message(&note);
     }
@@ -165,19 +230,120 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::new(&choice)?;
     let bar = bar();
+    let Some(axis) = &args.sweep else {
+        let outcome = measure(args, &gpu, &first, recipes, &bar)?;
+        bar.finish_and_clear();
+        return told(args, &outcome);
+    };
+    let mut points = Vec::new();
+    let mut pictures = Vec::new();
+    for value in &axis.values {
+        let scene = scene_at(args, axis, *value)?;
+        let outcome = measure(args, &gpu, &scene, recipes.clone(), &bar)?;
+        bar.suspend(|| output::message(&format!("{} = {value}", axis.variable)));
+        pictures = outcome.pictures;
+        points.push(Point {
+            value: *value,
+            report: outcome.report,
+        });
+    }
+    bar.finish_and_clear();
+    let sweep = Sweep::new(&axis.variable, points);
+    match args.format {
+        Format::Human => output::data(&report::sweep::render(&sweep))?,
+        Format::Json => output::data(&sweep.to_json()?)?,
+    }
+    share(args, &sweep.to_json()?)?;
+    let mut files = vec![file("sweep.json", sweep.to_json()?)];
+    files.extend(report::sweep::svg(&sweep).map(|svg| file("sweep.svg", svg)));
+    write(args, files, &pictures)?;
+    Ok(if sweep.is_broken() {
+        Outcome::ContractBroken
+    } else {
+        Outcome::Fine
+    })
+}
+
+fn file(name: &str, text: String) -> preshade::emit::File {
+    preshade::emit::File {
+        name: name.to_owned(),
+        bytes: text.into_bytes(),
+    }
+}
+
+/// Tells of one scene.
+fn told(args: &Args, outcome: &measure::Outcome) -> Result<Outcome, Failure> {
+    // Told before it is written: a full disk does not lose what was measured.
+    let json = outcome.report.to_json()?;
+    match args.format {
+        Format::Human => output::data(&report::table::render(&outcome.report))?,
+        Format::Json => output::data(&json)?,
+    }
+    share(args, &json)?;
+    write(args, vec![file("report.json", json)], &outcome.pictures)?;
+    Ok(if outcome.report.is_broken() {
+        Outcome::ContractBroken
+    } else {
+        Outcome::Fine
+    })
+}
+
+/// Writes what `--share` asks for.
+fn share(args: &Args, json: &str) -> Result<(), Failure> {
+    let Some(path) = &args.share else {
+        return Ok(());
+    };
+    std::fs::write(path, json).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
+    output::message(&format!("wrote {}", path.display()));
+    Ok(())
+}
+
+/// Writes what `--out` asks for.
+fn write(
+    args: &Args,
+    mut files: Vec<preshade::emit::File>,
+    pictures: &[report::Pictures],
+) -> Result<(), Failure> {
+    let Some(dir) = &args.out else { return Ok(()) };
+    for pictures in pictures {
+        for file in pictures.files()? {
+            if !files.iter().any(|f| f.name == file.name) {
+                files.push(file);
+            }
+        }
+    }
+    preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    output::message(&format!("wrote {} files to {}", files.len(), dir.display()));
+    Ok(())
+}
+
+/// The scene at one value of a sweep.
+fn scene_at(args: &Args, axis: &Axis, value: u32) -> Result<Scene, Failure> {
+    let set = Variables::from([(axis.variable.clone(), Variable::Number(value))]);
+    scene(args, &set)
+}
+
+/// Measures one scene.
+fn measure(
+    args: &Args,
+    gpu: &Gpu,
+    scene: &Scene,
+    recipes: Vec<Recipe>,
+    bar: &ProgressBar,
+) -> Result<measure::Outcome, Failure> {
     let form = match args.form {
         FormArg::Text => ShaderForm::Text,
         FormArg::Ir => ShaderForm::Ir,
     };
     bar.set_message("looking for depth ties");
-    let mut facts = measure::facts(&gpu, &scene, form, measure::counting).unwrap_or_else(|e| {
+    let mut facts = measure::facts(gpu, scene, form, measure::counting).unwrap_or_else(|e| {
         bar.suspend(|| {
             output::message(&format!("warning: depth ties were not measured: {e}"));
         });
         Facts::default()
     });
-    let recipes = choose(&gpu, &scene, form, recipes, &mut facts, &bar)?;
-    let originals = measure::originals(&scene);
+    let recipes = choose(gpu, scene, form, recipes, &mut facts, bar)?;
+    let originals = measure::originals(scene);
     let variants: Vec<_> = recipes
         .iter()
         .map(|r| measure::variant(&originals, r, &facts))
@@ -198,36 +364,16 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         count: &measure::counting,
         command: command(),
     };
-    let outcome = measure::verify(&gpu, &scene, &variants, &settings, &mut |p| {
-        bar.set_position((p.done * 1000.0) as u64);
-        bar.set_message(p.what);
-    })?;
-    bar.finish_and_clear();
-    // Told before it is written: a full disk does not lose what was measured.
-    match args.format {
-        Format::Human => output::data(&report::table::render(&outcome.report))?,
-        Format::Json => output::data(&outcome.report.to_json()?)?,
-    }
-    if let Some(dir) = &args.out {
-        let mut files = vec![preshade::emit::File {
-            name: "report.json".to_owned(),
-            bytes: outcome.report.to_json()?.into_bytes(),
-        }];
-        for pictures in &outcome.pictures {
-            for file in pictures.files()? {
-                if !files.iter().any(|f| f.name == file.name) {
-                    files.push(file);
-                }
-            }
-        }
-        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
-        output::message(&format!("wrote {} files to {}", files.len(), dir.display()));
-    }
-    Ok(if outcome.report.is_broken() {
-        Outcome::ContractBroken
-    } else {
-        Outcome::Fine
-    })
+    Ok(measure::verify(
+        gpu,
+        scene,
+        &variants,
+        &settings,
+        &mut |p| {
+            bar.set_position((p.done * 1000.0) as u64);
+            bar.set_message(p.what);
+        },
+    )?)
 }
 
 /// Recipes whose choices are left to measurement, chosen.
@@ -338,8 +484,8 @@ fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {
 }
 
 /// The scene asked for, under the set-up asked for.
-fn scene(args: &Args) -> Result<Scene, Failure> {
-    let mut scene = args.shader.scene()?;
+fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
+    let mut scene = args.shader.scene_with(variables)?;
     if let Some(size) = args.size {
         scene = scene.resized(size);
     }

@@ -1,13 +1,15 @@
 //! What a variant costs in accuracy and gains in time, measured beside the original.
 //!
 //! [`error`] compares two pictures, [`shading`] counts fragments and depth ties, [`timing`] times frames, [`statistics`] asks the adapter what it
-//! invoked; [`frequency`] finds what can be interpolated; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene.
+//! invoked; [`frequency`] finds what can be interpolated; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, [`sweep`] at
+//! several values of one of its variables.
 
 pub mod error;
 pub mod frequency;
 pub mod shading;
 pub mod shadow;
 pub mod statistics;
+pub mod sweep;
 pub mod timing;
 pub mod variant;
 pub mod verdict;

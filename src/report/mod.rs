@@ -3,6 +3,7 @@
 pub mod path;
 pub mod picture;
 pub mod sheet;
+pub mod sweep;
 pub mod table;
 
 use preshade_passes::contract::{Contract, Verdict};
