@@ -52,6 +52,10 @@ enum Case {
     Pulled,
     /// Subdivided triangles, whose vertices a compute pass computes.
     Shared,
+    /// Shaded from ids, in two draws told apart by a depth test.
+    Ids,
+    /// The same with ids of unindexed vertices.
+    Unindexed,
 }
 
 /// Fields that a renderer does not act on, each with what stands for it instead.
@@ -162,7 +166,7 @@ const INFORMATIVE: &[(&str, &str)] = &[
 /// One mutation a field: the case, a JSON pointer into its `plan.json`, the value to put there, and what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
-    use Case::{Alone, Glass, Lit, Mask, Packed, Pulled, Read, Sampled, Shared};
+    use Case::{Alone, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Unindexed};
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
@@ -255,6 +259,12 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Shared, "/compute/0/geometry/level", json!(3), Redrawn),
         (Shared, "/compute_files/0/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
         (Shared, "/compute_files/0/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
+        (Ids, "/passes/0/phase", json!("opaque"), Redrawn),
+        (Ids, "/passes/1/bindings/1/source/part", json!("indices"), Redrawn),
+        (Ids, "/passes/2/depth/compare", json!("always"), Redrawn),
+        (Ids, "/passes/2/bindings/4/source/part/draw/streams/0", json!(9), Refused("at location 9")),
+        (Ids, "/passes/2/bindings/5/source/name", json!("elsewhere"), Refused("reads `elsewhere`, which is no attachment")),
+        (Unindexed, "/passes/0/geometry/kind", json!("as-given"), Redrawn),
         (Lit, "/files/0/role", json!("prepass"), Refused("not those of its passes")),
         (Lit, "/files/0/vertex/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
         (Lit, "/files/0/vertex/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
@@ -419,6 +429,17 @@ fn scene_of(case: Case) -> Scene {
             scene.draws[0].values.insert("object.tint".to_owned(), half);
             scene
         }
+        Case::Ids | Case::Unindexed => {
+            let mut scene = lit();
+            let mut smaller = scene.draws[0].clone();
+            smaller.name = "smaller".to_owned();
+            smaller.transform *= Mat4::from_translation(Vec3::new(0.3, 0.4, -0.2))
+                * Mat4::from_scale(Vec3::splat(0.4));
+            let blue = Value::Numbers(vec![0.2, 0.3, 0.9, 1.0]);
+            smaller.values.insert("object.tint".to_owned(), blue);
+            scene.draws.push(smaller);
+            scene
+        }
         Case::Alone => unwalled(),
         Case::Glass | Case::Mask => stencilled(),
         Case::Packed | Case::Read => planes([64, 64], 3),
@@ -437,6 +458,8 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
         Case::Read => Some("early-discard"),
         Case::Pulled => Some("hoist:budget=1,finite=assumed,tessellate:level=4"),
         Case::Shared => Some("hoist:budget=1,finite=assumed,tessellate:level=8,form=shared"),
+        Case::Ids => Some("visibility-buffer"),
+        Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id"),
         Case::Lit | Case::Sampled | Case::Glass | Case::Mask | Case::Alone => None,
     };
     let plans: Vec<Plan> = originals(scene)
@@ -628,7 +651,7 @@ fn every_field_of_the_schema_has_a_mutation_or_a_reason() {
     for (_, pointer, ..) in &mutated {
         let known = fields.iter().any(|f| covers(pointer, f));
         assert!(
-            known || pointer.ends_with("/layout"),
+            known || pointer.ends_with("/layout") || pointer.ends_with("/part"),
             "{pointer} is no field"
         );
     }
