@@ -450,3 +450,41 @@ fn a_byte_order_mark_is_no_part_of_the_text() {
     let text = format!("\u{feff}{}", material("    return vec4(1.0);"));
     assert!(parse(&[("a.wgsl", &text)]).is_ok());
 }
+
+/// A fragment stage on top of a chain of as many functions.
+fn chain(length: usize) -> String {
+    use std::fmt::Write as _;
+    let mut text = String::from("fn g0(x: f32) -> f32 { return sin(x); }\n");
+    for i in 1..length {
+        writeln!(
+            text,
+            "fn g{i}(x: f32) -> f32 {{ return g{}(x) + 0.5; }}",
+            i - 1
+        )
+        .unwrap();
+    }
+    writeln!(
+        text,
+        "@vertex fn vs(@location(0) p: vec4f) -> @builtin(position) vec4f {{ return p; }}
+@fragment fn fs(@builtin(position) p: vec4f) -> @location(0) vec4f {{ return vec4f(g{}(p.x)); }}",
+        length - 1
+    )
+    .unwrap();
+    text
+}
+
+#[test]
+fn a_chain_of_calls_has_an_end() {
+    let parse = |length| parse(&[("chain.wgsl", &chain(length))]);
+    assert_eq!(parse(200).err().map(|e| e.to_string()), None);
+    let error = parse(6000).unwrap_err();
+    assert_eq!(error.code(), Code::Invalid);
+    assert!(
+        error
+            .message()
+            .contains("chain of more than 256 calls, up to `g255`"),
+        "{}",
+        error.message()
+    );
+    assert_eq!(error.labels().len(), 1);
+}

@@ -16,7 +16,7 @@
 //! |---|---|---|
 //! | constant over the draw, or over the primitive | flat | `Exact` |
 //! | components of a varying | as that varying | `Exact` |
-//! | affine in varyings of one interpolation class, with coefficients of the draw, reaching nothing that jumps | as those | `Rounding` |
+//! | affine in varyings of one interpolation class, with coefficients of the draw, reaching nothing that jumps and nothing without a bounded slope (`normalize`, a division) | as those | `Rounding` |
 //! | any other that a vertex stage can have | interpolated | `Approximate`, under the user's budget |
 //!
 //! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and values that may not be finite at a vertex stay, each with its reason.
@@ -40,11 +40,13 @@ use crate::slice::{self, Criterion};
 mod candidates;
 pub mod choose;
 pub mod cut;
+mod form;
 pub(crate) mod hoisted;
 pub(crate) mod isolate;
 pub mod pack;
 mod params;
 mod remainder;
+mod sensitive;
 pub mod sign;
 pub mod travel;
 pub mod values;

@@ -50,6 +50,8 @@ pub enum Role {
     Classify,
     /// Shades each pixel of the material once, from the ids.
     Resolve,
+    /// Once for the frame: nothing is drawn, but the scene's colour is cleared for compute work to write to.
+    Clear,
 }
 
 impl Role {
@@ -62,6 +64,7 @@ impl Role {
             Self::Ids => "ids",
             Self::Classify => "classify",
             Self::Resolve => "resolve",
+            Self::Clear => "clear",
         }
     }
 
@@ -164,6 +167,11 @@ pub enum BindingSource {
     Attachment {
         /// Name of the attachment.
         name: String,
+    },
+    /// The scene's own colour of a location, as a storage texture: it needs the usage `STORAGE_BINDING` beside `RENDER_ATTACHMENT`.
+    SceneColor {
+        /// Location.
+        location: u32,
     },
     /// The draw's own geometry, for a pass that subdivides it ([`crate::geometry`]) or shades it from ids ([`crate::draw_table`]).
     Geometry {
@@ -364,17 +372,20 @@ pub struct VertexBuffer {
     pub stride: u32,
 }
 
-/// Compute work ahead of a frame's render passes.
+/// Compute work ahead of a frame's render passes, or among them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ComputePass {
     /// Key of its program in [`Plan::programs`].
     pub program: String,
     /// Entry point.
     pub entry_point: String,
+    /// When it runs: behind the render passes of this phase, over all materials. `None`: ahead of all of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<Phase>,
     /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
-    /// `x`, they go on in `y`.
+    /// `x`, they go on in `y`. Of `full-screen` geometry the side of a square workgroup: a draw needs one invocation for each pixel of the scene's colour.
     pub workgroup: u32,
-    /// What its new vertices are.
+    /// What it is run over: new vertices, or the pixels of the screen.
     pub geometry: Geometry,
     /// Bindings its entry point uses; their stage is the compute stage.
     pub bindings: Vec<BindingUse>,

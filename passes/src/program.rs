@@ -6,6 +6,8 @@ use std::sync::Arc;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use serde::{Deserialize, Serialize};
 
+use crate::calls;
+
 /// One file of the author's source. `base` is where its text begins in the address space that all spans of a
 /// [`SourceMap`] share.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -126,7 +128,7 @@ impl Program {
     /// Validates `module`.
     ///
     /// # Errors
-    /// What naga's validator says, with all of WebGPU's optional capabilities allowed: which of them an
+    /// More than [`calls::MOST`] functions call one another in a chain; or what naga's validator says, with all of WebGPU's optional capabilities allowed: which of them an
     /// adapter has is a question for the plan's `features`, not for the IR.
     pub fn new(
         module: naga::Module,
@@ -134,6 +136,9 @@ impl Program {
         language: Language,
     ) -> Result<Self, Box<Invalid>> {
         let info = validate(&module)?;
+        if let Some(function) = calls::too_deep(&module) {
+            return Err(Box::new(too_deep(&module, function)));
+        }
         Ok(Self {
             module: Arc::new(module),
             info: Arc::new(info),
@@ -220,4 +225,19 @@ fn validate(module: &naga::Module) -> Result<ModuleInfo, Box<Invalid>> {
                 labels: e.spans().cloned().collect(),
             })
         })
+}
+
+fn too_deep(module: &naga::Module, function: naga::Handle<naga::Function>) -> Invalid {
+    let name = module.functions[function].name.as_deref();
+    Invalid {
+        message: format!(
+            "functions call one another in a chain of more than {} calls, up to `{}`",
+            calls::MOST,
+            name.unwrap_or("a function")
+        ),
+        labels: vec![(
+            module.functions.get_span(function),
+            "this call chain is too deep".to_owned(),
+        )],
+    }
 }

@@ -480,6 +480,7 @@ impl<'a> Material<'a> {
             program: COMPUTE.to_owned(),
             bindings: reflect::bindings(&compute, &entries, &known),
             entry_point: entry,
+            phase: None,
             workgroup: text::WORKGROUP,
             geometry: Geometry::Subdivided(subdivision.clone()),
         });

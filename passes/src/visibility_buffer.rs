@@ -31,8 +31,8 @@ use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place::{self, PositionInvariance};
 use crate::plan::{
-    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, Draws,
-    GeometryPart, GpuPass, Phase, Plan, Role, Step, Visibility,
+    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
+    Draws, GeometryPart, GpuPass, Phase, Plan, Role, Step, Visibility,
 };
 use crate::program::Program;
 use crate::reflect;
@@ -48,7 +48,7 @@ mod text;
 
 use gradients::Failed;
 use ids::Triangles;
-use resolve::Resolve;
+use resolve::{Built, Resolve, Runs};
 use text::Slots;
 
 /// Name of the attachment of ids.
@@ -82,14 +82,36 @@ pub enum Select {
     Id,
 }
 
+/// Where pixels are shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// In the fragment stage of a pass over the screen.
+    #[default]
+    Fragment,
+    /// In a compute pass over the screen, which writes the colour as a storage texture.
+    Compute,
+}
+
 /// Parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
+    /// Where pixels are shaded.
+    pub form: Form,
     /// How the id pass knows a triangle.
     pub ids: Ids,
-    /// How a draw's resolve passes over the pixels of other draws.
+    /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id.
     pub select: Select,
+}
+
+impl Params {
+    fn select(&self) -> Select {
+        match self.form {
+            Form::Fragment => self.select,
+            Form::Compute => Select::Id,
+        }
+    }
 }
 
 impl Pass for VisibilityBuffer {
@@ -206,10 +228,13 @@ impl<'a> Material<'a> {
             clear: ClearValue::Color([0.0; 4]),
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
-        if params.select == Select::Depth {
+        if params.select() == Select::Depth {
             self.classify(&mut next).map_err(bug)?;
         }
-        self.resolve(&mut next, params, slots)?;
+        match params.form {
+            Form::Fragment => self.resolve(&mut next, params, slots)?,
+            Form::Compute => self.compute(&mut next, params, slots)?,
+        }
         let k = self.site(params).cost.slice.ceil() as u32;
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
@@ -371,8 +396,8 @@ impl<'a> Material<'a> {
         }
     }
 
-    /// Adds the resolve pass.
-    fn resolve(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), Box<Refusal>> {
+    /// The stage that resolves.
+    fn resolved(&self, params: &Params, slots: Slots, runs: Runs) -> Result<Built, Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         let opaque = &self.opaque;
         let (shaded, fragment) = resolve::shaded(opaque.program, self.fragment).map_err(bug)?;
@@ -383,16 +408,106 @@ impl<'a> Material<'a> {
                     .at(opaque.program.sources(), span),
             ),
         })?;
-        let built = Resolve {
+        Resolve {
             explicit,
             fragment,
             vertex: opaque.vertex,
             attributes: &opaque.pass.attributes,
             front_face: opaque.pass.primitive.front_face,
-            select: params.select,
+            select: params.select(),
+            runs,
         }
         .build(slots)
-        .map_err(bug)?;
+        .map_err(bug)
+    }
+
+    /// Adds the compute pass that resolves, and the pass that clears what it writes to.
+    fn compute(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), Box<Refusal>> {
+        let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
+        let pass = self.opaque.pass;
+        let targets = stored(pass)?;
+        let built = self.resolved(params, slots, Runs::Compute(targets.clone()))?;
+        let entries = [(ShaderStage::Compute, resolve::COMPUTE)];
+        let with = |module: &naga::Module, entries: &[(ShaderStage, &str)]| {
+            let module = place::retain(module, entries);
+            let program = self.opaque.program.with_module(module);
+            program.map_err(|e| bug(e.to_string()))
+        };
+        let program = with(&built.module, &entries)?;
+        let mut known = parts(slots, &built.attributes);
+        let first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
+        known.extend(
+            (first..)
+                .zip(&targets)
+                .map(|(binding, (location, _))| BindingUse {
+                    group: slots.group,
+                    binding,
+                    name: String::new(),
+                    kind: BindingKind::StorageTexture,
+                    visibility: Visibility::default(),
+                    source: BindingSource::SceneColor {
+                        location: *location,
+                    },
+                    layout: None,
+                }),
+        );
+        known.extend(pass.bindings.iter().cloned());
+        let bindings = reflect::bindings(&program, &entries, &known);
+        let buffers = bindings
+            .iter()
+            .filter(|b| b.kind == BindingKind::StorageRead)
+            .count();
+        if buffers > STORAGE_BUFFERS {
+            return Err(Box::new(refuse(
+                "storage-buffers",
+                format!(
+                    "its compute stage would read {buffers} storage buffers, and WebGPU promises {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
+                ),
+                "take form=fragment, whose plan says the limit it needs, or pack attributes into fewer",
+            )));
+        }
+        plan.compute.push(ComputePass {
+            program: Role::Resolve.name().to_owned(),
+            entry_point: resolve::COMPUTE.to_owned(),
+            phase: Some(Phase::Resolve),
+            workgroup: resolve::WORKGROUP,
+            geometry: Geometry::FullScreen,
+            bindings,
+        });
+        plan.programs
+            .insert(Role::Resolve.name().to_owned(), program);
+        let locations: Vec<u32> = targets.iter().map(|(l, _)| *l).collect();
+        let cleared =
+            Linked::new(naga::Module::default(), &text::clear(&locations)).map_err(bug)?;
+        let entries = [
+            (ShaderStage::Vertex, "vs_clear"),
+            (ShaderStage::Fragment, "fs_clear"),
+        ];
+        let program = with(&cleared.module, &entries)?;
+        let mut clear = GpuPass {
+            role: Role::Clear,
+            phase: Phase::Classify,
+            program: Role::Clear.name().to_owned(),
+            vertex: "vs_clear".to_owned(),
+            fragment: Some("fs_clear".to_owned()),
+            draws: Draws::Once,
+            bindings: Vec::new(),
+            ..self.full_screen()
+        };
+        for target in clear.targets.iter_mut().flatten() {
+            target.write_mask = 0;
+        }
+        reflect::fill(&mut clear, &program);
+        plan.passes.push(clear);
+        plan.programs.insert(Role::Clear.name().to_owned(), program);
+        Ok(())
+    }
+
+    /// Adds the resolve pass.
+    fn resolve(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), Box<Refusal>> {
+        let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
+        let opaque = &self.opaque;
+        let built = self.resolved(params, slots, Runs::Fragment)?;
         let entries = [
             (ShaderStage::Vertex, resolve::VERTEX),
             (ShaderStage::Fragment, resolve::FRAGMENT),
@@ -409,7 +524,7 @@ impl<'a> Material<'a> {
             program: Role::Resolve.name().to_owned(),
             vertex: resolve::VERTEX.to_owned(),
             fragment: Some(resolve::FRAGMENT.to_owned()),
-            depth: (params.select == Select::Depth).then(|| DepthState {
+            depth: (params.select() == Select::Depth).then(|| DepthState {
                 attachment: DRAWS.to_owned(),
                 compare: CompareFunction::Equal,
                 write: false,
@@ -431,6 +546,75 @@ impl<'a> Material<'a> {
             .insert(Role::Resolve.name().to_owned(), program);
         Ok(())
     }
+}
+
+/// Storage buffers that every WebGPU device reads in a stage.
+const STORAGE_BUFFERS: usize = 8;
+
+/// The colours that a compute stage would write, by location, with their formats as WGSL spells them.
+fn stored(pass: &GpuPass) -> Result<Vec<(u32, String)>, Box<Refusal>> {
+    const FORMATS: [&str; 3] = ["rgba8unorm", "rgba16float", "rgba32float"];
+    let targets = (0..).zip(&pass.targets);
+    targets
+        .filter_map(|(location, target)| Some((location, target.as_ref()?)))
+        .map(|(location, target)| {
+            if !FORMATS.contains(&target.format.as_str()) {
+                let (code, reason) = match target.format.ends_with("-srgb") {
+                    true => ("srgb-target", "a storage texture is not encoded as it is written"),
+                    false => ("target-format", "WebGPU does not promise it as a storage texture"),
+                };
+                return Err(Box::new(refuse(
+                    code,
+                    format!("colour target {location} is {}: {reason}", target.format),
+                    "take form=fragment",
+                )));
+            }
+            if target.write_mask != 0b1111 {
+                return Err(Box::new(refuse(
+                    "write-mask",
+                    format!("colour target {location} is written in part, and a storage texture is written whole"),
+                    "take form=fragment",
+                )));
+            }
+            Ok((location, target.format.clone()))
+        })
+        .collect()
+}
+
+/// What stands in for a compute pass that resolves, to count the pixels that it shades: a pass over the screen, and its program.
+///
+/// # Errors
+/// A program of ours that does not validate: a bug.
+pub fn counted(plan: &Plan, compute: &ComputePass) -> Result<(GpuPass, Program), String> {
+    let program = plan
+        .programs
+        .get(&compute.program)
+        .ok_or("it has no program of that name")?;
+    let module = Linked::new(naga::Module::default(), &text::count())?.module;
+    let entries = [
+        (ShaderStage::Vertex, resolve::VERTEX),
+        (ShaderStage::Fragment, "fs_count"),
+    ];
+    let program = program
+        .with_module(place::retain(&module, &entries))
+        .map_err(|e| e.to_string())?;
+    let like = plan
+        .passes
+        .iter()
+        .find(|p| p.role == Role::Clear)
+        .ok_or("nothing clears what it writes to")?;
+    let mut pass = GpuPass {
+        role: Role::Resolve,
+        phase: Phase::Resolve,
+        program: "count".to_owned(),
+        vertex: resolve::VERTEX.to_owned(),
+        fragment: Some("fs_count".to_owned()),
+        draws: Draws::Opaque,
+        bindings: parts(Slots { group: 0, first: 0 }, &[]),
+        ..like.clone()
+    };
+    reflect::fill(&mut pass, &program);
+    Ok((pass, program))
 }
 
 /// Behind all bindings of the last group that has any.

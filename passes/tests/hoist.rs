@@ -6,8 +6,9 @@ mod common;
 use std::collections::BTreeMap;
 
 use common::random;
-use naga::{Binding, Module, ShaderStage, TypeInner};
-use preshade_passes::evaluate::{self, Environment, Outcome, Stuck, Value};
+use common::stages::{VERTEX, attributes, run};
+use naga::{Binding, ShaderStage};
+use preshade_passes::evaluate::{Stuck, Value};
 use preshade_passes::hoist::{Hoist, Params};
 use preshade_passes::pass::{Facts, Pass, Sites};
 use preshade_passes::plan::Plan;
@@ -89,117 +90,29 @@ fn a_loop_of_noise_moves_whole() {
     assert_eq!(plan.contract.kind(), "approximate");
 }
 
-/// What a stage gave.
-struct Ran {
-    by_binding: BTreeMap<String, Value>,
-    by_location: BTreeMap<u32, Value>,
-    discarded: bool,
-}
-
-/// Runs a stage on inputs by location; a builtin is what the seed says.
-fn run(
-    program: &Program,
-    stage: ShaderStage,
-    name: &str,
-    inputs: &BTreeMap<u32, Value>,
-    seed: u32,
-) -> Result<Ran, Stuck> {
-    let module = program.module();
-    let (entry, point) = program.entry_point(stage, name).unwrap();
-    let value = |binding: &Binding| match binding {
-        Binding::Location { location, .. } => inputs[location].clone(),
-        Binding::BuiltIn(_) => Value::Scalar(evaluate::Scalar::Bool(seed.is_multiple_of(2))),
-    };
-    let arguments: Vec<Value> = point
-        .function
-        .arguments
-        .iter()
-        .map(|a| match (&a.binding, &module.types[a.ty].inner) {
-            (Some(b), _) => value(b),
-            (None, TypeInner::Struct { members, .. }) => {
-                let members = members.iter().map(|m| value(m.binding.as_ref().unwrap()));
-                Value::Composite(members.collect())
-            }
-            _ => panic!("an argument without binding"),
-        })
-        .collect();
-    let environment = Environment {
-        resources: BTreeMap::new(),
-        texture: &|_| [0.0; 4],
-        steps: 200_000,
-    };
-    let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;
-    let (by_binding, by_location) = outputs(module, &point.function, &outcome);
-    Ok(Ran {
-        by_binding,
-        by_location,
-        discarded: outcome.discarded,
-    })
-}
-
-fn outputs(
-    module: &Module,
-    function: &naga::Function,
-    outcome: &Outcome,
-) -> (BTreeMap<String, Value>, BTreeMap<u32, Value>) {
-    let described = reflect::outputs(module, function);
-    let is_struct = function
-        .result
-        .as_ref()
-        .is_some_and(|r| r.binding.is_none());
-    let values = match &outcome.result {
-        Some(Value::Composite(members)) if is_struct => members.clone(),
-        Some(value) => vec![value.clone()],
-        None => Vec::new(),
-    };
-    let mut by_binding = BTreeMap::new();
-    let mut by_location = BTreeMap::new();
-    for (io, value) in described.iter().zip(values) {
-        let binding = io.binding.as_ref().unwrap();
-        if let Binding::Location { location, .. } = binding {
-            by_location.insert(*location, value.clone());
-        }
-        by_binding.insert(format!("{binding:?}"), value);
-    }
-    (by_binding, by_location)
-}
-
-/// A vertex stage in front of a random fragment stage: passes everything on, a little changed.
-const RANDOM_VERTEX: &str = "
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) p: vec4<f32>, @location(1) q: vec2<f32>,
-    @location(2) @interpolate(flat) k: i32, @location(3) r: f32 }
-@vertex fn vs(@location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) k: i32, @location(3) r: f32) -> Varyings {
-    return Varyings(p * 2.0, p, q * 0.5, k + 1, r - 0.25);
-}
-";
-
-fn attributes(seed: u32) -> BTreeMap<u32, Value> {
-    let number = |i: u32| {
-        let bits = seed.wrapping_mul(2_654_435_761).rotate_left(7 * i + 3) >> 8;
-        (bits as f32 / (1 << 22) as f32) - 2.0
-    };
-    BTreeMap::from([
-        (
-            0,
-            Value::vector(&[number(0), number(1), number(2), number(3)]),
-        ),
-        (1, Value::vector(&[number(4), number(5)])),
-        (2, Value::i32((seed % 7) as i32 - 2)),
-        (3, Value::f32(number(6))),
-    ])
-}
-
 /// Both stages run one after the other: what the fragment stage gives where a fragment lies on a vertex.
 fn at_vertex(program: &Program, seed: u32) -> Result<(BTreeMap<String, Value>, bool), Stuck> {
-    let vertex = run(program, ShaderStage::Vertex, "vs", &attributes(seed), seed)?;
+    let vertex = run(
+        program,
+        ShaderStage::Vertex,
+        "vs",
+        &attributes(seed),
+        seed.is_multiple_of(2),
+    )?;
     let varyings = &vertex.by_location;
-    let fragment = run(program, ShaderStage::Fragment, "fs", varyings, seed)?;
+    let fragment = run(
+        program,
+        ShaderStage::Fragment,
+        "fs",
+        varyings,
+        seed.is_multiple_of(2),
+    )?;
     Ok((fragment.by_binding, fragment.discarded))
 }
 
 /// Whether anything was hoisted.
 fn the_same_at_vertices(bytes: &[u8], seeds: &[u32]) -> bool {
-    let source = format!("{}{RANDOM_VERTEX}", random::shader(bytes));
+    let source = format!("{}{VERTEX}", random::shader(bytes));
     let plan = original(&source);
     let params = Params {
         vertices_per_fragment: Some(0.0),
@@ -469,4 +382,22 @@ fn refusals_are_told_by_code() {
         };
         assert_eq!(code(&plain, &params), "budget");
     }
+}
+
+/// Twice as many chains of calls at each level: more than anything can look at one by one.
+#[test]
+fn a_tree_of_calls_over_a_discard_is_told_to_be_too_large() {
+    use std::fmt::Write as _;
+    let mut globals = String::from("fn f0(x: f32) -> f32 { if x > 2.0 { discard; } return x; }\n");
+    for i in 1..32 {
+        let below = i - 1;
+        writeln!(
+            globals,
+            "fn f{i}(x: f32) -> f32 {{ return f{below}(x) + f{below}(x + 0.5); }}"
+        )
+        .unwrap();
+    }
+    let source = material(&globals, "return vec4(f31(in.world.x));");
+    let found = sites(&original(&source), &Params::default());
+    assert_eq!(found.refusals[0].code, "too-large");
 }

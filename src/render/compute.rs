@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::plan::Plan;
+use preshade_passes::geometry::Geometry;
+use preshade_passes::plan::{Phase, Plan};
 
 use super::Error;
+use super::drawn::DrawTable;
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
 use super::layout::{self, Made, Stages};
@@ -16,6 +18,7 @@ use super::targets::Targets;
 pub(super) struct PreparedCompute {
     pipeline: wgpu::ComputePipeline,
     dispatches: Vec<Dispatch>,
+    phase: Option<Phase>,
 }
 
 struct Dispatch {
@@ -33,6 +36,7 @@ pub(super) fn prepare(
     shaders: &BTreeMap<&str, wgpu::ShaderModule>,
     targets: &Targets,
     meshes: &mut Meshes,
+    table: &DrawTable,
 ) -> Result<Vec<PreparedCompute>, Error> {
     let (gpu, scene) = (inputs.gpu(), inputs.scene());
     let mut prepared = Vec::new();
@@ -53,16 +57,23 @@ pub(super) fn prepare(
                 };
                 let subdivided = meshes
                     .of(gpu, plan, &pass.geometry, &pass.bindings, (index, bound))
-                    .map_err(failed)?
-                    .ok_or_else(|| failed("it computes no geometry".to_owned()))?;
-                let filled = layout::fill(
-                    &pass.bindings,
-                    bound,
-                    targets,
-                    Made::Subdivided(&subdivided),
-                    Stages::Compute,
-                )
-                .map_err(failed)?;
+                    .map_err(failed)?;
+                let drawn = table
+                    .of(gpu, &pass.bindings, (index, bound))
+                    .map_err(failed)?;
+                let (made, workgroups) = match (&subdivided, &pass.geometry) {
+                    (Some(subdivided), _) => (
+                        Made::Subdivided(subdivided),
+                        subdivided.mesh.workgroups(pass.workgroup),
+                    ),
+                    (None, Geometry::FullScreen) => (
+                        Made::Drawn(&drawn),
+                        scene.size.map(|s| s.div_ceil(pass.workgroup.max(1))),
+                    ),
+                    (None, _) => return Err(failed("it computes no geometry".to_owned())),
+                };
+                let filled = layout::fill(&pass.bindings, bound, targets, made, Stages::Compute)
+                    .map_err(failed)?;
                 let groups = gpu.checked(&what, || layout::bind(&gpu.device, &filled))?;
                 if pipeline.is_none() {
                     let layouts: Vec<_> = groups.iter().map(|(g, l, _)| (*g, l)).collect();
@@ -70,12 +81,13 @@ pub(super) fn prepare(
                 }
                 dispatches.push(Dispatch {
                     groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
-                    workgroups: subdivided.mesh.workgroups(pass.workgroup),
+                    workgroups,
                 });
             }
             prepared.extend(pipeline.map(|pipeline| PreparedCompute {
                 pipeline,
                 dispatches,
+                phase: pass.phase,
             }));
         }
     }
@@ -114,13 +126,17 @@ fn build(
     })
 }
 
-/// Encodes all of them.
-pub(super) fn encode(passes: &[PreparedCompute], encoder: &mut wgpu::CommandEncoder) {
-    if passes.is_empty() {
+/// Encodes those that run behind the render passes of one of these phases; `None` is ahead of all.
+pub(super) fn encode(
+    passes: &[PreparedCompute],
+    runs: impl Fn(Option<Phase>) -> bool,
+    encoder: &mut wgpu::CommandEncoder,
+) {
+    if !passes.iter().any(|p| runs(p.phase)) {
         return;
     }
     let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-    for pass in passes {
+    for pass in passes.iter().filter(|p| runs(p.phase)) {
         compute.set_pipeline(&pass.pipeline);
         for dispatch in &pass.dispatches {
             for (group, bindings) in &dispatch.groups {

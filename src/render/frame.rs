@@ -128,7 +128,7 @@ impl<'a> Prepared<'a> {
             draw: scene.name.clone(),
             message,
         })?;
-        let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes)?;
+        let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;
         let mut passes = Vec::new();
         for frame_pass in &variant.frame().passes {
             let mut pass = PreparedPass {
@@ -266,12 +266,17 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the frame; each render pass is one query.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
-        compute::encode(&self.compute, encoder);
+        let mut done: Option<Phase> = None;
+        compute::encode(&self.compute, |phase| phase.is_none(), encoder);
         let last_color = self
             .passes
             .iter()
             .rposition(|p| p.frame.colors == ColorAttachments::Scene);
         for (index, pass) in self.passes.iter().enumerate() {
+            let next = Some(pass.frame.phase);
+            let between = |phase: Option<Phase>| phase.is_some() && phase >= done && phase < next;
+            compute::encode(&self.compute, between, encoder);
+            done = next;
             let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: None,
                 color_attachments: &self.color_attachments(pass, last_color == Some(index)),
@@ -296,6 +301,8 @@ impl<'a> Prepared<'a> {
                 Queries::Occlusion(_) => render.end_occlusion_query(),
             }
         }
+        let behind = |phase: Option<Phase>| phase.is_some() && phase >= done;
+        compute::encode(&self.compute, behind, encoder);
     }
 
     /// Draws the frame once and returns vertex and fragment invocations of each render pass, one pair after the other. The device must have

@@ -110,6 +110,19 @@ pub(super) fn fill<'a>(
                 let (buffer, ty) = made.part(b, part, draw)?;
                 Filled::Geometry(buffer, ty)
             }
+            BindingSource::SceneColor { location } => {
+                let (view, format) = targets.stored(*location).map_err(|why| {
+                    format!("`{}` writes the scene's colour {location}, {why}", b.name)
+                })?;
+                Filled::Attachment(
+                    view,
+                    wgpu::BindingType::StorageTexture {
+                        access: wgpu::StorageTextureAccess::WriteOnly,
+                        format,
+                        view_dimension: wgpu::TextureViewDimension::D2,
+                    },
+                )
+            }
             BindingSource::Attachment { name } => {
                 let sampled = targets
                     .sampled(name)
@@ -368,6 +381,9 @@ fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wg
             (S::Float { filterable: false }, S::Float { .. } | S::Depth) => Some(planned),
             _ => (wanted == is).then_some(planned),
         },
+        (T::StorageTexture { .. }, T::StorageTexture { .. }) => {
+            (planned == provided).then_some(planned)
+        }
         _ => None,
     }
 }

@@ -4,6 +4,8 @@ use naga::{BinaryOperator, Expression, MathFunction, ScalarKind, Statement, Type
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::form::{Form, forms};
+use super::sensitive::{sensitive, with_operands, with_users};
 use super::sign::Signs;
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::memory::Origin;
@@ -304,7 +306,7 @@ fn what_pins(values: &Values<'_, '_>, id: ValueId) -> String {
 /// Values that rest on a loop of which it is not seen how many turns it makes.
 fn endless(values: &Values<'_, '_>) -> Vec<bool> {
     let module = values.graph.module();
-    spread(values, |id| {
+    let ends_unseen = |id: ValueId| {
         let (context, at) = match values.values[id].node {
             Node::Version(context, v) => match values.function(context).memory.origin(v) {
                 Origin::Phi { at: Some(at), .. } => (context, *at),
@@ -320,176 +322,13 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
                 matches!(f.statements.get(s).statement, Statement::Loop { .. })
                     && cost::trips(module, f, s).is_none()
             })
-    })
-}
-
-/// The values of which `of` holds, and all that rest on them.
-fn spread(values: &Values<'_, '_>, of: impl Fn(ValueId) -> bool) -> Vec<bool> {
-    let users = values.users();
-    let mut held = vec![false; values.values.len()];
-    let mut work: Vec<ValueId> = (0..values.values.len()).filter(|id| of(*id)).collect();
-    while let Some(id) = work.pop() {
-        if !std::mem::replace(&mut held[id], true) {
-            work.extend(&users[id]);
-        }
-    }
-    held
-}
-
-/// How a value depends on varyings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Form {
-    /// Not at all.
-    Uniform,
-    /// As components of one of them, or all of it: interpolated by itself, it is the same.
-    Part,
-    /// As an affine function with coefficients of the draw.
-    Affine,
-    /// Otherwise, or it is not seen how.
-    Other,
-}
-
-fn forms(values: &Values<'_, '_>) -> Vec<Form> {
-    // Upwards from Uniform to a fixed point; a circle that changes settles at Other through its control.
-    let mut forms = vec![Form::Uniform; values.values.len()];
-    let users = values.users();
-    let mut work: Vec<ValueId> = (0..values.values.len()).collect();
-    while let Some(id) = work.pop() {
-        let form = match values.values[id].fact.rate {
-            Rate::Const | Rate::Draw | Rate::Instance => Form::Uniform,
-            Rate::Varying(Interpolated::Perspective | Interpolated::Linear, _) => {
-                form(values, id, &forms)
-            }
-            _ => Form::Other,
-        };
-        if form > forms[id] {
-            forms[id] = form;
-            work.extend(&users[id]);
-        }
-    }
-    forms
-}
-
-fn form(values: &Values<'_, '_>, id: ValueId, forms: &[Form]) -> Form {
-    let joined = || {
-        let operands = values.values[id].operands.iter();
-        operands.map(|o| forms[*o]).max().unwrap_or(Form::Uniform)
     };
-    match &values.values[id].node {
-        Node::Input(_) => Form::Part,
-        Node::Control(..) => Form::Other,
-        // What decides which version it is must be the draw's.
-        Node::Version(..) => {
-            let operands = values.values[id].operands.iter();
-            let decided = operands.clone().any(|o| {
-                matches!(values.values[*o].node, Node::Control(..))
-                    && values.values[*o].fact.rate > Rate::Draw
-            });
-            if decided { Form::Other } else { joined() }
-        }
-        Node::Expression(context, e, path) => {
-            let f = values.function(*context);
-            // Through the values that operands are, by the expression's own operands.
-            let of = |o: naga::Handle<Expression>| {
-                values.named(*context, o).map_or(Form::Other, |v| forms[v])
-            };
-            // Whatever is computed of a part is not one.
-            let computed = |form: Form| match form {
-                Form::Part => Form::Affine,
-                other => other,
-            };
-            let product = |a: Form, b: Form| match (a, b) {
-                (Form::Uniform, x) | (x, Form::Uniform) => computed(x),
-                _ => Form::Other,
-            };
-            match &f.function.expressions[*e] {
-                _ if !path.is_empty() => joined(),
-                Expression::Load { .. } | Expression::CallResult(_) => joined(),
-                Expression::Swizzle { .. } | Expression::AccessIndex { .. } => joined(),
-                Expression::Compose { .. }
-                | Expression::Splat { .. }
-                | Expression::Unary {
-                    op: naga::UnaryOperator::Negate,
-                    ..
-                } => computed(joined()),
-                Expression::Access { base, index } => match of(*index) {
-                    Form::Uniform => computed(of(*base)),
-                    _ => Form::Other,
-                },
-                Expression::Binary { op, left, right } => match op {
-                    BinaryOperator::Add | BinaryOperator::Subtract => computed(joined()),
-                    BinaryOperator::Multiply => product(of(*left), of(*right)),
-                    BinaryOperator::Divide if of(*right) == Form::Uniform => computed(of(*left)),
-                    _ => Form::Other,
-                },
-                Expression::Select {
-                    condition,
-                    accept,
-                    reject,
-                } if of(*condition) == Form::Uniform => computed(of(*accept).max(of(*reject))),
-                Expression::Math {
-                    fun,
-                    arg,
-                    arg1,
-                    arg2,
-                    ..
-                } => {
-                    let second = arg1.map_or(Form::Uniform, of);
-                    let third = arg2.map_or(Form::Uniform, of);
-                    match fun {
-                        MathFunction::Dot | MathFunction::Cross => product(of(*arg), second),
-                        MathFunction::Fma => computed(product(of(*arg), second).max(third)),
-                        MathFunction::Mix => product(of(*arg).max(second), third),
-                        _ => Form::Other,
-                    }
-                }
-                _ => Form::Other,
-            }
-        }
-    }
-}
-
-/// Values from which something discontinuous is reached: a jump, a comparison, a conversion to an integer, a texture coordinate, an index, or what
-/// decides a branch. An error in the last bit may be any error there.
-fn sensitive(values: &Values<'_, '_>) -> Vec<bool> {
-    let mut work: Vec<ValueId> = Vec::new();
-    for value in &values.values {
-        let sink = match &value.node {
-            Node::Control(..) => true,
-            Node::Expression(context, e, _) => {
-                let f = values.function(*context);
-                let expression = &f.function.expressions[*e];
-                jump(expression).is_some()
-                    || matches!(
-                        expression,
-                        Expression::ImageSample { .. }
-                            | Expression::ImageLoad { .. }
-                            | Expression::Access { .. }
-                            | Expression::Derivative { .. }
-                    )
-            }
-            _ => false,
-        };
-        if sink {
-            work.extend(&value.operands);
-        }
-    }
-    with_operands(values, work)
-}
-
-/// Values, and all they rest on.
-fn with_operands(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
-    let mut held = vec![false; values.values.len()];
-    while let Some(id) = work.pop() {
-        if !std::mem::replace(&mut held[id], true) {
-            work.extend(&values.values[id].operands);
-        }
-    }
-    held
+    let loops = (0..values.values.len()).filter(|id| ends_unseen(*id));
+    with_users(values, loops.collect())
 }
 
 /// The name of an operation whose result jumps.
-fn jump(expression: &Expression) -> Option<String> {
+pub(super) fn jump(expression: &Expression) -> Option<String> {
     use BinaryOperator as B;
     let name = match expression {
         Expression::Math { fun, .. } => match fun {

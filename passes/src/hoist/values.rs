@@ -108,7 +108,7 @@ impl<'g, 'p> Values<'g, 'p> {
             children: BTreeMap::new(),
             own: Vec::new(),
         };
-        this.find_roots();
+        this.find_roots()?;
         let mut next = 0;
         while next < this.values.len() {
             this.expand(next);
@@ -186,7 +186,7 @@ impl<'g, 'p> Values<'g, 'p> {
             .map_or(Rate::Const, |v| self.values[v].fact.rate)
     }
 
-    fn find_roots(&mut self) {
+    fn find_roots(&mut self) -> Result<(), TooLarge> {
         let module = self.graph.module();
         let f = self.function(0);
         let is_struct = f.function.result.as_ref().is_some_and(|r| {
@@ -216,31 +216,41 @@ impl<'g, 'p> Values<'g, 'p> {
                 self.roots.extend(control);
             }
         }
-        self.find_discards(0);
+        self.find_discards()?;
         self.roots.sort_unstable();
         self.roots.dedup();
+        Ok(())
     }
 
-    fn find_discards(&mut self, context: ContextId) {
-        let f = self.function(context);
-        for (id, node) in f.statements.iter() {
-            match node.statement {
-                Statement::Kill if f.control.is_reachable(id) => {
-                    let control = self.control(context, id);
-                    self.roots.extend(control);
-                    self.coverage.extend(control);
+    /// What decides the discards of the entry point and of all chains of calls that may lead to one.
+    fn find_discards(&mut self) -> Result<(), TooLarge> {
+        let mut work = vec![0];
+        while let Some(context) = work.pop() {
+            let f = self.function(context);
+            for (id, node) in f.statements.iter() {
+                if !f.control.is_reachable(id) {
+                    continue;
                 }
-                Statement::Call { function, .. }
-                    if f.control.is_reachable(id)
-                        && self.graph.may_discard(FunctionId::Function(*function)) =>
-                {
-                    if let Some(child) = self.enter(context, id) {
-                        self.find_discards(child);
+                match node.statement {
+                    Statement::Kill => {
+                        let control = self.control(context, id);
+                        self.roots.extend(control);
+                        self.coverage.extend(control);
                     }
+                    Statement::Call { function, .. }
+                        if self.graph.may_discard(FunctionId::Function(*function)) =>
+                    {
+                        work.extend(self.enter(context, id));
+                    }
+                    _ => {}
                 }
-                _ => {}
+            }
+            // As many chains as there are paths through the calls: twice as many with each level.
+            if self.contexts.len() > MOST_VALUES {
+                return Err(TooLarge);
             }
         }
+        Ok(())
     }
 
     fn intern(&mut self, node: Node) -> ValueId {

@@ -32,6 +32,8 @@ use crate::state::FrontFace;
 pub const VERTEX: &str = "vs_resolve";
 /// Names of the entry points.
 pub const FRAGMENT: &str = "fs_resolve";
+/// Names of the entry points.
+pub const COMPUTE: &str = "cs_resolve";
 
 /// A function of the fragment stage's inputs.
 struct Shader {
@@ -102,7 +104,21 @@ pub struct Resolve<'a> {
     pub front_face: FrontFace,
     /// How pixels of other draws are passed over.
     pub select: Select,
+    /// Where it is run.
+    pub runs: Runs,
 }
+
+/// Where the resolve is run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Runs {
+    /// In the fragment stage of a pass over the screen.
+    Fragment,
+    /// In a compute stage that writes the colours of these locations and formats.
+    Compute(Vec<(u32, String)>),
+}
+
+/// Side of the compute stage's workgroups, in pixels.
+pub const WORKGROUP: u32 = 8;
 
 /// A resolve stage, and the attributes it fetches.
 pub struct Built {
@@ -155,6 +171,7 @@ impl Resolve<'_> {
             attributes,
             front_face,
             select,
+            runs,
         } = self;
         let mut module = explicit.program.module().clone();
         let shaded = module.entry_points.remove(fragment);
@@ -211,6 +228,10 @@ impl Resolve<'_> {
         let mut wgsl = text::entry(slots, used.len());
         wgsl.push_str(&text::vertices(slots, &used));
         wgsl.push_str(&text::resolve(slots, &widths));
+        if let Runs::Compute(targets) = &runs {
+            let first = slots.first + Slots::STREAMS + used.len() as u32;
+            wgsl.push_str(&text::compute(slots.group, first, targets));
+        }
         let Linked {
             module,
             ours: by_name,
@@ -236,20 +257,26 @@ impl Resolve<'_> {
             ours: &by_name,
             front_face,
             select,
+            colors: colors(&module, &result),
             position: author
                 .position()
                 .ok_or("the vertex stage gives no position")?,
         };
         let FunctionResult { ty, binding } = result;
-        let at = new_entry(
-            &mut module,
-            ShaderStage::Fragment,
-            FRAGMENT,
-            Some((ty, binding)),
-        );
+        let at = match runs {
+            Runs::Fragment => {
+                let result = Some((ty, binding));
+                new_entry(&mut module, ShaderStage::Fragment, FRAGMENT, result)
+            }
+            Runs::Compute(_) => {
+                let at = new_entry(&mut module, ShaderStage::Compute, COMPUTE, None);
+                module.entry_points[at].workgroup_size = [WORKGROUP, WORKGROUP, 1];
+                at
+            }
+        };
         let mut failed = None;
         let module = place::rewritten(&module, FunctionId::EntryPoint(at), |build| {
-            failed = stage.write(build);
+            failed = stage.write(build, &runs);
             Rewrite::default()
         });
         match failed {
@@ -362,7 +389,29 @@ struct Stage<'a> {
     ours: &'a BTreeMap<String, Handle<Function>>,
     front_face: FrontFace,
     select: Select,
+    colors: Colors,
     position: u32,
+}
+
+/// The colours in what the fragment stage gives.
+enum Colors {
+    /// It is the colour of that location.
+    One(u32),
+    /// They are members, of these locations.
+    Members(Vec<u32>),
+}
+
+fn colors(module: &Module, result: &FunctionResult) -> Colors {
+    let location = |b: &Option<Binding>| match b {
+        Some(Binding::Location { location, .. }) => *location,
+        _ => 0,
+    };
+    match (&result.binding, &module.types[result.ty].inner) {
+        (None, TypeInner::Struct { members, .. }) => {
+            Colors::Members(members.iter().map(|m| location(&m.binding)).collect())
+        }
+        (binding, _) => Colors::One(location(binding)),
+    }
 }
 
 /// What is the same for all pixels of a triangle.
@@ -401,20 +450,67 @@ impl Stage<'_> {
     }
 
     /// Writes the stage; why it could not, in words.
-    fn write(&self, build: &mut Builder<'_>) -> Option<String> {
-        self.written(build)
+    fn write(&self, build: &mut Builder<'_>, runs: &Runs) -> Option<String> {
+        let written = match runs {
+            Runs::Fragment => self.fragment(build),
+            Runs::Compute(_) => self.compute(build),
+        };
+        written
             .is_none()
             .then(|| "a function of ours, or an input of the fragment stage, is missing".to_owned())
     }
 
-    fn written(&self, build: &mut Builder<'_>) -> Option<()> {
+    fn fragment(&self, build: &mut Builder<'_>) -> Option<()> {
         let vec4 = build.ty(TypeInner::Vector {
             size: VectorSize::Quad,
             scalar: Scalar::F32,
         });
         let position = Binding::BuiltIn(BuiltIn::Position { invariant: false });
         let at = build.argument("at", vec4, Some(position));
-        let triangle = self.triangle(build, at)?;
+        let value = self.color(build, at, Statement::Kill)?;
+        build.statement(Statement::Return { value: Some(value) });
+        Some(())
+    }
+
+    fn compute(&self, build: &mut Builder<'_>) -> Option<()> {
+        let vec3 = build.ty(TypeInner::Vector {
+            size: VectorSize::Tri,
+            scalar: Scalar::U32,
+        });
+        let number = Binding::BuiltIn(BuiltIn::GlobalInvocationId);
+        let number = build.argument("number", vec3, Some(number));
+        let leave = Statement::Return { value: None };
+        let outside = self.our(build, "visible_outside", vec![number])?;
+        build.if_then(outside, |build| build.statement(leave.clone()));
+        let at = self.our(build, "visible_pixel", vec![number])?;
+        build.name(at, "at");
+        let value = self.color(build, at, leave)?;
+        let stores: Vec<(u32, Option<u32>)> = match &self.colors {
+            Colors::One(location) => vec![(*location, None)],
+            Colors::Members(locations) => {
+                let members = locations.iter().zip(0..);
+                members.map(|(l, index)| (*l, Some(index))).collect()
+            }
+        };
+        for (location, member) in stores {
+            let color = match member {
+                None => value,
+                Some(index) => build.expression(Expression::AccessIndex { base: value, index }),
+            };
+            let store = self.ours.get(&format!("visible_store_{location}_"))?;
+            build.call(*store, vec![number, color]);
+        }
+        Some(())
+    }
+
+    /// What the fragment stage gives at a pixel; where it is another draw's, `leave`.
+    fn color(
+        &self,
+        build: &mut Builder<'_>,
+        at: Handle<Expression>,
+        leave: Statement,
+    ) -> Option<Handle<Expression>> {
+        let triangle = self.triangle(build, at, leave)?;
         let pixel = build.expression(Expression::Swizzle {
             size: VectorSize::Bi,
             vector: at,
@@ -426,12 +522,15 @@ impl Stage<'_> {
         for (level, shader) in self.levels {
             self.differences(build, &triangle, &here, (level, shader), &mut gradients)?;
         }
-        let value = self.call(build, self.shade, &triangle, &here, &gradients)?;
-        build.statement(Statement::Return { value: Some(value) });
-        Some(())
+        self.call(build, self.shade, &triangle, &here, &gradients)
     }
 
-    fn triangle(&self, build: &mut Builder<'_>, at: Handle<Expression>) -> Option<Triangle> {
+    fn triangle(
+        &self,
+        build: &mut Builder<'_>,
+        at: Handle<Expression>,
+        leave: Statement,
+    ) -> Option<Triangle> {
         let id = self.our(build, "visible_id", vec![at])?;
         build.name(id, "id");
         if self.select == Select::Id {
@@ -440,7 +539,7 @@ impl Stage<'_> {
                 op: naga::UnaryOperator::LogicalNot,
                 expr: is_ours,
             });
-            build.if_then(other, |build| build.statement(Statement::Kill));
+            build.if_then(other, |build| build.statement(leave));
         }
         let instance = self.our(build, "visible_instance", vec![id])?;
         build.name(instance, "instance");

@@ -100,6 +100,69 @@ pub fn resolve(slots: Slots, widths: &[u8]) -> String {
     out
 }
 
+/// What a compute resolve has beside: pixels, and the colours to write by location and format, bound from `first` on.
+pub fn compute(group: u32, first: u32, targets: &[(u32, String)]) -> String {
+    let mut out = "fn visible_outside(id: vec3<u32>) -> bool {
+    let size = textureDimensions(visibility_ids);
+    return id.x >= size.x || id.y >= size.y;
+}
+fn visible_pixel(id: vec3<u32>) -> vec4<f32> {
+    return vec4<f32>(vec2<f32>(id.xy) + 0.5, 0.0, 1.0);
+}
+"
+    .to_owned();
+    for (binding, (location, format)) in (first..).zip(targets) {
+        let _ = write!(
+            out,
+            "@group({group}) @binding({binding}) var visibility_target_{location}_: texture_storage_2d<{format}, write>;
+fn visible_store_{location}_(id: vec3<u32>, color: vec4<f32>) {{
+    textureStore(visibility_target_{location}_, vec2<i32>(id.xy), color);
+}}
+"
+        );
+    }
+    out
+}
+
+/// The pass that clears the scene's colour: a triangle out of sight.
+pub fn clear(locations: &[u32]) -> String {
+    let members: String = locations
+        .iter()
+        .map(|l| format!("    @location({l}) color_{l}_: vec4<f32>,\n"))
+        .collect();
+    format!(
+        "struct VisibleCleared {{
+{members}}}
+@vertex
+fn vs_clear() -> @builtin(position) vec4<f32> {{
+    return vec4<f32>(2.0, 2.0, 0.0, 1.0);
+}}
+@fragment
+fn fs_clear() -> VisibleCleared {{
+    return VisibleCleared();
+}}
+"
+    )
+}
+
+/// The pass that counts the pixels of a draw.
+pub fn count() -> String {
+    let slots = Slots { group: 0, first: 0 };
+    let mut out = entry(slots, 0);
+    out.push_str(&resolve(slots, &[]));
+    out.push_str(
+        "@fragment
+fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+    if (!visible_is_ours(visible_id(at))) {
+        discard;
+    }
+    return vec4<f32>(1.0);
+}
+",
+    );
+    out
+}
+
 fn texture_of_ids(group: u32, binding: u32) -> String {
     format!(
         "@group({group}) @binding({binding}) var visibility_ids: texture_2d<u32>;
