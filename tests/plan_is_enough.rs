@@ -56,6 +56,8 @@ enum Case {
     Ids,
     /// The same with ids of unindexed vertices.
     Unindexed,
+    /// Shaded from ids in a compute pass.
+    Computed,
 }
 
 /// Fields that a renderer does not act on, each with what stands for it instead.
@@ -79,6 +81,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
     (
         "passes[].bindings[].layout.storage-texture",
         "no scene gives a storage texture: a plan that asks for one is refused, below",
+    ),
+    (
+        "passes[].bindings[].source.location",
+        "the scene's colour as a compute pass writes it: mutated there",
     ),
     (
         "passes[].geometry.denominator",
@@ -166,7 +172,7 @@ const INFORMATIVE: &[(&str, &str)] = &[
 /// One mutation a field: the case, a JSON pointer into its `plan.json`, the value to put there, and what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
-    use Case::{Alone, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Unindexed};
+    use Case::{Alone, Computed, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Unindexed};
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
@@ -264,6 +270,10 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Ids, "/passes/2/depth/compare", json!("always"), Redrawn),
         (Ids, "/passes/2/bindings/4/source/part/draw/streams/0", json!(9), Refused("at location 9")),
         (Ids, "/passes/2/bindings/5/source/name", json!("elsewhere"), Refused("reads `elsewhere`, which is no attachment")),
+        (Computed, "/passes/1/phase", json!("opaque"), Redrawn),
+        (Computed, "/compute/0/phase", json!(null), Redrawn),
+        (Computed, "/compute/0/workgroup", json!(16), Redrawn),
+        (Computed, "/compute/0/bindings/9/source/location", json!(1), Refused("which no pass draws to")),
         (Unindexed, "/passes/0/geometry/kind", json!("as-given"), Redrawn),
         (Lit, "/files/0/role", json!("prepass"), Refused("not those of its passes")),
         (Lit, "/files/0/vertex/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
@@ -429,7 +439,7 @@ fn scene_of(case: Case) -> Scene {
             scene.draws[0].values.insert("object.tint".to_owned(), half);
             scene
         }
-        Case::Ids | Case::Unindexed => {
+        Case::Ids | Case::Unindexed | Case::Computed => {
             let mut scene = lit();
             let mut smaller = scene.draws[0].clone();
             smaller.name = "smaller".to_owned();
@@ -460,6 +470,7 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
         Case::Shared => Some("hoist:budget=1,finite=assumed,tessellate:level=8,form=shared"),
         Case::Ids => Some("visibility-buffer"),
         Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id"),
+        Case::Computed => Some("visibility-buffer:form=compute"),
         Case::Lit | Case::Sampled | Case::Glass | Case::Mask | Case::Alone => None,
     };
     let plans: Vec<Plan> = originals(scene)

@@ -18,10 +18,11 @@ use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
 /// The forms that must all draw alike.
-const FORMS: [&str; 3] = [
+const FORMS: [&str; 4] = [
     "visibility-buffer",
     "visibility-buffer:select=id",
     "visibility-buffer:ids=unindexed",
+    "visibility-buffer:form=compute",
 ];
 
 fn split(plan: &Plan, recipe: &str) -> Plan {
