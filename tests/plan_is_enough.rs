@@ -87,6 +87,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "the scene's colour as a compute pass writes it: mutated there",
     ),
     (
+        "passes[].bindings[].source.part.draw.formats",
+        "what a host must store: the renderer refuses other formats, of which a scene has none",
+    ),
+    (
         "passes[].geometry.denominator",
         "what packed weights sum to, for readers: the text divides by it",
     ),

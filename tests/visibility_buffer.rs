@@ -18,11 +18,12 @@ use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
 /// The forms that must all draw alike.
-const FORMS: [&str; 4] = [
+const FORMS: [&str; 5] = [
     "visibility-buffer",
     "visibility-buffer:select=id",
     "visibility-buffer:ids=unindexed",
     "visibility-buffer:form=compute",
+    "visibility-buffer:formats=any",
 ];
 
 fn split(plan: &Plan, recipe: &str) -> Plan {

@@ -16,7 +16,7 @@ use naga::{
     Scalar, Span, Statement, Type, TypeInner,
 };
 
-use crate::geometry::FORMATS;
+use crate::geometry::{FORMATS, Formats};
 use crate::graph::FunctionId;
 use crate::link;
 use crate::place::{self, Builder, Rewrite};
@@ -60,9 +60,49 @@ fn {function}_corner(triangle: u32, corner: u32) -> u32 {{
 pub(crate) fn attributes(
     names: Names,
     attributes: &[AttributeUse],
-    group: u32,
-    first: u32,
+    (group, first): (u32, u32),
+    formats: Formats,
 ) -> String {
+    match formats {
+        Formats::Any => of_any_format(names, attributes, group, first),
+        Formats::Declared => as_declared(names, attributes, group, first),
+    }
+}
+
+/// Each attribute's words, as the numbers that they are.
+fn as_declared(names: Names, attributes: &[AttributeUse], group: u32, first: u32) -> String {
+    let mut out = String::new();
+    let Names { function, variable } = names;
+    for (index, attribute) in attributes.iter().enumerate() {
+        let AttributeUse { location, ty, .. } = attribute;
+        let words: Vec<String> = (0..components(ty).len())
+            .map(|word| format!("{variable}_stream_{location}_[first + {word}u]"))
+            .collect();
+        let words = match words.len() {
+            1 => words.join(""),
+            n => format!("vec{n}<u32>({})", words.join(", ")),
+        };
+        let value = match Kind::of(attribute) {
+            Kind::Uint => words,
+            _ => format!("bitcast<{ty}>({words})"),
+        };
+        let _ = write!(
+            out,
+            "@group({group}) @binding({binding}) var<storage, read> {variable}_stream_{location}_: array<u32>;
+fn {function}_{location}_(vertex: u32, instance: u32) -> {ty} {{
+    let stream = {variable}.streams[{index}];
+    let first = (stream.x + select(vertex, instance, (stream.w & 256u) != 0u) * stream.y) / 4u;
+    return {value};
+}}
+",
+            binding = first + index as u32,
+        );
+    }
+    out
+}
+
+/// Each attribute, converted from the format that its stream says.
+fn of_any_format(names: Names, attributes: &[AttributeUse], group: u32, first: u32) -> String {
     let mut out = String::new();
     let Names { function, variable } = names;
     for (kind, text) in [

@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
-use crate::geometry::Geometry;
+use crate::geometry::{Formats, Geometry};
 use crate::program::Program;
 use crate::state::{
     AttachmentOps, ColorTarget, CompareFunction, DepthDirection, DepthFormat, DepthState,
@@ -206,6 +206,8 @@ pub enum GeometryPart {
     Draw {
         /// Locations of the attributes described there, in order.
         streams: Vec<u32>,
+        /// Formats that these attributes may be stored in.
+        formats: Formats,
     },
     /// The first id of each draw of the frame's draw table, ascending, four bytes each ([`crate::draw_table`]).
     DrawTable,

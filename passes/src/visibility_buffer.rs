@@ -6,10 +6,10 @@
 //! ```text
 //! before:  main      vs + fs                 every fragment that is nearest so far is shaded
 //!
-//! after:   ids       vs_ids + fs_ids         position, discard; writes (draw and instance, triangle) and depth
-//!          classify  once for the frame       the number of the draw that each pixel shows, as a depth
-//!          resolve   vs_resolve + fs_resolve full screen, once a draw: the triangle's corners are fetched and run through the author's vertex stage,
-//!                                            the varyings interpolated, and the author's fragment stage run on them
+//! after:   ids       each draw               position and discard, sliced; writes (draw and instance, triangle) and depth
+//!          classify  once for the frame      the number of the draw that each pixel shows, as a depth
+//!          resolve   full screen, each draw  the triangle's corners are fetched and run through the author's vertex stage, the varyings interpolated, and the
+//!                                            author's fragment stage run on them
 //! ```
 //!
 //! What a fragment took from the rasteriser is made again: barycentrics from homogeneous edge functions, right for triangles that reach behind the viewer; each varying by its
@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use crate::contract::Contract;
 use crate::depth_only::{self, DepthOnly};
 use crate::fetch::Linked;
-use crate::geometry::Geometry;
+use crate::geometry::{Formats, Geometry};
 use crate::graph::{Effect, FunctionId};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
@@ -103,6 +103,8 @@ pub struct Params {
     pub ids: Ids,
     /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id.
     pub select: Select,
+    /// Formats that the attributes of vertices may be stored in.
+    pub formats: Formats,
 }
 
 impl Params {
@@ -125,10 +127,13 @@ impl Pass for VisibilityBuffer {
     };
 
     fn sites(plan: &Plan, _: &Facts, params: &Params) -> Sites {
-        match Material::examine(plan).and_then(|m| {
-            m.apply(plan, params).map_err(|r| vec![*r])?;
-            Ok(m)
-        }) {
+        let plan = alone(plan);
+        let examined = Material::examine(&plan).and_then(|material| {
+            // What cannot be rebuilt is found by rebuilding it.
+            material.apply(&plan, params).map_err(|r| vec![*r])?;
+            Ok(material)
+        });
+        match examined {
             Ok(material) => Sites {
                 sites: vec![material.site(params)],
                 ..Sites::default()
@@ -143,12 +148,37 @@ impl Pass for VisibilityBuffer {
         site: &SiteKey,
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
-        let material = Material::examine(plan).map_err(depth_only::first)?;
+        let plan = alone(plan);
+        let material = Material::examine(&plan).map_err(depth_only::first)?;
         material
             .depth
             .expect(&material.opaque, site, Self::INFO.name)?;
-        material.apply(plan, params)
+        material.apply(&plan, params)
     }
+}
+
+/// The plan with nothing but the main pass's entry points in its program: what else the author's file has may be called as ours are.
+fn alone(plan: &Plan) -> Plan {
+    let mut plan = plan.clone();
+    let Some((pass, program)) = plan
+        .main()
+        .and_then(|p| Some((p.clone(), plan.program(p)?)))
+    else {
+        return plan;
+    };
+    let stages = [
+        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
+        (ShaderStage::Fragment, pass.fragment.as_deref()),
+    ];
+    let kept: Vec<(ShaderStage, &str)> = stages
+        .into_iter()
+        .filter_map(|(stage, name)| Some((stage, name?)))
+        .collect();
+    // A program that was valid is so with less in it.
+    if let Ok(program) = program.with_module(place::retain(program.module(), &kept)) {
+        plan.programs.insert(pass.program, program);
+    }
+    plan
 }
 
 fn refuse(code: &str, reason: impl Into<String>, remedy: &str) -> Refusal {
@@ -274,7 +304,10 @@ impl<'a> Material<'a> {
             .collect();
         let (triangles, geometry) = match params.ids {
             Ids::PrimitiveIndex => (Triangles::PrimitiveIndex, Geometry::AsGiven),
-            Ids::Unindexed => (Triangles::Unindexed(&attributes), Geometry::Unindexed),
+            Ids::Unindexed => (
+                Triangles::Unindexed(&attributes, params.formats),
+                Geometry::Unindexed,
+            ),
         };
         let module = ids::add(
             placed.module.clone(),
@@ -295,7 +328,7 @@ impl<'a> Material<'a> {
             Ids::PrimitiveIndex => Vec::new(),
             Ids::Unindexed => attributes,
         };
-        let mut bindings = parts(slots, &streams);
+        let mut bindings = parts(slots, &streams, params.formats);
         bindings.extend(opaque.pass.bindings.iter().cloned());
         let mut pass = GpuPass {
             role: Role::Ids,
@@ -416,6 +449,7 @@ impl<'a> Material<'a> {
             front_face: opaque.pass.primitive.front_face,
             select: params.select(),
             runs,
+            formats: params.formats,
         }
         .build(slots)
         .map_err(bug)
@@ -434,7 +468,7 @@ impl<'a> Material<'a> {
             program.map_err(|e| bug(e.to_string()))
         };
         let program = with(&built.module, &entries)?;
-        let mut known = parts(slots, &built.attributes);
+        let mut known = parts(slots, &built.attributes, params.formats);
         let first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
         known.extend(
             (first..)
@@ -516,7 +550,7 @@ impl<'a> Material<'a> {
             .program
             .with_module(place::retain(&built.module, &entries))
             .map_err(|e| bug(e.to_string()))?;
-        let mut bindings = parts(slots, &built.attributes);
+        let mut bindings = parts(slots, &built.attributes, params.formats);
         bindings.extend(opaque.pass.bindings.iter().cloned());
         let mut pass = GpuPass {
             role: Role::Resolve,
@@ -610,7 +644,7 @@ pub fn counted(plan: &Plan, compute: &ComputePass) -> Result<(GpuPass, Program),
         vertex: resolve::VERTEX.to_owned(),
         fragment: Some("fs_count".to_owned()),
         draws: Draws::Opaque,
-        bindings: parts(Slots { group: 0, first: 0 }, &[]),
+        bindings: parts(Slots { group: 0, first: 0 }, &[], Formats::Declared),
         ..like.clone()
     };
     reflect::fill(&mut pass, &program);
@@ -632,7 +666,11 @@ fn slots(program: &Program) -> Slots {
 }
 
 /// Our own bindings, for [`reflect::fill`] to know where they come from.
-fn parts(slots: Slots, attributes: &[crate::plan::AttributeUse]) -> Vec<BindingUse> {
+fn parts(
+    slots: Slots,
+    attributes: &[crate::plan::AttributeUse],
+    formats: Formats,
+) -> Vec<BindingUse> {
     let geometry = |part| BindingSource::Geometry { part };
     let streams = attributes.iter().cloned().map(GeometryPart::Attribute);
     let fixed = [
@@ -640,6 +678,7 @@ fn parts(slots: Slots, attributes: &[crate::plan::AttributeUse]) -> Vec<BindingU
             Slots::ENTRY,
             geometry(GeometryPart::Draw {
                 streams: attributes.iter().map(|a| a.location).collect(),
+                formats,
             }),
         ),
         (

@@ -1,6 +1,7 @@
 //! The draw table of a frame: what passes that work with ids, or draw without vertex buffers, bind of a draw.
 
 use preshade_passes::draw_table::{self, Entry};
+use preshade_passes::geometry::{Formats, Stream, declared_format};
 use preshade_passes::plan::{BindingSource, BindingUse, GeometryPart};
 
 use super::gpu::Gpu;
@@ -58,10 +59,15 @@ impl DrawTable {
     ) -> Result<Drawn, String> {
         let listed = bindings.iter().find_map(|b| match &b.source {
             BindingSource::Geometry {
-                part: GeometryPart::Draw { streams },
-            } => Some(streams.as_slice()),
+                part: GeometryPart::Draw { streams, formats },
+            } => Some((streams.as_slice(), *formats)),
             _ => None,
         });
+        let (listed, formats) = listed.unwrap_or_default();
+        let streams = streams(listed, draw)?;
+        if formats == Formats::Declared {
+            check_formats(bindings, listed, &streams)?;
+        }
         let (count, index_bytes) = match &draw.indices {
             Some(indices) => (indices.count, indices.format.byte_size()),
             None => (draw.vertex_count, 0),
@@ -76,7 +82,7 @@ impl DrawTable {
             base_vertex: 0,
             triangles: count / 3,
             viewport: self.viewport,
-            streams: streams(listed.unwrap_or_default(), draw)?,
+            streams,
         };
         let words = entry
             .words()
@@ -87,6 +93,36 @@ impl DrawTable {
             triangles: count / 3,
         })
     }
+}
+
+/// Fails, in words, where an attribute is not stored as its type is declared.
+fn check_formats(
+    bindings: &[BindingUse],
+    listed: &[u32],
+    streams: &[Stream],
+) -> Result<(), String> {
+    for binding in bindings {
+        let BindingSource::Geometry {
+            part: GeometryPart::Attribute(attribute),
+        } = &binding.source
+        else {
+            continue;
+        };
+        let asked = declared_format(&attribute.ty);
+        let stored = listed
+            .iter()
+            .zip(streams)
+            .find(|(location, _)| **location == attribute.location);
+        if let Some((location, stream)) = stored
+            && stream.format != asked
+        {
+            return Err(format!(
+                "the attribute at location {location} is stored as {}, and the plan asks for {asked}",
+                stream.format
+            ));
+        }
+    }
+    Ok(())
 }
 
 impl Drawn {

@@ -13,6 +13,7 @@ use std::fmt::Write;
 
 use super::Slots;
 use crate::fetch::{self, Names};
+use crate::geometry::Formats;
 use crate::plan::AttributeUse;
 
 /// How functions and variables of ours begin.
@@ -166,8 +167,8 @@ impl Text<'_> {
         out.push_str(&fetch::attributes(
             NAMES,
             self.attributes,
-            self.slots.group,
-            first,
+            (self.slots.group, first),
+            Formats::Any,
         ));
         out.push_str(PRECEDES);
         for width in self.widths {

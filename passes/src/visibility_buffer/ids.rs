@@ -1,8 +1,8 @@
 //! The id pass: position, what decides coverage and depth, and which triangle of which instance it is.
 //!
 //! ```text
-//! @vertex   fn vs_ids(..)  -> VertexOutput_ids      the author's position, and `visible_id_of(instance_index)`, flat
-//! @fragment fn fs_ids(..)  -> vec2<u32>             discards as the author does; the id, and the triangle
+//! @vertex   fn vs_visible_ids(..)  -> VertexOutput_ids      the author's position, and `visible_id_of(instance_index)`, flat
+//! @fragment fn fs_visible_ids(..)  -> vec2<u32>             discards as the author does; the id, and the triangle
 //! ```
 
 use naga::{
@@ -13,6 +13,7 @@ use naga::{
 
 use super::text::{self, Slots};
 use crate::fetch::{Author, Linked, corner, ours, word};
+use crate::geometry::Formats;
 use crate::graph::FunctionId;
 use crate::hoist::hoisted::as_function;
 use crate::place::{self, Builder, Rewrite};
@@ -20,16 +21,16 @@ use crate::plan::AttributeUse;
 use crate::reflect::{self, Io};
 
 /// Names of the entry points.
-pub const VERTEX: &str = "vs_ids";
+pub const VERTEX: &str = "vs_visible_ids";
 /// Names of the entry points.
-pub const FRAGMENT: &str = "fs_ids";
+pub const FRAGMENT: &str = "fs_visible_ids";
 
 /// How a fragment knows its triangle.
 pub enum Triangles<'a> {
     /// By the builtin `primitive_index`.
     PrimitiveIndex,
     /// By a flat varying of vertices that no two triangles share: the attributes to fetch, and where they are bound.
-    Unindexed(&'a [AttributeUse]),
+    Unindexed(&'a [AttributeUse], Formats),
 }
 
 /// An entry point as a function, and what it took and gave.
@@ -101,12 +102,12 @@ pub fn add(
         slots,
         match triangles {
             Triangles::PrimitiveIndex => 0,
-            Triangles::Unindexed(attributes) => attributes.len(),
+            Triangles::Unindexed(attributes, _) => attributes.len(),
         },
     );
     wgsl.push_str(text::ids());
-    if let Triangles::Unindexed(attributes) = triangles {
-        wgsl.push_str(&text::vertices(slots, attributes));
+    if let Triangles::Unindexed(attributes, formats) = triangles {
+        wgsl.push_str(&text::vertices(slots, attributes, *formats));
     }
     let Linked {
         mut module,
@@ -119,7 +120,7 @@ pub fn add(
     let fragment = fragment.and_then(|name| Stage::take(&mut module, ShaderStage::Fragment, name));
     let (id_type, pulled) = match triangles {
         Triangles::PrimitiveIndex => (word, None),
-        Triangles::Unindexed(attributes) => {
+        Triangles::Unindexed(attributes, _) => {
             let mut fetch = Vec::new();
             for attribute in *attributes {
                 let name = format!("visible_{}_", attribute.location);
@@ -131,7 +132,7 @@ pub fn add(
                 given: given.ok_or("the vertex stage gives nothing")?,
                 inputs: &vertex.arguments,
             };
-            let name = "vs_ids";
+            let name = VERTEX;
             let (with_corner, pulled) = corner(module, name, &author, &fetch)?;
             module = with_corner;
             let pair = vec2(&mut module);

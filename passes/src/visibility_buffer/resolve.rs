@@ -1,7 +1,7 @@
 //! The resolve pass: the author's two stages on the triangle that a pixel shows.
 //!
 //! ```text
-//! fs_resolve(at) -> id = ids[at]; discard where it is another draw's
+//! fs_visible(at) -> id = ids[at]; discard where it is another draw's
 //!                   a, b, c = vs_corner(each corner of the triangle, instance)
 //!                   weights of a, b and c at this pixel, and at those of its quad for the gradients
 //!                   fs_shaded(varyings by their own interpolation, builtins reconstructed, gradients)
@@ -19,6 +19,7 @@ use super::gradients::{Explicit, GRADIENTS, Level, Neighbours};
 use super::ids::new_entry;
 use super::text::{self, Slots};
 use crate::fetch::{Author, Linked, corner, ours};
+use crate::geometry::Formats;
 use crate::graph::{FunctionId, Graph};
 use crate::hoist::hoisted::as_function;
 use crate::place::{self, Builder, PositionInvariance, Rewrite};
@@ -29,11 +30,11 @@ use crate::slice::{self, Criterion, OutputFilter};
 use crate::state::FrontFace;
 
 /// Names of the entry points.
-pub const VERTEX: &str = "vs_resolve";
+pub const VERTEX: &str = "vs_visible";
 /// Names of the entry points.
-pub const FRAGMENT: &str = "fs_resolve";
+pub const FRAGMENT: &str = "fs_visible";
 /// Names of the entry points.
-pub const COMPUTE: &str = "cs_resolve";
+pub const COMPUTE: &str = "cs_visible";
 
 /// A function of the fragment stage's inputs.
 struct Shader {
@@ -106,6 +107,8 @@ pub struct Resolve<'a> {
     pub select: Select,
     /// Where it is run.
     pub runs: Runs,
+    /// Formats that attributes may be stored in.
+    pub formats: Formats,
 }
 
 /// Where the resolve is run.
@@ -172,6 +175,7 @@ impl Resolve<'_> {
             front_face,
             select,
             runs,
+            formats,
         } = self;
         let mut module = explicit.program.module().clone();
         let shaded = module.entry_points.remove(fragment);
@@ -226,7 +230,7 @@ impl Resolve<'_> {
         };
         let widths = author.widths(&module);
         let mut wgsl = text::entry(slots, used.len());
-        wgsl.push_str(&text::vertices(slots, &used));
+        wgsl.push_str(&text::vertices(slots, &used, formats));
         wgsl.push_str(&text::resolve(slots, &widths));
         if let Runs::Compute(targets) = &runs {
             let first = slots.first + Slots::STREAMS + used.len() as u32;

@@ -7,6 +7,7 @@
 use std::fmt::Write;
 
 use crate::fetch::{self, Names};
+use crate::geometry::Formats;
 use crate::plan::AttributeUse;
 
 /// How functions and variables of ours begin.
@@ -67,14 +68,14 @@ pub fn ids() -> &'static str {
 }
 
 /// Corners of triangles and their attributes.
-pub fn vertices(slots: Slots, attributes: &[AttributeUse]) -> String {
+pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> String {
     let Slots { group, first } = slots;
     let mut out = fetch::corners(NAMES, group, first + Slots::INDICES);
     out.push_str(&fetch::attributes(
         NAMES,
         attributes,
-        group,
-        first + Slots::STREAMS,
+        (group, first + Slots::STREAMS),
+        formats,
     ));
     out
 }
@@ -254,7 +255,7 @@ fn visible_away(at: vec2<f32>) -> vec2<f32> {
     return 1.0 - 2.0 * vec2<f32>(vec2<u32>(at) & vec2<u32>(1u));
 }
 @vertex
-fn vs_resolve(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
+fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
     let depth = f32(visibility.number + 1u) / 16777216.0;
     return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
 }
