@@ -72,8 +72,15 @@ pub(super) fn prepare(
                     ),
                     (None, _) => return Err(failed("it computes no geometry".to_owned())),
                 };
-                let filled = layout::fill(&pass.bindings, bound, targets, made, Stages::Compute)
-                    .map_err(failed)?;
+                let filled = layout::fill(
+                    &pass.bindings,
+                    bound,
+                    targets,
+                    made,
+                    Stages::Compute,
+                    &gpu.device.limits(),
+                )
+                .map_err(failed)?;
                 let groups = gpu.checked(&what, || layout::bind(&gpu.device, &filled))?;
                 if pipeline.is_none() {
                     let layouts: Vec<_> = groups.iter().map(|(g, l, _)| (*g, l)).collect();

@@ -97,6 +97,7 @@ pub(super) fn fill<'a>(
     targets: &'a Targets,
     made: Made<'a>,
     stages: Stages,
+    limits: &wgpu::Limits,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();
     for b in bindings {
@@ -108,6 +109,7 @@ pub(super) fn fill<'a>(
             }
             BindingSource::Geometry { part } => {
                 let (buffer, ty) = made.part(b, part, draw)?;
+                check_size(b, buffer, ty, limits)?;
                 Filled::Geometry(buffer, ty)
             }
             BindingSource::SceneColor { location } => {
@@ -144,6 +146,27 @@ pub(super) fn fill<'a>(
         groups.entry(b.group).or_default().push(bound);
     }
     Ok(groups)
+}
+
+/// Fails, in words, where a buffer of the draw is larger than the adapter binds.
+fn check_size(
+    b: &BindingUse,
+    buffer: &wgpu::Buffer,
+    ty: wgpu::BufferBindingType,
+    limits: &wgpu::Limits,
+) -> Result<(), String> {
+    let most = match ty {
+        wgpu::BufferBindingType::Uniform => limits.max_uniform_buffer_binding_size,
+        wgpu::BufferBindingType::Storage { .. } => limits.max_storage_buffer_binding_size,
+    };
+    if buffer.size() <= most {
+        return Ok(());
+    }
+    Err(format!(
+        "{} would bind {} bytes, and the adapter binds {most} at most (maxStorageBufferBindingSize): split the draw",
+        place(b),
+        buffer.size()
+    ))
 }
 
 /// The kind of pipeline that bindings are for.

@@ -133,8 +133,15 @@ impl Build<'_> {
     /// Layout and bind group of each group the pass uses.
     pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
         let bindings = &self.pass.bindings;
-        let filled = layout::fill(bindings, self.draw, self.targets, self.made, Stages::Raster)
-            .map_err(|m| self.failed(m))?;
+        let filled = layout::fill(
+            bindings,
+            self.draw,
+            self.targets,
+            self.made,
+            Stages::Raster,
+            &self.gpu.device.limits(),
+        )
+        .map_err(|m| self.failed(m))?;
         let device = &self.gpu.device;
         self.gpu
             .checked(&format!("the bindings of {}", self.what()), || {

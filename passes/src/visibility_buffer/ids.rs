@@ -143,7 +143,8 @@ pub fn add(
     let flat = Binding::Location {
         location,
         interpolation: Some(Interpolation::Flat),
-        sampling: Some(Sampling::First),
+        // All vertices of a triangle have the same one.
+        sampling: Some(Sampling::Either),
         blend_src: None,
         per_primitive: false,
     };
