@@ -207,17 +207,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         None => scene(args, &Variables::new())?,
         Some(axis) => scene_at(args, axis, axis.values.first().copied().unwrap_or(1))?,
     };
-    for dir in [
-        &args.out,
-        &args
-            .share
-            .as_deref()
-            .and_then(Path::parent)
-            .map(Path::to_owned),
-    ] {
-        if let Some(dir) = dir {
-            check_folder(dir)?;
-        }
+    let shared = args.share.as_deref().and_then(Path::parent);
+    for dir in args.out.as_deref().into_iter().chain(shared) {
+        check_folder(dir)?;
     }
     if !args.shader.is_scene()
         && let Some(note) = guesses(&first)

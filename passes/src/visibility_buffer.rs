@@ -17,8 +17,7 @@
 //!
 //! It hurts where little is hidden, where vertices are dear (each pixel runs three), and where neighbouring pixels show far-apart instances, whose data no cache holds.
 
-use naga::valid::GlobalUse;
-use naga::{AddressSpace, Binding, BuiltIn, ShaderStage};
+use naga::{Binding, ShaderStage};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +25,6 @@ use crate::contract::Contract;
 use crate::depth_only::{self, DepthOnly};
 use crate::fetch::Linked;
 use crate::geometry::{Formats, Geometry};
-use crate::graph::{Effect, FunctionId};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place::{self, PositionInvariance};
@@ -34,20 +32,25 @@ use crate::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
     Draws, GeometryPart, GpuPass, Phase, Plan, Role, Step, Visibility,
 };
-use crate::program::Program;
 use crate::reflect;
 use crate::state::{
     AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, DepthState,
     PrimitiveState, Topology,
 };
 
+mod count;
 mod gradients;
 mod ids;
+mod legal;
+mod parts;
 mod resolve;
+mod stage;
 mod text;
 
+pub use count::counted;
 use gradients::Failed;
 use ids::Triangles;
+use parts::{parts, slots};
 use resolve::{Built, Resolve, Runs};
 use text::Slots;
 
@@ -196,8 +199,8 @@ impl<'a> Material<'a> {
     fn examine(plan: &'a Plan) -> Result<Self, Vec<Refusal>> {
         let opaque = Opaque::examine(plan, VisibilityBuffer::INFO.name)?;
         let mut refusals = Vec::new();
-        refusals.extend(check_state(plan, opaque.pass));
-        refusals.extend(check_vertex(&opaque));
+        refusals.extend(legal::state(plan, opaque.pass));
+        refusals.extend(legal::vertex(&opaque));
         let Some(fragment) = opaque.fragment else {
             refusals.push(refuse(
                 "no-fragment-stage",
@@ -206,7 +209,7 @@ impl<'a> Material<'a> {
             ));
             return Err(refusals);
         };
-        refusals.extend(check_fragment(&opaque, fragment));
+        refusals.extend(legal::fragment(&opaque, fragment));
         if !refusals.is_empty() {
             return Err(refusals);
         }
@@ -459,7 +462,7 @@ impl<'a> Material<'a> {
     fn compute(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         let pass = self.opaque.pass;
-        let targets = stored(pass)?;
+        let targets = legal::stored(pass)?;
         let built = self.resolved(params, slots, Runs::Compute(targets.clone()))?;
         let entries = [(ShaderStage::Compute, resolve::COMPUTE)];
         let with = |module: &naga::Module, entries: &[(ShaderStage, &str)]| {
@@ -487,19 +490,7 @@ impl<'a> Material<'a> {
         );
         known.extend(pass.bindings.iter().cloned());
         let bindings = reflect::bindings(&program, &entries, &known);
-        let buffers = bindings
-            .iter()
-            .filter(|b| b.kind == BindingKind::StorageRead)
-            .count();
-        if buffers > STORAGE_BUFFERS {
-            return Err(Box::new(refuse(
-                "storage-buffers",
-                format!(
-                    "its compute stage would read {buffers} storage buffers, and WebGPU promises {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
-                ),
-                "take form=fragment, whose plan says the limit it needs, or pack attributes into fewer",
-            )));
-        }
+        legal::storage_buffers(&bindings)?;
         plan.compute.push(ComputePass {
             program: Role::Resolve.name().to_owned(),
             entry_point: resolve::COMPUTE.to_owned(),
@@ -580,256 +571,4 @@ impl<'a> Material<'a> {
             .insert(Role::Resolve.name().to_owned(), program);
         Ok(())
     }
-}
-
-/// Storage buffers that every WebGPU device reads in a stage.
-const STORAGE_BUFFERS: usize = 8;
-
-/// The colours that a compute stage would write, by location, with their formats as WGSL spells them.
-fn stored(pass: &GpuPass) -> Result<Vec<(u32, String)>, Box<Refusal>> {
-    const FORMATS: [&str; 3] = ["rgba8unorm", "rgba16float", "rgba32float"];
-    let targets = (0..).zip(&pass.targets);
-    targets
-        .filter_map(|(location, target)| Some((location, target.as_ref()?)))
-        .map(|(location, target)| {
-            if !FORMATS.contains(&target.format.as_str()) {
-                let (code, reason) = match target.format.ends_with("-srgb") {
-                    true => ("srgb-target", "a storage texture is not encoded as it is written"),
-                    false => ("target-format", "WebGPU does not promise it as a storage texture"),
-                };
-                return Err(Box::new(refuse(
-                    code,
-                    format!("colour target {location} is {}: {reason}", target.format),
-                    "take form=fragment",
-                )));
-            }
-            if target.write_mask != 0b1111 {
-                return Err(Box::new(refuse(
-                    "write-mask",
-                    format!("colour target {location} is written in part, and a storage texture is written whole"),
-                    "take form=fragment",
-                )));
-            }
-            Ok((location, target.format.clone()))
-        })
-        .collect()
-}
-
-/// What stands in for a compute pass that resolves, to count the pixels that it shades: a pass over the screen, and its program.
-///
-/// # Errors
-/// A program of ours that does not validate: a bug.
-pub fn counted(plan: &Plan, compute: &ComputePass) -> Result<(GpuPass, Program), String> {
-    let program = plan
-        .programs
-        .get(&compute.program)
-        .ok_or("it has no program of that name")?;
-    let module = Linked::new(naga::Module::default(), &text::count())?.module;
-    let entries = [
-        (ShaderStage::Vertex, resolve::VERTEX),
-        (ShaderStage::Fragment, "fs_count"),
-    ];
-    let program = program
-        .with_module(place::retain(&module, &entries))
-        .map_err(|e| e.to_string())?;
-    let like = plan
-        .passes
-        .iter()
-        .find(|p| p.role == Role::Clear)
-        .ok_or("nothing clears what it writes to")?;
-    let mut pass = GpuPass {
-        role: Role::Resolve,
-        phase: Phase::Resolve,
-        program: "count".to_owned(),
-        vertex: resolve::VERTEX.to_owned(),
-        fragment: Some("fs_count".to_owned()),
-        draws: Draws::Opaque,
-        bindings: parts(Slots { group: 0, first: 0 }, &[], Formats::Declared),
-        ..like.clone()
-    };
-    reflect::fill(&mut pass, &program);
-    Ok((pass, program))
-}
-
-/// Behind all bindings of the last group that has any.
-fn slots(program: &Program) -> Slots {
-    let bindings = || {
-        let globals = program.module().global_variables.iter();
-        globals.filter_map(|(_, g)| g.binding)
-    };
-    let group = bindings().map(|b| b.group).max().unwrap_or(0);
-    let in_group = bindings().filter(|b| b.group == group);
-    Slots {
-        group,
-        first: in_group.map(|b| b.binding + 1).max().unwrap_or(0),
-    }
-}
-
-/// Our own bindings, for [`reflect::fill`] to know where they come from.
-fn parts(
-    slots: Slots,
-    attributes: &[crate::plan::AttributeUse],
-    formats: Formats,
-) -> Vec<BindingUse> {
-    let geometry = |part| BindingSource::Geometry { part };
-    let streams = attributes.iter().cloned().map(GeometryPart::Attribute);
-    let fixed = [
-        (
-            Slots::ENTRY,
-            geometry(GeometryPart::Draw {
-                streams: attributes.iter().map(|a| a.location).collect(),
-                formats,
-            }),
-        ),
-        (
-            Slots::IDS,
-            BindingSource::Attachment {
-                name: IDS.to_owned(),
-            },
-        ),
-        (Slots::INDICES, geometry(GeometryPart::Indices)),
-    ];
-    fixed
-        .into_iter()
-        .chain((Slots::STREAMS..).zip(streams.map(geometry)))
-        .map(|(at, source)| BindingUse {
-            group: slots.group,
-            binding: slots.first + at,
-            name: String::new(),
-            kind: BindingKind::StorageRead,
-            visibility: Visibility::default(),
-            source,
-            layout: None,
-        })
-        .collect()
-}
-
-fn check_state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
-    let mut refusals = Vec::new();
-    if pass.primitive.topology != Topology::TriangleList {
-        refusals.push(refuse(
-            "topology",
-            "only lists of triangles have ids here (a strip's restarts are not followed)",
-            "draw a triangle list",
-        ));
-    }
-    if pass.multisample.count > 1 {
-        refusals.push(refuse(
-            "multisampled",
-            "a pixel of several samples shows several triangles, and would be shaded for one of them",
-            "draw it with one sample a pixel",
-        ));
-    }
-    if !pass.geometry.is_as_given() {
-        refusals.push(refuse(
-            "subdivided",
-            "the triangles are subdivided ones, whose corners are not the author's vertices",
-            "leave tessellate out of the recipe",
-        ));
-    }
-    if pass
-        .targets
-        .iter()
-        .flatten()
-        .any(|t| t.attachment.is_some())
-        || plan.passes.len() > 1
-    {
-        refusals.push(refuse(
-            "has-other-passes",
-            "another pass of the plan draws the same surface",
-            "start from the original plan",
-        ));
-    }
-    refusals
-}
-
-fn check_vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
-    let mut refusals = Vec::new();
-    let module = opaque.program.module();
-    let entry = &module.entry_points[opaque.vertex];
-    let info = opaque.program.info().get_entry_point(opaque.vertex);
-    for (handle, global) in module.global_variables.iter() {
-        if global.space == AddressSpace::Private && info[handle].contains(GlobalUse::WRITE) {
-            refusals.push(refuse(
-                "vertex-state",
-                format!(
-                    "the vertex stage keeps state in the private variable `{}`, and it would run three times in one invocation",
-                    global.name.as_deref().unwrap_or_default()
-                ),
-                "make the variable local",
-            ));
-        }
-    }
-    for input in reflect::inputs(module, &entry.function) {
-        if let Some(Binding::BuiltIn(b)) = input.binding
-            && !matches!(b, BuiltIn::VertexIndex | BuiltIn::InstanceIndex)
-        {
-            refusals.push(refuse(
-                "vertex-builtin",
-                format!("the vertex stage reads {b:?}, which a resolve pass has not"),
-                "leave it out",
-            ));
-        }
-    }
-    if let Some(attribute) = opaque.pass.attributes.iter().find(|a| a.ty.contains("f16")) {
-        refusals.push(refuse(
-            "half-attribute",
-            format!(
-                "the attribute `{}` is of half precision, which is not decoded here",
-                attribute.name
-            ),
-            "declare it f32: the vertex buffer's format may stay",
-        ));
-    }
-    refusals
-}
-
-fn check_fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
-    let mut refusals = Vec::new();
-    let module = opaque.program.module();
-    let entry = &module.entry_points[fragment];
-    for input in reflect::inputs(module, &entry.function) {
-        let name = input.name.unwrap_or_default();
-        let half = module.types[input.ty].inner.scalar() == Some(naga::Scalar::F16);
-        match input.binding {
-            Some(Binding::BuiltIn(
-                BuiltIn::Position { .. } | BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex,
-            )) => {}
-            Some(Binding::BuiltIn(b)) => refusals.push(refuse(
-                "fragment-builtin",
-                format!("the fragment stage reads {b:?}, which is not reconstructed"),
-                "leave it out",
-            )),
-            Some(Binding::Location { .. }) if half => refusals.push(refuse(
-                "half-varying",
-                format!(
-                    "the varying `{name}` is of half precision, which is not interpolated here"
-                ),
-                "make it f32",
-            )),
-            _ => {}
-        }
-    }
-    let info = opaque.program.info().get_entry_point(fragment);
-    for (handle, global) in module.global_variables.iter() {
-        if global.space == AddressSpace::Private && info[handle].contains(GlobalUse::WRITE) {
-            refusals.push(refuse(
-                "fragment-state",
-                format!(
-                    "the fragment stage keeps state in the private variable `{}`, and parts of it run for several pixels in one invocation",
-                    global.name.as_deref().unwrap_or_default()
-                ),
-                "make the variable local",
-            ));
-        }
-    }
-    let effects = opaque.graph.effects(FunctionId::EntryPoint(fragment));
-    if effects.contains(&Effect::Subgroup) {
-        refusals.push(refuse(
-            "subgroup",
-            "the fragment stage talks to its neighbours, which in a resolve pass are others",
-            "leave it out",
-        ));
-    }
-    refusals
 }

@@ -78,7 +78,7 @@ impl DrawTable {
             first_instance: 0,
             number: index as u32,
             first: 0,
-            index_bytes: index_bytes as u32,
+            index_bytes,
             base_vertex: 0,
             triangles: count / 3,
             viewport: self.viewport,

@@ -7,22 +7,23 @@
 //!                   fs_shaded(varyings by their own interpolation, builtins reconstructed, gradients)
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use naga::{
-    BinaryOperator, Binding, BuiltIn, Expression, Function, FunctionResult, Handle, Interpolation,
-    Literal, Module, Scalar, ScalarKind, ShaderStage, Span, Statement, Type, TypeInner, VectorSize,
+    Binding, BuiltIn, Function, FunctionResult, Handle, Module, ScalarKind, ShaderStage, Span,
+    Type, TypeInner,
 };
 
 use super::Select;
-use super::gradients::{Explicit, GRADIENTS, Level, Neighbours};
+use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::new_entry;
+use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
 use crate::fetch::{Author, Linked, corner, ours};
 use crate::geometry::Formats;
 use crate::graph::{FunctionId, Graph};
 use crate::hoist::hoisted::as_function;
-use crate::place::{self, Builder, PositionInvariance, Rewrite};
+use crate::place::{self, PositionInvariance, Rewrite};
 use crate::plan::AttributeUse;
 use crate::program::Program;
 use crate::reflect::{self, Io};
@@ -35,61 +36,6 @@ pub const VERTEX: &str = "vs_visible";
 pub const FRAGMENT: &str = "fs_visible";
 /// Names of the entry points.
 pub const COMPUTE: &str = "cs_visible";
-
-/// A function of the fragment stage's inputs.
-struct Shader {
-    function: Handle<Function>,
-    /// The types of its arguments, and the inputs that they, or their members, stand for.
-    arguments: Vec<(Handle<Type>, Vec<(Handle<Type>, Binding)>)>,
-}
-
-impl Shader {
-    fn new(module: &Module, function: Handle<Function>, bindings: &[Vec<Binding>]) -> Self {
-        let arguments = module.functions[function].arguments.iter().zip(bindings);
-        let arguments = arguments.map(|(argument, bindings)| {
-            let types = match &module.types[argument.ty].inner {
-                TypeInner::Struct { members, .. } => members.iter().map(|m| m.ty).collect(),
-                _ => vec![argument.ty],
-            };
-            let members = types.into_iter().zip(bindings.iter().cloned());
-            (argument.ty, members.collect())
-        });
-        Self {
-            function,
-            arguments: arguments.collect(),
-        }
-    }
-
-    fn inputs(&self) -> impl Iterator<Item = &(Handle<Type>, Binding)> {
-        self.arguments.iter().flat_map(|(_, members)| members)
-    }
-
-    fn call(
-        &self,
-        build: &mut Builder<'_>,
-        mut value: impl FnMut(&mut Builder<'_>, Handle<Type>, &Binding) -> Handle<Expression>,
-    ) -> Option<Handle<Expression>> {
-        let mut passed = Vec::new();
-        for (ty, members) in &self.arguments {
-            let mut components: Vec<_> = members
-                .iter()
-                .map(|(ty, binding)| value(build, *ty, binding))
-                .collect();
-            let is_struct = matches!(build.module().types[*ty].inner, TypeInner::Struct { .. });
-            passed.push(match components.pop() {
-                Some(only) if !is_struct => only,
-                last => {
-                    components.extend(last);
-                    build.expression(Expression::Compose {
-                        ty: *ty,
-                        components,
-                    })
-                }
-            });
-        }
-        build.call(self.function, passed)
-    }
-}
 
 /// What the resolve pass is made of.
 pub struct Resolve<'a> {
@@ -294,12 +240,13 @@ impl Resolve<'_> {
 }
 
 /// The author's vertex stage as far as it is needed, as a function.
-struct VertexStage {
+pub struct VertexStage {
     function: Handle<Function>,
     given: Handle<Type>,
     inputs: Vec<naga::FunctionArgument>,
-    outputs: Vec<Io>,
-    is_struct: bool,
+    pub outputs: Vec<Io>,
+    /// Its outputs are members of a struct.
+    pub is_struct: bool,
 }
 
 fn author(
@@ -339,15 +286,6 @@ fn author(
     Ok((module, stage))
 }
 
-/// How an output of the vertex stage reaches a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Travels {
-    /// The first corner's.
-    Flat,
-    Perspective,
-    Linear,
-}
-
 impl VertexStage {
     fn position(&self) -> Option<u32> {
         let is =
@@ -358,7 +296,8 @@ impl VertexStage {
             .map(|i| i as u32)
     }
 
-    fn output(&self, location: u32) -> Option<(u32, &Io)> {
+    /// The output at a location, and its index.
+    pub fn output(&self, location: u32) -> Option<(u32, &Io)> {
         let is = |o: &Io| matches!(o.binding, Some(Binding::Location { location: l, .. }) if l == location);
         let found = self.outputs.iter().position(is)?;
         Some((found as u32, &self.outputs[found]))
@@ -377,388 +316,10 @@ impl VertexStage {
     }
 }
 
-fn width(inner: &TypeInner) -> u8 {
+/// Components of a scalar or a vector.
+pub fn width(inner: &TypeInner) -> u8 {
     match inner {
         TypeInner::Vector { size, .. } => *size as u8,
         _ => 1,
-    }
-}
-
-/// The fragment stage that is written, and what it calls.
-struct Stage<'a> {
-    corner: Handle<Function>,
-    author: &'a VertexStage,
-    shade: &'a Shader,
-    levels: &'a [(Level, Shader)],
-    ours: &'a BTreeMap<String, Handle<Function>>,
-    front_face: FrontFace,
-    select: Select,
-    colors: Colors,
-    position: u32,
-}
-
-/// The colours in what the fragment stage gives.
-enum Colors {
-    /// It is the colour of that location.
-    One(u32),
-    /// They are members, of these locations.
-    Members(Vec<u32>),
-}
-
-fn colors(module: &Module, result: &FunctionResult) -> Colors {
-    let location = |b: &Option<Binding>| match b {
-        Some(Binding::Location { location, .. }) => *location,
-        _ => 0,
-    };
-    match (&result.binding, &module.types[result.ty].inner) {
-        (None, TypeInner::Struct { members, .. }) => {
-            Colors::Members(members.iter().map(|m| location(&m.binding)).collect())
-        }
-        (binding, _) => Colors::One(location(binding)),
-    }
-}
-
-/// What is the same for all pixels of a triangle.
-struct Triangle {
-    id: Handle<Expression>,
-    number: Handle<Expression>,
-    /// What the author's stage gives at each corner.
-    corners: [Handle<Expression>; 3],
-    positions: [Handle<Expression>; 3],
-}
-
-/// What is known of where a pixel is.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
-    /// In the triangle: a weight that is not between 0 and 1 was rounded, and is put there.
-    Inside,
-    Anywhere,
-}
-
-/// A pixel, and where in the triangle it is.
-struct Lane {
-    at: Handle<Expression>,
-    perspective: Handle<Expression>,
-    linear: Option<Handle<Expression>>,
-}
-
-impl Stage<'_> {
-    fn our(
-        &self,
-        build: &mut Builder<'_>,
-        name: &str,
-        arguments: Vec<Handle<Expression>>,
-    ) -> Option<Handle<Expression>> {
-        let value = build.call(*self.ours.get(name)?, arguments);
-        value
-    }
-
-    /// Writes the stage; why it could not, in words.
-    fn write(&self, build: &mut Builder<'_>, runs: &Runs) -> Option<String> {
-        let written = match runs {
-            Runs::Fragment => self.fragment(build),
-            Runs::Compute(_) => self.compute(build),
-        };
-        written
-            .is_none()
-            .then(|| "a function of ours, or an input of the fragment stage, is missing".to_owned())
-    }
-
-    fn fragment(&self, build: &mut Builder<'_>) -> Option<()> {
-        let vec4 = build.ty(TypeInner::Vector {
-            size: VectorSize::Quad,
-            scalar: Scalar::F32,
-        });
-        let position = Binding::BuiltIn(BuiltIn::Position { invariant: false });
-        let at = build.argument("at", vec4, Some(position));
-        let value = self.color(build, at, Statement::Kill)?;
-        build.statement(Statement::Return { value: Some(value) });
-        Some(())
-    }
-
-    fn compute(&self, build: &mut Builder<'_>) -> Option<()> {
-        let vec3 = build.ty(TypeInner::Vector {
-            size: VectorSize::Tri,
-            scalar: Scalar::U32,
-        });
-        let number = Binding::BuiltIn(BuiltIn::GlobalInvocationId);
-        let number = build.argument("number", vec3, Some(number));
-        let leave = Statement::Return { value: None };
-        let outside = self.our(build, "visible_outside", vec![number])?;
-        build.if_then(outside, |build| build.statement(leave.clone()));
-        let at = self.our(build, "visible_pixel", vec![number])?;
-        build.name(at, "at");
-        let value = self.color(build, at, leave)?;
-        let stores: Vec<(u32, Option<u32>)> = match &self.colors {
-            Colors::One(location) => vec![(*location, None)],
-            Colors::Members(locations) => {
-                let members = locations.iter().zip(0..);
-                members.map(|(l, index)| (*l, Some(index))).collect()
-            }
-        };
-        for (location, member) in stores {
-            let color = match member {
-                None => value,
-                Some(index) => build.expression(Expression::AccessIndex { base: value, index }),
-            };
-            let store = self.ours.get(&format!("visible_store_{location}_"))?;
-            build.call(*store, vec![number, color]);
-        }
-        Some(())
-    }
-
-    /// What the fragment stage gives at a pixel; where it is another draw's, `leave`.
-    fn color(
-        &self,
-        build: &mut Builder<'_>,
-        at: Handle<Expression>,
-        leave: Statement,
-    ) -> Option<Handle<Expression>> {
-        let triangle = self.triangle(build, at, leave)?;
-        let pixel = build.expression(Expression::Swizzle {
-            size: VectorSize::Bi,
-            vector: at,
-            pattern: XYZW,
-        });
-        build.name(pixel, "pixel");
-        let here = self.lane(build, &triangle, pixel, Place::Inside)?;
-        let mut gradients = BTreeMap::new();
-        for (level, shader) in self.levels {
-            self.differences(build, &triangle, &here, (level, shader), &mut gradients)?;
-        }
-        self.call(build, self.shade, &triangle, &here, &gradients)
-    }
-
-    fn triangle(
-        &self,
-        build: &mut Builder<'_>,
-        at: Handle<Expression>,
-        leave: Statement,
-    ) -> Option<Triangle> {
-        let id = self.our(build, "visible_id", vec![at])?;
-        build.name(id, "id");
-        if self.select == Select::Id {
-            let is_ours = self.our(build, "visible_is_ours", vec![id])?;
-            let other = build.expression(Expression::Unary {
-                op: naga::UnaryOperator::LogicalNot,
-                expr: is_ours,
-            });
-            build.if_then(other, |build| build.statement(leave));
-        }
-        let instance = self.our(build, "visible_instance", vec![id])?;
-        build.name(instance, "instance");
-        let number = build.named("triangle", Expression::AccessIndex { base: id, index: 1 });
-        let mut corners = Vec::new();
-        for (corner, name) in ["a", "b", "c"].into_iter().enumerate() {
-            let corner = build.literal(Literal::U32(corner as u32));
-            let vertex = self.our(build, "visible_corner", vec![number, corner])?;
-            let value = build.call(self.corner, vec![vertex, instance])?;
-            build.name(value, name);
-            corners.push(value);
-        }
-        let corners: [Handle<Expression>; 3] = corners.try_into().ok()?;
-        let positions = corners.map(|c| self.part(build, c, self.position));
-        Some(Triangle {
-            id,
-            number,
-            corners,
-            positions,
-        })
-    }
-
-    /// One of the author's outputs.
-    fn part(
-        &self,
-        build: &mut Builder<'_>,
-        base: Handle<Expression>,
-        index: u32,
-    ) -> Handle<Expression> {
-        match self.author.is_struct {
-            true => build.expression(Expression::AccessIndex { base, index }),
-            false => base,
-        }
-    }
-
-    /// Weights at a pixel.
-    fn lane(
-        &self,
-        build: &mut Builder<'_>,
-        triangle: &Triangle,
-        at: Handle<Expression>,
-        place: Place,
-    ) -> Option<Lane> {
-        let [a, b, c] = triangle.positions;
-        let mut edges = self.our(build, "visible_edges", vec![at, a, b, c])?;
-        if place == Place::Inside {
-            edges = self.our(build, "visible_inside", vec![edges])?;
-        }
-        let perspective = self.our(build, "visible_normalised", vec![edges])?;
-        let is_linear = |o: &Io| travels(o.binding.as_ref(), ScalarKind::Float) == Travels::Linear;
-        let linear = match self.author.outputs.iter().any(is_linear) {
-            true => Some(self.our(build, "visible_linear", vec![edges, a, b, c])?),
-            false => None,
-        };
-        Some(Lane {
-            at,
-            perspective,
-            linear,
-        })
-    }
-
-    /// Calls a function of the fragment stage's inputs for a pixel.
-    fn call(
-        &self,
-        build: &mut Builder<'_>,
-        shader: &Shader,
-        triangle: &Triangle,
-        lane: &Lane,
-        gradients: &BTreeMap<u32, Handle<Expression>>,
-    ) -> Option<Handle<Expression>> {
-        let mut missing = false;
-        let value = shader.call(build, |build, ty, binding| {
-            let found = self.input(build, triangle, lane, gradients, (ty, binding));
-            found.unwrap_or_else(|| {
-                missing = true;
-                triangle.id
-            })
-        });
-        value.filter(|_| !missing)
-    }
-
-    /// An input of the fragment stage at a pixel.
-    fn input(
-        &self,
-        build: &mut Builder<'_>,
-        triangle: &Triangle,
-        lane: &Lane,
-        gradients: &BTreeMap<u32, Handle<Expression>>,
-        (ty, binding): (Handle<Type>, &Binding),
-    ) -> Option<Handle<Expression>> {
-        let [a, b, c] = triangle.positions;
-        match binding {
-            Binding::Location { location, .. } if *location >= GRADIENTS => {
-                gradients.get(location).copied()
-            }
-            Binding::Location { location, .. } => {
-                let (index, output) = self.author.output(*location)?;
-                let inner = build.module().types[ty].inner.clone();
-                let weights = match travels(output.binding.as_ref(), inner.scalar_kind()?) {
-                    Travels::Flat => return Some(self.part(build, triangle.corners[0], index)),
-                    Travels::Perspective => lane.perspective,
-                    Travels::Linear => lane.linear?,
-                };
-                let mut passed = vec![weights];
-                for corner in triangle.corners {
-                    passed.push(self.part(build, corner, index));
-                }
-                self.our(build, &format!("visible_blend_{}_", width(&inner)), passed)
-            }
-            Binding::BuiltIn(BuiltIn::Position { .. }) => self.our(
-                build,
-                "visible_position",
-                vec![lane.at, lane.perspective, a, b, c],
-            ),
-            Binding::BuiltIn(BuiltIn::FrontFacing) => {
-                let winding = self.our(build, "visible_winding", vec![a, b, c])?;
-                let zero = build.literal(Literal::F32(0.0));
-                Some(build.expression(Expression::Binary {
-                    op: match self.front_face {
-                        FrontFace::Ccw => BinaryOperator::Greater,
-                        FrontFace::Cw => BinaryOperator::Less,
-                    },
-                    left: winding,
-                    right: zero,
-                }))
-            }
-            Binding::BuiltIn(BuiltIn::PrimitiveIndex) => Some(triangle.number),
-            Binding::BuiltIn(_) => None,
-        }
-    }
-
-    /// The gradients of a level: differences of its values between pixels of the quad.
-    fn differences(
-        &self,
-        build: &mut Builder<'_>,
-        triangle: &Triangle,
-        here: &Lane,
-        (level, shader): (&Level, &Shader),
-        gradients: &mut BTreeMap<u32, Handle<Expression>>,
-    ) -> Option<()> {
-        let neighbour = match level.neighbours {
-            Neighbours::Quad => "visible_in_quad",
-            Neighbours::Own => "visible_beside",
-        };
-        let mut values = Vec::new();
-        for (x, y) in [(0, 0), (1, 0), (0, 1)] {
-            let own;
-            let lane = match (level.neighbours, x + y) {
-                (Neighbours::Own, 0) => here,
-                _ => {
-                    let [x, y] = [x, y].map(|n| build.literal(Literal::U32(n)));
-                    let at = self.our(build, neighbour, vec![here.at, x, y])?;
-                    own = self.lane(build, triangle, at, Place::Anywhere)?;
-                    &own
-                }
-            };
-            values.push(self.call(build, shader, triangle, lane, gradients)?);
-        }
-        let [first, x, y] = values[..] else {
-            return None;
-        };
-        let away = match level.neighbours {
-            Neighbours::Quad => None,
-            Neighbours::Own => Some(self.our(build, "visible_away", vec![here.at])?),
-        };
-        let several = level.values.len() > 1;
-        for index in 0..level.values.len() as u32 {
-            let part = |build: &mut Builder<'_>, base| match several {
-                true => build.expression(Expression::AccessIndex { base, index }),
-                false => base,
-            };
-            for (axis, beside) in [x, y].into_iter().enumerate() {
-                let (left, right) = (part(build, beside), part(build, first));
-                let mut gradient = build.expression(Expression::Binary {
-                    op: BinaryOperator::Subtract,
-                    left,
-                    right,
-                });
-                if let Some(away) = away {
-                    let right = build.expression(Expression::AccessIndex {
-                        base: away,
-                        index: axis as u32,
-                    });
-                    gradient = build.expression(Expression::Binary {
-                        op: BinaryOperator::Multiply,
-                        left: gradient,
-                        right,
-                    });
-                }
-                let location = level.first + 2 * index + axis as u32;
-                gradients.insert(location, gradient);
-            }
-        }
-        Some(())
-    }
-}
-
-const XYZW: [naga::SwizzleComponent; 4] = [
-    naga::SwizzleComponent::X,
-    naga::SwizzleComponent::Y,
-    naga::SwizzleComponent::Z,
-    naga::SwizzleComponent::W,
-];
-
-fn travels(binding: Option<&Binding>, kind: ScalarKind) -> Travels {
-    match binding {
-        Some(Binding::Location {
-            interpolation: Some(Interpolation::Linear),
-            ..
-        }) => Travels::Linear,
-        Some(Binding::Location {
-            interpolation: Some(Interpolation::Flat),
-            ..
-        }) => Travels::Flat,
-        _ if kind != ScalarKind::Float => Travels::Flat,
-        _ => Travels::Perspective,
     }
 }
