@@ -8,6 +8,7 @@ pub mod front;
 pub mod nearest;
 pub mod parameters;
 pub mod recipe;
+pub mod sweep;
 
 #[cfg(feature = "verify")]
 pub mod measure;

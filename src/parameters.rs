@@ -14,12 +14,65 @@ pub struct Parameter {
     /// Type, where it is not a choice: `number`, `integer` and so on.
     #[serde(rename = "type", skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
+    /// The numbers it may be, where they are bounded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<Range>,
     /// The words it may be; empty where it is not a choice.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<Choice>,
     /// Value when it is not given; `None`: the pass derives it, as `what` says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<Value>,
+}
+
+/// The numbers a parameter may be, as the JSON schema bounds them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Range {
+    /// The least.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub minimum: Option<f64>,
+    /// All are above this.
+    #[serde(rename = "exclusiveMinimum", skip_serializing_if = "Option::is_none")]
+    pub above: Option<f64>,
+    /// The greatest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub maximum: Option<f64>,
+}
+
+impl Range {
+    fn of(property: &Value) -> Option<Self> {
+        let bound = |key: &str| property.get(key).and_then(Value::as_f64);
+        let range = Self {
+            minimum: bound("minimum"),
+            above: bound("exclusiveMinimum"),
+            maximum: bound("maximum"),
+        };
+        (range != Self::default()).then_some(range)
+    }
+
+    /// Whether a number is in it. What is not a number is not.
+    pub fn contains(&self, value: f64) -> bool {
+        !value.is_nan()
+            && self.minimum.is_none_or(|m| value >= m)
+            && self.above.is_none_or(|m| value > m)
+            && self.maximum.is_none_or(|m| value <= m)
+    }
+}
+
+impl std::fmt::Display for Range {
+    /// In words, `above 0 and at most 1`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let bounds = [
+            ("at least", self.minimum),
+            ("above", self.above),
+            ("at most", self.maximum),
+        ];
+        let words: Vec<String> = bounds
+            .iter()
+            .filter_map(|(word, bound)| Some(format!("{word} {}", (*bound)?)))
+            .collect();
+        f.write_str(&words.join(" and "))
+    }
 }
 
 /// One word a parameter may be.
@@ -43,6 +96,7 @@ pub fn parameters(pass: &dyn AnyPass) -> Vec<Parameter> {
             name: name.clone(),
             what: description(property),
             kind: kind(property),
+            range: Range::of(property),
             choices: choices(&schema, property),
             default: property.get("default").filter(|d| !d.is_null()).cloned(),
         })

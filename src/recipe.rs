@@ -89,6 +89,18 @@ pub enum RecipeError {
         /// As given.
         value: String,
     },
+    /// The parameter is a number within bounds, and this is beyond them.
+    #[error("{pass}: `{name}` is {range}, which {value} is not (see `preshade passes {pass}`)")]
+    OutOfRange {
+        /// Name of the pass.
+        pass: &'static str,
+        /// Name of the parameter.
+        name: String,
+        /// The bounds, in words.
+        range: String,
+        /// As given.
+        value: String,
+    },
     /// A parameter is given twice.
     #[error("in `{text}`: `{name}` is given twice")]
     Twice {
@@ -178,6 +190,16 @@ fn check(pass: &dyn AnyPass, name: &str, value: &str) -> Result<(), RecipeError>
             value: value.to_owned(),
         });
     }
+    if let (Some(range), Ok(number)) = (parameter.range, value.parse::<f64>())
+        && !range.contains(number)
+    {
+        return Err(RecipeError::OutOfRange {
+            pass: pass.info().name,
+            name: name.to_owned(),
+            range: range.to_string(),
+            value: value.to_owned(),
+        });
+    }
     let words: Vec<&str> = parameter.choices.iter().map(|c| c.value.as_str()).collect();
     if words.is_empty() || words.contains(&value) {
         return Ok(());
@@ -206,6 +228,21 @@ fn find(name: &str) -> Result<&'static dyn AnyPass, RecipeError> {
     })
 }
 
+/// The steps of [`Recipe::parse_list`], apart.
+pub(crate) fn split_list(text: &str) -> Vec<String> {
+    let mut steps: Vec<String> = Vec::new();
+    for part in text.split(',') {
+        match steps.last_mut() {
+            Some(step) if part.contains('=') && !part.contains(':') => {
+                step.push(if step.contains(':') { ',' } else { ':' });
+                step.push_str(part);
+            }
+            _ => steps.push(part.to_owned()),
+        }
+    }
+    steps
+}
+
 impl Recipe {
     /// Reads one step a string.
     ///
@@ -226,17 +263,7 @@ impl Recipe {
     /// # Errors
     /// As [`Step::parse`].
     pub fn parse_list(text: &str) -> Result<Self, RecipeError> {
-        let mut steps: Vec<String> = Vec::new();
-        for part in text.split(',') {
-            match steps.last_mut() {
-                Some(step) if part.contains('=') && !part.contains(':') => {
-                    step.push(if step.contains(':') { ',' } else { ':' });
-                    step.push_str(part);
-                }
-                _ => steps.push(part.to_owned()),
-            }
-        }
-        Self::parse(steps)
+        Self::parse(split_list(text))
     }
 
     /// Applies every step. `plan` is untouched.

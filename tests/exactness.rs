@@ -9,7 +9,7 @@ use preshade::measure::{self, ErrorLadder};
 use preshade::passes::contract::Contract;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
-use preshade::passes::state::{DepthDirection, DepthFormat};
+use preshade::passes::state::{DepthBias, DepthDirection, DepthFormat};
 use preshade::recipe::Recipe;
 use preshade::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
@@ -23,6 +23,13 @@ const TIE_FREE: [&str; 3] = [
     "depth-prepass:form=equal",
     "depth-prepass:form=equal,vertex=sliced",
     "early-discard:attachment=readonly",
+];
+
+/// Sorted both ways, and as an unsorted host draws.
+const ORDERS: [DrawOrder; 3] = [
+    DrawOrder::BackToFront,
+    DrawOrder::FrontToBack,
+    DrawOrder::AsGiven,
 ];
 
 /// Small enough for a software rasteriser; not a multiple of the quad or of any tile.
@@ -72,7 +79,7 @@ fn pictures(
     let mut pictures = Vec::new();
     for (_, frame) in scene.frames() {
         inputs.set_frame(frame).unwrap();
-        for order in [DrawOrder::BackToFront, DrawOrder::FrontToBack] {
+        for order in ORDERS {
             prepared.aim(frame, order);
             pictures.push(prepared.render().unwrap());
         }
@@ -132,11 +139,17 @@ fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String
                 "fragment-store",
                 "[compare]",
             ];
-            if !variant
-                .kept
-                .iter()
-                .all(|k| expected.iter().any(|code| k.why.contains(code)))
-            {
+            // What two scenes are made for.
+            let made_for = if label.starts_with("color-mask") {
+                "[color-mask]"
+            } else if label.starts_with("depth-bands") {
+                "[biased-position]"
+            } else {
+                "[]"
+            };
+            if !variant.kept.iter().all(|k| {
+                expected.iter().any(|code| k.why.contains(code)) || k.why.contains(made_for)
+            }) {
                 wrong.push(format!(
                     "{label}: {recipe} applies to no material: {:?}",
                     variant.kept
@@ -309,6 +322,73 @@ fn what_alpha_leaves_uncovered_is_seen_to_break() {
             &pictures(&inputs, &scene, &plans, ShaderForm::Text),
         );
         assert!(covered.changed_pixels > 100, "{recipe}: {covered:?}");
+    }
+}
+
+/// A pre-pass biased in spite of the refusal of a material that discards by its depth: the same slices, at depths that are not the main pass's.
+#[test]
+fn what_a_bias_does_to_the_depth_a_stage_sees_is_seen_to_break() {
+    let gpu = gpu();
+    let scene = load("depth-bands.toml");
+    let inputs = SceneInputs::new(gpu, &scene).unwrap();
+    let originals = measure::originals(&scene);
+    let reference = pictures(&inputs, &scene, &originals, ShaderForm::Text);
+    let recipe = Recipe::parse(["depth-prepass"]).unwrap();
+    let refusal = recipe.apply(&originals[0], &Facts::default()).unwrap_err();
+    assert_eq!(refusal.code, "biased-position");
+    let recipe = Recipe::parse(["depth-prepass:form=equal,vertex=sliced"]).unwrap();
+    let mut plan = recipe.apply(&originals[0], &Facts::without_ties()).unwrap();
+    let bias = DepthBias {
+        constant: 64,
+        slope_scale: 2.0,
+        clamp: 0.0,
+    };
+    let depth = originals[0].passes[0].depth.clone();
+    plan.passes[1].depth = depth;
+    plan.passes[0].depth.as_mut().unwrap().bias = bias;
+    let error = worst(
+        &reference,
+        &pictures(&inputs, &scene, &[plan], ShaderForm::Text),
+    );
+    assert!(error.changed_pixels > 20, "{error:?}");
+}
+
+/// What lies hidden shows in the channels that a material leaves as they are. Each material by itself takes the recipe; only the frame knows better.
+#[test]
+fn what_a_colour_mask_lets_through_is_seen_to_break() {
+    let gpu = gpu();
+    for name in ["color-mask.toml", "color-mask-neighbour.toml"] {
+        let scene = load(name);
+        let inputs = SceneInputs::new(gpu, &scene).unwrap();
+        let originals = measure::originals(&scene);
+        let reference = pictures(&inputs, &scene, &originals, ShaderForm::Text);
+        for recipe in [
+            "depth-prepass",
+            "depth-prepass:form=equal",
+            "early-discard",
+            "early-discard:attachment=readonly",
+        ] {
+            let recipe = Recipe::parse([recipe]).unwrap();
+            let facts = Facts::without_ties();
+            let alone: Vec<Plan> = originals
+                .iter()
+                .map(|o| recipe.apply(o, &facts).unwrap())
+                .collect();
+            let error = worst(
+                &reference,
+                &pictures(&inputs, &scene, &alone, ShaderForm::Text),
+            );
+            assert!(error.changed_pixels > 100, "{name}: {recipe}: {error:?}");
+            let kept = measure::variant(&originals, &recipe, &facts).kept;
+            assert_eq!(kept.len(), originals.len(), "{name}: {recipe}: {kept:?}");
+            for k in kept {
+                assert!(
+                    k.why.contains("[color-mask]"),
+                    "{name}: {recipe}: {}",
+                    k.why
+                );
+            }
+        }
     }
 }
 

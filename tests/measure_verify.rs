@@ -104,7 +104,7 @@ fn each_variant_gets_its_verdict_and_the_others_stand() {
     assert_eq!(prepass.by_view[1].shaded_per_pixel, Some(1.0));
     assert!(prepass.by_view[0].time_ms.is_some() && prepass.by_view[1].time_ms.is_none());
     assert!(prepass.speedup.unwrap().median > 0.0);
-    let cost = prepass.cost.unwrap();
+    let cost = prepass.cost.clone().unwrap();
     assert_eq!((cost.pipelines, cost.draw_calls), (2, 10));
     assert_eq!(cost.target_bytes, 64 * 48 * 8);
 
@@ -288,6 +288,54 @@ fn every_frame_of_a_path_is_compared_up_to_the_limit() {
     );
 }
 
+/// Without a depth test the order decides: right in the headline view, and wrong in the other.
+#[test]
+fn the_worst_view_is_pictured_where_it_is_not_the_headline() {
+    let mut scene = planes([32, 32], 3);
+    scene.orders = vec![DrawOrder::BackToFront, DrawOrder::FrontToBack];
+    let mut settings = settings();
+    settings.timed = Timed::No;
+    let mut wrong = measure::originals(&scene);
+    wrong[0].passes[0].depth.as_mut().unwrap().compare = CompareFunction::Always;
+    let variants = [
+        variant("unsorted", wrong),
+        variant("same", measure::originals(&scene)),
+    ];
+    let outcome = run(&scene, &variants, &settings);
+    let [unsorted, same] = &outcome.pictures[..] else {
+        panic!("{} variants", outcome.pictures.len());
+    };
+    let names = |p: &report::Pictures| -> Vec<String> {
+        p.files().unwrap().into_iter().map(|f| f.name).collect()
+    };
+    assert_eq!(unsorted.variant, unsorted.original);
+    let worst = unsorted.worst.as_ref().unwrap();
+    assert!(worst.view.contains("front to back"), "{}", worst.view);
+    assert_ne!(worst.variant, unsorted.original);
+    assert!(names(unsorted).contains(&"unsorted.worst.difference.png".to_owned()));
+    assert_eq!(same.worst, None);
+    assert!(!names(same).iter().any(|n| n.contains("worst")));
+}
+
+#[test]
+fn every_budget_is_told_beside_what_was_measured() {
+    let scene = planes([32, 32], 3);
+    let mut settings = settings();
+    settings.timed = Timed::No;
+    let within = |metric: &str, budget: f64| Contract::Approximate {
+        metric: metric.to_owned(),
+        budget,
+    };
+    let mut plans = measure::originals(&scene);
+    plans[0].contract = within("flip_mean", 0.05).and(within("max_abs", 0.02));
+    let outcome = run(&scene, &[variant("off", plans)], &settings);
+    let text = table::render(&outcome.report);
+    assert!(
+        text.contains("off: an approximation, flip_mean at most 0.05 (measured 0.00000), max_abs at most 0.02 (measured 0.00000)\n"),
+        "{text}"
+    );
+}
+
 #[test]
 fn contracts_are_held_to_their_own_terms() {
     let mut error = measure::ErrorLadder {
@@ -305,6 +353,14 @@ fn contracts_are_held_to_their_own_terms() {
     assert!(!broken(&Contract::Rounding { k: 4 }, &error));
     assert!(!broken(&approximate(0.01), &error));
     assert!(broken(&approximate(0.001), &error));
+    // Of two budgets each binds.
+    let max_abs = |budget: f64| Contract::Approximate {
+        metric: "max_abs".to_owned(),
+        budget,
+    };
+    assert!(!broken(&approximate(0.01).and(max_abs(0.01)), &error));
+    assert!(broken(&approximate(0.01).and(max_abs(0.001)), &error));
+    assert!(broken(&max_abs(0.01).and(approximate(0.001)), &error));
     error.changed_depth = 1;
     assert!(broken(&Contract::Rounding { k: 4 }, &error));
     error.flip_mean = f64::NAN;

@@ -111,6 +111,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "a name: `compute_files` says which file each stage is in",
     ),
     (
+        "compute[].when",
+        "one frame is drawn here, which is the one at load: `tessellate_static.rs` draws several",
+    ),
+    (
         "compute[].bindings",
         "of the type of a pass's bindings, and filled by the same function",
     ),
@@ -267,6 +271,8 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Shared, "/compute/0/geometry/kind", json!("as-given"), Refused("computes no geometry")),
         (Shared, "/compute/0/geometry/pattern", json!("uniform"), Redrawn),
         (Shared, "/compute/0/geometry/level", json!(3), Redrawn),
+        (Shared, "/compute/0/features", json!(["time-travel"]), Refused("needs time-travel")),
+        (Shared, "/compute/0/limits", json!({"maxComputeWorkgroupSizeX": 1_000_000}), Refused("needs maxComputeWorkgroupSizeX of 1000000")),
         (Shared, "/compute_files/0/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
         (Shared, "/compute_files/0/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
         (Ids, "/passes/0/phase", json!("opaque"), Redrawn),
@@ -275,7 +281,7 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Ids, "/passes/2/bindings/4/source/part/draw/streams/0", json!(9), Refused("at location 9")),
         (Ids, "/passes/2/bindings/5/source/name", json!("elsewhere"), Refused("reads `elsewhere`, which is no attachment")),
         (Computed, "/passes/1/phase", json!("opaque"), Redrawn),
-        (Computed, "/compute/0/phase", json!(null), Redrawn),
+        (Computed, "/compute/0/when/phase", json!("depth"), Redrawn),
         (Computed, "/compute/0/workgroup", json!(16), Redrawn),
         (Computed, "/compute/0/bindings/9/source/location", json!(1), Refused("which no pass draws to")),
         (Unindexed, "/passes/0/geometry/kind", json!("as-given"), Redrawn),

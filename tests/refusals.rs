@@ -5,6 +5,7 @@ use preshade::emit::{self, Target};
 use preshade::front::{self, Options, Source};
 use preshade::passes::contract::{Assumption, Contract};
 use preshade::passes::frame::{FrameLoad, FramePlan};
+use preshade::passes::neighbours;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::state::{
@@ -214,6 +215,139 @@ fn states_that_no_prepass_can_stand_in_front_of() {
     }
 }
 
+/// What the plans of materials that write these channels of two targets say of each other: the code of the refusal of the first, or `together`.
+#[test]
+fn materials_that_leave_channels_which_others_write() {
+    let both = "struct O { @location(0) c: vec4<f32>, @location(1) n: vec4<f32> }\n@fragment fn fs() -> O { return O(vec4<f32>(1.0), vec4<f32>(1.0)); }\n";
+    let target = |write_mask| {
+        Some(ColorTarget {
+            write_mask,
+            ..ColorTarget::opaque("rgba8unorm")
+        })
+    };
+    let two = |second| state(|s| s.targets = vec![target(0b1111), second]);
+    let narrow = Some(ColorTarget::opaque("rg8unorm"));
+    let unwritten = |s: MaterialState| MaterialState {
+        depth_write: false,
+        ..s
+    };
+    // Text and state of both, what becomes of a pre-pass of the first, whether the first promises less alone.
+    for (first, second, code, partial) in [
+        (
+            (both, two(target(15))),
+            (both, two(target(15))),
+            "together",
+            false,
+        ),
+        (
+            (both, two(target(7))),
+            (both, two(target(15))),
+            "color-mask",
+            true,
+        ),
+        (
+            (both, two(target(7))),
+            (both, two(target(7))),
+            "together",
+            true,
+        ),
+        (
+            (both, two(target(7))),
+            (both, two(target(3))),
+            "color-mask",
+            true,
+        ),
+        // The neighbour leaves what the first writes, with a pre-pass or without: farther draws of the first show there.
+        (
+            (both, two(target(15))),
+            (both, two(target(7))),
+            "color-mask",
+            false,
+        ),
+        (
+            (both, two(target(15))),
+            (both, two(target(0))),
+            "color-mask",
+            false,
+        ),
+        // One that writes no depth keeps nothing from covering what shows.
+        (
+            (both, two(target(15))),
+            (both, unwritten(two(target(7)))),
+            "together",
+            false,
+        ),
+        (
+            (both, two(target(7))),
+            (both, unwritten(two(target(15)))),
+            "color-mask",
+            true,
+        ),
+        // Holes of a geometry buffer: not bound, not an output, not in the format.
+        (
+            (both, two(None)),
+            (both, two(target(15))),
+            "color-mask",
+            true,
+        ),
+        ((both, two(None)), (both, two(None)), "together", true),
+        (
+            (FLAT, state(|_| ())),
+            (both, two(target(15))),
+            "color-mask",
+            false,
+        ),
+        (
+            (FLAT, two(target(15))),
+            (both, two(target(15))),
+            "color-mask",
+            true,
+        ),
+        (
+            (both, two(narrow.clone())),
+            (both, two(narrow)),
+            "together",
+            false,
+        ),
+        (
+            ("", state(|_| ())),
+            (FLAT, state(|_| ())),
+            "color-mask",
+            true,
+        ),
+        (("", state(|_| ())), ("", state(|_| ())), "together", true),
+    ] {
+        let first = plan(&format!("{VERTEX}{}", first.0), &first.1);
+        let mut second = plan(&format!("{VERTEX}{}", second.0), &second.1);
+        second.material = "other".to_owned();
+        for recipe in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
+            let Ok(plan) = Recipe::parse([recipe])
+                .unwrap()
+                .apply(&first, &Facts::default())
+            else {
+                // Nothing to leave early in a material without a fragment stage.
+                assert_eq!(
+                    (recipe, first.main().unwrap().fragment.as_deref()),
+                    ("early-discard", None)
+                );
+                continue;
+            };
+            let conflict = neighbours::conflict(&plan, [&first, &second]);
+            let refused = conflict.map_or("together".to_owned(), |r| r.code);
+            assert_eq!(refused, code, "{recipe} on {first:#?}\nbeside {second:#?}");
+            let Contract::Exact { given } = &plan.contract else {
+                panic!("{:?}", plan.contract);
+            };
+            assert!(given.contains(&Assumption::OrdinaryNeighbours));
+            assert_eq!(
+                given.contains(&Assumption::LeftChannelsUnwritten),
+                partial,
+                "{recipe} on {first:#?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn what_the_biased_form_alone_refuses() {
     let clamped = DepthBias {
@@ -242,13 +376,6 @@ fn what_the_biased_form_alone_refuses() {
             "depth-prepass:form=equal",
             "applies",
         ),
-        (state(|_| ()), "depth-prepass:bias-constant=0", "no-bias"),
-        (
-            state(|_| ()),
-            "depth-prepass:bias-constant=4294967295",
-            "bias-constant",
-        ),
-        (state(|_| ()), "depth-prepass:bias-slope=-1", "bias-slope"),
     ] {
         let plan = plan(&format!("{VERTEX}{FLAT}"), &change);
         assert_eq!(
@@ -257,6 +384,144 @@ fn what_the_biased_form_alone_refuses() {
             "{recipe} on {change:?}"
         );
     }
+}
+
+/// On the command line they are bad usage, whatever the shader; to the pass itself, a refusal.
+#[test]
+fn numbers_out_of_their_range() {
+    let plan = plan(&format!("{VERTEX}{FLAT}"), &MaterialState::default());
+    for (pass, name, value, range, code) in [
+        ("hoist", "budget", 2.0, "above 0 and at most 1", "budget"),
+        ("hoist", "budget", 0.0, "above 0 and at most 1", "budget"),
+        ("hoist", "threshold", -0.5, "at least 0", "threshold"),
+        (
+            "hoist",
+            "vertices-per-fragment",
+            -1.0,
+            "at least 0",
+            "vertices-per-fragment",
+        ),
+        (
+            "early-discard",
+            "budget",
+            1.5,
+            "at least 0 and at most 1",
+            "budget",
+        ),
+        (
+            "early-discard",
+            "tolerance",
+            -1.0,
+            "at least 0",
+            "tolerance",
+        ),
+        (
+            "depth-prepass",
+            "bias-slope",
+            -1.0,
+            "at least 0",
+            "bias-slope",
+        ),
+        (
+            "depth-prepass",
+            "bias-constant",
+            0.0,
+            "at least 1 and at most 16777216",
+            "no-bias",
+        ),
+        (
+            "depth-prepass",
+            "bias-constant",
+            4294967295.0,
+            "at least 1 and at most 16777216",
+            "bias-constant",
+        ),
+    ] {
+        let text = format!("{pass}:{name}={value}");
+        let error = Recipe::parse([&text]).unwrap_err().to_string();
+        assert!(
+            error.contains(&format!("`{name}` is {range}, which {value} is not")),
+            "{error}"
+        );
+        let mut recipe = Recipe::parse([pass]).unwrap();
+        let number = match name {
+            "bias-constant" => serde_json::json!(value as u64),
+            _ => serde_json::json!(value),
+        };
+        recipe.steps[0].params.insert(name.to_owned(), number);
+        let refusal = recipe.apply(&plan, &Facts::default()).unwrap_err();
+        assert_eq!(refusal.code, code, "{text}");
+    }
+}
+
+/// A depth bias is part of the z that a fragment stage sees, and of nothing else of its position.
+#[test]
+fn only_the_depth_of_a_position_is_biased() {
+    let read = "@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { if CONDITION { discard; } return p; }\n";
+    let of_struct = "struct In { @builtin(front_facing) f: bool, @builtin(position) p: vec4<f32> }\n\
+                     @fragment fn fs(i: In) -> @location(0) vec4<f32> { var v = i; if CONDITION { discard; } return v.p; }\n";
+    for (text, condition, code) in [
+        (read, "fract(p.z * 300.0) > 0.5", "biased-position"),
+        (read, "p.x + p.y + p.w > 3.0", "applies"),
+        (
+            read,
+            "dot(p, vec4<f32>(0.0, 0.0, 1.0, 0.0)) > 0.5",
+            "biased-position",
+        ),
+        (read, "p[u32(p.x) & 3u] > 0.5", "biased-position"),
+        (read, "(p.wzyx * 2.0).y > 0.5", "biased-position"),
+        (read, "(p.wzyx * 2.0).z > 0.5", "applies"),
+        (of_struct, "v.p.z > 0.5", "biased-position"),
+        (of_struct, "v.p.y > 0.5 && v.f", "applies"),
+    ] {
+        let text = format!("{VERTEX}{}", text.replace("CONDITION", condition));
+        let plan = plan(&text, &MaterialState::default());
+        for (recipe, code) in [
+            ("depth-prepass", code),
+            ("depth-prepass:form=equal", "applies"),
+            ("early-discard", "applies"),
+            ("early-discard:attachment=readonly", "applies"),
+            ("shadow", "applies"),
+        ] {
+            assert_eq!(
+                outcome(&plan, recipe, &Facts::default()),
+                code,
+                "{recipe} on {condition}"
+            );
+        }
+        let shadow = Recipe::parse(["shadow"]).unwrap();
+        let notes = shadow.apply(&plan, &Facts::default()).unwrap().notes;
+        let told = notes.iter().any(|n| n.contains("the light's depth"));
+        assert_eq!(told, code == "biased-position", "{notes:?}");
+    }
+}
+
+/// A written depth is pushed away in the shader alone, so that a z it is made of is the main pass's.
+#[test]
+fn the_pre_pass_of_a_depth_writer_leaves_the_rasteriser_as_it_is() {
+    let text = format!(
+        "{VERTEX}@early_depth_test(less_equal) @fragment fn fs(@builtin(position) p: vec4<f32>) -> @builtin(frag_depth) f32 {{ if p.z < 0.2 {{ discard; }} return p.z * p.z; }}\n"
+    );
+    let author = DepthBias {
+        constant: 3,
+        slope_scale: 0.5,
+        clamp: 0.0,
+    };
+    let original = plan(&text, &state(|s| s.depth_bias = author));
+    let plan = Recipe::parse(["depth-prepass"])
+        .unwrap()
+        .apply(&original, &Facts::default())
+        .unwrap();
+    assert_eq!(plan.passes[0].depth.as_ref().unwrap().bias, author);
+    let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+    let text = |name: &str| {
+        let file = files.iter().find(|f| f.name == name).unwrap();
+        String::from_utf8(file.bytes.clone()).unwrap()
+    };
+    let prepass = text("case.prepass.wgsl");
+    // Pushed away, it may lie behind the rasterised depth.
+    assert!(!prepass.contains("early_depth_test"), "{prepass}");
+    assert!(text("case.main.wgsl").contains("@early_depth_test(less_equal)"));
 }
 
 #[test]

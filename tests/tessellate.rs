@@ -83,11 +83,13 @@ fn color(rendered: &Rendered) -> &ColorImage {
 const HOIST: &str = "hoist:budget=0.05,finite=assumed";
 
 /// Every pattern in every form.
-const PARAMETERS: [&str; 4] = [
+const PARAMETERS: [&str; 6] = [
     "pattern=gl,form=pulled",
     "pattern=uniform,form=pulled",
     "pattern=gl,form=shared",
     "pattern=uniform,form=shared",
+    "pattern=gl,form=static,fixed=model+camera.time",
+    "pattern=uniform,form=static,fixed=model+camera.time",
 ];
 
 /// Fragments of each pixel, counted in steps of red.
@@ -245,4 +247,42 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     }
     mesh.vertex_count = indices.len() as u32;
     check(&scene, "no indices");
+}
+
+/// A sphere in two draws, of which one is left undivided: a ring of 13 edges is theirs both. Divided alike there is none.
+#[test]
+fn an_edge_divided_on_one_side_alone_is_found() {
+    let mut scene = sphere(WAVES);
+    let whole = scene.meshes[0].clone();
+    let indices = whole.indices.clone().unwrap();
+    let height = |i: &u32| {
+        let preshade::scene::Stream::Float { data, .. } = &whole.streams["position"] else {
+            panic!("positions are floats");
+        };
+        data[*i as usize * 3 + 1]
+    };
+    let half = |upper: bool| {
+        let triangles = indices.chunks(3);
+        let of_half = triangles.filter(|t| (t.iter().map(height).sum::<f32>() > 0.3) == upper);
+        let mut mesh = whole.clone();
+        mesh.indices = Some(of_half.flatten().copied().collect());
+        mesh
+    };
+    scene.meshes = vec![half(true), half(false)];
+    let lower = Draw {
+        mesh: 1,
+        material: 1,
+        name: "lower".to_owned(),
+        ..scene.draws[0].clone()
+    };
+    scene.draws.push(lower);
+    scene.materials.push(material("plain", WAVES));
+    let divided = plans(&scene, &[HOIST, "tessellate:level=3"]);
+    assert_eq!(measure::junctions(&scene, &divided), []);
+    let mut mixed = divided;
+    mixed[1] = measure::originals(&scene)[1].clone();
+    let found = measure::junctions(&scene, &mixed);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found[0].edges, 13, "{found:?}");
+    assert_eq!((&*found[0].divided, &*found[0].beside), ("sphere", "lower"));
 }

@@ -6,13 +6,14 @@ use codespan_reporting::term;
 use preshade::measure;
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
+use preshade::passes::neighbours;
 use preshade::passes::pass::{Facts, Frequency, Left, Refusal, Sites};
 use preshade::passes::plan::Plan;
 use preshade::recipe::Step;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
-use crate::input::ShaderArgs;
+use crate::input::{Materials, ShaderArgs};
 use crate::output;
 use crate::{Failure, Format, Outcome};
 
@@ -97,14 +98,17 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .map(|p| Step::parse(p))
             .collect::<Result<Vec<_>, _>>()?
     };
-    let plans = args.shader.plans()?;
+    let Materials {
+        asked: plans,
+        frame,
+    } = args.shader.plans()?;
     let facts = match args.scene {
         true => measured(args)?,
         false => Facts::default(),
     };
     let materials = plans
         .iter()
-        .map(|plan| explain(plan, &steps, &facts))
+        .map(|plan| explain(plan, &steps, &facts, &frame))
         .collect::<Result<Vec<_>, _>>()?;
     match args.format {
         Format::Json => output::json(&Report {
@@ -137,7 +141,12 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
     Ok(facts)
 }
 
-fn explain(plan: &Plan, steps: &[Step], facts: &Facts) -> Result<Explained, Failure> {
+fn explain(
+    plan: &Plan,
+    steps: &[Step],
+    facts: &Facts,
+    frame: &[Plan],
+) -> Result<Explained, Failure> {
     let mut frequencies: Vec<Frequency> = facts
         .frequencies
         .iter()
@@ -159,8 +168,17 @@ fn explain(plan: &Plan, steps: &[Step], facts: &Facts) -> Result<Explained, Fail
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
-                let sites =
-                    pass.sites(plan, facts, &serde_json::Value::Object(step.params.clone()))?;
+                let params = serde_json::Value::Object(step.params.clone());
+                let mut sites = pass.sites(plan, facts, &params)?;
+                // What applies to the material by itself may not stand beside the others.
+                let applied = sites
+                    .sites
+                    .first()
+                    .and_then(|site| pass.apply(plan, facts, &site.key, &params).ok());
+                if let Some(refusal) = applied.and_then(|next| neighbours::conflict(&next, frame)) {
+                    sites.sites.clear();
+                    sites.refusals.push(refusal);
+                }
                 Ok(PassExplained {
                     pass: step.to_string(),
                     summary: info.summary,
@@ -241,21 +259,36 @@ fn print(explained: &Explained, plan: &Plan) -> String {
     if !explained.frequencies.is_empty() {
         lines.push(
             "\nvalues that might be interpolated, by error against saved cost\n  \
-             saved ops  FLIP mean   max abs  NaN px  value"
+             saved ops  FLIP mean   max abs  NaN px  off by  of range  value"
                 .to_owned(),
         );
         for f in &explained.frequencies {
             let place = f.location.as_ref().map_or(String::new(), |l| {
                 format!(" ({}:{}:{})", l.file, l.line, l.column)
             });
+            let (off, range) = f
+                .interpolation
+                .as_ref()
+                .map_or(("-".to_owned(), "-".to_owned()), |i| {
+                    (short(i.max), short(i.range))
+                });
             lines.push(format!(
-                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  `{}`{place}",
+                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  {off:>6}  {range:>8}  `{}`{place}",
                 f.cost, f.flip_mean, f.max_abs, f.nan_pixels, f.name
             ));
         }
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// A number in four digits or so.
+fn short(number: f64) -> String {
+    match number.abs() {
+        0.0 => "0".to_owned(),
+        1e-3..1e4 => format!("{number:.4}").chars().take(6).collect(),
+        _ => format!("{number:.0e}"),
+    }
 }
 
 /// Most values told of that stayed: the dearest.

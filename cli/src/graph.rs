@@ -32,7 +32,7 @@ enum GraphFormat {
 
 /// Prints the graph.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let plans = args.shader.plans()?;
+    let plans = args.shader.plans()?.asked;
     let [plan] = &plans[..] else {
         let names: Vec<&str> = plans.iter().map(|p| p.material.as_str()).collect();
         return Err(Failure(format!(

@@ -264,25 +264,40 @@ pub enum Input {
     Scene(Scene),
 }
 
+/// The original plans of materials.
+pub struct Materials {
+    /// Those that are asked for: of a shader its one; of a scene all, or the one that `--name` says.
+    pub asked: Vec<Plan>,
+    /// All that are drawn in one frame with them, themselves among them.
+    pub frame: Vec<Plan>,
+}
+
 impl ShaderArgs {
-    /// The original plan of each material: one of a shader; of a scene all, or the one that `--name` says.
-    pub fn plans(&self) -> Result<Vec<Plan>, Failure> {
+    /// The original plan of each material.
+    pub fn plans(&self) -> Result<Materials, Failure> {
+        let all = |plans: Vec<Plan>| Materials {
+            asked: plans.clone(),
+            frame: plans,
+        };
         match self.input()? {
-            Input::Shader(parsed, state) => Ok(vec![Plan::original(
+            Input::Shader(parsed, state) => Ok(all(vec![Plan::original(
                 &self.material_name(),
                 parsed.program,
                 &parsed.vertex,
                 parsed.fragment.as_deref(),
                 &state,
-            )]),
+            )])),
             Input::Scene(scene) => {
                 let plans = measure::originals(&scene);
                 let Some(name) = &self.name else {
-                    return Ok(plans);
+                    return Ok(all(plans));
                 };
                 let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
-                match plans.into_iter().find(|p| p.material == *name) {
-                    Some(plan) => Ok(vec![plan]),
+                match plans.iter().find(|p| p.material == *name).cloned() {
+                    Some(plan) => Ok(Materials {
+                        asked: vec![plan],
+                        frame: plans,
+                    }),
                     None => Err(Failure::unknown("material", name, &names)),
                 }
             }

@@ -94,7 +94,8 @@ fn details(pass: &PassListed) -> String {
             Some(kind) if p.choices.is_empty() => format!("={kind}"),
             _ => String::new(),
         };
-        let _ = writeln!(text, "\n  {}{kind}\n      {}", p.name, p.what);
+        let range = p.range.map_or(String::new(), |r| format!(" ({r})"));
+        let _ = writeln!(text, "\n  {}{kind}{range}\n      {}", p.name, p.what);
         for c in &p.choices {
             let default = if p.default.as_ref().and_then(|d| d.as_str()) == Some(&c.value) {
                 " (the default)"

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use preshade::emit::{self, Target};
 use preshade::passes::PASSES;
-use preshade::passes::contract::Contract;
+use preshade::passes::neighbours;
 use preshade::passes::pass::{AnyPass, Facts};
 use preshade::passes::plan::Plan;
 use preshade::recipe::Recipe;
 
-use crate::input::ShaderArgs;
+use crate::input::{Materials, ShaderArgs};
 use crate::output;
 use crate::{Failure, Outcome};
 
@@ -80,16 +80,25 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             "error: SPIR-V is binary: say with -o DIR where to write it".to_owned(),
         ));
     }
-    let originals = args.shader.plans()?;
+    let Materials {
+        asked: originals,
+        frame,
+    } = args.shader.plans()?;
     let (mut files, mut errors) = (Vec::new(), Vec::new());
     for original in &originals {
         check_name(&original.material)?;
-        let plan = apply(original, &recipe);
-        if let Contract::Approximate { metric, budget } = &plan.contract {
+        let plan = apply(original, &recipe, &frame);
+        let budgets = plan.contract.budgets();
+        if !budgets.is_empty() {
+            let off: Vec<String> = budgets
+                .iter()
+                .map(|b| format!("{} ({})", b.budget, b.metric))
+                .collect();
             output::message(&format!(
-                "warning: `{}` is an approximation, allowed to be off by {budget} ({metric}), and nothing is measured here: `preshade verify` tells whether it keeps \
+                "warning: `{}` is an approximation, allowed to be off by {}, and nothing is measured here: `preshade verify` tells whether it keeps \
                  that, and what to pass to `rewrite` for the choice it measured",
-                plan.material
+                plan.material,
+                off.join(" and ")
             ));
         }
         let emitted = emit_each(&plan, &targets)?;
@@ -184,14 +193,21 @@ fn nothing_asked_for(original: &Plan) -> String {
     format!("note: no --pass is given, so `{material}` is written as it is; {list}")
 }
 
-/// The steps of `recipe` that apply; what is refused is told on stderr and left out.
-fn apply(original: &Plan, recipe: &Recipe) -> Plan {
+/// The steps of `recipe` that apply to a material drawn in one frame with `frame`; what is refused is told on stderr and left out.
+fn apply(original: &Plan, recipe: &Recipe, frame: &[Plan]) -> Plan {
     let mut plan = original.clone();
     for step in &recipe.steps {
         let one = Recipe {
             steps: vec![step.clone()],
         };
-        match one.apply(&plan, &Facts::default()) {
+        let applied =
+            one.apply(&plan, &Facts::default()).and_then(|next| {
+                match neighbours::conflict(&next, frame) {
+                    None => Ok(next),
+                    Some(refusal) => Err(Box::new(refusal)),
+                }
+            });
+        match applied {
             Ok(next) => plan = next,
             Err(refusal) => output::message(&crate::explain::refusal(&refusal, &plan)),
         }

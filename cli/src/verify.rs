@@ -5,16 +5,19 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use preshade::measure::sweep::{Point, Sweep};
+use preshade::measure::crossover::{Point, Series};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
-use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
+use preshade::report::sweep::{Budget, SweepReport};
+use preshade::scene::{self, DrawOrder, Scene, Variables};
+use preshade::sweep::{self, Sweep};
 
 use crate::input::ShaderArgs;
 use crate::output;
+use crate::variable::Axis;
 use crate::{Failure, Format, Outcome};
 
 /// Arguments of `verify`.
@@ -24,10 +27,15 @@ Examples:
   preshade verify scene.toml
   preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
-  preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
+  preshade verify scene.toml --pass hoist --pass tessellate:level=1..8 --budget flip_mean=0.02 --out report/
   preshade verify grass.toml --sweep instances=50000..400000 --pass depth-prepass --pass visibility-buffer
+  preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
-Each --pass is a variant of its own; --recipe puts several passes into one.
+Each --pass is a variant of its own; --recipe puts several passes into one. But tessellate divides what
+hoist moved: after a --pass hoist it stands on that one, with a budget of 1 if it has none, since its
+error is measured.
+level=1..8 stands for eight variants, form=pulled/shared for two, form=all for one a word: any
+whole number and any choice of any pass. Ranges get a table, a plot and rows of pictures of their own.
 Exit status 1: a variant broke its contract.")]
 pub struct Args {
     /// A variant of one pass; may be given several times. Default: the depth passes in their main forms.
@@ -36,6 +44,17 @@ pub struct Args {
     /// A variant of several passes, separated by commas.
     #[arg(long = "recipe", value_name = "NAME[:k=v,..],NAME..")]
     recipes: Vec<String>,
+    /// Of each range, name the fastest variant whose error is within this: flip_mean, flip_p99 or
+    /// max_abs, the worst of all views.
+    #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
+    budget: Option<Budget>,
+    /// Measure at several values of a scene's variable, and tell where variants cross: 50000..400000
+    /// doubles, 1..9:5 takes five steps of one ratio.
+    #[arg(long, value_name = "NAME=A..B[:STEPS]", value_parser = Axis::parse)]
+    sweep: Option<Axis>,
+    /// Write what was measured as one JSON file, to send in: docs/results says how.
+    #[arg(long, value_name = "FILE")]
+    share: Option<PathBuf>,
     /// Draw these cameras only; the first is the headline.
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
@@ -51,12 +70,6 @@ pub struct Args {
     /// Frames of each camera path to compare, evenly spaced.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = parse_frames)]
     frames: usize,
-    /// Measure at several values of a scene's variable: 50000..400000 doubles, 1..9:5 takes five steps of one ratio. The times are the headline view's.
-    #[arg(long, value_name = "NAME=A..B[:STEPS]", value_parser = parse_sweep)]
-    sweep: Option<Axis>,
-    /// Write what was measured as one JSON file that others can read, to send in: docs/results says how.
-    #[arg(long, value_name = "FILE")]
-    share: Option<PathBuf>,
     /// Views to time.
     #[arg(long, value_enum, default_value_t = TimeArg::FirstFrames)]
     time: TimeArg,
@@ -136,51 +149,6 @@ impl From<OrderArg> for DrawOrder {
     }
 }
 
-/// What a sweep moves.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Axis {
-    variable: String,
-    values: Vec<u32>,
-}
-
-/// Reads `NAME=A..B[:STEPS]`: steps of one ratio, as near to doubling as it goes where none are given.
-fn parse_sweep(text: &str) -> Result<Axis, String> {
-    let expected = "expected NAME=A..B[:STEPS], instances=50000..400000 say";
-    let (variable, range) = text.split_once('=').ok_or(expected)?;
-    let (range, steps) = match range.split_once(':') {
-        Some((range, steps)) => (range, Some(steps)),
-        None => (range, None),
-    };
-    let (low, high) = range.split_once("..").ok_or(expected)?;
-    let number = |s: &str| match s.trim().replace('_', "").parse::<u32>() {
-        Ok(n @ 1..) => Ok(n),
-        _ => Err(format!("`{s}` is not a whole number from 1")),
-    };
-    let (low, high) = (number(low)?, number(high)?);
-    if low > high {
-        return Err(format!("{low} is more than {high}"));
-    }
-    let ratio = f64::from(high) / f64::from(low);
-    let steps = match steps {
-        Some(steps) => match number(steps)? {
-            n @ 2..=64 => n,
-            n => return Err(format!("{n} steps: 2 to 64 are allowed")),
-        },
-        None => ratio.log2().round() as u32 + 1,
-    };
-    let mut values: Vec<u32> = (0..steps)
-        .map(|i| {
-            let part = f64::from(i) / f64::from((steps - 1).max(1));
-            (f64::from(low) * ratio.powf(part)).round() as u32
-        })
-        .collect();
-    values.dedup();
-    Ok(Axis {
-        variable: variable.trim().to_owned(),
-        values,
-    })
-}
-
 /// Reads a number of frames.
 fn parse_frames(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
@@ -202,11 +170,12 @@ const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-
 
 /// Verifies a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let recipes = recipes(args)?;
+    let sweeps = sweeps(args)?;
     let first = match &args.sweep {
-        None => scene(args, &Variables::new())?,
-        Some(axis) => scene_at(args, axis, axis.values.first().copied().unwrap_or(1))?,
+        None => Variables::new(),
+        Some(axis) => axis.at(axis.values.first().copied().unwrap_or(1)),
     };
+    let first = scene(args, &first)?;
     let shared = args.share.as_deref().and_then(Path::parent);
     for dir in args.out.as_deref().into_iter().chain(shared) {
         check_folder(dir)?;
@@ -223,16 +192,16 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let gpu = Gpu::new(&choice)?;
     let bar = bar();
     let Some(axis) = &args.sweep else {
-        let outcome = measure(args, &gpu, &first, recipes, &bar)?;
+        let outcome = measured(args, &gpu, &first, &sweeps, &bar)?;
         bar.finish_and_clear();
         return told(args, &outcome);
     };
     let mut points = Vec::new();
     let mut pictures = Vec::new();
     for value in &axis.values {
-        let scene = scene_at(args, axis, *value)?;
-        let outcome = measure(args, &gpu, &scene, recipes.clone(), &bar)?;
         bar.suspend(|| output::message(&format!("{} = {value}", axis.variable)));
+        let scene = scene(args, &axis.at(*value))?;
+        let outcome = measured(args, &gpu, &scene, &sweeps, &bar)?;
         pictures = outcome.pictures;
         points.push(Point {
             value: *value,
@@ -240,27 +209,20 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         });
     }
     bar.finish_and_clear();
-    let sweep = Sweep::new(&axis.variable, points);
+    let series = Series::new(&axis.variable, points);
+    let json = series.to_json()?;
     match args.format {
-        Format::Human => output::data(&report::sweep::render(&sweep))?,
-        Format::Json => output::data(&sweep.to_json()?)?,
+        Format::Human => output::data(&report::crossover::render(&series))?,
+        Format::Json => output::data(&json)?,
     }
-    share(args, &sweep.to_json()?)?;
-    let mut files = vec![file("sweep.json", sweep.to_json()?)];
-    files.extend(report::sweep::svg(&sweep).map(|svg| file("sweep.svg", svg)));
+    share(args, &json)?;
+    let mut files = vec![file("series.json", json)];
+    files.extend(report::crossover::svg(&series).map(|svg| file("series.svg", svg)));
     write(args, files, &pictures)?;
-    Ok(if sweep.is_broken() {
-        Outcome::ContractBroken
-    } else {
-        Outcome::Fine
+    Ok(match series.is_broken() {
+        true => Outcome::ContractBroken,
+        false => Outcome::Fine,
     })
-}
-
-fn file(name: &str, text: String) -> preshade::emit::File {
-    preshade::emit::File {
-        name: name.to_owned(),
-        bytes: text.into_bytes(),
-    }
 }
 
 /// Tells of one scene.
@@ -272,12 +234,22 @@ fn told(args: &Args, outcome: &measure::Outcome) -> Result<Outcome, Failure> {
         Format::Json => output::data(&json)?,
     }
     share(args, &json)?;
-    write(args, vec![file("report.json", json)], &outcome.pictures)?;
-    Ok(if outcome.report.is_broken() {
-        Outcome::ContractBroken
-    } else {
-        Outcome::Fine
+    let mut files = vec![file("report.json", json)];
+    for sweep in &outcome.report.sweeps {
+        files.extend(sweep.files(&outcome.report, &outcome.pictures)?);
+    }
+    write(args, files, &outcome.pictures)?;
+    Ok(match outcome.report.is_broken() {
+        true => Outcome::ContractBroken,
+        false => Outcome::Fine,
     })
+}
+
+fn file(name: &str, text: String) -> preshade::emit::File {
+    preshade::emit::File {
+        name: name.to_owned(),
+        bytes: text.into_bytes(),
+    }
 }
 
 /// Writes what `--share` asks for.
@@ -290,7 +262,7 @@ fn share(args: &Args, json: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes what `--out` asks for.
+/// Writes what `--out` asks for, and the pictures.
 fn write(
     args: &Args,
     mut files: Vec<preshade::emit::File>,
@@ -309,20 +281,18 @@ fn write(
     Ok(())
 }
 
-/// The scene at one value of a sweep.
-fn scene_at(args: &Args, axis: &Axis, value: u32) -> Result<Scene, Failure> {
-    let set = Variables::from([(axis.variable.clone(), Variable::Number(value))]);
-    scene(args, &set)
-}
-
 /// Measures one scene.
-fn measure(
+fn measured(
     args: &Args,
     gpu: &Gpu,
     scene: &Scene,
-    recipes: Vec<Recipe>,
+    sweeps: &[Sweep],
     bar: &ProgressBar,
 ) -> Result<measure::Outcome, Failure> {
+    let recipes = sweeps
+        .iter()
+        .flat_map(|s| s.points.iter().map(|p| p.recipe.clone()))
+        .collect();
     let form = match args.form {
         FormArg::Text => ShaderForm::Text,
         FormArg::Ir => ShaderForm::Ir,
@@ -356,16 +326,19 @@ fn measure(
         count: &measure::counting,
         command: command(),
     };
-    Ok(measure::verify(
-        gpu,
-        scene,
-        &variants,
-        &settings,
-        &mut |p| {
-            bar.set_position((p.done * 1000.0) as u64);
-            bar.set_message(p.what);
-        },
-    )?)
+    let mut outcome = measure::verify(gpu, scene, &variants, &settings, &mut |p| {
+        bar.set_position((p.done * 1000.0) as u64);
+        bar.set_message(p.what);
+    })?;
+    let mut names = variants.iter().map(|v| v.name.clone());
+    for sweep in sweeps {
+        let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();
+        if sweep.varies() {
+            let told = SweepReport::new(sweep, &names, args.budget, &outcome.report);
+            outcome.report.sweeps.push(told);
+        }
+    }
+    Ok(outcome)
 }
 
 /// Recipes whose choices are left to measurement, chosen.
@@ -423,8 +396,7 @@ fn check_folder(dir: &Path) -> Result<(), Failure> {
         .unwrap_or(here);
     if !there.is_dir() {
         return Err(Failure(format!(
-            "error: {}: {} is not a folder",
-            dir.display(),
+            "error: {} is a file, not a folder",
             there.display()
         )));
     }
@@ -457,22 +429,35 @@ fn guesses(scene: &Scene) -> Option<String> {
     Some(lines.join("\n"))
 }
 
-fn recipes(args: &Args) -> Result<Vec<Recipe>, Failure> {
-    let mut recipes = args
-        .passes
-        .iter()
-        .map(|p| Recipe::parse([p]))
-        .collect::<Result<Vec<_>, _>>()?;
+/// What is asked for: a `--pass` is a sweep of one step, or of two where it stands on a pass before it, a `--recipe` one of several.
+fn sweeps(args: &Args) -> Result<Vec<Sweep>, Failure> {
+    let mut sweeps = Vec::new();
+    for (i, pass) in args.passes.iter().enumerate() {
+        sweeps.push(match sweep::founded(pass, &args.passes[..i]) {
+            Some(recipe) => {
+                output::message(&format!(
+                    "note: --pass {pass} stands on the pass before it: --recipe {recipe}"
+                ));
+                Sweep::parse_list(&recipe)?
+            }
+            None => Sweep::parse_step(pass)?,
+        });
+    }
     for list in &args.recipes {
-        recipes.push(Recipe::parse_list(list)?);
+        sweeps.push(Sweep::parse_list(list)?);
     }
-    if recipes.is_empty() {
-        recipes = DEFAULT
-            .iter()
-            .map(|p| Recipe::parse([p]))
-            .collect::<Result<_, _>>()?;
+    if sweeps.is_empty() {
+        for pass in DEFAULT {
+            sweeps.push(Sweep::parse_step(pass)?);
+        }
     }
-    Ok(recipes)
+    if args.budget.is_some() && !sweeps.iter().any(Sweep::varies) {
+        return Err(Failure(
+            "error: --budget chooses among the variants of a range, and there is none: write level=1..8, say"
+                .to_owned(),
+        ));
+    }
+    Ok(sweeps)
 }
 
 /// The scene asked for, under the set-up asked for.

@@ -381,3 +381,87 @@ fn deep_nesting_is_refused() {
     }
     fs::remove_file(&file).unwrap();
 }
+
+/// A scene's materials are drawn in one frame: what one of them hides, another may need.
+#[test]
+fn what_a_scene_forbids_is_neither_written_nor_said_to_apply() {
+    let out = nowhere("color-mask");
+    let scene = "../fixtures/scenes/color-mask.toml";
+    for name in ["stone", "tint"] {
+        let args = [
+            "rewrite",
+            scene,
+            "--name",
+            name,
+            "--pass",
+            "depth-prepass",
+            "-o",
+            out.to_str().unwrap(),
+        ];
+        let output = run(&args);
+        assert_eq!(output.status.code(), Some(0));
+        let said = stderr(&output);
+        assert!(said.contains("depth-prepass/color-mask"), "{said}");
+        assert!(!out.join(format!("{name}.prepass.wgsl")).exists());
+    }
+    let explained = run(&["explain", scene, "--pass", "early-discard"]);
+    let said = String::from_utf8(explained.stdout).unwrap();
+    assert_eq!(
+        said.matches("early-discard/color-mask").count(),
+        2,
+        "{said}"
+    );
+    assert!(!said.contains("applies to"), "{said}");
+}
+
+/// What a language cannot say is told in the author's words, and not in those of the library that writes it.
+#[test]
+fn what_a_language_lacks_is_told_in_words() {
+    let out = nowhere("lacks");
+    fs::create_dir_all(&out).unwrap();
+    let write = |name: &str, text: &str| {
+        let path = out.join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let vertex =
+        "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }\n";
+    let external = write(
+        "external.wgsl",
+        &format!(
+            "@group(0) @binding(0) var video: texture_external;\n@group(0) @binding(1) var s: sampler;\n{vertex}\
+             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ return textureSampleBaseClampToEdge(video, s, p.xy); }}\n"
+        ),
+    );
+    let storage = write(
+        "storage.wgsl",
+        &format!(
+            "@group(0) @binding(0) var<storage, read> t: array<vec4<f32>>;\n{vertex}\
+             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ return t[u32(p.x)]; }}\n"
+        ),
+    );
+    for (file, target, told) in [
+        (&external, "spirv", "the external texture `video`"),
+        (&external, "glsl", "the external texture `video`"),
+        (
+            &storage,
+            "glsl-es",
+            "storage buffers, arrays of a length known at run time",
+        ),
+    ] {
+        let written = out.join("written");
+        let args = ["rewrite", file, "--emit", target, "-o"];
+        let output = run(&[&args[..], &[written.to_str().unwrap()]].concat());
+        assert_eq!(output.status.code(), Some(2));
+        let said = stderr(&output);
+        assert!(said.contains(told), "{said}");
+        for raw in ["panicked", "naga", "Features("] {
+            assert!(!said.contains(raw), "{said}");
+        }
+        // A file in the place of the folder.
+        let output = run(&["rewrite", file, "-o", file]);
+        assert_eq!(output.status.code(), Some(2));
+        let said = stderr(&output);
+        assert!(said.contains("is a file, not a folder"), "{said}");
+    }
+}

@@ -11,8 +11,11 @@ pub enum Assumption {
     NoDepthTies,
     /// Both passes rasterise the same position bits from the same inputs.
     InvariantPosition,
-    /// No other opaque material of the frame moves depth away from the viewer or leaves traces of hidden fragments (stencil, stores).
+    /// No other opaque material of the frame moves depth away from the viewer or leaves traces of hidden fragments (stencil, stores), and none that writes depth
+    /// leaves colour channels as they are that others write.
     OrdinaryNeighbours,
+    /// No other opaque material of the frame writes the colour channels, or targets, that this one leaves as they are: what lies hidden would show there.
+    LeftChannelsUnwritten,
     /// No surface lies exactly on the near plane, at depth 0 of a float format, where bias vanishes.
     BeyondNearPlane,
     /// The original's position is `@invariant` already. Where it is not, marking it may move positions by their last bits.
@@ -53,6 +56,26 @@ pub enum Contract {
         /// Largest value of the metric.
         budget: f64,
     },
+    /// Several approximations, each with a budget in a metric of its own: all are kept, each measured at the output of the whole.
+    Budgets {
+        /// Each metric once.
+        budgets: Vec<Budget>,
+    },
+}
+
+/// What an output may be off by.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Budget {
+    /// `max_abs`, `flip_mean` or `flip_p99`.
+    pub metric: String,
+    /// Largest value of the metric.
+    pub budget: f64,
+}
+
+impl std::fmt::Display for Budget {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} at most {}", self.metric, self.budget)
+    }
 }
 
 impl Contract {
@@ -67,12 +90,21 @@ impl Contract {
             Self::Exact { .. } => "exact",
             Self::Rounding { .. } => "rounding",
             Self::Approximate { .. } => "approximate",
+            Self::Budgets { .. } => "budgets",
         }
     }
 
-    /// The contract of doing both: assumptions gather, weaker kinds win.
+    /// The contract of doing both: assumptions gather, weaker kinds win. Budgets are on the output, so that all of them stay; of one metric the narrowest.
     pub fn and(self, other: Self) -> Self {
-        use Contract::{Approximate, Exact, Rounding};
+        use Contract::{Exact, Rounding};
+        let budgets = self.budgets().into_iter().chain(other.budgets());
+        let mut narrowest: Vec<Budget> = Vec::new();
+        for budget in budgets {
+            match narrowest.iter_mut().find(|b| b.metric == budget.metric) {
+                Some(have) => have.budget = have.budget.min(budget.budget),
+                None => narrowest.push(budget),
+            }
+        }
         match (self, other) {
             (Exact { given: mut a }, Exact { given: b }) => {
                 a.extend(b);
@@ -81,33 +113,26 @@ impl Contract {
                 Exact { given: a }
             }
             (Rounding { k: a }, Rounding { k: b }) => Rounding { k: a + b },
-            (a @ Approximate { .. }, Exact { .. } | Rounding { .. })
-            | (a @ Rounding { .. }, Exact { .. }) => a,
-            (Exact { .. } | Rounding { .. }, b @ Approximate { .. })
-            | (Exact { .. }, b @ Rounding { .. }) => b,
-            // Errors do not add along a cut, and a budget is on the output: the narrower one binds where the metric agrees.
-            (
-                Approximate {
-                    metric: m,
-                    budget: a,
-                },
-                Approximate {
-                    metric: n,
-                    budget: b,
-                },
-            ) => {
-                if m == n {
-                    Approximate {
-                        metric: m,
-                        budget: a.min(b),
-                    }
-                } else {
-                    Approximate {
-                        metric: m,
-                        budget: a,
-                    }
+            (a @ Rounding { .. }, Exact { .. }) | (Exact { .. }, a @ Rounding { .. }) => a,
+            _ => match narrowest.len() {
+                1 => {
+                    let Budget { metric, budget } = narrowest.remove(0);
+                    Self::Approximate { metric, budget }
                 }
-            }
+                _ => Self::Budgets { budgets: narrowest },
+            },
+        }
+    }
+
+    /// What the output is allowed to be off by: all of them bind. Empty for the stronger kinds.
+    pub fn budgets(&self) -> Vec<Budget> {
+        match self {
+            Self::Exact { .. } | Self::Rounding { .. } => Vec::new(),
+            Self::Approximate { metric, budget } => vec![Budget {
+                metric: metric.clone(),
+                budget: *budget,
+            }],
+            Self::Budgets { budgets } => budgets.clone(),
         }
     }
 }
@@ -128,4 +153,44 @@ pub enum Verdict {
         /// Why not.
         why: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Assumption, Contract};
+
+    fn approximate(metric: &str, budget: f64) -> Contract {
+        Contract::Approximate {
+            metric: metric.to_owned(),
+            budget,
+        }
+    }
+
+    #[test]
+    fn budgets_of_different_metrics_are_all_kept() {
+        let exact = Contract::Exact {
+            given: vec![Assumption::NoDepthTies],
+        };
+        let mean = approximate("flip_mean", 0.05);
+        let both = mean.clone().and(approximate("max_abs", 0.02));
+        let all =
+            |c: &Contract| -> Vec<String> { c.budgets().iter().map(ToString::to_string).collect() };
+        let expected = ["flip_mean at most 0.05", "max_abs at most 0.02"];
+        assert_eq!(all(&both), expected);
+        assert_eq!(both.kind(), "budgets");
+        for stronger in [exact, Contract::Rounding { k: 3 }] {
+            assert_eq!(both.clone().and(stronger.clone()), both);
+            assert_eq!(stronger.clone().and(both.clone()), both);
+            assert_eq!(stronger.and(mean.clone()), mean);
+        }
+        // Of one metric the narrower, in either order.
+        let narrower = both.clone().and(approximate("flip_mean", 0.01));
+        assert_eq!(all(&narrower), ["flip_mean at most 0.01", expected[1]]);
+        assert_eq!(
+            approximate("max_abs", 0.5).and(approximate("max_abs", 0.1)),
+            approximate("max_abs", 0.1)
+        );
+        let json = serde_json::to_value(&both).unwrap_or_default();
+        assert_eq!(serde_json::from_value::<Contract>(json).ok(), Some(both));
+    }
 }

@@ -13,6 +13,9 @@ use crate::state::ColorTarget;
 /// The component of location 0 that alpha to coverage reads.
 pub const ALPHA: u32 = 3;
 
+/// The component of `@builtin(position)` that is a depth.
+const DEPTH: u32 = 2;
+
 /// How a fragment stage decides coverage and depth in a pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Decides {
@@ -54,6 +57,24 @@ impl Decides {
         );
         slice::backward(graph, entry, &criteria)
     }
+}
+
+/// Whether a slice of a fragment stage reads the depth that the rasteriser gives: the third component of `@builtin(position)`, which on some APIs (Vulkan, GL) has
+/// the depth bias in it and on others has not.
+pub fn reads_rasterised_depth(program: &Program, slice: &Slice) -> bool {
+    let module = program.module();
+    let function = &module.entry_points[slice.entry].function;
+    let is_position =
+        |b: Option<&Binding>| matches!(b, Some(Binding::BuiltIn(BuiltIn::Position { .. })));
+    let arguments = function.arguments.iter().zip(&slice.root().kept.arguments);
+    arguments
+        .filter_map(|(argument, need)| Some((argument, need.as_ref()?)))
+        .any(|(argument, need)| match &module.types[argument.ty].inner {
+            TypeInner::Struct { members, .. } if argument.binding.is_none() => (0..)
+                .zip(members)
+                .any(|(i, m)| is_position(m.binding.as_ref()) && need.below(&[i, DEPTH]).is_some()),
+            _ => is_position(argument.binding.as_ref()) && need.of(DEPTH).is_some(),
+        })
 }
 
 /// The colour targets a pass for coverage alone is drawn with: none, or under alpha to coverage the main pass's own, of which nothing is written.

@@ -317,6 +317,8 @@ fn bias_depth(module: &mut Module, bias: f32) {
     let Some(entry) = module.entry_points.last_mut() else {
         return;
     };
+    // A promise that the depth lies on one side of the rasterised one does not survive the bias.
+    entry.early_depth_test = None;
     let Some(result) = entry.function.result.clone() else {
         return;
     };

@@ -117,11 +117,13 @@ pub struct Params {
     pub quad: Quad,
     /// `quad=lane` where gradients are taken first: the largest difference of a channel (`max_abs`) that is allowed, 0 to 1. Elsewhere it is not used: nothing differs.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: Option<f64>,
     /// Drop hidden fragments, or show them.
     pub mode: Mode,
     /// A fixed tolerance in units of depth, at least 0, in place of the derived one.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
     pub tolerance: Option<f32>,
     /// `@group` of the depth texture; default: the highest group that the shader already uses.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -456,7 +458,7 @@ fn transform(
         Assumption::SameViewport,
         Assumption::OrdinaryNeighbours,
     ];
-    given.extend(opaque.coverage_assumptions());
+    given.extend(opaque.assumptions());
     if params.attachment == MainAttachment::Readonly {
         given.extend(invariant.assumptions(opaque));
         given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);

@@ -44,6 +44,18 @@ pub enum Form {
     Pulled,
     /// In a compute pass ahead of the frame, each new vertex once, into a buffer that an indexed draw reads.
     Shared,
+    /// As `shared`, but what was hoisted alone, and once, when the variant is loaded: where it reads nothing that changes. The position is interpolated in the vertex stage.
+    Static,
+}
+
+impl Form {
+    /// Whether the vertices of a whole mesh are made, those on a shared edge once.
+    pub fn is_indexed(self) -> bool {
+        match self {
+            Self::Pulled => false,
+            Self::Shared | Self::Static => true,
+        }
+    }
 }
 
 /// A subdivision, and how it is drawn.
@@ -51,7 +63,7 @@ pub enum Form {
 /// `pulled`: an index buffer holds `indices` `batch` times, the `i`-th time with `i * vertices.len()` added. With `triangles` in the author's draw, `batches` of
 /// them `ceil(triangles / batch)`, the draw is `drawIndexed(batch * indices.len(), batches * instances)`, of a triangle list, without vertex buffers.
 ///
-/// `shared`: the vertices and triangles of the whole mesh are made once, when it is loaded (`preshade_passes::tessellate::mesh::subdivide`), and the draw is
+/// `shared` and `static`: the vertices and triangles of the whole mesh are made once, when it is loaded (`preshade_passes::tessellate::mesh::subdivide`), and the draw is
 /// `drawIndexed(3 * triangles, instances)`, of a triangle list, without vertex buffers.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Subdivision {

@@ -55,7 +55,7 @@ mod vertex;
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Metric, Params};
 
-use choose::Choice;
+use choose::{Choice, Terms};
 use hoisted::{Failed, Wanted};
 use travel::{Carriage, Class, Stays};
 use values::{Node, ValueId, Values};
@@ -197,6 +197,37 @@ impl<'a> Material<'a> {
     }
 }
 
+/// The plan with one value carried as an approximation, and nothing else: what its interpolation is measured on. `id` is [`Candidate::id`].
+///
+/// # Errors
+/// Where nothing can be hoisted, or that value cannot.
+pub fn alone(plan: &Plan, id: &str) -> Result<Plan, Box<Refusal>> {
+    let params = Params {
+        budget: Some(1.0),
+        carry: Some(id.to_owned()),
+        ..Params::default()
+    };
+    let material = Material::examine(plan, &params)?;
+    let graph = Graph::build(material.program);
+    let values = material.values(&graph)?;
+    let (verdicts, value) = candidates::only(&values, id);
+    // Whether it pays is not the question.
+    let choice = value.and_then(|v| choose::one(&values, &verdicts, v));
+    let Some(choice) = choice else {
+        return Err(Box::new(Refusal::new(
+            Hoist::INFO.name,
+            "not-carried",
+            format!("there is no value `{id}`, or the varyings leave it no room"),
+            "take one of those that explain --scene lists",
+        )));
+    };
+    let found = Found::of(values, choice, Vec::new(), &material);
+    let program = found
+        .rebuild(&material)
+        .map_err(|why| Box::new(refuse(why)))?;
+    Ok(found.plan(plan, &material, program, &params))
+}
+
 /// A rebuild that failed.
 fn refuse(why: Failed) -> Refusal {
     let name = Hoist::INFO.name;
@@ -249,32 +280,53 @@ impl<'g, 'p> Found<'g, 'p> {
         let values = material.values(graph).map_err(|r| (r, Vec::new()))?;
         let verdicts = candidates::verdicts(&values, material, params, facts);
         let terms = params.terms(facts);
-        let left = left(&values, &verdicts, terms.weakest);
-        let Some(choice) = choose::choose(&values, &verdicts, &terms) else {
-            let mut refusal = nothing_pays(terms.weakest);
+        let found = Self::under(values, &verdicts, &terms, material);
+        found.map_err(|(mut refusal, left)| {
             refusal
                 .reason
                 .push_str(&params.best_measured(material.name, facts));
-            return Err((Box::new(refusal), left));
+            (refusal, left)
+        })
+    }
+
+    /// The cut of the values that may travel as `verdicts` say.
+    fn under(
+        values: Values<'g, 'p>,
+        verdicts: &[Result<Carriage, Stays>],
+        terms: &Terms,
+        material: &Material<'p>,
+    ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
+        let left = left(&values, verdicts, terms.weakest);
+        let Some(choice) = choose::choose(&values, verdicts, terms) else {
+            return Err((Box::new(nothing_pays(terms.weakest)), left));
         };
+        Ok(Self::of(values, choice, left, material))
+    }
+
+    fn of(
+        values: Values<'g, 'p>,
+        choice: Choice,
+        left: Vec<Left>,
+        material: &Material<'p>,
+    ) -> Self {
         let wanted = name_all(&values, &choice);
         let key = SiteKey {
             role: Role::Main,
             entry_point: material.pass.fragment.clone().unwrap_or_default(),
-            slice: hash(graph, &values, &choice),
+            slice: hash(&values, &choice),
             ordinal: 0,
         };
         let left = left
             .into_iter()
             .filter(|l| !wanted.iter().any(|w| w.name == l.name))
             .collect();
-        Ok(Self {
+        Self {
             values,
             choice,
             wanted,
             left,
             key,
-        })
+        }
     }
 
     fn site(&self, material: &Material<'_>) -> Site {
@@ -484,7 +536,7 @@ fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
 }
 
 /// Hash of what is carried: the slice that computes it.
-fn hash(graph: &Graph<'_>, values: &Values<'_, '_>, choice: &Choice) -> String {
+fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
     let criteria: Vec<Criterion> = choice
         .carried
         .iter()
@@ -496,7 +548,7 @@ fn hash(graph: &Graph<'_>, values: &Values<'_, '_>, choice: &Choice) -> String {
             })
         })
         .collect();
-    slice::backward(graph, values.entry, &criteria).hash
+    slice::backward(values.graph, values.entry, &criteria).hash
 }
 
 /// Named values and results of calls that stay, the dearest first: those whose users could not take them along either.

@@ -13,6 +13,7 @@
 //! Nothing in here reads a file, touches a GPU or asks the time.
 
 pub mod calls;
+pub mod channels;
 pub mod contract;
 pub mod count;
 pub mod coverage;

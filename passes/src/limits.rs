@@ -4,17 +4,19 @@ use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, Module, ShaderStage};
 
-use crate::plan::{BindingKind, BindingLayout, BindingUse, GpuPass};
+use crate::plan::{BindingKind, BindingLayout, BindingUse, ComputePass, GpuPass};
 use crate::program::Program;
 use crate::reflect::{self, Io};
 use crate::state::Topology;
 
 /// Limits by WebGPU's name, with the value that every WebGPU device has.
-pub const DEFAULTS: [(&str, u64); 13] = [
+pub const DEFAULTS: [(&str, u64); 15] = [
     ("maxBindGroups", 4),
     ("maxBindingsPerBindGroup", 1000),
     ("maxColorAttachmentBytesPerSample", 32),
     ("maxColorAttachments", 8),
+    ("maxComputeInvocationsPerWorkgroup", 256),
+    ("maxComputeWorkgroupSizeX", 256),
     ("maxInterStageShaderVariables", 16),
     ("maxSampledTexturesPerShaderStage", 16),
     ("maxSamplersPerShaderStage", 16),
@@ -29,7 +31,24 @@ pub const DEFAULTS: [(&str, u64); 13] = [
 /// What `pass` needs of each limit, where that is more than the default. Its bindings, attributes and targets must be filled in. The number
 /// of vertex buffers is the host's own choice, and so not among them.
 pub fn above_default(pass: &GpuPass, program: &Program) -> BTreeMap<String, u64> {
-    let needed = needed(pass, program);
+    above(needed(pass, program))
+}
+
+/// What a compute pass needs of each limit, where that is more than the default. Its bindings must be filled in.
+pub fn of_compute(pass: &ComputePass) -> BTreeMap<String, u64> {
+    let count = |kinds: &[BindingKind]| {
+        let bindings = pass.bindings.iter();
+        bindings.filter(|b| kinds.contains(&b.kind)).count() as u64
+    };
+    let mut needed = of_bindings(&pass.bindings, &count);
+    needed.extend([
+        ("maxComputeInvocationsPerWorkgroup", pass.workgroup.into()),
+        ("maxComputeWorkgroupSizeX", pass.workgroup.into()),
+    ]);
+    above(needed)
+}
+
+fn above(needed: BTreeMap<&'static str, u64>) -> BTreeMap<String, u64> {
     DEFAULTS
         .iter()
         .filter_map(|(name, default)| {
@@ -40,19 +59,38 @@ pub fn above_default(pass: &GpuPass, program: &Program) -> BTreeMap<String, u64>
 }
 
 fn needed(pass: &GpuPass, program: &Program) -> BTreeMap<&'static str, u64> {
-    use BindingKind as K;
-    let all = || pass.bindings.iter();
-    let highest = |numbers: &mut dyn Iterator<Item = u32>| numbers.max().map_or(0, |n| n + 1);
-    let per_stage = |kinds: &[K]| {
+    let per_stage = |kinds: &[BindingKind]| {
         let count = |visible: fn(&BindingUse) -> bool| {
-            all()
+            let bindings = pass.bindings.iter();
+            bindings
                 .filter(|b| visible(b) && kinds.contains(&b.kind))
                 .count()
         };
         count(|b| b.visibility.vertex).max(count(|b| b.visibility.fragment)) as u64
     };
+    let mut needed = of_bindings(&pass.bindings, &per_stage);
+    let locations = pass.attributes.iter().map(|a| u64::from(a.location) + 1);
+    needed.extend([
+        ("maxColorAttachmentBytesPerSample", bytes_per_sample(pass)),
+        ("maxColorAttachments", pass.targets.len() as u64),
+        ("maxInterStageShaderVariables", inter_stage(pass, program)),
+        ("maxVertexAttributes", locations.max().unwrap_or(0)),
+    ]);
+    needed
+}
+
+/// What bindings need. `per_stage` is the most of the given kinds that one stage sees.
+fn of_bindings(
+    bindings: &[BindingUse],
+    per_stage: &dyn Fn(&[BindingKind]) -> u64,
+) -> BTreeMap<&'static str, u64> {
+    use BindingKind as K;
+    let highest = |number: fn(&BindingUse) -> u32| {
+        let numbers = bindings.iter().map(|b| u64::from(number(b)) + 1);
+        numbers.max().unwrap_or(0)
+    };
     let largest = |uniform: bool| {
-        let sizes = all().filter_map(|b| match &b.layout {
+        let sizes = bindings.iter().filter_map(|b| match &b.layout {
             Some(BindingLayout::Buffer {
                 ty,
                 min_binding_size,
@@ -62,17 +100,8 @@ fn needed(pass: &GpuPass, program: &Program) -> BTreeMap<&'static str, u64> {
         sizes.max().unwrap_or(0)
     };
     BTreeMap::from([
-        (
-            "maxBindGroups",
-            u64::from(highest(&mut all().map(|b| b.group))),
-        ),
-        (
-            "maxBindingsPerBindGroup",
-            u64::from(highest(&mut all().map(|b| b.binding))),
-        ),
-        ("maxColorAttachmentBytesPerSample", bytes_per_sample(pass)),
-        ("maxColorAttachments", pass.targets.len() as u64),
-        ("maxInterStageShaderVariables", inter_stage(pass, program)),
+        ("maxBindGroups", highest(|b| b.group)),
+        ("maxBindingsPerBindGroup", highest(|b| b.binding)),
         (
             "maxSampledTexturesPerShaderStage",
             per_stage(&[K::Texture, K::DepthTexture]),
@@ -92,10 +121,6 @@ fn needed(pass: &GpuPass, program: &Program) -> BTreeMap<&'static str, u64> {
         ),
         ("maxUniformBufferBindingSize", largest(true)),
         ("maxUniformBuffersPerShaderStage", per_stage(&[K::Uniform])),
-        (
-            "maxVertexAttributes",
-            u64::from(highest(&mut pass.attributes.iter().map(|a| a.location))),
-        ),
     ])
 }
 

@@ -1,14 +1,16 @@
 //! Whether the plans of several materials may stand in one frame: a pre-pass of one changes which fragments of the others run, and in what depth they find.
 //!
-//! For ordinary opaque neighbours that changes nothing in the end. It does where a neighbour moves depth away again (a sky drawn with `always`), or where what it
-//! leaves behind counts fragments that end up hidden (stencil writes, stores).
+//! For ordinary opaque neighbours that changes nothing in the end. It does where a neighbour moves depth away again (a sky drawn with `always`), where what it
+//! leaves behind counts fragments that end up hidden (stencil writes, stores), and where hidden fragments show after all, in colour channels that what hides
+//! them does not write.
 
+use crate::channels::{self, Channels};
 use crate::graph::Graph;
 use crate::opaque;
 use crate::pass::Refusal;
 use crate::plan::{BindingSource, GpuPass, Phase, Plan, Role};
 
-/// Why `plan` may not draw its depth ahead in a frame with `neighbours`; `None` where it may, or does not.
+/// Why `plan` may not draw its depth ahead in a frame with `neighbours`; `None` where it may, or does not. The plan's own material may be among them.
 pub fn conflict<'a>(
     plan: &Plan,
     neighbours: impl IntoIterator<Item = &'a Plan>,
@@ -17,7 +19,12 @@ pub fn conflict<'a>(
     let draws_ahead = |p: &&GpuPass| matches!(p.role, Role::Prepass | Role::Ids);
     let prepass = plan.passes.iter().find(draws_ahead)?;
     let direction = prepass.depth.as_ref()?.compare.direction();
-    // Who takes the pre-pass's depth for the last word: by EQUAL, read-only, or as a texture. Nobody may have moved depth meanwhile.
+    let neighbours: Vec<&Plan> = neighbours
+        .into_iter()
+        .filter(|n| n.material != plan.material)
+        .collect();
+    // Who takes the pre-pass's depth for the last word: by EQUAL, read-only, or as a texture. Nobody may have moved depth meanwhile. Under a bias the author's own
+    // comparison goes on, and what a mover overdraws does not show: of its colour, `shows_through` makes sure.
     let samples =
         |b: &crate::plan::BindingUse| matches!(b.source, BindingSource::Attachment { .. });
     let main = plan.main().and_then(|p| Some((p, p.depth.as_ref()?)));
@@ -25,17 +32,21 @@ pub fn conflict<'a>(
     let trusts_depth = main.is_none_or(|(main, depth)| {
         depth.read_only || depth.compare.direction().is_none() || main.bindings.iter().any(samples)
     });
-    neighbours.into_iter().filter(|n| n.material != plan.material).find_map(|neighbour| {
+    let of_neighbour = |neighbour: &&Plan| {
         let pass = neighbour.main().filter(|p| p.phase == Phase::Opaque)?;
-        let moves_depth = pass.depth.as_ref().is_some_and(|d| d.write && d.compare.direction() != direction)
+        let moves_depth = pass
+            .depth
+            .as_ref()
+            .is_some_and(|d| d.write && d.compare.direction() != direction)
             && !neighbour.passes.iter().any(|p| draws_ahead(&p));
-        // Under a bias the author's own comparison goes on, and what a mover overdraws does not show; unless it leaves colour standing.
-        let opaque_colors = !pass.targets.is_empty() && pass.targets.iter().flatten().all(|t| t.write_mask == 0b1111);
-        if moves_depth && (trusts_depth || !opaque_colors) {
+        if moves_depth && trusts_depth {
             return Some(Refusal::new(
                 &step.pass,
                 "neighbour-moves-depth",
-                format!("material `{}` writes depth without comparing it, over what was drawn ahead of it", neighbour.material),
+                format!(
+                    "material `{}` writes depth without comparing it, over what was drawn ahead of it",
+                    neighbour.material
+                ),
                 "take depth-prepass:form=biased, which keeps the author's comparison, or draw that material in a phase of its own",
             ));
         }
@@ -49,6 +60,48 @@ pub fn conflict<'a>(
                 ),
                 "draw that material in a pass of its own, before the pre-pass or after the frame",
             )
+        })
+    };
+    neighbours
+        .iter()
+        .find_map(of_neighbour)
+        .or_else(|| shows_through(plan, &neighbours, &step.pass))
+}
+
+/// The refusal of a frame in which a fragment that some pre-pass drops may show in the end.
+///
+/// What a pre-pass drops lies behind a fragment of its material. As written it was drawn, and then covered: by that fragment, or by one still nearer which made
+/// that fragment fail. Either must write every channel that the dropped one wrote. So every opaque material that writes depth, with a pre-pass or without, must
+/// write every channel that any other opaque material writes. Draws of one material leave the same channels.
+fn shows_through(plan: &Plan, neighbours: &[&Plan], pass: &str) -> Option<Refusal> {
+    let opaque = |plan: &Plan| -> Option<(String, Channels, bool)> {
+        // The original's: a transformed main pass may leave writing depth to its pre-pass, and what is shaded from ids has none.
+        let original = plan.original.as_deref();
+        let (whole, main) = match (plan.main(), original) {
+            (Some(main), _) => (plan, main),
+            (None, original) => (original?, original?.main()?),
+        };
+        let main = Some(main).filter(|p| p.phase == Phase::Opaque)?;
+        let channels = channels::written(whole.program(main)?, main);
+        let original = original.and_then(Plan::main).unwrap_or(main);
+        let hides = original.depth.as_ref().is_some_and(|d| d.write);
+        Some((plan.material.clone(), channels, hides))
+    };
+    let materials: Vec<_> = std::iter::once(plan)
+        .chain(neighbours.iter().copied())
+        .filter_map(opaque)
+        .collect();
+    materials.iter().filter(|(_, _, hides)| *hides).find_map(|(front, written, _)| {
+        materials.iter().filter(|(behind, _, _)| behind != front).find_map(|(behind, needed, _)| {
+            let left = needed.left_by(written);
+            (!left.is_empty()).then(|| {
+                Refusal::new(
+                    pass,
+                    "color-mask",
+                    format!("material `{front}` hides what lies behind it and leaves {left} as it is, which material `{behind}` writes: there a hidden surface shows, if it was drawn first"),
+                    format!("let `{front}` write all channels that the frame's opaque materials write, or draw it in a pass of its own after them, without depth-prepass and early-discard"),
+                )
+            })
         })
     })
 }

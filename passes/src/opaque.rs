@@ -5,6 +5,7 @@
 
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
 
+use crate::channels;
 use crate::contract::Assumption;
 use crate::coverage::{self, Decides};
 use crate::graph::effect::{self, Effect};
@@ -37,9 +38,12 @@ pub struct Opaque<'a> {
 }
 
 impl<'a> Opaque<'a> {
-    /// What a promise rests on where the fragment stage decides coverage or depth in two passes.
-    pub fn coverage_assumptions(&self) -> Vec<Assumption> {
+    /// What a promise rests on beside depth: on how the fragment stage decides coverage in two passes, and on what shows where it writes no colour.
+    pub fn assumptions(&self) -> Vec<Assumption> {
         let mut given = Vec::new();
+        if !channels::writes_all(self.program, self.pass) {
+            given.push(Assumption::LeftChannelsUnwritten);
+        }
         if self.decides.anything() {
             given.push(Assumption::InvariantDiscard);
         }

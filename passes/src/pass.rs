@@ -151,9 +151,25 @@ pub struct Facts {
     /// Vertices shaded for each fragment shaded, over every camera measured.
     #[serde(default)]
     pub vertices_per_fragment: Option<f64>,
+    /// Uniforms that change over the cameras measured; `None`: not looked at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub changing: Option<Vec<Changing>>,
     /// What carrying each value of a fragment stage alone does to the picture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<Frequency>,
+}
+
+/// A uniform, or a member of one, that is not the same in all frames.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+pub struct Changing {
+    /// Name of the material.
+    pub material: String,
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+    /// Name of the member; `None` where the uniform is no struct.
+    pub member: Option<String>,
 }
 
 /// How well one value of a fragment stage is interpolated: the worst of the pictures that were drawn with it, and it alone, carried from the vertices.
@@ -167,6 +183,9 @@ pub struct Frequency {
     pub name: String,
     /// Static cost that carrying it would save a fragment, transport apart.
     pub cost: f64,
+    /// How far it is from what is interpolated of it, itself, over the scene's triangles; `None` where that was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolation: Option<Interpolation>,
     /// Largest difference of a colour channel at the output.
     pub max_abs: f64,
     /// Mean of FLIP over the picture.
@@ -177,6 +196,22 @@ pub struct Frequency {
     pub nan_pixels: u64,
     /// Where it is in the author's source.
     pub location: Option<Location>,
+}
+
+/// How far a value is from its interpolation over the triangles of a scene's meshes, wherever the camera stands: evaluated by the adapter at the corners and at
+/// points between them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Interpolation {
+    /// Largest difference of a component, in the value's own unit.
+    pub max: f64,
+    /// Mean difference of that component.
+    pub mean: f64,
+    /// Largest less least of that component over all points: what the differences are to be held against.
+    pub range: f64,
+    /// Points at which it or its interpolation is NaN or infinite.
+    pub not_finite: u64,
+    /// Points between corners that were evaluated, in all frames together.
+    pub points: u64,
 }
 
 impl Facts {

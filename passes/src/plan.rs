@@ -374,6 +374,40 @@ pub struct VertexBuffer {
     pub stride: u32,
 }
 
+/// When a compute pass runs.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum When {
+    /// Ahead of the render passes of each frame.
+    #[default]
+    Frame,
+    /// Once, when the variant and its meshes are loaded.
+    Load {
+        /// What it read and may not change afterwards: uniforms, or members of them, by name. Nor may the vertex buffers. A host that changes any runs it again.
+        fixed: Vec<String>,
+    },
+    /// In each frame, behind the render passes of this phase, over all materials.
+    Behind {
+        /// The phase.
+        phase: Phase,
+    },
+}
+
+impl When {
+    /// Whether it runs ahead of each frame.
+    pub fn is_frame(&self) -> bool {
+        *self == Self::Frame
+    }
+
+    /// The phase that it runs behind.
+    pub fn phase(&self) -> Option<Phase> {
+        match self {
+            Self::Behind { phase } => Some(*phase),
+            Self::Frame | Self::Load { .. } => None,
+        }
+    }
+}
+
 /// Compute work ahead of a frame's render passes, or among them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ComputePass {
@@ -381,9 +415,6 @@ pub struct ComputePass {
     pub program: String,
     /// Entry point.
     pub entry_point: String,
-    /// When it runs: behind the render passes of this phase, over all materials. `None`: ahead of all of them.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub phase: Option<Phase>,
     /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
     /// `x`, they go on in `y`. Of `full-screen` geometry the side of a square workgroup: a draw needs one invocation for each pixel of the scene's colour.
     pub workgroup: u32,
@@ -391,6 +422,15 @@ pub struct ComputePass {
     pub geometry: Geometry,
     /// Bindings its entry point uses; their stage is the compute stage.
     pub bindings: Vec<BindingUse>,
+    /// When it runs.
+    #[serde(default, skip_serializing_if = "When::is_frame")]
+    pub when: When,
+    /// WebGPU features it needs, as of a [`GpuPass`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub features: Vec<String>,
+    /// WebGPU limits it needs above their defaults, as of a [`GpuPass`].
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub limits: BTreeMap<String, u64>,
 }
 
 /// A step of the recipe, as it was applied.
@@ -491,7 +531,7 @@ pub struct Plan {
     /// Buffers of computed vertices.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub vertex_buffers: Vec<VertexBuffer>,
-    /// Compute work of each frame, ahead of all passes, for each draw of the material.
+    /// Compute work ahead of all passes, for each draw of the material.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub compute: Vec<ComputePass>,
     /// GPU passes in the order they run.
@@ -549,7 +589,10 @@ impl Plan {
                 bias: state.depth_bias,
                 read_only: false,
                 ops: AttachmentOps::default(),
-                stencil_ops: AttachmentOps::default(),
+                stencil_ops: state
+                    .depth_format
+                    .has_stencil()
+                    .then(AttachmentOps::default),
             }),
             stencil: state.stencil.clone(),
             multisample: state.multisample,

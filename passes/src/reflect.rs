@@ -7,7 +7,8 @@ use naga::{
 };
 
 use crate::plan::{
-    AttributeUse, BindingKind, BindingLayout, BindingSource, BindingUse, GpuPass, Visibility,
+    AttributeUse, BindingKind, BindingLayout, BindingSource, BindingUse, ComputePass, GpuPass,
+    Visibility,
 };
 use crate::program::Program;
 
@@ -278,8 +279,19 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
     pass.limits = crate::limits::above_default(pass, program);
 }
 
-/// WebGPU features that a pass needs, by name: from its state, and from the module it draws with.
-fn features(pass: &GpuPass, module: &Module) -> Vec<String> {
+/// Fills a compute pass's bindings, features and limits from the entry point it names, as [`fill`] does.
+pub fn fill_compute(pass: &mut ComputePass, program: &Program) {
+    let stages = [(ShaderStage::Compute, pass.entry_point.as_str())];
+    pass.bindings = bindings(program, &stages, &pass.bindings);
+    pass.features = match half_precision(program.module()) {
+        true => vec!["shader-f16".to_owned()],
+        false => Vec::new(),
+    };
+    pass.limits = crate::limits::of_compute(pass);
+}
+
+/// Whether a module computes with `f16`.
+fn half_precision(module: &Module) -> bool {
     let half = |inner: &TypeInner| inner.scalar() == Some(naga::Scalar::F16);
     // A conversion may be all there is of it: its type is then in no arena.
     let converts = |e: &naga::Expression| {
@@ -293,10 +305,15 @@ fn features(pass: &GpuPass, module: &Module) -> Vec<String> {
         )
     };
     let functions = module.functions.iter().map(|(_, f)| f);
-    let half_precision = module.types.iter().any(|(_, t)| half(&t.inner))
+    module.types.iter().any(|(_, t)| half(&t.inner))
         || functions
             .chain(module.entry_points.iter().map(|e| &e.function))
-            .any(|f| f.expressions.iter().any(|(_, e)| converts(e)));
+            .any(|f| f.expressions.iter().any(|(_, e)| converts(e)))
+}
+
+/// WebGPU features that a pass needs, by name: from its state, and from the module it draws with.
+fn features(pass: &GpuPass, module: &Module) -> Vec<String> {
+    let half_precision = half_precision(module);
     let is = |b: &Option<Binding>, builtin: naga::BuiltIn| *b == Some(Binding::BuiltIn(builtin));
     let stages = [
         (ShaderStage::Vertex, Some(pass.vertex.as_str())),

@@ -18,6 +18,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
+use crate::coverage;
 use crate::depth_only::{self, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
@@ -87,7 +88,7 @@ impl Pass for Shadow {
             bias: DepthBias::default(),
             read_only: false,
             ops: AttachmentOps::default(),
-            stencil_ops: AttachmentOps::default(),
+            stencil_ops: params.format.has_stencil().then(AttachmentOps::default),
         };
         depth_only::insert_own(
             &mut next,
@@ -108,6 +109,13 @@ impl Pass for Shadow {
             params: serde_json::to_value(params).unwrap_or_default(),
             contract: Contract::exact(),
         });
+        let decided = opaque.fragment.filter(|_| opaque.decides.anything());
+        if decided.is_some_and(|fragment| {
+            let slice = opaque.decides.slice(&opaque.graph, fragment);
+            coverage::reads_rasterised_depth(opaque.program, &slice)
+        }) {
+            next.notes.push("what the shadow pass discards, or writes as depth, depends on the z of @builtin(position): there that is the light's depth, on some APIs with the bias in it that the host sets".to_owned());
+        }
         depth_only::finish(&mut next, "original");
         if let Some(pass) = next.passes.iter_mut().find(|p| p.role == Role::Shadow) {
             pass.multisample = Multisample::default();

@@ -175,10 +175,10 @@ pub struct DepthState {
     /// Operations of the depth aspect. A read-only one has none, as WebGPU asks.
     #[serde(default)]
     pub ops: AttachmentOps,
-    /// Operations of the stencil aspect, of a format that has one. A pass that binds the attachment read-only and whose stencil state writes
-    /// nothing has none.
-    #[serde(default)]
-    pub stencil_ops: AttachmentOps,
+    /// Operations of the stencil aspect; `None` of a format that has none. A pass that binds the attachment read-only and whose stencil state writes
+    /// nothing does none of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stencil_ops: Option<AttachmentOps>,
 }
 
 /// Stencil operation (`GPUStencilOperation`).

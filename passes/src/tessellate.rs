@@ -19,24 +19,26 @@
 //!
 //! It hurts where triangles are small already, and where interpolating three corners costs more than what was hoisted.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use naga::valid::GlobalUse;
-use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
+use naga::{Handle, Module, ShaderStage};
 
 use crate::contract::Contract;
 use crate::geometry::{Form, Geometry, Subdivision};
-use crate::hoist::Hoist;
+use crate::graph::{FunctionId, Graph};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
 use crate::plan::{BindingKind, BindingSource, BindingUse, ComputePass, GeometryPart};
-use crate::plan::{GpuPass, Plan, Role, Step, VertexBuffer, Visibility};
+use crate::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
 use crate::program::Program;
 use crate::reflect;
-use crate::state::Topology;
 
 mod build;
+mod examine;
+mod fixed;
 pub mod mesh;
 pub mod native;
 pub mod pattern;
@@ -45,10 +47,10 @@ mod stored;
 mod text;
 
 use build::Functions;
-use pattern::{MAX_LEVEL, Pattern};
-use split::{Outputs, Split};
-use stored::Stored;
-use text::{Place, Text};
+use pattern::Pattern;
+use split::{Origin, Outputs, Split};
+use stored::{Evaluation, Stored};
+use text::{Order, Place, Points, Text};
 
 /// The pass.
 pub struct Tessellate;
@@ -63,6 +65,10 @@ pub struct Params {
     pub pattern: Pattern,
     /// Where the new vertices are computed.
     pub form: Form,
+    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after load, joined by `+`; default: those that are the same in all frames of the
+    /// scene, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fixed: Option<String>,
 }
 
 impl Default for Params {
@@ -71,12 +77,10 @@ impl Default for Params {
             level: 3,
             pattern: Pattern::default(),
             form: Form::default(),
+            fixed: None,
         }
     }
 }
-
-/// Storage buffers that every WebGPU device reads in a stage.
-const STORAGE_BUFFERS: usize = 8;
 
 /// Bindings of our own: the constants, the pattern, the indices, and a stream for each attribute, in this order from `first` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,8 +120,8 @@ impl Pass for Tessellate {
         hurts: "where triangles are small already: each new vertex costs what was hoisted, and three corners interpolated",
     };
 
-    fn sites(plan: &Plan, _: &Facts, params: &Params) -> Sites {
-        match Material::examine(plan, params) {
+    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
+        match Material::examine(plan, facts, params) {
             Ok(material) => Sites {
                 sites: vec![material.site(params)],
                 ..Sites::default()
@@ -131,11 +135,11 @@ impl Pass for Tessellate {
 
     fn apply(
         plan: &Plan,
-        _: &Facts,
+        facts: &Facts,
         site: &SiteKey,
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
-        let material = Material::examine(plan, params)?;
+        let material = Material::examine(plan, facts, params)?;
         if *site != material.key {
             return Err(refuse(
                 "stale",
@@ -167,218 +171,48 @@ struct Material<'a> {
     outputs: Outputs,
     contract: Contract,
     key: SiteKey,
+    /// `static`: what it reads that may not change after load.
+    fixed: Vec<String>,
 }
 
-impl<'a> Material<'a> {
-    fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Box<Refusal>> {
-        if !(1..=MAX_LEVEL).contains(&params.level) {
-            return Err(refuse(
-                "level",
-                format!("{} is no level of tessellation", params.level),
-                "give a level of 1 to 64",
-            ));
-        }
-        let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
-        let Some((pass, program)) = main else {
-            return Err(refuse(
-                "no-main-pass",
-                "the plan has no main pass",
-                "start from the original plan",
-            ));
-        };
-        let hoist = plan.steps.iter().rfind(|s| s.pass == Hoist::INFO.name);
-        let Some(hoist) = hoist else {
-            return Err(refuse(
-                "not-hoisted",
-                "nothing was moved to the vertices: more of them would change nothing but the time",
-                "put hoist:budget=0.01 before it in the recipe",
-            ));
-        };
-        if !matches!(hoist.contract, Contract::Approximate { .. }) {
-            return Err(refuse(
-                "nothing-bends",
-                "all that was hoisted interpolates to what it was: more vertices would change nothing but the time",
-                "give hoist a budget, so that it moves what bends",
-            ));
-        }
-        if plan.passes.len() > 1 {
-            return Err(refuse(
-                "has-prepass",
-                "another pass of the plan draws the same surface, undivided",
-                "tessellate first, then add the pre-pass: it is then divided alike",
-            ));
-        }
-        if pass.primitive.topology != Topology::TriangleList {
-            return Err(refuse(
-                "topology",
-                "only lists of triangles are divided (a strip's restarts are not followed)",
-                "draw a triangle list",
-            ));
-        }
-        let Some((vertex, _)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) else {
-            return Err(refuse(
-                "no-vertex-stage",
-                "the plan names a vertex stage that its program has not",
-                "start from the original plan",
-            ));
-        };
-        let module = program.module();
-        let Some(split) = split::split(module, vertex) else {
-            return Err(refuse(
-                "not-split",
-                "the vertex stage is not the one that hoist built",
-                "tessellate straight after hoist",
-            ));
-        };
-        Self::check_author(program, split.author)?;
-        Self::check_inputs(pass, &split, module)?;
-        Self::check_fragment(pass, program)?;
-        let outputs = Outputs::of(module, split.given).map_err(|(name, why)| {
-            refuse(
-                "varying",
-                format!("the varying `{name}` cannot be had at a new vertex: {why}"),
-                "make it a perspective-correct f32, or flat",
-            )
-        })?;
-        if params.form == Form::Shared && outputs.has_flat() {
-            return Err(refuse(
-                "flat-shared",
-                "a flat varying differs between the triangles around a vertex, which would share it",
-                "take form=pulled",
-            ));
-        }
-        Self::check_buffers(pass, params)?;
-        Ok(Self {
-            pass,
-            program,
-            vertex,
-            split,
-            outputs,
-            contract: hoist.contract.clone(),
-            key: SiteKey {
-                role: Role::Main,
-                entry_point: pass.vertex.clone(),
-                slice: hoist.site.slice.clone(),
-                ordinal: 0,
-            },
-        })
-    }
-
-    /// The author's stage runs three times in one invocation, and again for each new vertex.
-    fn check_author(program: &Program, author: Handle<naga::Function>) -> Result<(), Box<Refusal>> {
-        let module = program.module();
-        let info = &program.info()[author];
-        for (handle, global) in module.global_variables.iter() {
-            if !info[handle].contains(GlobalUse::WRITE) {
-                continue;
-            }
-            let name = global.name.as_deref().unwrap_or_default();
-            return Err(match global.space {
-                AddressSpace::Private => refuse(
-                    "vertex-state",
-                    format!(
-                        "the vertex stage keeps state in the private variable `{name}`, and it would run several times in one invocation"
-                    ),
-                    "make the variable local",
-                ),
-                _ => refuse(
-                    "vertex-stores",
-                    format!(
-                        "the vertex stage writes `{name}`, and it would run more often than the material has vertices"
-                    ),
-                    "move the writes to a pass of their own",
-                ),
-            });
-        }
-        Ok(())
-    }
-
-    fn check_inputs(pass: &GpuPass, split: &Split, module: &Module) -> Result<(), Box<Refusal>> {
-        let half = pass.attributes.iter().find(|a| a.ty.contains("f16"));
-        if let Some(attribute) = half {
-            return Err(refuse(
-                "half-attribute",
-                format!(
-                    "the attribute `{}` is of half precision, which is not decoded here",
-                    attribute.name
-                ),
-                "declare it f32: the vertex buffer's format may stay",
-            ));
-        }
-        let known = [BuiltIn::VertexIndex, BuiltIn::InstanceIndex];
-        for input in reflect::opened(module, &split.inputs) {
-            if let Some(Binding::BuiltIn(b)) = input.binding
-                && !known.contains(&b)
-            {
-                return Err(refuse(
-                    "vertex-builtin",
-                    format!("the vertex stage reads {b:?}, which a new vertex has not"),
-                    "leave it out",
-                ));
-            }
-        }
-        Ok(())
-    }
-
-    /// Every WebGPU device reads eight storage buffers in a stage (`maxStorageBuffersPerShaderStage`).
-    fn check_buffers(pass: &GpuPass, params: &Params) -> Result<(), Box<Refusal>> {
-        let storage = [BindingKind::StorageRead, BindingKind::StorageReadWrite];
-        let authors = pass.bindings.iter();
-        let authors = authors.filter(|b| b.visibility.vertex && storage.contains(&b.kind));
-        let count = authors.count() + pass.attributes.len() + 2;
-        if count <= STORAGE_BUFFERS {
-            return Ok(());
-        }
-        let stage = match params.form {
-            Form::Pulled => "vertex",
-            Form::Shared => "compute",
-        };
-        Err(refuse(
-            "storage-buffers",
-            format!(
-                "its {stage} stage would read {count} storage buffers, and WebGPU promises {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
-            ),
-            "pack attributes into fewer",
-        ))
-    }
-
-    /// What the fragment stage may know of the author's triangles.
-    fn check_fragment(pass: &GpuPass, program: &Program) -> Result<(), Box<Refusal>> {
-        let fragment = pass.fragment.as_deref();
-        let entry = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
-        let Some((_, entry)) = entry else {
-            return Ok(());
-        };
-        for input in reflect::inputs(program.module(), &entry.function) {
-            if let Some(Binding::BuiltIn(BuiltIn::PrimitiveIndex | BuiltIn::Barycentric { .. })) =
-                input.binding
-            {
-                return Err(refuse(
-                    "knows-triangles",
-                    "the fragment stage reads the index of its triangle, or its place in it: both would be the small ones'",
-                    "pass them as varyings",
-                ));
-            }
-        }
-        Ok(())
-    }
-
+impl Material<'_> {
     fn site(&self, params: &Params) -> Site {
         Site {
             key: self.key.clone(),
             what: self.describe(&subdivision(params)),
             location: None,
-            cost: SiteCost::default(),
+            cost: self.cost(),
+        }
+    }
+
+    /// What was hoisted, which each new vertex computes, of the whole vertex stage.
+    fn cost(&self) -> SiteCost {
+        let graph = Graph::build(self.program);
+        let whole = graph.entry_cost(self.vertex);
+        let author = graph.cost(FunctionId::Function(self.split.author));
+        SiteCost {
+            slice: whole - author,
+            whole,
         }
     }
 
     fn describe(&self, subdivision: &Subdivision) -> String {
         let form = match subdivision.form {
             Form::Pulled => "each triangle's own",
-            Form::Shared => "each once for all triangles around it",
+            Form::Shared | Form::Static => "each once for all triangles around it",
+        };
+        let when = match (subdivision.form, &self.fixed[..]) {
+            (Form::Pulled | Form::Shared, _) => String::new(),
+            (Form::Static, []) => " once, at load".to_owned(),
+            (Form::Static, fixed) => {
+                format!(
+                    " once, at load, and again where any of {} changes",
+                    fixed.join(", ")
+                )
+            }
         };
         format!(
-            "level {}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, what was hoisted is computed at each",
+            "level {}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, what was hoisted is computed at each{when}",
             subdivision.level,
             subdivision.indices.len() / 3,
             subdivision.vertices.len(),
@@ -392,6 +226,7 @@ impl<'a> Material<'a> {
         let program = match params.form {
             Form::Pulled => self.pulled(slots, &subdivision)?,
             Form::Shared => self.shared(&mut next, slots, &subdivision)?,
+            Form::Static => self.fixed(&mut next, slots, &subdivision)?,
         };
         let parts = self.parts(slots, params.form);
         for pass in &mut next.passes {
@@ -446,7 +281,8 @@ impl<'a> Material<'a> {
                 batch: subdivision.batch,
                 denominator: subdivision.denominator,
             },
-            stores: &[],
+            points: None,
+            order: Order::ByPosition,
         })?;
         self.program(&build::pulled(&functions, self.vertex), &self.entries())
     }
@@ -458,9 +294,7 @@ impl<'a> Material<'a> {
         slots: Slots,
         subdivision: &Subdivision,
     ) -> Result<Program, String> {
-        let module = self.program.module();
-        let result = self.split.rest.result.as_ref().map(|r| r.ty);
-        let layout = Stored::of(module, result.ok_or("the vertex stage gives nothing")?)?;
+        let layout = Stored::of(self.program.module(), self.result()?, |_| true)?;
         let functions = self.functions(&Text {
             attributes: &self.pass.attributes,
             widths: &self.outputs.widths(),
@@ -468,29 +302,112 @@ impl<'a> Material<'a> {
             place: Place::Record {
                 denominator: subdivision.denominator,
             },
-            stores: &layout.widths(),
+            points: Some((Points::Stored, &layout.widths())),
+            order: Order::ByPosition,
         })?;
-        let entry = format!("{}_points", self.pass.vertex);
-        let compute = stored::stored(&functions, self.vertex, &entry, &layout)?;
-        let entries = [(ShaderStage::Compute, entry.as_str())];
-        let compute = self.program(&compute, &entries)?;
-        let mut known = self.parts(slots, Form::Shared);
-        known.extend(self.pass.bindings.iter().cloned());
-        plan.compute.push(ComputePass {
+        let entry = self.compute_entry();
+        let compute = stored::stored(&functions, self.vertex, &entry, &layout, Evaluation::Vertex)?;
+        let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
+        self.add_compute(plan, (compute, entry), subdivision, &layout);
+        let main = stored::loaded(self.program.module().clone(), self.vertex, slots, &layout)?;
+        self.program(&main, &self.entries())
+    }
+
+    /// Adds the compute pass at load to `plan`; the program is the main pass's, which reads what that stored.
+    fn fixed(
+        &self,
+        plan: &mut Plan,
+        slots: Slots,
+        subdivision: &Subdivision,
+    ) -> Result<Program, String> {
+        let (compute, entry, layout) = self.at_load(slots, subdivision)?;
+        self.add_compute(plan, (compute, entry), subdivision, &layout);
+        let functions = self.functions(&Text {
+            attributes: &self.pass.attributes,
+            widths: &self.outputs.widths(),
+            slots,
+            place: Place::Record {
+                denominator: subdivision.denominator,
+            },
+            points: Some((Points::Loaded, &layout.widths())),
+            order: Order::ByPosition,
+        })?;
+        let origins = self.origins()?;
+        let main = fixed::read(&functions, self.vertex, &origins, &layout)?;
+        self.program(&main, &self.entries())
+    }
+
+    /// The program that computes what was hoisted alone, its entry point, and how that is stored.
+    fn at_load(
+        &self,
+        slots: Slots,
+        subdivision: &Subdivision,
+    ) -> Result<(Program, String, Stored), String> {
+        let origins = self.origins()?;
+        let is_hoisted = |index: u32| origins.get(index as usize) == Some(&Origin::Hoisted);
+        let layout = Stored::of(self.program.module(), self.result()?, is_hoisted)?;
+        let functions = self.functions(&Text {
+            attributes: &self.pass.attributes,
+            widths: &self.outputs.widths(),
+            slots,
+            place: Place::Record {
+                denominator: subdivision.denominator,
+            },
+            points: Some((Points::Stored, &layout.widths())),
+            order: Order::AsRecorded,
+        })?;
+        let entry = self.compute_entry();
+        let compute = fixed::kept(self.program, &functions, self.vertex, &entry, &layout)?;
+        let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
+        Ok((compute, entry, layout))
+    }
+
+    fn compute_entry(&self) -> String {
+        format!("{}_points", self.pass.vertex)
+    }
+
+    fn result(&self) -> Result<Handle<naga::Type>, String> {
+        let result = self.split.rest.result.as_ref().map(|r| r.ty);
+        result.ok_or_else(|| "the vertex stage gives nothing".to_owned())
+    }
+
+    fn origins(&self) -> Result<Vec<Origin>, String> {
+        let origins = self.split.origins();
+        origins.ok_or_else(|| "the vertex stage's result is not put together".to_owned())
+    }
+
+    fn add_compute(
+        &self,
+        plan: &mut Plan,
+        (program, entry_point): (Program, String),
+        subdivision: &Subdivision,
+        layout: &Stored,
+    ) {
+        let form = subdivision.form;
+        let mut bindings = self.parts(Slots::free(self.program.module()), form);
+        bindings.extend(self.pass.bindings.iter().cloned());
+        let mut pass = ComputePass {
             program: COMPUTE.to_owned(),
-            bindings: reflect::bindings(&compute, &entries, &known),
-            entry_point: entry,
-            phase: None,
+            entry_point,
             workgroup: text::WORKGROUP,
             geometry: Geometry::Subdivided(subdivision.clone()),
-        });
-        plan.programs.insert(COMPUTE.to_owned(), compute);
+            bindings,
+            when: match form {
+                Form::Static => When::Load {
+                    fixed: self.fixed.clone(),
+                },
+                Form::Pulled | Form::Shared => When::Frame,
+            },
+            features: Vec::new(),
+            limits: BTreeMap::new(),
+        };
+        reflect::fill_compute(&mut pass, &program);
+        plan.compute.push(pass);
+        plan.programs.insert(COMPUTE.to_owned(), program);
         plan.vertex_buffers.push(VertexBuffer {
             name: VERTICES.to_owned(),
             stride: layout.words * 4,
         });
-        let main = stored::loaded(module.clone(), self.vertex, slots, &layout)?;
-        self.program(&main, &self.entries())
     }
 
     /// Our own bindings, for [`reflect::fill`] to know where they come from.
@@ -501,7 +418,7 @@ impl<'a> Material<'a> {
         };
         let parts = match form {
             Form::Pulled => [constants, GeometryPart::Pattern, GeometryPart::Indices],
-            Form::Shared => {
+            Form::Shared | Form::Static => {
                 let buffer = VERTICES.to_owned();
                 let vertices = GeometryPart::Vertices { buffer };
                 [constants, GeometryPart::Points, vertices]

@@ -17,6 +17,8 @@
 //!
 //! It hurts where little is hidden, where vertices are dear (each pixel runs three), and where neighbouring pixels show far-apart instances, whose data no cache holds.
 
+use std::collections::BTreeMap;
+
 use naga::{Binding, ShaderStage};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -30,7 +32,7 @@ use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites
 use crate::place::{self, PositionInvariance};
 use crate::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
-    Draws, GeometryPart, GpuPass, Phase, Plan, Role, Step, Visibility,
+    Draws, GeometryPart, GpuPass, Phase, Plan, Role, Step, Visibility, When,
 };
 use crate::reflect;
 use crate::state::{
@@ -391,7 +393,7 @@ impl<'a> Material<'a> {
                 bias: DepthBias::default(),
                 read_only: false,
                 ops: AttachmentOps::default(),
-                stencil_ops: AttachmentOps::default(),
+                stencil_ops: None,
             }),
             targets: Vec::new(),
             bindings: vec![
@@ -489,16 +491,20 @@ impl<'a> Material<'a> {
                 }),
         );
         known.extend(pass.bindings.iter().cloned());
-        let bindings = reflect::bindings(&program, &entries, &known);
-        legal::storage_buffers(&bindings)?;
-        plan.compute.push(ComputePass {
+        let mut resolve = ComputePass {
             program: Role::Resolve.name().to_owned(),
             entry_point: resolve::COMPUTE.to_owned(),
-            phase: Some(Phase::Resolve),
+            when: When::Behind {
+                phase: Phase::Resolve,
+            },
             workgroup: resolve::WORKGROUP,
             geometry: Geometry::FullScreen,
-            bindings,
-        });
+            bindings: known,
+            features: Vec::new(),
+            limits: BTreeMap::new(),
+        };
+        reflect::fill_compute(&mut resolve, &program);
+        plan.compute.push(resolve);
         plan.programs
             .insert(Role::Resolve.name().to_owned(), program);
         let locations: Vec<u32> = targets.iter().map(|(l, _)| *l).collect();
@@ -556,7 +562,7 @@ impl<'a> Material<'a> {
                 bias: DepthBias::default(),
                 read_only: false,
                 ops: AttachmentOps::default(),
-                stencil_ops: AttachmentOps::default(),
+                stencil_ops: None,
             }),
             bindings,
             draws: Draws::Opaque,

@@ -149,27 +149,43 @@ fn control_dependence_over_jumps() {
     ));
 }
 
-#[test]
-fn trips_of_counted_loops() {
-    let program = common::program(
-        "@fragment fn fs(@location(0) x: f32) -> @location(0) f32 {
-            var a = 0.0;
-            for (var i = 0; i < 10; i++) { a += x; }
-            for (var i = 16u; i > 1u; i = i - 3u) { a += x; }
-            for (var i = 0; i < 10; i++) { for (var j = 0; j <= 2; j++) { a += x; } }
-            for (var i = 0; f32(i) < x; i++) { a += x; }
-            return a;
-        }",
-    );
+/// Of each loop of the body, in order.
+fn trips(body: &str) -> Vec<Option<u32>> {
+    let program = common::program(&format!(
+        "@fragment fn fs(@location(0) x: f32) -> @location(0) f32 {{ var a = 0.0;\n{body}\nreturn a; }}"
+    ));
     let graph = Graph::build(&program);
     let f = graph.function(FunctionId::EntryPoint(0));
-    let trips: Vec<Option<u32>> = f
-        .statements
+    f.statements
         .iter()
         .filter(|(_, n)| matches!(n.statement, Statement::Loop { .. }))
         .map(|(id, _)| cost::trips(program.module(), f, id))
-        .collect();
-    assert_eq!(trips, [Some(10), Some(5), Some(10), Some(3), None]);
+        .collect()
+}
+
+#[test]
+fn trips_of_counted_loops() {
+    let counted = trips(
+        "for (var i = 0; i < 10; i++) { a += x; }
+         for (var i = 16u; i > 1u; i = i - 3u) { a += x; }
+         for (var i = 0; i < 10; i++) { for (var j = 0; j <= 2; j++) { a += x; } }
+         for (var i = 0; f32(i) < x; i++) { a += x; }",
+    );
+    assert_eq!(counted, [Some(10), Some(5), Some(10), Some(3), None]);
+}
+
+/// A counter that leaves its range comes in at the other end: the first of these never ends, others end later than they seem to.
+#[test]
+fn a_counter_that_wraps_is_not_counted() {
+    let counted = trips(
+        "for (var i = 10u; i >= 0u; i -= 1u) { a += x; }
+         for (var i = 4294967290u; i <= 4294967295u; i += 1u) { a += x; }
+         for (var i = 2147483640i; i > 0; i += 4) { a += x; }
+         for (var i = 1i; i > 0; i = i * 65536) { a += x; }
+         for (var i = 4294967290u; i < 4294967295u; i += 1u) { a += x; }
+         for (var i = -3i; i < 3; i += 1) { a += x; }",
+    );
+    assert_eq!(counted, [None, None, None, None, Some(5), Some(6)]);
 }
 
 #[test]

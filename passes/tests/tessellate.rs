@@ -367,6 +367,7 @@ fn shared_vertices_are_computed_and_then_read() {
         form: preshade_passes::geometry::Form::Shared,
         pattern: Pattern::Uniform,
         level: 2,
+        ..Params::default()
     };
     let next = apply::<Tessellate>(&plan, &params).unwrap();
     let main = common::wgsl(next.program(next.main().unwrap()).unwrap());
@@ -423,4 +424,43 @@ fn what_cannot_be_divided_is_refused() {
         .replace("f32(in.kind)", "f32(p)");
     let primitive = format!("enable primitive_index;\n{primitive}");
     assert_eq!(refused(&primitive).code, "knows-triangles");
+}
+
+/// At load nothing but what was hoisted is computed and stored; the vertex stage interpolates the rest.
+#[test]
+fn what_is_static_is_stored_alone() {
+    let smooth = WAVES
+        .replace("@interpolate(flat) kind: u32", "kind: f32")
+        .replace("out.kind = kind.x", "out.kind = f32(kind.x)")
+        .replace("f32(in.kind)", "in.kind");
+    let plan = hoisted(&original(&smooth, &MaterialState::default()));
+    let params = Params {
+        form: preshade_passes::geometry::Form::Static,
+        fixed: Some("scene".to_owned()),
+        ..Params::default()
+    };
+    let next = apply::<Tessellate>(&plan, &params).unwrap();
+    let main = common::wgsl(next.program(next.main().unwrap()).unwrap());
+    let points = common::wgsl(&next.programs["points"]);
+    let of = |text: &str, from: &str| text[text.find(from).unwrap()..].to_owned();
+    insta::assert_snapshot!(format!(
+        "{}\n// points, from its end\n\n{}",
+        of(&main, "fn tessellated_load"),
+        of(&points, "fn vs_between")
+    ));
+}
+
+/// What a site costs is what was hoisted: more of it costs more, and the author's own vertex stage is no part of it.
+#[test]
+fn a_site_tells_what_each_new_vertex_costs() {
+    let cost = |source: &str| {
+        let plan = hoisted(&original(source, &MaterialState::default()));
+        let sites = Tessellate::sites(&plan, &Facts::default(), &Params::default());
+        sites.sites[0].cost
+    };
+    let once = cost(WAVES);
+    assert!(0.0 < once.slice && once.slice < once.whole, "{once:?}");
+    let dearer = cost(&WAVES.replace("out.uv = in.uv;", "out.uv = sin(cos(in.uv));"));
+    assert_eq!(dearer.slice, once.slice);
+    assert!(dearer.whole > once.whole);
 }

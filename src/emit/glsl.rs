@@ -106,10 +106,11 @@ pub(super) fn write(
 /// ones: with a coarse one three lanes of a quad may leave over the head of the fourth, whose derivatives are then undefined.
 pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
     early_discard::vote_shields_derivatives(plan).then(|| Form {
-        contract: plan.contract.clone().and(Contract::Approximate {
+        // Whatever the plan promises: a spoilt lane may be any colour.
+        contract: Contract::Approximate {
             metric: "max_abs".to_owned(),
             budget: 1.0,
-        }),
+        },
         why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss one of its lanes and spoil that lane's level of detail: nothing is promised. Take \
               early-discard:quad=lane with a budget, or measure"
             .to_owned(),
@@ -223,8 +224,11 @@ fn refuse_depth_loads(
 fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
     let (what, remedy) = match error {
         glsl::Error::MissingFeatures(features) => (
-            format!("{features:?}"),
-            "emit WGSL or SPIR-V, or, from GLSL ES, GLSL 4.50",
+            in_words(*features),
+            match target {
+                Target::GlslEs300 => "emit GLSL 4.50, WGSL or SPIR-V",
+                _ => "emit WGSL or SPIR-V",
+            },
         ),
         glsl::Error::ImageMultipleSamplers => (
             "one texture is sampled with two samplers, but GLSL combines a texture with one"
@@ -248,5 +252,62 @@ fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
         target,
         what,
         remedy: remedy.to_owned(),
+    }
+}
+
+/// What a language lacks, as an author would say it.
+fn in_words(features: glsl::Features) -> String {
+    use glsl::Features as F;
+    let words = [
+        (F::BUFFER_STORAGE, "storage buffers"),
+        (F::ARRAY_OF_ARRAYS, "arrays of arrays"),
+        (F::DOUBLE_TYPE, "64-bit floats"),
+        (F::FULL_IMAGE_FORMATS, "storage textures of this format"),
+        (F::MULTISAMPLED_TEXTURES, "multisampled textures"),
+        (
+            F::MULTISAMPLED_TEXTURE_ARRAYS,
+            "arrays of multisampled textures",
+        ),
+        (F::CUBE_TEXTURES_ARRAY, "arrays of cube textures"),
+        (F::COMPUTE_SHADER, "compute shaders"),
+        (
+            F::IMAGE_LOAD_STORE,
+            "storage textures, or a forced early depth test",
+        ),
+        (F::CONSERVATIVE_DEPTH, "a conservative early depth test"),
+        (
+            F::NOPERSPECTIVE_QUALIFIER,
+            "interpolation without perspective (`linear`)",
+        ),
+        (F::SAMPLE_QUALIFIER, "interpolation at each sample"),
+        (F::CLIP_DISTANCE, "clip distances"),
+        (F::CULL_DISTANCE, "cull distances"),
+        (F::SAMPLE_VARIABLES, "sample_index or sample_mask"),
+        (
+            F::DYNAMIC_ARRAY_SIZE,
+            "arrays of a length known at run time",
+        ),
+        (F::MULTI_VIEW, "several views"),
+        (F::TEXTURE_SAMPLES, "the number of samples of a texture"),
+        (F::TEXTURE_LEVELS, "the number of levels of a texture"),
+        (F::IMAGE_SIZE, "the size of a storage texture"),
+        (F::DUAL_SOURCE_BLENDING, "dual source blending"),
+        (
+            F::TEXTURE_SHADOW_LOD,
+            "levels of detail of shadow textures of cubes and arrays",
+        ),
+        (F::SUBGROUP_OPERATIONS, "subgroup operations"),
+        (F::TEXTURE_ATOMICS, "atomics on textures"),
+        (F::SHADER_BARYCENTRICS, "barycentric coordinates"),
+        (F::PRIMITIVE_INDEX, "primitive_index"),
+    ];
+    let named: Vec<&str> = words
+        .iter()
+        .filter(|(feature, _)| features.contains(*feature))
+        .map(|(_, word)| *word)
+        .collect();
+    match named[..] {
+        [] => "something of a later version".to_owned(),
+        _ => named.join(", "),
     }
 }

@@ -42,7 +42,7 @@ mod wgsl;
 
 use std::collections::BTreeMap;
 
-use naga::ShaderStage;
+use naga::{ImageClass, ShaderStage, TypeInner};
 use preshade_passes::plan::{GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
 use schemars::JsonSchema;
@@ -211,7 +211,9 @@ pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<Fi
         Err(Error::Writer {
             file: plan.material.clone(),
             target: targets.first().copied().unwrap_or(Target::Wgsl),
-            message: format!("it panicked: {panicked}"),
+            message: format!(
+                "it gave up half-way, which is a bug; please report it with the shader ({panicked})"
+            ),
         })
     })
 }
@@ -231,6 +233,7 @@ type WrittenFiles = BTreeMap<(String, Written, Target), StageFile>;
 fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
     #[cfg(feature = "glsl")]
     tess::check(plan, targets)?;
+    refuse_external_textures(plan, targets)?;
     let mut files = Vec::new();
     let written = write_programs(plan, targets, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
@@ -241,6 +244,32 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
     };
     files.push(plan_json::file(plan, &written, fallback));
     Ok(files)
+}
+
+/// `texture_external` is WebGPU's alone: no other language has a word for it.
+fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+    let Some(target) = targets.iter().find(|t| **t != Target::Wgsl) else {
+        return Ok(());
+    };
+    let external = plan.programs.values().find_map(|program| {
+        let module = program.module();
+        let mut globals = module.global_variables.iter();
+        globals.find_map(|(_, g)| match module.types[g.ty].inner {
+            TypeInner::Image {
+                class: ImageClass::External,
+                ..
+            } => Some(g.name.clone().unwrap_or_default()),
+            _ => None,
+        })
+    });
+    external.map_or(Ok(()), |name| {
+        Err(Error::Inexpressible {
+            file: plan.material.clone(),
+            target: *target,
+            what: format!("the external texture `{name}`"),
+            remedy: "emit WGSL, or bind it as texture_2d<f32>".to_owned(),
+        })
+    })
 }
 
 /// Adds the files of the programs that the passes of `plan` draw with.

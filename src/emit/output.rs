@@ -15,6 +15,11 @@ use super::File;
 /// # Errors
 /// What the file system says, with the path. The temporary files are removed.
 pub fn write(dir: &Path, files: &[File]) -> io::Result<Vec<PathBuf>> {
+    // "File exists", the system would say.
+    if let Some(file) = dir.ancestors().find(|a| a.is_file()) {
+        let message = format!("{} is a file, not a folder", file.display());
+        return Err(io::Error::new(io::ErrorKind::NotADirectory, message));
+    }
     fs::create_dir_all(dir).map_err(|e| at(dir, &e))?;
     let mut staged = Staged(Vec::new());
     for file in files {

@@ -1,7 +1,7 @@
 //! A program as WGSL text that naga, Tint and a reader can take.
 
 use naga::back::wgsl::{Writer, WriterFlags};
-use preshade_passes::contract::Contract;
+use preshade_passes::contract::{Budget, Contract};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 
@@ -120,8 +120,9 @@ fn contract(contract: &Contract) -> String {
             format!("exact, given {}", given.join(", "))
         }
         Contract::Rounding { k } => format!("rounding, k = {k}"),
-        Contract::Approximate { metric, budget } => {
-            format!("approximate, {metric} at most {budget}")
+        Contract::Approximate { .. } | Contract::Budgets { .. } => {
+            let budgets: Vec<String> = contract.budgets().iter().map(Budget::to_string).collect();
+            format!("approximate, {}", budgets.join(", "))
         }
     }
 }

@@ -6,6 +6,7 @@ use preshade_passes::hoist::{self, Hoist, Metric};
 use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::plan::Plan;
 
+use super::interpolation::interpolation;
 use super::{Error, ErrorLadder, compare, originals, variant};
 use crate::recipe::Recipe;
 use crate::render::{
@@ -27,7 +28,8 @@ pub fn frequencies(
     let scene = &small(scene);
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = originals(scene);
-    let references = pictures(&inputs, &plans, form)?;
+    let frames = choosing(scene);
+    let references = pictures(&inputs, &plans, &frames, form)?;
     // Materials of one shader have the same candidates, and are measured together.
     let mut candidates: BTreeMap<String, Vec<(usize, hoist::Candidate)>> = BTreeMap::new();
     for (material, plan) in plans.iter().enumerate() {
@@ -46,22 +48,27 @@ pub fn frequencies(
         let carried: Vec<_> = of
             .iter()
             .filter_map(|(material, candidate)| {
-                changed[*material] = carried_alone(&plans[*material], id)?;
+                changed[*material] = hoist::alone(&plans[*material], id).ok()?;
                 Some((material, candidate))
             })
             .collect();
         if carried.is_empty() {
             continue;
         }
-        let Ok(drawn) = pictures(&inputs, &changed, form) else {
+        let Ok(drawn) = pictures(&inputs, &changed, &frames, form) else {
             continue;
         };
         let worst = worst(&references, &drawn)?;
+        let materials: Vec<usize> = carried.iter().map(|(material, _)| **material).collect();
+        // What cannot be evaluated away from a picture is still known by it.
+        let interpolation =
+            interpolation(&inputs, &plans, &materials, id, form).unwrap_or_default();
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
             value: id.clone(),
             name: candidate.name.clone(),
             cost: candidate.cost,
+            interpolation,
             max_abs: worst.max_abs,
             flip_mean: worst.flip_mean,
             flip_p99: worst.flip_p99,
@@ -86,42 +93,42 @@ fn small(scene: &Scene) -> Scene {
     scene.clone().resized([side(width), side(height)])
 }
 
-/// The frames that choices are made on: the first of every camera and the middle of its path. The others are there to check them.
+/// The frames that candidates are measured on: the first of every camera and the middle of its path.
 pub fn choosing(scene: &Scene) -> Vec<&Frame> {
-    scene
-        .cameras
-        .iter()
-        .flat_map(|c| {
-            let chosen: BTreeSet<usize> = BTreeSet::from([0, c.frames.len() / 2]);
-            chosen.into_iter().filter_map(|i| c.frames.get(i))
-        })
-        .collect()
+    spread(scene, 2)
 }
 
-/// The plan with that value carried as an approximation, and no other.
-fn carried_alone(plan: &Plan, id: &str) -> Option<Plan> {
-    let params = hoist::Params {
-        budget: Some(1.0),
-        carry: Some(id.to_owned()),
-        // Whether it pays is not the question.
-        vertices_per_fragment: Some(0.0),
-        ..hoist::Params::default()
+/// Frames of a path on which a choice has to keep the budget. The others are there to check it.
+const KEPT_ON: usize = 9;
+
+/// The part of the budget that a choice may use up on those frames: what lies between them may be a little worse.
+const MARGIN: f64 = 0.9;
+
+/// At most `most` frames of every camera's path, evenly spaced from its first.
+fn spread(scene: &Scene, most: usize) -> Vec<&Frame> {
+    let of = |frames: &'_ [Frame]| -> BTreeSet<usize> {
+        (0..most).map(|i| i * frames.len() / most).collect()
     };
-    let facts = Facts::default();
-    let sites = Hoist::sites(plan, &facts, &params);
-    Hoist::apply(plan, &facts, &sites.sites.first()?.key, &params).ok()
+    let cameras = scene.cameras.iter();
+    cameras
+        .flat_map(|c| {
+            let chosen = of(&c.frames).into_iter();
+            chosen.filter_map(|i| c.frames.get(i))
+        })
+        .collect()
 }
 
 fn pictures(
     inputs: &SceneInputs<'_>,
     plans: &[Plan],
+    frames: &[&Frame],
     form: ShaderForm,
 ) -> Result<Vec<Rendered>, Error> {
     let scene = inputs.scene();
     let host = HostVariant::new(plans, form)?;
     let mut prepared = Prepared::new(inputs, &host, &FrameSettings::of(scene))?;
-    choosing(scene)
-        .into_iter()
+    frames
+        .iter()
         .map(|frame| {
             inputs.set_frame(frame)?;
             prepared.aim(frame, DrawOrder::AsGiven);
@@ -150,7 +157,7 @@ fn is_open(step: &crate::recipe::Step) -> bool {
         && !step.params.contains_key("carry")
 }
 
-/// The recipe with the threshold on measured errors that saves most and keeps the budget on the frames that choices are made on. Errors do not add along a
+/// The recipe with the threshold on measured errors that saves most and keeps the budget, less a margin, on frames along every path. Errors do not add along a
 /// cut, so that each threshold is drawn: from the largest, halving the interval.
 ///
 /// # Errors
@@ -165,7 +172,8 @@ pub fn within_budget(
     let mut recipe = recipe.clone();
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = originals(scene);
-    let references = pictures(&inputs, &plans, form)?;
+    let frames = spread(scene, KEPT_ON);
+    let references = pictures(&inputs, &plans, &frames, form)?;
     for index in 0..recipe.steps.len() {
         let step = &recipe.steps[index];
         let Ok(params) = serde_json::from_value::<hoist::Params>(step.params.clone().into()) else {
@@ -187,14 +195,14 @@ pub fn within_budget(
             let mut tried = recipe.clone();
             set(&mut tried.steps[index], threshold);
             let tried = variant(&plans, &tried, facts);
-            let drawn = pictures(&inputs, &tried.plans, form)?;
+            let drawn = pictures(&inputs, &tried.plans, &frames, form)?;
             let worst = worst(&references, &drawn)?;
             let error = match params.metric {
                 Metric::FlipMean => worst.flip_mean,
                 Metric::FlipP99 => worst.flip_p99,
                 Metric::MaxAbs => worst.max_abs,
             };
-            Ok(error <= budget && worst.nan_pixels == 0)
+            Ok(error <= MARGIN * budget && worst.nan_pixels == 0)
         };
         // `low` keeps it: with nothing approximate there is nothing to break it.
         let (mut low, mut high) = (0, thresholds.len());

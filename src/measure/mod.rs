@@ -1,22 +1,29 @@
 //! What a variant costs in accuracy and gains in time, measured beside the original.
 //!
-//! [`error`] compares two pictures, [`shading`] counts fragments and depth ties, [`timing`] times frames, [`statistics`] asks the adapter what it
-//! invoked; [`frequency`] finds what can be interpolated; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, [`sweep`] at
-//! several values of one of its variables.
+//! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames, [`shading`] counts fragments and depth ties, [`timing`] times frames,
+//! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself;
+//! [`mod@junctions`] finds edges that two draws divide differently; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
+//! [`crossover`] tells at which value of a scene's variable one variant overtakes another.
 
+pub mod changing;
+pub mod crossover;
 pub mod error;
 pub mod frequency;
+pub mod interpolation;
+pub mod junctions;
 pub mod shading;
 pub mod shadow;
 pub mod statistics;
-pub mod sweep;
 pub mod timing;
 pub mod variant;
 pub mod verdict;
 pub mod verify;
 
+pub use changing::changing;
 pub use error::{ErrorLadder, compare};
 pub use frequency::{frequencies, leaves_a_choice, within_budget, written_out};
+pub use interpolation::interpolation;
+pub use junctions::{Junction, junctions};
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};

@@ -222,6 +222,7 @@ pub fn facts(
         undiscarded_depth_ties: ties(Discarded::Counted)?,
         near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
         vertices_per_fragment: vertices_per_fragment(&inputs, &plans, form, &count)?,
+        changing: super::changing(scene).ok(),
         frequencies: Vec::new(),
     })
 }
@@ -391,7 +392,7 @@ fn counting_plan(
     }
     // What a compute pass shades is counted by a pass over the same pixels.
     for compute in std::mem::take(&mut out.compute) {
-        if compute.phase.is_none() {
+        if compute.when.phase().is_none() {
             out.compute.push(compute);
             continue;
         }

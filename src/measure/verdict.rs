@@ -1,6 +1,7 @@
 //! Whether a difference keeps a contract.
 
-use preshade_passes::contract::{Assumption, Contract};
+use preshade_passes::contract::{Assumption, Budget, Contract};
+use preshade_passes::plan::{GpuPass, Phase, Plan};
 
 use super::ErrorLadder;
 
@@ -33,15 +34,52 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
                 )
             })
         }
-        Contract::Approximate { metric, budget } => {
-            let value = match metric.as_str() {
-                "flip_mean" => error.flip_mean,
-                "flip_p99" => error.flip_p99,
-                _ => error.max_abs,
-            };
-            // A NaN keeps no budget.
-            let kept = value <= *budget;
-            (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+        Contract::Approximate { .. } | Contract::Budgets { .. } => {
+            let broken: Vec<String> = contract
+                .budgets()
+                .iter()
+                .filter_map(|Budget { metric, budget }| {
+                    let value = measured(metric, error);
+                    // A NaN keeps no budget.
+                    let kept = value <= *budget;
+                    (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+                })
+                .collect();
+            (!broken.is_empty()).then(|| broken.join(", "))
         }
     }
+}
+
+/// What a budget in this metric is held against.
+pub fn measured(metric: &str, error: &ErrorLadder) -> f64 {
+    match metric {
+        "flip_mean" => error.flip_mean,
+        "flip_p99" => error.flip_p99,
+        _ => error.max_abs,
+    }
+}
+
+/// What an empty picture of `plans` is put down to, if they are all opaque: the vertex stages, and what they make a position of.
+pub(super) fn nothing_drawn(plans: &[Plan]) -> Option<String> {
+    let main = || plans.iter().filter_map(|p| Some((p, p.main()?)));
+    if main().any(|(_, pass)| pass.phase != Phase::Opaque) {
+        return None;
+    }
+    let reads = |(plan, pass): (&Plan, &GpuPass)| {
+        let names: Vec<String> = pass
+            .attributes
+            .iter()
+            .map(|a| format!("`{}` at location {}", a.name, a.location))
+            .collect();
+        match names[..] {
+            [] => format!("`{}` reads no vertex attribute", plan.material),
+            _ => format!("`{}` reads {}", plan.material, names.join(", ")),
+        }
+    };
+    let read: Vec<String> = main().map(reads).collect();
+    Some(format!(
+        "nothing is drawn in any view, so no picture tells anything: every triangle lies outside of the view, faces away or is discarded. Look whether the vertex \
+         stage gets a mesh's positions ({})",
+        read.join("; ")
+    ))
 }

@@ -5,14 +5,15 @@ use preshade_passes::plan::{GpuPass, Plan};
 
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
-use super::verdict::{breaks, needs_invariant_original};
+use super::verdict::{breaks, needs_invariant_original, nothing_drawn};
 use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shadow, time};
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm,
     Variant as HostVariant, order, self_test,
 };
 use crate::report::{
-    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, VariantReport, ViewReport, path,
+    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, VariantReport, ViewReport,
+    Worst, path,
 };
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
@@ -94,12 +95,16 @@ struct Subject<'a> {
     counter: Option<Counter<'a>>,
     report: VariantReport,
     pictures: Option<Pictures>,
+    /// The largest error yet, by mean FLIP and then by changed pixels, and its pictures unless it is the headline's.
+    worst: Option<((f64, u64), Option<Worst>)>,
     /// First view that broke the contract.
     broken: Option<String>,
     /// What drawing its shadow passes under the light says; `None`: it has none, or they were not drawn yet.
     shadow: Option<Verdict>,
     /// Pixels with anything opaque in them, over the views counted.
     covered: Option<u64>,
+    /// What to say of a picture with nothing in it; `None` where blended draws, which are not counted, may be in it.
+    empty: Option<String>,
 }
 
 /// Draws every view of `scene` with the original and with `variants`, compares, counts and times them.
@@ -200,6 +205,7 @@ pub fn verify(
         depth_ties: depth_ties.filter(|_| lost.is_none()),
         assumed: bind::guessed(scene),
         variants: Vec::new(),
+        sweeps: Vec::new(),
     };
     let mut pictures = Vec::new();
     for subject in subjects {
@@ -388,14 +394,17 @@ impl<'a> Subject<'a> {
                 cost: None,
                 shadow: None,
                 self_test: Vec::new(),
+                junctions: super::junctions(inputs.scene(), &variant.plans),
                 kept: variant.kept.clone(),
                 by_path: Vec::new(),
                 by_view: Vec::new(),
             },
             pictures: None,
+            worst: None,
             broken: None,
             shadow: None,
             covered: None,
+            empty: nothing_drawn(&variant.plans),
         };
         let built = || -> Result<_, Error> {
             let host = HostVariant::new(&variant.plans, settings.form)?;
@@ -452,6 +461,20 @@ impl<'a> Subject<'a> {
         }
         if view.headline {
             self.pictures = Pictures::new(&self.report.name, reference, picture);
+        }
+        let key = (error.flip_mean, error.changed_pixels);
+        if key > self.worst.as_ref().map_or((0.0, 0), |w| w.0) {
+            let pictures = match view.headline {
+                // Those are kept anyway.
+                true => None,
+                false => Pictures::new(&self.report.name, reference, picture),
+            };
+            let worst = pictures.map(|p| Worst {
+                view: view.to_string(),
+                variant: p.variant,
+                difference: p.difference,
+            });
+            self.worst = Some((key, worst));
         }
         self.add_view(view, error);
         Ok(())
@@ -564,11 +587,18 @@ impl<'a> Subject<'a> {
                     why: "no opaque surface is seen in any view".to_owned(),
                 };
             }
+            (None, None) if drawn && self.covered == Some(0) && self.empty.is_some() => {
+                self.report.verdict = Verdict::NotMeasured {
+                    why: self.empty.unwrap_or_default(),
+                };
+            }
             (None, None) if drawn => self.report.verdict = Verdict::Holds,
             (None, None) => {}
         }
         self.report.by_path = path::times(&self.report.by_view);
         let is_original = self.report.name == ORIGINAL;
-        (self.report, self.pictures.filter(|_| !is_original))
+        let worst = self.worst.and_then(|(_, worst)| worst);
+        let pictures = self.pictures.map(|p| Pictures { worst, ..p });
+        (self.report, pictures.filter(|_| !is_original))
     }
 }

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::geometry::Geometry;
-use preshade_passes::plan::{Phase, Plan};
+use preshade_passes::plan::{Plan, When};
 
 use super::Error;
 use super::drawn::DrawTable;
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
 use super::layout::{self, Made, Stages};
+use super::limits;
 use super::shader::Variant;
 use super::subdivided::Meshes;
 use super::targets::Targets;
@@ -18,7 +19,7 @@ use super::targets::Targets;
 pub(super) struct PreparedCompute {
     pipeline: wgpu::ComputePipeline,
     dispatches: Vec<Dispatch>,
-    phase: Option<Phase>,
+    when: When,
 }
 
 struct Dispatch {
@@ -44,6 +45,10 @@ pub(super) fn prepare(
         for (pass, stage) in plan.compute.iter().zip(stages) {
             let failed = |message: String| failed(plan, message);
             let what = format!("the compute pass of material `{}`", plan.material);
+            for feature in &pass.features {
+                gpu.require(&what, feature)?;
+            }
+            limits::check(gpu, &what, &pass.limits)?;
             let shader = shaders
                 .get(stage.shader.as_str())
                 .ok_or_else(|| failed(format!("there is no shader `{}`", stage.shader)))?;
@@ -94,7 +99,7 @@ pub(super) fn prepare(
             prepared.extend(pipeline.map(|pipeline| PreparedCompute {
                 pipeline,
                 dispatches,
-                phase: pass.phase,
+                when: pass.when.clone(),
             }));
         }
     }
@@ -133,17 +138,44 @@ fn build(
     })
 }
 
-/// Encodes those that run behind the render passes of one of these phases; `None` is ahead of all.
+/// Encodes those that run then.
 pub(super) fn encode(
     passes: &[PreparedCompute],
-    runs: impl Fn(Option<Phase>) -> bool,
+    then: impl Fn(&When) -> bool,
     encoder: &mut wgpu::CommandEncoder,
 ) {
-    if !passes.iter().any(|p| runs(p.phase)) {
+    encode_those(passes.iter().filter(|p| then(&p.when)), encoder);
+}
+
+/// Runs those that run once.
+///
+/// # Errors
+/// What the adapter says.
+pub(super) fn load(gpu: &Gpu, passes: &[PreparedCompute]) -> Result<(), Error> {
+    let once = || {
+        let is_once = |p: &&PreparedCompute| matches!(p.when, When::Load { .. });
+        passes.iter().filter(is_once)
+    };
+    if once().next().is_none() {
+        return Ok(());
+    }
+    gpu.checked("computing what is kept from load", || {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encode_those(once(), &mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+    })
+}
+
+fn encode_those<'p>(
+    passes: impl Iterator<Item = &'p PreparedCompute>,
+    encoder: &mut wgpu::CommandEncoder,
+) {
+    let mut passes = passes.peekable();
+    if passes.peek().is_none() {
         return;
     }
     let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-    for pass in passes.iter().filter(|p| runs(p.phase)) {
+    for pass in passes {
         compute.set_pipeline(&pass.pipeline);
         for dispatch in &pass.dispatches {
             for (group, bindings) in &dispatch.groups {

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
 use preshade_passes::geometry::Geometry;
-use preshade_passes::plan::{Draws, Phase};
+use preshade_passes::plan::{Draws, Phase, When};
 use preshade_passes::state::StoreOp;
 
 use super::drawn::DrawTable;
@@ -42,6 +42,17 @@ pub struct Rendered {
     pub colors: Vec<Option<ColorImage>>,
     /// The scene's depth, every sample of it. `None` where the frame has no such attachment.
     pub depth: Option<DepthImage>,
+}
+
+/// The vertices that a compute pass stored for a draw.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ComputedVertices {
+    /// Index of the draw in the scene.
+    pub draw: usize,
+    /// What each vertex of one instance is made of, as [`preshade_passes::tessellate::mesh::Mesh::points`].
+    pub points: Vec<[u32; 4]>,
+    /// The vertices, instance by instance, each the same number of words.
+    pub words: Vec<u32>,
 }
 
 /// A variant ready to be drawn: targets, pipelines, bind groups.
@@ -129,6 +140,7 @@ impl<'a> Prepared<'a> {
             message,
         })?;
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;
+        compute::load(inputs.gpu(), &compute)?;
         let mut passes = Vec::new();
         for frame_pass in &variant.frame().passes {
             let mut pass = PreparedPass {
@@ -259,6 +271,41 @@ impl<'a> Prepared<'a> {
         }
     }
 
+    /// Runs the compute passes and reads back the vertices they store, for each draw that has any.
+    ///
+    /// # Errors
+    /// [`Error::Lost`], [`Error::Refused`].
+    pub fn computed_vertices(&self) -> Result<Vec<ComputedVertices>, Error> {
+        let what = "reading computed vertices back";
+        let device = &self.gpu.device;
+        let mut encoder = device.create_command_encoder(&Default::default());
+        compute::encode(&self.compute, When::is_frame, &mut encoder);
+        let mut copies = Vec::new();
+        for (draw, points, buffer) in self.meshes.computed() {
+            let copy = self.gpu.checked(what, || {
+                device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(what),
+                    size: buffer.size(),
+                    usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                    mapped_at_creation: false,
+                })
+            })?;
+            encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
+            copies.push((draw, points, copy));
+        }
+        self.gpu.submit(what, encoder)?;
+        let read = |(draw, points, copy): (usize, &[[u32; 4]], wgpu::Buffer)| {
+            let bytes = self.gpu.read_buffer(&copy)?;
+            let words = bytes.as_chunks::<4>().0.iter();
+            Ok(ComputedVertices {
+                draw,
+                points: points.to_vec(),
+                words: words.map(|w| u32::from_le_bytes(*w)).collect(),
+            })
+        };
+        copies.into_iter().map(read).collect()
+    }
+
     /// Encodes the whole frame once, from clear to resolve.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         self.encode_with(encoder, Queries::None);
@@ -267,16 +314,19 @@ impl<'a> Prepared<'a> {
     /// Encodes the frame; each render pass is one query.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
         let mut done: Option<Phase> = None;
-        compute::encode(&self.compute, |phase| phase.is_none(), encoder);
+        compute::encode(&self.compute, When::is_frame, encoder);
         let last_color = self
             .passes
             .iter()
             .rposition(|p| p.frame.colors == ColorAttachments::Scene);
         for (index, pass) in self.passes.iter().enumerate() {
-            let next = Some(pass.frame.phase);
-            let between = |phase: Option<Phase>| phase.is_some() && phase >= done && phase < next;
+            let next = pass.frame.phase;
+            let between = |when: &When| {
+                when.phase()
+                    .is_some_and(|p| done.is_none_or(|done| p >= done) && p < next)
+            };
             compute::encode(&self.compute, between, encoder);
-            done = next;
+            done = Some(next);
             let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: None,
                 color_attachments: &self.color_attachments(pass, last_color == Some(index)),
@@ -301,7 +351,10 @@ impl<'a> Prepared<'a> {
                 Queries::Occlusion(_) => render.end_occlusion_query(),
             }
         }
-        let behind = |phase: Option<Phase>| phase.is_some() && phase >= done;
+        let behind = |when: &When| {
+            when.phase()
+                .is_some_and(|p| done.is_none_or(|done| p >= done))
+        };
         compute::encode(&self.compute, behind, encoder);
     }
 

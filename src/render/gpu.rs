@@ -1,12 +1,13 @@
 //! Adapters, and the device that everything is drawn on.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use serde::Serialize;
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
-use super::Error;
+use super::{Error, limits};
 
 /// Which adapter to draw on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -188,6 +189,45 @@ impl Gpu {
     /// # Errors
     /// [`Error::NoAdapter`], or [`Error::Lost`] when the driver refuses to open it.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
+        Self::open(choice, |adapter| {
+            Ok((adapter.features() & wanted_features(), adapter.limits()))
+        })
+    }
+
+    /// Opens an adapter with WebGPU's default limits, raised to `limits`, and with `features` alone: the device that a host has who knows of a plan what it says.
+    /// Nothing can be timed or counted on it.
+    ///
+    /// # Errors
+    /// [`Error::NoAdapter`], [`Error::Unsupported`] for a feature or a limit that plans do not tell of, or [`Error::Lost`] when the adapter has less.
+    pub fn with_needs(
+        choice: &AdapterChoice,
+        features: &BTreeSet<String>,
+        limits: &BTreeMap<String, u64>,
+    ) -> Result<Self, Error> {
+        Self::open(choice, |adapter| {
+            let unknown = |what: &str| Error::Unsupported {
+                what: "a plan".to_owned(),
+                feature: what.to_owned(),
+                adapter: adapter.get_info().name,
+            };
+            let mut required = Features::empty();
+            for name in features {
+                let known = PLAN_FEATURES.iter().find(|(n, _)| n == name);
+                required |= known.ok_or_else(|| unknown(name))?.1;
+            }
+            let mut raised = wgpu::Limits::default();
+            for (name, value) in limits {
+                limits::raise(&mut raised, name, *value).ok_or_else(|| unknown(name))?;
+            }
+            Ok((required, raised))
+        })
+    }
+
+    /// Opens an adapter with what `needs` says of it.
+    fn open(
+        choice: &AdapterChoice,
+        needs: impl Fn(&wgpu::Adapter) -> Result<(Features, wgpu::Limits), Error>,
+    ) -> Result<Self, Error> {
         let _opening = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
         let wanted = match choice {
             AdapterChoice::Best => None,
@@ -216,10 +256,11 @@ impl Gpu {
                     })
                     .collect(),
             })?;
+        let (required_features, required_limits) = needs(adapter)?;
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("preshade"),
-            required_features: adapter.features() & wanted_features(),
-            required_limits: adapter.limits(),
+            required_features,
+            required_limits,
             ..Default::default()
         }))
         .map_err(|e| Error::Lost(e.to_string()))?;

@@ -194,6 +194,14 @@ impl<'a> SceneInputs<'a> {
         self.gpu
     }
 
+    /// Triangles of a draw of a triangle list, all instances together.
+    pub fn triangles(&self, draw: usize) -> u64 {
+        self.draw(draw).map_or(0, |d| {
+            let corners = d.indices.as_ref().map_or(d.vertex_count, |i| i.count);
+            u64::from(corners / 3) * u64::from(d.instances)
+        })
+    }
+
     pub(super) fn draw(&self, index: usize) -> Option<&DrawInputs> {
         self.draws.get(index)
     }

@@ -23,6 +23,8 @@ fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
         "maxBindingsPerBindGroup" => l.max_bindings_per_bind_group.into(),
         "maxColorAttachmentBytesPerSample" => l.max_color_attachment_bytes_per_sample.into(),
         "maxColorAttachments" => l.max_color_attachments.into(),
+        "maxComputeInvocationsPerWorkgroup" => l.max_compute_invocations_per_workgroup.into(),
+        "maxComputeWorkgroupSizeX" => l.max_compute_workgroup_size_x.into(),
         "maxInterStageShaderVariables" => l.max_inter_stage_shader_variables.into(),
         "maxSampledTexturesPerShaderStage" => l.max_sampled_textures_per_shader_stage.into(),
         "maxSamplersPerShaderStage" => l.max_samplers_per_shader_stage.into(),
@@ -36,9 +38,38 @@ fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
     })
 }
 
+/// Raises a limit by WebGPU's name to at least `value`; `None` for a name that [`limit`] does not know.
+pub(super) fn raise(l: &mut wgpu::Limits, name: &str, value: u64) -> Option<()> {
+    let wide = match name {
+        "maxStorageBufferBindingSize" => Some(&mut l.max_storage_buffer_binding_size),
+        "maxUniformBufferBindingSize" => Some(&mut l.max_uniform_buffer_binding_size),
+        _ => None,
+    };
+    if let Some(wide) = wide {
+        *wide = value.max(*wide);
+        return Some(());
+    }
+    let narrow = match name {
+        "maxBindGroups" => &mut l.max_bind_groups,
+        "maxBindingsPerBindGroup" => &mut l.max_bindings_per_bind_group,
+        "maxColorAttachmentBytesPerSample" => &mut l.max_color_attachment_bytes_per_sample,
+        "maxColorAttachments" => &mut l.max_color_attachments,
+        "maxInterStageShaderVariables" => &mut l.max_inter_stage_shader_variables,
+        "maxSampledTexturesPerShaderStage" => &mut l.max_sampled_textures_per_shader_stage,
+        "maxSamplersPerShaderStage" => &mut l.max_samplers_per_shader_stage,
+        "maxStorageBuffersPerShaderStage" => &mut l.max_storage_buffers_per_shader_stage,
+        "maxStorageTexturesPerShaderStage" => &mut l.max_storage_textures_per_shader_stage,
+        "maxUniformBuffersPerShaderStage" => &mut l.max_uniform_buffers_per_shader_stage,
+        "maxVertexAttributes" => &mut l.max_vertex_attributes,
+        _ => return None,
+    };
+    *narrow = u32::try_from(value).unwrap_or(u32::MAX).max(*narrow);
+    Some(())
+}
+
 #[cfg(test)]
 mod tests {
-    use super::limit;
+    use super::{limit, raise};
 
     #[test]
     fn every_limit_a_plan_may_tell_of_is_known() {
@@ -49,6 +80,9 @@ mod tests {
                 Some(default),
                 "{name}"
             );
+            let mut raised = wgpu::Limits::default();
+            assert_eq!(raise(&mut raised, name, default + 1), Some(()), "{name}");
+            assert_eq!(limit(&raised, name), Some(default + 1), "{name}");
         }
     }
 }

@@ -29,13 +29,13 @@ mod subdivided;
 mod targets;
 mod trusted;
 
-pub use frame::{FrameSettings, Prepared, Rendered};
+pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};
 pub use gpu::{AdapterChoice, AdapterReport, Gpu, adapters};
 pub use inputs::SceneInputs;
 pub use picture::{ColorImage, DepthImage};
 pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
-pub use subdivided::SubdivisionCost;
+pub use subdivided::{DrawSubdivision, SubdivisionCost};
 
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]

@@ -14,14 +14,31 @@ use super::inputs::{DrawInputs, VertexInput};
 use crate::scene::bind::VertexAttribute;
 
 /// What subdividing costs a frame, over all draws and instances.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct SubdivisionCost {
-    /// New vertices computed. Of the pulled form one for each vertex of each triangle's pattern, which is what an adapter that reuses the vertices of an instance
-    /// computes.
+    /// New vertices computed each frame. Of the pulled form one for each vertex of each triangle's pattern, which is what an adapter that reuses the vertices of an
+    /// instance computes.
     pub evaluations: u64,
-    /// What that would be if no two triangles shared any.
+    /// Of them, those computed in a compute pass; the others are in the vertex stage.
+    pub in_compute: u64,
+    /// New vertices computed once, at load.
+    pub at_load: u64,
+    /// What `evaluations` would be if no two triangles shared any.
     pub unshared: u64,
     /// Bytes of vertices, of what they are made of, and of indices.
+    pub bytes: u64,
+    /// Each subdivided draw, all its instances together.
+    pub draws: Vec<DrawSubdivision>,
+}
+
+/// What subdividing one draw costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct DrawSubdivision {
+    /// Its place in the scene.
+    pub draw: usize,
+    /// New vertices computed each frame.
+    pub evaluations: u64,
+    /// As [`SubdivisionCost::bytes`].
     pub bytes: u64,
 }
 
@@ -34,6 +51,8 @@ pub(super) struct SubdividedMesh {
     pattern: wgpu::Buffer,
     /// `shared`: what each new vertex is made of.
     points: wgpu::Buffer,
+    /// `shared`: the same, as [`Mesh::points`].
+    made_of: Vec<[u32; 4]>,
     /// `shared`: the computed vertices, by the buffer's name in the plan.
     vertices: BTreeMap<String, wgpu::Buffer>,
     indices: wgpu::Buffer,
@@ -103,14 +122,24 @@ impl Meshes {
         Ok(Some(Subdivided { mesh, constants }))
     }
 
+    /// The buffers of computed vertices: draw, what each vertex of one instance is made of, and the buffer.
+    pub fn computed(&self) -> impl Iterator<Item = (usize, &[[u32; 4]], &wgpu::Buffer)> {
+        self.0.iter().flat_map(|(draw, _, _, mesh)| {
+            let buffers = mesh.vertices.values();
+            buffers.map(move |b| (*draw, mesh.made_of.as_slice(), b))
+        })
+    }
+
     /// What all of them cost together; `None` where nothing is subdivided.
     pub fn cost(&self) -> Option<SubdivisionCost> {
-        let costs = self.0.iter().map(|(.., mesh)| mesh.cost());
-        costs.reduce(|a, b| SubdivisionCost {
-            evaluations: a.evaluations + b.evaluations,
-            unshared: a.unshared + b.unshared,
-            bytes: a.bytes + b.bytes,
-        })
+        if self.0.is_empty() {
+            return None;
+        }
+        let mut all = SubdivisionCost::default();
+        for (draw, .., mesh) in &self.0 {
+            mesh.add_cost(*draw, &mut all);
+        }
+        Some(all)
     }
 }
 
@@ -148,6 +177,7 @@ impl SubdividedMesh {
                 Self {
                     points: pattern.clone(),
                     pattern,
+                    made_of: Vec::new(),
                     vertices: BTreeMap::new(),
                     index_count: indices.len() as u32,
                     indices: buffer(gpu, &indices, wgpu::BufferUsages::INDEX),
@@ -157,7 +187,7 @@ impl SubdividedMesh {
                     unshared,
                 }
             }
-            Form::Shared => {
+            Form::Shared | Form::Static => {
                 let all = (0..triangles).map(|t| [0, 1, 2].map(|c| vertex(draw, 3 * t + c)));
                 let Mesh { points, triangles } =
                     mesh::subdivide(subdivision.pattern, subdivision.level, all);
@@ -166,7 +196,7 @@ impl SubdividedMesh {
                     gpu.device.create_buffer(&wgpu::BufferDescriptor {
                         label: Some(&b.name),
                         size: (vertices * u64::from(b.stride)).max(16),
-                        usage: wgpu::BufferUsages::STORAGE,
+                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
                         mapped_at_creation: false,
                     })
                 };
@@ -182,24 +212,36 @@ impl SubdividedMesh {
                         vertices: points.len() as u32,
                         ..constants
                     },
-                    form: Form::Shared,
+                    made_of: points,
+                    form: subdivision.form,
                     unshared,
                 }
             }
         }
     }
 
-    fn cost(&self) -> SubdivisionCost {
+    fn add_cost(&self, draw: usize, all: &mut SubdivisionCost) {
         let stored: u64 = self.vertices.values().map(wgpu::Buffer::size).sum();
         let instances = u64::from(self.constants.instances);
-        SubdivisionCost {
-            evaluations: match self.form {
-                Form::Pulled => self.unshared,
-                Form::Shared => u64::from(self.constants.vertices) * instances,
-            },
-            unshared: self.unshared,
-            bytes: stored + self.points.size() + self.indices.size(),
+        let computed = u64::from(self.constants.vertices) * instances;
+        let (evaluations, in_compute) = match self.form {
+            Form::Pulled => (self.unshared, 0),
+            Form::Shared => (computed, computed),
+            Form::Static => (0, 0),
+        };
+        if self.form == Form::Static {
+            all.at_load += computed;
         }
+        let bytes = stored + self.points.size() + self.indices.size();
+        all.evaluations += evaluations;
+        all.in_compute += in_compute;
+        all.unshared += self.unshared;
+        all.bytes += bytes;
+        all.draws.push(DrawSubdivision {
+            draw,
+            evaluations,
+            bytes,
+        });
     }
 
     /// Workgroups of a compute pass over all new vertices.

@@ -1,7 +1,9 @@
 //! What was measured, as data: the JSON of record, the table on a terminal, the pictures.
 
+pub mod crossover;
 pub mod path;
 pub mod picture;
+pub mod plot;
 pub mod sheet;
 pub mod sweep;
 pub mod table;
@@ -10,13 +12,14 @@ use preshade_passes::contract::{Contract, Verdict};
 use serde::Serialize;
 
 use crate::measure::statistics::Invocations;
-use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, ShadowReport};
+use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, Junction, ShadowReport};
 use crate::render::{AdapterReport, SelfTestResult, SubdivisionCost};
 use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
 
 pub use path::PathTime;
-pub use picture::Pictures;
+pub use picture::{Pictures, Worst};
+pub use sweep::SweepReport;
 
 /// Version of the JSON that [`Report`] serialises to.
 pub const SCHEMA: &str = "preshade.verify.v1";
@@ -47,6 +50,9 @@ pub struct Report {
     pub assumed: Vec<Guessed>,
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
+    /// Recipes with parameters left to vary, whose points are among the variants.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sweeps: Vec<SweepReport>,
 }
 
 /// One variant.
@@ -74,6 +80,9 @@ pub struct VariantReport {
     pub shadow: Option<ShadowReport>,
     /// The self-tests of its plans, in the scene's order of materials. Empty where no plan has one.
     pub self_test: Vec<SelfTestReport>,
+    /// Edges that it divides in one draw and not in the draw beside it. Empty where nothing is subdivided.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub junctions: Vec<Junction>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
     pub kept: Vec<Kept>,
     /// Each camera path of which several frames were timed.
@@ -104,7 +113,7 @@ pub struct Kept {
 }
 
 /// What a variant takes beside time on the GPU.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cost {
     /// Pipelines.
     pub pipelines: usize,

@@ -33,10 +33,23 @@ pub struct Pictures {
     pub variant: Picture,
     /// Their difference, amplified by [`DIFFERENCE_FACTOR`]; black where nothing differs.
     pub difference: Picture,
+    /// The view with the largest error, where that is another one.
+    pub worst: Option<Worst>,
     /// What the original shades, where it was counted.
     pub overdraw_before: Option<Shading>,
     /// What the variant shades.
     pub overdraw_after: Option<Shading>,
+}
+
+/// A variant where it is most off.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Worst {
+    /// Camera, frame and order in words.
+    pub view: String,
+    /// Colour target 0 of the variant.
+    pub variant: Picture,
+    /// Its difference from the original, amplified as that of the headline view.
+    pub difference: Picture,
 }
 
 impl Pictures {
@@ -64,13 +77,14 @@ impl Pictures {
             original: picture(left),
             variant: picture(right),
             difference: picture(difference),
+            worst: None,
             overdraw_before: None,
             overdraw_after: None,
         })
     }
 
-    /// The PNG files: `original.png`, `NAME.png`, `NAME.difference.png`, `original.overdraw.png`, `NAME.overdraw.png` and the contact sheet
-    /// `NAME.sheet.png`. [`crate::emit::write`] puts them on the disk, all or none.
+    /// The PNG files: `original.png`, `NAME.png`, `NAME.difference.png`, `original.overdraw.png`, `NAME.overdraw.png`, where another view
+    /// than the headline's is the worst `NAME.worst.png` and `NAME.worst.difference.png`, and the contact sheet `NAME.sheet.png`. [`crate::emit::write`] puts them on the disk, all or none.
     ///
     /// # Errors
     /// What the PNG encoder says.
@@ -87,6 +101,11 @@ impl Pictures {
         }
         if let Some(shading) = &self.overdraw_after {
             files.push(sheet::overdraw(shading, scale).file(&format!("{name}.overdraw.png"))?);
+        }
+        if let Some(worst) = &self.worst {
+            files.push(worst.variant.file(&format!("{name}.worst.png"))?);
+            let difference = format!("{name}.worst.difference.png");
+            files.push(worst.difference.file(&difference)?);
         }
         files.push(sheet::contact(self).file(&format!("{name}.sheet.png"))?);
         Ok(files)

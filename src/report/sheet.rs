@@ -106,25 +106,71 @@ pub fn contact(pictures: &Pictures) -> Picture {
             ));
         }
     }
-    let factor = pictures.original.size[0].div_ceil(PANEL).max(1);
+    if let Some(worst) = &pictures.worst {
+        panels.push((format!("worst: {}", worst.view), worst.variant.clone()));
+        panels.push((
+            format!("difference x{DIFFERENCE_FACTOR} there"),
+            worst.difference.clone(),
+        ));
+    }
+    laid_out(panels)
+}
+
+/// Panels of one size, labelled, [`COLUMNS`] a row.
+fn laid_out(panels: Vec<(String, Picture)>) -> Picture {
+    let widest = panels.first().map_or(1, |(_, p)| p.size[0]);
+    let factor = widest.div_ceil(PANEL).max(1);
     let panels: Vec<(String, Picture)> = panels
         .into_iter()
         .map(|(label, p)| (label, reduce(&opaque(p), factor)))
         .collect();
     let zoom = 2;
-    let (gap, header) = (8, GLYPH[1] * zoom + 12);
     let [w, h] = panels.first().map_or([1, 1], |(_, p)| p.size);
+    let panels: Vec<(Vec<String>, Picture)> = panels
+        .into_iter()
+        .map(|(label, p)| (wrap(&label, (w / text_width("m", zoom)) as usize), p))
+        .collect();
+    let most = panels.iter().map(|(lines, _)| lines.len()).max();
+    let line = (GLYPH[1] + 2) * zoom;
+    let (gap, header) = (8, most.unwrap_or(1) as u32 * line + 8);
     let rows = (panels.len() as u32).div_ceil(COLUMNS);
     let size = [COLUMNS * w + (COLUMNS + 1) * gap, rows * (h + header) + gap];
     let mut sheet = Picture::filled(size, PAPER);
     for (i, (label, panel)) in (0..).zip(&panels) {
         let (x, y) = (gap + i % COLUMNS * (w + gap), i / COLUMNS * (h + header));
         paste(&mut sheet, [x, y + header], panel);
-        let fits = (w / text_width("m", zoom).max(1)) as usize;
-        let label: String = label.chars().take(fits).collect();
-        text(&mut sheet, [x, y + 6], &label, zoom);
+        for (row, words) in (0..).zip(label) {
+            text(&mut sheet, [x, y + 6 + row * line], words, zoom);
+        }
     }
     sheet
+}
+
+/// A label in lines of at most `width` characters, broken after a comma, a colon or a space where there is one.
+fn wrap(label: &str, width: usize) -> Vec<String> {
+    let mut rest: Vec<char> = label.chars().collect();
+    let mut lines = Vec::new();
+    let width = width.max(1);
+    while rest.len() > width {
+        let seam = rest[..width].iter().rposition(|c| ",: ".contains(*c));
+        let tail = rest.split_off(seam.map_or(width, |at| at + 1));
+        lines.push(rest.iter().collect());
+        rest = tail;
+    }
+    lines.push(rest.iter().collect());
+    lines
+}
+
+/// Original, variant and difference of each, a row each, labelled.
+pub fn rows(variants: &[(String, &Pictures)]) -> Picture {
+    let mut panels = Vec::new();
+    for (label, pictures) in variants {
+        let difference = format!("difference x{DIFFERENCE_FACTOR}");
+        panels.push(("original".to_owned(), pictures.original.clone()));
+        panels.push((label.clone(), pictures.variant.clone()));
+        panels.push((difference, pictures.difference.clone()));
+    }
+    laid_out(panels)
 }
 
 /// Alpha is data, not coverage: what is shown is opaque.
@@ -287,6 +333,23 @@ mod tests {
         assert!(large.rgba.as_chunks::<4>().0.contains(&INK));
         let small = overdraw(&shading(vec![0.0; 16 * 16], [16, 16], 1), 8.0);
         assert!(!small.rgba.as_chunks::<4>().0.contains(&INK));
+    }
+
+    #[test]
+    fn a_long_label_is_broken_and_nothing_of_it_is_lost() {
+        let name = "hoist:budget=1,finite=assumed,threshold=1 + tessellate:form=shared,level=3";
+        for width in [1, 10, 28, 60, 200] {
+            let lines = wrap(name, width);
+            assert!(
+                lines.iter().all(|l| l.chars().count() <= width),
+                "{lines:?}"
+            );
+            assert_eq!(lines.concat(), name);
+        }
+        assert_eq!(
+            wrap(name, 28)[..2],
+            ["hoist:budget=1,", "finite=assumed,threshold=1 "]
+        );
     }
 
     #[test]

@@ -1,292 +1,471 @@
-//! A sweep as a table, and as a picture.
+//! A sweep as a table, a plot and rows of pictures: what a parameter costs in accuracy and gains in time; and the point that a budget leaves.
 
-use std::fmt::Write;
-
-use crate::measure::sweep::{Crossover, Sweep};
 use preshade_passes::contract::Verdict;
+use preshade_passes::hoist::Metric;
+use serde::Serialize;
 
-/// The sweep as lines of text: a row a value, a column a variant, and what crosses where.
-pub fn render(sweep: &Sweep) -> String {
-    let Some(first) = sweep.points.first() else {
-        return String::new();
-    };
-    let report = &first.report;
-    let mut out = format!(
-        "{}, {}x{}, on {} ({}, {})\n\n",
-        report.scene,
-        report.resolution[0],
-        report.resolution[1],
-        report.adapter.name,
-        report.adapter.backend,
-        report.adapter.kind,
-    );
-    let mut rows = vec![
-        std::iter::once(sweep.variable.clone())
-            .chain(report.variants.iter().map(|v| v.name.clone()))
-            .collect::<Vec<_>>(),
-    ];
-    for point in &sweep.points {
-        let cells = point.report.variants.iter().map(|v| {
-            let mark = match v.verdict {
-                Verdict::Holds => "",
-                Verdict::Broken { .. } => " BROKEN",
-                Verdict::NotMeasured { .. } => " not measured",
-            };
-            match &v.time_ms {
-                Some(time) => {
-                    let e = time.estimate;
-                    format!("{:.3} ms [{:.3}, {:.3}]{mark}", e.median, e.low, e.high)
-                }
-                None => format!("-{mark}"),
-            }
-        });
-        rows.push(
-            std::iter::once(point.value.to_string())
-                .chain(cells)
+use super::picture::{Picture, Pictures, file_name};
+use super::plot::{self, Line, Panel};
+use super::{Report, VariantReport, sheet};
+use crate::emit::File;
+use crate::measure::ErrorLadder;
+use crate::sweep::{AxisKind, Sweep, number};
+
+/// A sweep, and which variants are its points.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SweepReport {
+    /// As it was written.
+    pub recipe: String,
+    /// What varies, `pass:parameter`, in the order of each point's values.
+    pub parameters: Vec<String>,
+    /// The parameter along a plot's side: the first range. `None`: words alone vary.
+    pub along: Option<usize>,
+    /// Every combination.
+    pub points: Vec<SweepPoint>,
+    /// What was asked of the points.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget: Option<Budget>,
+    /// What the budget leaves; `None` without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub choice: Option<Choice>,
+}
+
+/// A combination.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SweepPoint {
+    /// The value of each parameter.
+    pub values: Vec<String>,
+    /// Name of the variant.
+    pub variant: String,
+}
+
+/// How far a picture may be off.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Budget {
+    /// What is counted.
+    pub metric: Metric,
+    /// The most of it, 0 to 1.
+    pub most: f64,
+}
+
+/// The point that a budget leaves.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Choice {
+    /// The fastest of those within the budget, and faster than the original; where nothing was timed, the first.
+    Within {
+        /// Name of the variant.
+        variant: String,
+        /// Its error, by the budget's metric, the worst of all views.
+        error: f64,
+        /// The original's time over its own; `None`: not timed.
+        speedup: Option<f64>,
+    },
+    /// Some are within the budget, and none of them is faster than the original.
+    Slower {
+        /// The fastest of them.
+        variant: String,
+        /// Its error.
+        error: f64,
+        /// The original's time over its own.
+        speedup: f64,
+    },
+    /// None is within the budget.
+    None {
+        /// The one that comes nearest; `None`: nothing was drawn.
+        nearest: Option<String>,
+        /// Its error.
+        error: Option<f64>,
+        /// The original's time over its own.
+        speedup: Option<f64>,
+    },
+}
+
+impl Budget {
+    /// Reads `flip_mean=0.02`.
+    ///
+    /// # Errors
+    /// In words: another metric, or no number above 0 and at most 1.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let (metric, most) = text
+            .split_once('=')
+            .ok_or("expected METRIC=NUMBER, flip_mean=0.02 say")?;
+        let metric = serde_json::from_value(metric.trim().into())
+            .map_err(|_| format!("`{metric}` is none of flip_mean, flip_p99 and max_abs"))?;
+        match most.trim().parse::<f64>() {
+            Ok(most) if most > 0.0 && most <= 1.0 => Ok(Self { metric, most }),
+            _ => Err(format!("`{most}` is not a number above 0 and at most 1")),
+        }
+    }
+
+    fn of(self, error: &ErrorLadder) -> f64 {
+        match self.metric {
+            Metric::FlipMean => error.flip_mean,
+            Metric::FlipP99 => error.flip_p99,
+            Metric::MaxAbs => error.max_abs,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self.metric {
+            Metric::FlipMean => "flip_mean",
+            Metric::FlipP99 => "flip_p99",
+            Metric::MaxAbs => "max_abs",
+        }
+    }
+}
+
+/// A combination that was drawn or refused, with its figures.
+#[derive(Clone, Copy)]
+struct Row<'a> {
+    values: &'a [String],
+    variant: &'a VariantReport,
+}
+
+impl Row<'_> {
+    fn error(&self) -> Option<&ErrorLadder> {
+        let measured = !matches!(self.variant.verdict, Verdict::NotMeasured { .. });
+        self.variant.error.as_ref().filter(|_| measured)
+    }
+
+    fn speedup(&self) -> Option<f64> {
+        self.variant.speedup.as_ref().map(|s| s.median)
+    }
+}
+
+impl SweepReport {
+    /// The sweep whose points are drawn as variants of these names, in order, with what `budget` leaves of them.
+    pub fn new(sweep: &Sweep, names: &[String], budget: Option<Budget>, report: &Report) -> Self {
+        let points = sweep.points.iter().zip(names);
+        let mut new = Self {
+            recipe: sweep.text.clone(),
+            parameters: sweep
+                .axes
+                .iter()
+                .map(|a| format!("{}:{}", a.pass, a.parameter))
                 .collect(),
-        );
-    }
-    let columns = rows[0].len();
-    let widths: Vec<usize> = (0..columns)
-        .map(|c| {
-            let cells = rows.iter().filter_map(|r| r.get(c));
-            cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
-        })
-        .collect();
-    for row in &rows {
-        let cells: Vec<String> = row
-            .iter()
-            .zip(&widths)
-            .map(|(cell, width)| format!("{cell:>width$}"))
-            .collect();
-        out.push_str(cells.join("  ").trim_end());
-        out.push('\n');
-    }
-    if !sweep.crossovers.is_empty() {
-        out.push('\n');
-    }
-    for crossover in &sweep.crossovers {
-        let _ = writeln!(out, "{}", sentence(&sweep.variable, crossover));
-    }
-    out
-}
-
-/// What a pair of variants does, in words.
-fn sentence(variable: &str, c: &Crossover) -> String {
-    let (first, second) = (&c.first, &c.second);
-    let Some((_, begins)) = c.ratios.first() else {
-        return String::new();
-    };
-    let faster = |ratio: f64| if ratio > 1.0 { second } else { first };
-    if c.at.is_empty() {
-        let range = c.ratios.iter().map(|(_, e)| e.median);
-        let (low, high) = range.fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), r| {
-            (l.min(r), h.max(r))
-        });
-        let (low, high) = match begins.median > 1.0 {
-            true => (low, high),
-            false => (1.0 / high, 1.0 / low),
+            along: sweep.axes.iter().position(|a| a.kind == AxisKind::Range),
+            points: points
+                .map(|(point, name)| SweepPoint {
+                    values: point.values.clone(),
+                    variant: name.clone(),
+                })
+                .collect(),
+            budget,
+            choice: None,
         };
-        let other = if begins.median > 1.0 { first } else { second };
-        return format!(
-            "{} is faster than {other} throughout, {low:.2}x to {high:.2}x",
-            faster(begins.median)
-        );
+        new.choice = budget.map(|budget| new.choose(budget, report));
+        new
     }
-    let mut text = format!("{} is faster than {}", faster(begins.median), {
-        if begins.median > 1.0 { first } else { second }
-    });
-    let mut ratio = begins.median;
-    for crossing in &c.at {
-        let end =
-            |end: Option<f64>, open: &str| end.map_or(open.to_owned(), |v| format!("{:.0}", v));
-        ratio = 1.0 / ratio;
-        let _ = write!(
-            text,
-            " up to {variable} = {:.0} [{}, {}], {} beyond",
-            crossing.value,
-            end(crossing.low, "below the sweep"),
-            end(crossing.high, "past the sweep"),
-            faster(ratio)
-        );
-    }
-    text
-}
 
-const WIDTH: f64 = 720.0;
-const HEIGHT: f64 = 440.0;
-const LEFT: f64 = 64.0;
-const RIGHT: f64 = 24.0;
-const TOP: f64 = 40.0;
-const BOTTOM: f64 = 56.0;
-const COLORS: [&str; 8] = [
-    "#222222", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00",
-];
-
-/// Axes of logarithms.
-struct Axes {
-    x: [f64; 2],
-    y: [f64; 2],
-}
-
-impl Axes {
-    fn at(&self, x: f64, y: f64) -> (f64, f64) {
-        let part = |v: f64, [low, high]: [f64; 2]| (v.ln() - low) / (high - low).max(1e-9);
-        (
-            LEFT + part(x, self.x) * (WIDTH - LEFT - RIGHT),
-            HEIGHT - BOTTOM - part(y, self.y) * (HEIGHT - TOP - BOTTOM),
-        )
-    }
-}
-
-/// Time against the variable, a line a variant with its intervals, and a mark at each crossing, as SVG. `None` where nothing was timed.
-pub fn svg(sweep: &Sweep) -> Option<String> {
-    let report = &sweep.points.first()?.report;
-    let lines: Vec<(&str, Vec<(f64, crate::measure::Estimate)>)> = report
-        .variants
-        .iter()
-        .map(|v| {
-            let times = sweep.points.iter().filter_map(|p| {
-                let same = p.report.variants.iter().find(|w| w.name == v.name)?;
-                Some((f64::from(p.value), same.time_ms.as_ref()?.estimate))
-            });
-            (v.name.as_str(), times.collect())
-        })
-        .collect();
-    let all = || lines.iter().flat_map(|(_, points)| points);
-    let range = |values: &mut dyn Iterator<Item = f64>| {
-        values
-            .filter(|v| *v > 0.0)
-            .fold(None, |r: Option<[f64; 2]>, v| {
-                let [low, high] = r.unwrap_or([v, v]);
-                Some([low.min(v), high.max(v)])
+    fn rows<'a>(&'a self, report: &'a Report) -> impl Iterator<Item = Row<'a>> {
+        self.points.iter().filter_map(|point| {
+            let variant = report.variants.iter().find(|v| v.name == point.variant)?;
+            Some(Row {
+                values: &point.values,
+                variant,
             })
-    };
-    let x = range(&mut all().map(|(x, _)| *x))?;
-    let y = range(&mut all().flat_map(|(_, e)| [e.low, e.high]))?;
-    let axes = Axes {
-        x: x.map(f64::ln),
-        y: [(y[0] * 0.8).ln(), (y[1] * 1.25).ln()],
-    };
-    let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\">\n\
-         <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#ffffff\"/>\n\
-         <text x=\"{LEFT}\" y=\"22\" font-size=\"14\">{}</text>\n",
-        escaped(&format!(
-            "{}, {}x{}, {}",
-            report.scene, report.resolution[0], report.resolution[1], report.adapter.name
-        ))
-    );
-    for point in &sweep.points {
-        let (x, bottom) = axes.at(f64::from(point.value), axes.y[0].exp());
-        let _ = writeln!(
-            out,
-            "<line x1=\"{x:.1}\" y1=\"{TOP}\" x2=\"{x:.1}\" y2=\"{bottom:.1}\" stroke=\"#dddddd\"/>\
-             <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
-            bottom + 16.0,
-            point.value
-        );
+        })
     }
-    for tick in ticks(axes.y) {
-        let (left, y) = axes.at(axes.x[0].exp(), tick);
-        let _ = writeln!(
-            out,
-            "<line x1=\"{left:.1}\" y1=\"{y:.1}\" x2=\"{:.1}\" y2=\"{y:.1}\" stroke=\"#dddddd\"/>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{tick}</text>",
-            WIDTH - RIGHT,
-            left - 6.0,
-            y + 4.0
-        );
-    }
-    let _ = writeln!(
-        out,
-        "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\
-         <text x=\"16\" y=\"{:.1}\" transform=\"rotate(-90 16 {:.1})\" text-anchor=\"middle\">ms a frame</text>",
-        (LEFT + WIDTH - RIGHT) / 2.0,
-        HEIGHT - 12.0,
-        escaped(&sweep.variable),
-        HEIGHT / 2.0,
-        HEIGHT / 2.0
-    );
-    for (i, (name, points)) in lines.iter().enumerate() {
-        let color = COLORS[i % COLORS.len()];
-        let path: Vec<String> = points
-            .iter()
-            .map(|(x, e)| {
-                let (x, y) = axes.at(*x, e.median);
-                format!("{x:.1},{y:.1}")
+
+    fn choose(&self, budget: Budget, report: &Report) -> Choice {
+        let drawn: Vec<(Row<'_>, f64)> = self
+            .rows(report)
+            .filter_map(|row| {
+                let error = row.error()?;
+                let good = error.nan_pixels == 0;
+                good.then(|| (row, budget.of(error)))
             })
             .collect();
-        let _ = writeln!(
-            out,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>",
-            path.join(" ")
-        );
-        for (x, e) in points {
-            let ((x, low), (_, high)) = (axes.at(*x, e.low), axes.at(*x, e.high));
-            let _ = writeln!(
-                out,
-                "<line x1=\"{x:.1}\" y1=\"{low:.1}\" x2=\"{x:.1}\" y2=\"{high:.1}\" stroke=\"{color}\" stroke-width=\"4\"/>"
-            );
-        }
-        let y = TOP + 14.0 + 16.0 * i as f64;
-        let _ = writeln!(
-            out,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"12\" height=\"4\" fill=\"{color}\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            LEFT + 12.0,
-            y - 6.0,
-            LEFT + 30.0,
-            y,
-            escaped(name)
-        );
-    }
-    for crossover in &sweep.crossovers {
-        let line = lines.iter().find(|(name, _)| *name == crossover.first);
-        for crossing in &crossover.at {
-            let Some(ms) = line.and_then(|(_, points)| interpolated(points, crossing.value)) else {
-                continue;
-            };
-            let (x, y) = axes.at(crossing.value, ms);
-            let _ = writeln!(
-                out,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"none\" stroke=\"#000000\"><title>{}</title></circle>",
-                escaped(&sentence(&sweep.variable, crossover))
-            );
-        }
-    }
-    out.push_str("</svg>\n");
-    Some(out)
-}
-
-/// The median at a value between two measured ones, in logarithms.
-fn interpolated(points: &[(f64, crate::measure::Estimate)], at: f64) -> Option<f64> {
-    points.windows(2).find_map(|pair| {
-        let [(n, a), (m, b)] = pair else { return None };
-        let part = (at.ln() - n.ln()) / (m.ln() - n.ln());
-        (0.0..=1.0)
-            .contains(&part)
-            .then(|| (a.median.ln() + (b.median.ln() - a.median.ln()) * part).exp())
-    })
-}
-
-/// 1, 2 and 5 times the powers of ten in a range of logarithms.
-fn ticks([low, high]: [f64; 2]) -> Vec<f64> {
-    let (low, high) = (low.exp(), high.exp());
-    let mut ticks = Vec::new();
-    for power in -4..6 {
-        for digit in [1.0, 2.0, 5.0] {
-            let tick: f64 = digit * 10_f64.powi(power);
-            if (low..=high).contains(&tick) {
-                // What a power of ten below 1 leaves behind the digit.
-                ticks.push((tick * 1e6).round() / 1e6);
+        let within = || drawn.iter().filter(|(_, error)| *error <= budget.most);
+        let timed = within().filter_map(|(row, error)| Some((row, error, row.speedup()?)));
+        let fastest = timed.max_by(|a, b| a.2.total_cmp(&b.2));
+        let name = |row: &Row<'_>| row.variant.name.clone();
+        match (fastest, within().next()) {
+            (Some((row, error, speedup)), _) if speedup > 1.0 => Choice::Within {
+                variant: name(row),
+                error: *error,
+                speedup: Some(speedup),
+            },
+            (Some((row, error, speedup)), _) => Choice::Slower {
+                variant: name(row),
+                error: *error,
+                speedup,
+            },
+            (None, Some((row, error))) => Choice::Within {
+                variant: name(row),
+                error: *error,
+                speedup: None,
+            },
+            (None, None) => {
+                let nearest = drawn.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+                Choice::None {
+                    nearest: nearest.map(|(row, _)| name(row)),
+                    error: nearest.map(|(_, error)| *error),
+                    speedup: nearest.and_then(|(row, _)| row.speedup()),
+                }
             }
         }
     }
-    ticks
+
+    /// The points apart by all parameters but the one along the side: a name, and the rows.
+    fn series<'a>(&'a self, report: &'a Report) -> Vec<(String, Vec<Row<'a>>)> {
+        let mut all: Vec<(String, Vec<Row<'a>>)> = Vec::new();
+        for row in self.rows(report) {
+            let others = self.parameters.iter().zip(row.values).enumerate();
+            let name = others
+                .filter(|(i, _)| Some(*i) != self.along)
+                .map(|(_, (parameter, value))| format!("{}={value}", short(parameter)))
+                .collect::<Vec<_>>()
+                .join(", ");
+            match all.iter_mut().find(|(n, _)| *n == name) {
+                Some((_, rows)) => rows.push(row),
+                None => all.push((name, vec![row])),
+            }
+        }
+        all
+    }
+
+    fn along<'a>(&self, row: &Row<'a>) -> &'a str {
+        self.along
+            .and_then(|i| row.values.get(i))
+            .map_or("", String::as_str)
+    }
+
+    fn x_label(&self) -> &str {
+        self.along
+            .and_then(|i| self.parameters.get(i))
+            .map_or("", |p| short(p))
+    }
+
+    /// The figures as text: a table for each series, and what the budget leaves.
+    pub fn table(&self, report: &Report) -> String {
+        let mut out = format!("Sweep of {}:\n\n", self.recipe);
+        let header = [
+            self.x_label(),
+            "ms",
+            "speedup",
+            "max abs",
+            "FLIP mean",
+            "FLIP p99",
+            "evaluations",
+            "in compute",
+            "at load",
+            "unshared",
+            "vertex runs",
+            "MB",
+            "largest draw",
+        ];
+        for (name, rows) in self.series(report) {
+            let cells: Vec<[String; 13]> = rows.iter().map(|row| self.cells(row)).collect();
+            if !name.is_empty() {
+                out.push_str(&format!("{name}\n"));
+            }
+            let mut widths = header.map(str::len);
+            for row in &cells {
+                for (width, cell) in widths.iter_mut().zip(row) {
+                    *width = (*width).max(cell.len());
+                }
+            }
+            let mut line = |cells: [&str; 13]| {
+                let padded: Vec<String> = cells
+                    .iter()
+                    .zip(widths)
+                    .map(|(cell, width)| format!("{cell:>width$}"))
+                    .collect();
+                out.push_str(padded.join("  ").trim_end());
+                out.push('\n');
+            };
+            line(header);
+            for row in &cells {
+                line(row.each_ref().map(String::as_str));
+            }
+            out.push('\n');
+        }
+        if let Some(said) = self.said() {
+            out.push_str(&said);
+            out.push_str("\n\n");
+        }
+        out
+    }
+
+    fn cells(&self, row: &Row<'_>) -> [String; 13] {
+        let dash = || "-".to_owned();
+        let error = |f: &dyn Fn(&ErrorLadder) -> f64, digits: usize| {
+            row.error()
+                .map_or_else(dash, |e| format!("{:.digits$}", f(e)))
+        };
+        let cost = row.variant.cost.as_ref();
+        let divided = cost.and_then(|c| c.subdivision.as_ref());
+        let count = |n: Option<u64>| n.map_or_else(dash, |n| n.to_string());
+        let megabytes = |bytes: u64| format!("{:.2}", bytes as f64 / 1e6);
+        let invoked = cost.and_then(|c| c.invocations);
+        let time = row.variant.time_ms.as_ref();
+        [
+            self.along(row).to_owned(),
+            time.map_or_else(dash, |t| format!("{:.3}", t.estimate.median)),
+            row.speedup().map_or_else(dash, |s| format!("{s:.2}x")),
+            error(&|e| e.max_abs, 4),
+            error(&|e| e.flip_mean, 5),
+            error(&|e| e.flip_p99, 4),
+            count(divided.map(|d| d.evaluations)),
+            count(divided.map(|d| d.in_compute)),
+            count(divided.map(|d| d.at_load)),
+            count(divided.map(|d| d.unshared)),
+            count(invoked.map(|i| i.vertex)),
+            divided.map_or_else(dash, |d| megabytes(d.bytes)),
+            divided.map_or_else(dash, |d| {
+                megabytes(d.draws.iter().map(|d| d.bytes).max().unwrap_or_default())
+            }),
+        ]
+    }
+
+    /// What the budget leaves, as a sentence; `None` without one.
+    pub fn said(&self) -> Option<String> {
+        let (budget, choice) = (self.budget?, self.choice.as_ref()?);
+        let (name, most) = (budget.name(), budget.most);
+        let times = |speedup: Option<f64>| {
+            speedup.map_or_else(|| "not timed".to_owned(), |s| format!("{s:.2}x"))
+        };
+        Some(match choice {
+            Choice::Within {
+                variant,
+                error,
+                speedup,
+            } => format!(
+                "Within {name}={most} the best is {variant}: {}, {name} {error:.5}.",
+                times(*speedup)
+            ),
+            Choice::Slower {
+                variant,
+                error,
+                speedup,
+            } => format!(
+                "No point within {name}={most} is faster than the original: the fastest is {variant}, {speedup:.2}x, {name} {error:.5}."
+            ),
+            Choice::None {
+                nearest: Some(variant),
+                error: Some(error),
+                speedup,
+            } => format!(
+                "No point is within {name}={most}: the best error is {error:.5}, of {variant}, {}.",
+                times(*speedup)
+            ),
+            Choice::None { .. } => format!("No point is within {name}={most}: none was drawn."),
+        })
+    }
+
+    /// `NAME.svg`, and a sheet of pictures for each series, `NAME.SERIES.png`: original, variant and difference, a row a point.
+    ///
+    /// # Errors
+    /// What the PNG encoder says.
+    pub fn files(
+        &self,
+        report: &Report,
+        pictures: &[Pictures],
+    ) -> Result<Vec<File>, image::ImageError> {
+        let name = format!("sweep.{}", file_name(&self.recipe));
+        let mut files = Vec::new();
+        if self.along.is_some() {
+            files.push(File {
+                name: format!("{name}.svg"),
+                bytes: self.plot(report).into_bytes(),
+            });
+        }
+        for (series, rows) in self.series(report) {
+            let drawn: Vec<(String, &Pictures)> = rows
+                .iter()
+                .filter_map(|row| {
+                    let found = pictures.iter().find(|p| p.name == row.variant.name)?;
+                    Some((self.label(row, &series), found))
+                })
+                .collect();
+            if drawn.is_empty() {
+                continue;
+            }
+            let sheet: Picture = sheet::rows(&drawn);
+            let part = file_name(&series);
+            files.push(match part.as_str() {
+                "" => sheet.file(&format!("{name}.png"))?,
+                part => sheet.file(&format!("{name}.{part}.png"))?,
+            });
+        }
+        Ok(files)
+    }
+
+    fn label(&self, row: &Row<'_>, series: &str) -> String {
+        let along = match self.x_label() {
+            "" => String::new(),
+            label => format!("{label}={} ", self.along(row)),
+        };
+        let flip = row.error().map(|e| format!(" FLIP {:.4}", e.flip_mean));
+        format!("{along}{series}{}", flip.unwrap_or_default())
+    }
+
+    fn plot(&self, report: &Report) -> String {
+        let series = self.series(report);
+        let panel = |title: &str, mark: Option<f64>, of: &dyn Fn(&Row<'_>) -> Option<f64>| Panel {
+            title: title.to_owned(),
+            mark,
+            lines: series
+                .iter()
+                .map(|(name, rows)| Line {
+                    name: match name.as_str() {
+                        "" => self.recipe.clone(),
+                        name => name.to_owned(),
+                    },
+                    points: rows
+                        .iter()
+                        .filter_map(|row| Some((number(self.along(row))?, of(row)?)))
+                        .collect(),
+                })
+                .filter(|line| !line.points.is_empty())
+                .collect(),
+        };
+        let budget = |name: &str| {
+            let budget = self.budget.filter(|b| b.name() == name);
+            budget.map(|b| b.most)
+        };
+        let original = report.variants.first().and_then(|v| v.time_ms.as_ref());
+        let divided = |row: &Row<'_>| {
+            let cost = row.variant.cost.as_ref()?;
+            cost.subdivision.clone()
+        };
+        let panels = [
+            panel(
+                "milliseconds a frame (dashed: the original)",
+                original.map(|t| t.estimate.median),
+                &|row| Some(row.variant.time_ms.as_ref()?.estimate.median),
+            ),
+            panel("FLIP, mean", budget("flip_mean"), &|row| {
+                Some(row.error()?.flip_mean)
+            }),
+            panel("evaluations a frame", None, &|row| {
+                Some(divided(row)?.evaluations as f64)
+            }),
+            panel("FLIP, 99th percentile", budget("flip_p99"), &|row| {
+                Some(row.error()?.flip_p99)
+            }),
+            panel("megabytes of new vertices", None, &|row| {
+                Some(divided(row)?.bytes as f64 / 1e6)
+            }),
+            panel(
+                "largest difference of a channel",
+                budget("max_abs"),
+                &|row| Some(row.error()?.max_abs),
+            ),
+        ];
+        let title = format!(
+            "{}, {}x{}, on {}",
+            report.scene, report.resolution[0], report.resolution[1], report.adapter.name
+        );
+        plot::svg(&title, self.x_label(), &panels)
+    }
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
+/// A parameter without its pass.
+fn short(parameter: &str) -> &str {
+    parameter
+        .split_once(':')
+        .map_or(parameter, |(_, name)| name)
 }

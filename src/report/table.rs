@@ -3,7 +3,7 @@
 use preshade_passes::contract::Verdict;
 
 use super::{PathTime, Report, VariantReport};
-use crate::measure::{Clock, ShadowReport};
+use crate::measure::{Clock, ShadowReport, verdict};
 use crate::render::SelfTestResult;
 
 /// The report as lines of text.
@@ -62,6 +62,9 @@ pub fn render(report: &Report) -> String {
     out.push('\n');
     out.push_str(&by_view(report));
     out.push_str(&by_path(report));
+    for sweep in &report.sweeps {
+        out.push_str(&sweep.table(report));
+    }
     out.push_str(&notes(report));
     out
 }
@@ -127,15 +130,29 @@ fn notes(report: &Report) -> String {
         if let Some(shadow) = &v.shadow {
             out.push_str(&under_the_light(&v.name, shadow));
         }
-        if let Some(cost) = v.cost.as_ref().and_then(|c| c.subdivision) {
+        for junction in &v.junctions {
             out.push_str(&format!(
-                "{}: {} new vertices a frame (unshared {}), {:.1} MB\n",
+                "{}: {} edges of draw `{}` are edges of `{}` too, which is not divided alike: pixels along these T-junctions may show what is behind\n",
+                v.name, junction.edges, junction.divided, junction.beside
+            ));
+        }
+        let points = report.sweeps.iter().flat_map(|s| &s.points);
+        let is_swept = points.into_iter().any(|p| p.variant == v.name);
+        let divided = v.cost.as_ref().and_then(|c| c.subdivision.as_ref());
+        if let Some(cost) = divided.filter(|_| !is_swept) {
+            let at_load = match cost.at_load {
+                0 => String::new(),
+                n => format!(", {n} at load"),
+            };
+            out.push_str(&format!(
+                "{}: {} new vertices a frame (unshared {}){at_load}, {:.1} MB\n",
                 v.name,
                 cost.evaluations,
                 cost.unshared,
                 cost.bytes as f64 / 1e6
             ));
         }
+        out.push_str(&budgets(v));
         match &v.verdict {
             Verdict::Broken { r#where } => {
                 out.push_str(&format!("{}: broken at {}\n", v.name, r#where));
@@ -149,6 +166,19 @@ fn notes(report: &Report) -> String {
     }
     out.push_str(&left_alone(report));
     out
+}
+
+/// What an approximation may be off by, each budget beside what was measured.
+fn budgets(v: &VariantReport) -> String {
+    let budgets = v.contract.budgets();
+    let (Some(error), false) = (&v.error, budgets.is_empty()) else {
+        return String::new();
+    };
+    let told: Vec<String> = budgets
+        .iter()
+        .map(|b| format!("{b} (measured {:.5})", verdict::measured(&b.metric, error)))
+        .collect();
+    format!("{}: an approximation, {}\n", v.name, told.join(", "))
 }
 
 /// What a shadow pass leaves in the light's map, and what that costs.

@@ -6,7 +6,7 @@ use preshade::front::{self, Options, Source};
 use preshade::passes::geometry::Geometry;
 use preshade::passes::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
-    Draws, GpuPass, Phase, Plan, Role, Visibility,
+    Draws, GpuPass, Phase, Plan, Role, Visibility, When,
 };
 use preshade::passes::program::Program;
 use preshade::passes::reflect;
@@ -232,15 +232,20 @@ pub fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
 /// The compute pass.
 fn compute(plan: &mut Plan, program: &Program, known: &[BindingUse]) {
     let entry = "cs_resolve";
-    let stage = [(preshade::passes::naga::ShaderStage::Compute, entry)];
-    plan.compute.push(ComputePass {
+    let mut pass = ComputePass {
         program: "main".to_owned(),
         entry_point: entry.to_owned(),
-        phase: Some(Phase::Resolve),
+        when: When::Behind {
+            phase: Phase::Resolve,
+        },
         workgroup: 8,
         geometry: Geometry::FullScreen,
-        bindings: reflect::bindings(program, &stage, known),
-    });
+        bindings: known.to_vec(),
+        features: Vec::new(),
+        limits: BTreeMap::new(),
+    };
+    reflect::fill_compute(&mut pass, program);
+    plan.compute.push(pass);
 }
 
 /// The plan with the pass that clears the target, which is the one that preshade's own compute form has.

@@ -3,17 +3,18 @@
 use naga::{BinaryOperator, MathFunction, RelationalFunction, ScalarKind, UnaryOperator};
 
 use super::Stuck;
+use super::number::{Number, single};
 use super::value::{Scalar, Value};
 
-fn mismatch(what: &str, scalars: &[Scalar]) -> Stuck {
+fn mismatch<F: Number>(what: &str, scalars: &[Scalar<F>]) -> Stuck {
     Stuck::Type(format!("{what} of {scalars:?}"))
 }
 
 /// A unary operator.
-pub fn unary(op: UnaryOperator, value: &Value) -> Result<Value, Stuck> {
+pub fn unary<F: Number>(op: UnaryOperator, value: &Value<F>) -> Result<Value<F>, Stuck> {
     value.map(&mut |s| {
         Ok(match (op, s) {
-            (UnaryOperator::Negate, Scalar::F32(v)) => Scalar::F32(-v),
+            (UnaryOperator::Negate, Scalar::F32(v)) => Scalar::F32(v.negated()),
             (UnaryOperator::Negate, Scalar::I32(v)) => Scalar::I32(v.wrapping_neg()),
             (UnaryOperator::LogicalNot, Scalar::Bool(v)) => Scalar::Bool(!v),
             (UnaryOperator::BitwiseNot, Scalar::I32(v)) => Scalar::I32(!v),
@@ -24,7 +25,11 @@ pub fn unary(op: UnaryOperator, value: &Value) -> Result<Value, Stuck> {
 }
 
 /// A binary operator; matrix products by columns.
-pub fn binary(op: BinaryOperator, left: &Value, right: &Value) -> Result<Value, Stuck> {
+pub fn binary<F: Number>(
+    op: BinaryOperator,
+    left: &Value<F>,
+    right: &Value<F>,
+) -> Result<Value<F>, Stuck> {
     if op == BinaryOperator::Multiply {
         match (is_matrix(left), is_matrix(right)) {
             (true, true) => {
@@ -40,7 +45,7 @@ pub fn binary(op: BinaryOperator, left: &Value, right: &Value) -> Result<Value, 
                 let dots = right
                     .parts()?
                     .iter()
-                    .map(|column| dot(left, column).map(Value::f32))
+                    .map(|column| dot(left, column).map(Value::number))
                     .collect::<Result<_, _>>()?;
                 return Ok(Value::Composite(dots));
             }
@@ -50,12 +55,12 @@ pub fn binary(op: BinaryOperator, left: &Value, right: &Value) -> Result<Value, 
     Value::zip(&[left, right], &mut |s| scalar_binary(op, s[0], s[1]))
 }
 
-fn is_matrix(value: &Value) -> bool {
+fn is_matrix<F>(value: &Value<F>) -> bool {
     matches!(value, Value::Composite(columns) if matches!(columns.first(), Some(Value::Composite(_))))
 }
 
-fn transform(matrix: &Value, vector: &Value) -> Result<Value, Stuck> {
-    let mut sum: Option<Value> = None;
+fn transform<F: Number>(matrix: &Value<F>, vector: &Value<F>) -> Result<Value<F>, Stuck> {
+    let mut sum: Option<Value<F>> = None;
     for (column, factor) in matrix.parts()?.iter().zip(vector.parts()?) {
         let scaled = binary(BinaryOperator::Multiply, column, factor)?;
         sum = Some(match sum {
@@ -66,23 +71,46 @@ fn transform(matrix: &Value, vector: &Value) -> Result<Value, Stuck> {
     sum.ok_or_else(|| Stuck::Type("an empty matrix".to_owned()))
 }
 
-fn dot(a: &Value, b: &Value) -> Result<f32, Stuck> {
-    let mut sum = 0.0;
-    for (a, b) in a.floats()?.iter().zip(b.floats()?) {
-        sum += a * b;
+fn dot<F: Number>(a: &Value<F>, b: &Value<F>) -> Result<F, Stuck> {
+    let mut sum = F::of(0.0);
+    for (a, b) in a.floats()?.into_iter().zip(b.floats()?) {
+        sum = plus(sum, times(a, b)?)?;
     }
     Ok(sum)
 }
 
-fn scalar_binary(op: BinaryOperator, a: Scalar, b: Scalar) -> Result<Scalar, Stuck> {
+fn plus<F: Number>(a: F, b: F) -> Result<F, Stuck> {
+    float_binary(BinaryOperator::Add, a, b)
+}
+
+fn minus<F: Number>(a: F, b: F) -> Result<F, Stuck> {
+    float_binary(BinaryOperator::Subtract, a, b)
+}
+
+fn times<F: Number>(a: F, b: F) -> Result<F, Stuck> {
+    float_binary(BinaryOperator::Multiply, a, b)
+}
+
+fn float_binary<F: Number>(op: BinaryOperator, a: F, b: F) -> Result<F, Stuck> {
+    F::binary(op, a, b).ok_or_else(|| Stuck::Type(format!("{op:?} of floats")))
+}
+
+fn root<F: Number>(square: F) -> Result<F, Stuck> {
+    F::call(MathFunction::Sqrt, &[square])
+        .ok_or_else(|| Stuck::Unsupported("a square root".to_owned()))
+}
+
+fn scalar_binary<F: Number>(
+    op: BinaryOperator,
+    a: Scalar<F>,
+    b: Scalar<F>,
+) -> Result<Scalar<F>, Stuck> {
     use BinaryOperator as B;
     use Scalar::{Bool, F32, I32, U32};
     Ok(match (op, a, b) {
-        (B::Add, F32(a), F32(b)) => F32(a + b),
-        (B::Subtract, F32(a), F32(b)) => F32(a - b),
-        (B::Multiply, F32(a), F32(b)) => F32(a * b),
-        (B::Divide, F32(a), F32(b)) => F32(a / b),
-        (B::Modulo, F32(a), F32(b)) => F32(a % b),
+        (B::Add | B::Subtract | B::Multiply | B::Divide | B::Modulo, F32(a), F32(b)) => {
+            F32(float_binary(op, a, b)?)
+        }
         (B::Add, I32(a), I32(b)) => I32(a.wrapping_add(b)),
         (B::Subtract, I32(a), I32(b)) => I32(a.wrapping_sub(b)),
         (B::Multiply, I32(a), I32(b)) => I32(a.wrapping_mul(b)),
@@ -110,10 +138,12 @@ fn scalar_binary(op: BinaryOperator, a: Scalar, b: Scalar) -> Result<Scalar, Stu
     })
 }
 
-fn compare(op: BinaryOperator, a: Scalar, b: Scalar) -> Result<Scalar, Stuck> {
+fn compare<F: Number>(op: BinaryOperator, a: Scalar<F>, b: Scalar<F>) -> Result<Scalar<F>, Stuck> {
     use std::cmp::Ordering::{Equal, Greater, Less};
     let order = match (a, b) {
-        (Scalar::F32(a), Scalar::F32(b)) => a.partial_cmp(&b),
+        (Scalar::F32(a), Scalar::F32(b)) => a
+            .compare(b)
+            .ok_or_else(|| Stuck::Undecided(format!("{op:?} of {a:?} and {b:?}")))?,
         (Scalar::I32(a), Scalar::I32(b)) => Some(a.cmp(&b)),
         (Scalar::U32(a), Scalar::U32(b)) => Some(a.cmp(&b)),
         (Scalar::Bool(a), Scalar::Bool(b)) => Some(a.cmp(&b)),
@@ -131,7 +161,7 @@ fn compare(op: BinaryOperator, a: Scalar, b: Scalar) -> Result<Scalar, Stuck> {
 }
 
 /// A relational function.
-pub fn relational(fun: RelationalFunction, value: &Value) -> Result<Value, Stuck> {
+pub fn relational<F: Number>(fun: RelationalFunction, value: &Value<F>) -> Result<Value<F>, Stuck> {
     let truths = || -> Result<Vec<bool>, Stuck> {
         match value {
             Value::Composite(parts) => parts.iter().map(Value::truth).collect(),
@@ -140,7 +170,7 @@ pub fn relational(fun: RelationalFunction, value: &Value) -> Result<Value, Stuck
     };
     let test = |f: fn(f32) -> bool| {
         value.map(&mut |s| match s {
-            Scalar::F32(v) => Ok(Scalar::Bool(f(v))),
+            Scalar::F32(v) => Ok(Scalar::Bool(f(single(v)?))),
             other => Err(mismatch("a float test", &[other])),
         })
     };
@@ -153,27 +183,31 @@ pub fn relational(fun: RelationalFunction, value: &Value) -> Result<Value, Stuck
 }
 
 /// A conversion, or a bit cast if it has no width.
-pub fn cast(kind: ScalarKind, convert: Option<u8>, value: &Value) -> Result<Value, Stuck> {
+pub fn cast<F: Number>(
+    kind: ScalarKind,
+    convert: Option<u8>,
+    value: &Value<F>,
+) -> Result<Value<F>, Stuck> {
     value.map(&mut |s| {
         use Scalar::{Bool, F32, I32, U32};
         Ok(match (convert, kind, s) {
-            (None, ScalarKind::Float, I32(v)) => F32(f32::from_bits(v as u32)),
-            (None, ScalarKind::Float, U32(v)) => F32(f32::from_bits(v)),
-            (None, ScalarKind::Sint, F32(v)) => I32(v.to_bits() as i32),
-            (None, ScalarKind::Uint, F32(v)) => U32(v.to_bits()),
+            (None, ScalarKind::Float, I32(v)) => F32(F::of(f32::from_bits(v as u32))),
+            (None, ScalarKind::Float, U32(v)) => F32(F::of(f32::from_bits(v))),
+            (None, ScalarKind::Sint, F32(v)) => I32(single(v)?.to_bits() as i32),
+            (None, ScalarKind::Uint, F32(v)) => U32(single(v)?.to_bits()),
             (_, ScalarKind::Float, F32(v)) => F32(v),
-            (_, ScalarKind::Float, I32(v)) => F32(v as f32),
-            (_, ScalarKind::Float, U32(v)) => F32(v as f32),
-            (_, ScalarKind::Float, Bool(v)) => F32(f32::from(u8::from(v))),
-            (_, ScalarKind::Sint, F32(v)) => I32(v as i32),
+            (_, ScalarKind::Float, I32(v)) => F32(F::of(v as f32)),
+            (_, ScalarKind::Float, U32(v)) => F32(F::of(v as f32)),
+            (_, ScalarKind::Float, Bool(v)) => F32(F::of(f32::from(u8::from(v)))),
+            (_, ScalarKind::Sint, F32(v)) => I32(single(v)? as i32),
             (_, ScalarKind::Sint, I32(v)) => I32(v),
             (_, ScalarKind::Sint, U32(v)) => I32(v as i32),
             (_, ScalarKind::Sint, Bool(v)) => I32(i32::from(v)),
-            (_, ScalarKind::Uint, F32(v)) => U32(v as u32),
+            (_, ScalarKind::Uint, F32(v)) => U32(single(v)? as u32),
             (_, ScalarKind::Uint, I32(v)) => U32(v as u32),
             (_, ScalarKind::Uint, U32(v)) => U32(v),
             (_, ScalarKind::Uint, Bool(v)) => U32(u32::from(v)),
-            (_, ScalarKind::Bool, F32(v)) => Bool(v != 0.0),
+            (_, ScalarKind::Bool, F32(v)) => Bool(single(v)? != 0.0),
             (_, ScalarKind::Bool, I32(v)) => Bool(v != 0),
             (_, ScalarKind::Bool, U32(v)) => Bool(v != 0),
             (_, ScalarKind::Bool, Bool(v)) => Bool(v),
@@ -183,13 +217,17 @@ pub fn cast(kind: ScalarKind, convert: Option<u8>, value: &Value) -> Result<Valu
 }
 
 /// The fields of a word, `width` bits each from the lowest, each through `decode`.
-fn unpack(arguments: &[&Value], width: u32, decode: &dyn Fn(u32) -> f32) -> Result<Value, Stuck> {
+fn unpack<F: Number>(
+    arguments: &[&Value<F>],
+    width: u32,
+    decode: &dyn Fn(u32) -> f32,
+) -> Result<Value<F>, Stuck> {
     let Value::Scalar(Scalar::U32(word)) = arguments[0] else {
         return Err(Stuck::Type("unpacking no u32".to_owned()));
     };
     let fields = (0..32).step_by(width as usize);
-    let fields = fields.map(|shift| decode((word >> shift) & ((1 << width) - 1)));
-    Ok(Value::vector(&fields.collect::<Vec<_>>()))
+    let fields = fields.map(|shift| F::of(decode((word >> shift) & ((1 << width) - 1))));
+    Ok(Value::composite(&fields.collect::<Vec<_>>()))
 }
 
 /// A 16-bit float (IEEE 754 binary16).
@@ -205,64 +243,13 @@ fn half(bits: u32) -> f32 {
 }
 
 /// A built-in function.
-pub fn call(fun: MathFunction, arguments: &[&Value]) -> Result<Value, Stuck> {
+pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
     use MathFunction as M;
-    let float1 = |f: fn(f32) -> f32| {
-        Value::zip(&arguments[..1], &mut |s| match s {
-            [Scalar::F32(v)] => Ok(Scalar::F32(f(*v))),
-            other => Err(mismatch(&format!("{fun:?}"), other)),
-        })
-    };
-    let float2 = |f: fn(f32, f32) -> f32| {
-        Value::zip(&arguments[..2], &mut |s| match s {
-            [Scalar::F32(a), Scalar::F32(b)] => Ok(Scalar::F32(f(*a, *b))),
-            other => Err(mismatch(&format!("{fun:?}"), other)),
-        })
-    };
-    let float3 = |f: fn(f32, f32, f32) -> f32| {
-        Value::zip(&arguments[..3], &mut |s| match s {
-            [Scalar::F32(a), Scalar::F32(b), Scalar::F32(c)] => Ok(Scalar::F32(f(*a, *b, *c))),
-            other => Err(mismatch(&format!("{fun:?}"), other)),
-        })
-    };
     match fun {
-        M::Abs | M::Min | M::Max | M::Clamp | M::Sign => {
-            Value::zip(arguments, &mut |s| order(fun, s))
-        }
-        M::Saturate => float1(|v| v.clamp(0.0, 1.0)),
-        M::Cos => float1(f32::cos),
-        M::Cosh => float1(f32::cosh),
-        M::Sin => float1(f32::sin),
-        M::Sinh => float1(f32::sinh),
-        M::Tan => float1(f32::tan),
-        M::Tanh => float1(f32::tanh),
-        M::Acos => float1(f32::acos),
-        M::Asin => float1(f32::asin),
-        M::Atan => float1(f32::atan),
-        M::Atan2 => float2(f32::atan2),
-        M::Radians => float1(f32::to_radians),
-        M::Degrees => float1(f32::to_degrees),
-        M::Ceil => float1(f32::ceil),
-        M::Floor => float1(f32::floor),
-        M::Round => float1(f32::round_ties_even),
-        M::Fract => float1(|v| v - v.floor()),
-        M::Trunc => float1(f32::trunc),
-        M::Exp => float1(f32::exp),
-        M::Exp2 => float1(f32::exp2),
-        M::Log => float1(f32::ln),
-        M::Log2 => float1(f32::log2),
-        M::Pow => float2(f32::powf),
-        M::Sqrt => float1(f32::sqrt),
-        M::InverseSqrt => float1(|v| 1.0 / v.sqrt()),
-        M::Step => float2(|edge, v| if v < edge { 0.0 } else { 1.0 }),
-        M::Mix => float3(|a, b, t| a * (1.0 - t) + b * t),
-        M::Fma => float3(|a, b, c| a * b + c),
-        M::SmoothStep => float3(|low, high, v| {
-            let t = ((v - low) / (high - low)).clamp(0.0, 1.0);
-            t * t * (3.0 - 2.0 * t)
-        }),
         M::Dot => match arguments[0].parts()?.first() {
-            Some(Value::Scalar(Scalar::F32(_))) => dot(arguments[0], arguments[1]).map(Value::f32),
+            Some(Value::Scalar(Scalar::F32(_))) => {
+                dot(arguments[0], arguments[1]).map(Value::number)
+            }
             _ => {
                 let products = binary(BinaryOperator::Multiply, arguments[0], arguments[1])?;
                 let mut parts = products.parts()?.iter().cloned();
@@ -277,14 +264,17 @@ pub fn call(fun: MathFunction, arguments: &[&Value]) -> Result<Value, Stuck> {
             (bits as i16 as f32 / 32767.0).max(-1.0)
         }),
         M::Unpack2x16float => unpack(arguments, 16, &half),
-        M::Length => dot(arguments[0], arguments[0]).map(|d| Value::f32(d.sqrt())),
+        M::Length => match arguments[0] {
+            Value::Scalar(_) => call(M::Abs, arguments),
+            vector => root(dot(vector, vector)?).map(Value::number),
+        },
         M::Distance => {
             let between = binary(BinaryOperator::Subtract, arguments[0], arguments[1])?;
-            dot(&between, &between).map(|d| Value::f32(d.sqrt()))
+            call(M::Length, &[&between])
         }
         M::Normalize => {
-            let length = dot(arguments[0], arguments[0])?.sqrt();
-            binary(BinaryOperator::Divide, arguments[0], &Value::f32(length))
+            let length = root(dot(arguments[0], arguments[0])?)?;
+            binary(BinaryOperator::Divide, arguments[0], &Value::number(length))
         }
         M::Cross => {
             let (a, b) = (arguments[0].floats()?, arguments[1].floats()?);
@@ -294,15 +284,19 @@ pub fn call(fun: MathFunction, arguments: &[&Value]) -> Result<Value, Stuck> {
             let [bx, by, bz] = b[..] else {
                 return Err(Stuck::Type("cross of no vec3".to_owned()));
             };
-            Ok(Value::vector(&[
-                ay * bz - az * by,
-                az * bx - ax * bz,
-                ax * by - ay * bx,
+            Ok(Value::composite(&[
+                minus(times(ay, bz)?, times(az, by)?)?,
+                minus(times(az, bx)?, times(ax, bz)?)?,
+                minus(times(ax, by)?, times(ay, bx)?)?,
             ]))
         }
         M::Reflect => {
-            let twice = 2.0 * dot(arguments[1], arguments[0])?;
-            let along = binary(BinaryOperator::Multiply, arguments[1], &Value::f32(twice))?;
+            let twice = times(F::of(2.0), dot(arguments[1], arguments[0])?)?;
+            let along = binary(
+                BinaryOperator::Multiply,
+                arguments[1],
+                &Value::number(twice),
+            )?;
             binary(BinaryOperator::Subtract, arguments[0], &along)
         }
         M::Transpose => {
@@ -321,28 +315,34 @@ pub fn call(fun: MathFunction, arguments: &[&Value]) -> Result<Value, Stuck> {
                 .collect::<Result<_, _>>()
                 .map(Value::Composite)
         }
-        other => Err(Stuck::Unsupported(format!("{other:?}"))),
+        _ => Value::zip(arguments, &mut |s| by_component(fun, s)),
     }
 }
 
-fn order(fun: MathFunction, s: &[Scalar]) -> Result<Scalar, Stuck> {
+/// A function of scalars.
+fn by_component<F: Number>(fun: MathFunction, s: &[Scalar<F>]) -> Result<Scalar<F>, Stuck> {
     use MathFunction as M;
     use Scalar::{F32, I32, U32};
     Ok(match (fun, s) {
-        (M::Abs, [F32(v)]) => F32(v.abs()),
         (M::Abs, [I32(v)]) => I32(v.wrapping_abs()),
         (M::Abs, [U32(v)]) => U32(*v),
-        (M::Sign, [F32(v)]) => F32(if *v == 0.0 { 0.0 } else { v.signum() }),
         (M::Sign, [I32(v)]) => I32(v.signum()),
-        (M::Min, [F32(a), F32(b)]) => F32(a.min(*b)),
         (M::Min, [I32(a), I32(b)]) => I32(*a.min(b)),
         (M::Min, [U32(a), U32(b)]) => U32(*a.min(b)),
-        (M::Max, [F32(a), F32(b)]) => F32(a.max(*b)),
         (M::Max, [I32(a), I32(b)]) => I32(*a.max(b)),
         (M::Max, [U32(a), U32(b)]) => U32(*a.max(b)),
-        (M::Clamp, [F32(v), F32(low), F32(high)]) => F32(v.max(*low).min(*high)),
         (M::Clamp, [I32(v), I32(low), I32(high)]) => I32(*v.max(low).min(high)),
         (M::Clamp, [U32(v), U32(low), U32(high)]) => U32(*v.max(low).min(high)),
-        _ => return Err(mismatch(&format!("{fun:?}"), s)),
+        _ => {
+            let floats: Option<Vec<F>> = s
+                .iter()
+                .map(|s| match s {
+                    F32(v) => Some(*v),
+                    _ => None,
+                })
+                .collect();
+            let floats = floats.ok_or_else(|| mismatch(&format!("{fun:?}"), s))?;
+            F32(F::call(fun, &floats).ok_or_else(|| Stuck::Unsupported(format!("{fun:?}")))?)
+        }
     })
 }

@@ -11,9 +11,13 @@ use naga::{
     Statement, SwitchValue,
 };
 
+mod layout;
 mod math;
+mod number;
 mod value;
 
+pub use layout::from_bytes;
+pub use number::Number;
 pub use value::{Scalar, Value};
 
 /// Why an evaluation came to no end.
@@ -28,6 +32,9 @@ pub enum Stuck {
     /// A value of the wrong type: the module or an argument is not valid.
     #[error("type mismatch: {0}")]
     Type(String),
+    /// What to do next rests on a number that is several.
+    #[error("it rests on a number that is not one: {0}")]
+    Undecided(String),
     /// An expression was used that no `Emit` before it evaluates.
     #[error("expression {0} is used before it is evaluated")]
     Unevaluated(usize),
@@ -35,28 +42,28 @@ pub enum Stuck {
 
 /// A texture access.
 #[derive(Clone, Debug)]
-pub struct Lookup<'a> {
+pub struct Lookup<'a, F = f32> {
     /// Group and binding of the texture.
     pub binding: Option<(u32, u32)>,
     /// Coordinates, array index, level or gradients, depth reference: in this order, those there are.
-    pub coordinates: &'a [f32],
+    pub coordinates: &'a [F],
 }
 
 /// What surrounds an invocation.
-pub struct Environment<'a> {
+pub struct Environment<'a, F = f32> {
     /// Contents of uniforms and buffers by group and binding.
-    pub resources: BTreeMap<(u32, u32), Value>,
+    pub resources: BTreeMap<(u32, u32), Value<F>>,
     /// The texel a lookup gives.
-    pub texture: &'a dyn Fn(&Lookup<'_>) -> [f32; 4],
+    pub texture: &'a dyn Fn(&Lookup<'_, F>) -> [F; 4],
     /// Statements and expressions evaluated before the interpreter gives up.
     pub steps: u64,
 }
 
 /// What an invocation did.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+#[derive(Clone, Debug)]
+pub struct Outcome<F = f32> {
     /// What it returned.
-    pub result: Option<Value>,
+    pub result: Option<Value<F>>,
     /// Whether it was discarded.
     pub discarded: bool,
     /// Steps it took.
@@ -67,12 +74,26 @@ pub struct Outcome {
 ///
 /// # Errors
 /// [`Stuck`].
-pub fn entry_point(
+pub fn entry_point<F: Number>(
     module: &Module,
     entry: usize,
-    arguments: &[Value],
-    environment: &Environment<'_>,
-) -> Result<Outcome, Stuck> {
+    arguments: &[Value<F>],
+    environment: &Environment<'_, F>,
+) -> Result<Outcome<F>, Stuck> {
+    let function = &module.entry_points[entry].function;
+    run(module, function, arguments, environment)
+}
+
+/// Runs a function, of a module or of an entry point of it, with globals as they are at the beginning.
+///
+/// # Errors
+/// [`Stuck`].
+pub fn run<F: Number>(
+    module: &Module,
+    function: &Function,
+    arguments: &[Value<F>],
+    environment: &Environment<'_, F>,
+) -> Result<Outcome<F>, Stuck> {
     let mut machine = Machine {
         module,
         environment,
@@ -101,7 +122,7 @@ pub fn entry_point(
         machine.globals.insert(handle, machine.memory.len());
         machine.memory.push(value);
     }
-    let result = machine.call(&module.entry_points[entry].function, arguments.to_vec())?;
+    let result = machine.call(function, arguments.to_vec())?;
     Ok(Outcome {
         result,
         discarded: machine.discarded,
@@ -109,31 +130,31 @@ pub fn entry_point(
     })
 }
 
-struct Machine<'a> {
+struct Machine<'a, F> {
     module: &'a Module,
-    environment: &'a Environment<'a>,
-    memory: Vec<Value>,
+    environment: &'a Environment<'a, F>,
+    memory: Vec<Value<F>>,
     globals: BTreeMap<Handle<GlobalVariable>, usize>,
     discarded: bool,
     steps: u64,
 }
 
-struct Frame<'f> {
+struct Frame<'f, F> {
     function: &'f Function,
-    arguments: Vec<Value>,
+    arguments: Vec<Value<F>>,
     /// Address of the first local variable.
     locals: usize,
-    values: Vec<Option<Value>>,
+    values: Vec<Option<Value<F>>>,
 }
 
-enum Flow {
+enum Flow<F> {
     Next,
     Break,
     Continue,
-    Return(Option<Value>),
+    Return(Option<Value<F>>),
 }
 
-impl<'a> Machine<'a> {
+impl<'a, F: Number> Machine<'a, F> {
     fn step(&mut self) -> Result<(), Stuck> {
         self.steps += 1;
         if self.steps > self.environment.steps {
@@ -145,8 +166,8 @@ impl<'a> Machine<'a> {
     fn call(
         &mut self,
         function: &'a Function,
-        arguments: Vec<Value>,
-    ) -> Result<Option<Value>, Stuck> {
+        arguments: Vec<Value<F>>,
+    ) -> Result<Option<Value<F>>, Stuck> {
         let locals = self.memory.len();
         let mut frame = Frame {
             function,
@@ -170,7 +191,11 @@ impl<'a> Machine<'a> {
     }
 
     /// An initialiser: a constant expression outside any `Emit`.
-    fn constant(&mut self, frame: &mut Frame<'a>, e: Handle<Expression>) -> Result<Value, Stuck> {
+    fn constant(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        e: Handle<Expression>,
+    ) -> Result<Value<F>, Stuck> {
         for operand in crate::graph::operands::of_expression(&frame.function.expressions[e]) {
             let value = self.constant(frame, operand)?;
             frame.values[operand.index()] = Some(value);
@@ -178,7 +203,7 @@ impl<'a> Machine<'a> {
         self.evaluate(frame, e)
     }
 
-    fn block(&mut self, block: &'a Block, frame: &mut Frame<'a>) -> Result<Flow, Stuck> {
+    fn block(&mut self, block: &'a Block, frame: &mut Frame<'a, F>) -> Result<Flow<F>, Stuck> {
         for statement in block {
             self.step()?;
             match self.statement(statement, frame)? {
@@ -192,8 +217,8 @@ impl<'a> Machine<'a> {
     fn statement(
         &mut self,
         statement: &'a Statement,
-        frame: &mut Frame<'a>,
-    ) -> Result<Flow, Stuck> {
+        frame: &mut Frame<'a, F>,
+    ) -> Result<Flow<F>, Stuck> {
         match statement {
             Statement::Emit(range) => {
                 for e in range.clone() {
@@ -282,7 +307,7 @@ impl<'a> Machine<'a> {
         Ok(Flow::Next)
     }
 
-    fn place(&mut self, pointer: &Value) -> Result<&mut Value, Stuck> {
+    fn place(&mut self, pointer: &Value<F>) -> Result<&mut Value<F>, Stuck> {
         let Value::Pointer { address, path } = pointer else {
             return Err(Stuck::Type(format!("{pointer:?} where a pointer belongs")));
         };
@@ -300,7 +325,7 @@ impl<'a> Machine<'a> {
     }
 
     /// The value of an operand.
-    fn get(&mut self, frame: &mut Frame<'a>, e: Handle<Expression>) -> Result<Value, Stuck> {
+    fn get(&mut self, frame: &mut Frame<'a, F>, e: Handle<Expression>) -> Result<Value<F>, Stuck> {
         if let Some(value) = &frame.values[e.index()] {
             return Ok(value.clone());
         }
@@ -312,7 +337,11 @@ impl<'a> Machine<'a> {
         Ok(value)
     }
 
-    fn evaluate(&mut self, frame: &mut Frame<'a>, e: Handle<Expression>) -> Result<Value, Stuck> {
+    fn evaluate(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        e: Handle<Expression>,
+    ) -> Result<Value<F>, Stuck> {
         let function = frame.function;
         Ok(match &function.expressions[e] {
             Expression::Literal(l) => Value::literal(l)?,
@@ -434,7 +463,7 @@ impl<'a> Machine<'a> {
                 operands.extend(depth_ref);
                 let texel = self.lookup(frame, *image, &operands)?;
                 match depth_ref {
-                    Some(_) => Value::f32(texel[0]),
+                    Some(_) => Value::number(texel[0]),
                     None => self.texel(*image, function, texel),
                 }
             }
@@ -455,7 +484,7 @@ impl<'a> Machine<'a> {
     }
 
     /// A texel as the texture's class gives it: depth as one float.
-    fn texel(&self, image: Handle<Expression>, function: &Function, texel: [f32; 4]) -> Value {
+    fn texel(&self, image: Handle<Expression>, function: &Function, texel: [F; 4]) -> Value<F> {
         let is_depth = match function.expressions[image] {
             Expression::GlobalVariable(g) => matches!(
                 self.module.types[self.module.global_variables[g].ty].inner,
@@ -467,18 +496,18 @@ impl<'a> Machine<'a> {
             _ => false,
         };
         if is_depth {
-            Value::f32(texel[0])
+            Value::number(texel[0])
         } else {
-            Value::vector(&texel)
+            Value::composite(&texel)
         }
     }
 
     fn lookup(
         &mut self,
-        frame: &mut Frame<'a>,
+        frame: &mut Frame<'a, F>,
         image: Handle<Expression>,
         operands: &[Handle<Expression>],
-    ) -> Result<[f32; 4], Stuck> {
+    ) -> Result<[F; 4], Stuck> {
         let Value::Resource(texture) = self.get(frame, image)? else {
             return Err(Stuck::Type("a lookup in no texture".to_owned()));
         };
@@ -498,7 +527,7 @@ impl<'a> Machine<'a> {
     }
 }
 
-fn access(base: Value, index: usize) -> Result<Value, Stuck> {
+fn access<F: Number>(base: Value<F>, index: usize) -> Result<Value<F>, Stuck> {
     match base {
         Value::Pointer { address, mut path } => {
             path.push(index);

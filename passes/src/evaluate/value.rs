@@ -3,12 +3,13 @@
 use naga::{Expression, Handle, Literal, Module, ScalarKind, Type, TypeInner};
 
 use super::Stuck;
+use super::number::Number;
 
-/// A scalar.
+/// A scalar. Its floats are `f32`, or what stands for several of them.
 #[derive(Clone, Copy, Debug)]
-pub enum Scalar {
+pub enum Scalar<F = f32> {
     /// `f32`.
-    F32(f32),
+    F32(F),
     /// `i32`.
     I32(i32),
     /// `u32`.
@@ -17,11 +18,14 @@ pub enum Scalar {
     Bool(bool),
 }
 
+/// A function of scalars, of one component each.
+pub type ScalarFunction<'f, F> = dyn FnMut(&[Scalar<F>]) -> Result<Scalar<F>, Stuck> + 'f;
+
 /// Bits decide: a NaN equals itself, and 0.0 is not -0.0.
-impl PartialEq for Scalar {
+impl<F: Number> PartialEq for Scalar<F> {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::F32(a), Self::F32(b)) => a.to_bits() == b.to_bits(),
+            (Self::F32(a), Self::F32(b)) => a.is_same(*b),
             (Self::I32(a), Self::I32(b)) => a == b,
             (Self::U32(a), Self::U32(b)) => a == b,
             (Self::Bool(a), Self::Bool(b)) => a == b,
@@ -31,12 +35,12 @@ impl PartialEq for Scalar {
 }
 
 /// A value.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+#[derive(Clone, Debug)]
+pub enum Value<F = f32> {
     /// A scalar.
-    Scalar(Scalar),
+    Scalar(Scalar<F>),
     /// Components of a vector, columns of a matrix, elements of an array, members of a struct.
-    Composite(Vec<Value>),
+    Composite(Vec<Value<F>>),
     /// A place in memory.
     Pointer {
         /// Which variable.
@@ -48,10 +52,45 @@ pub enum Value {
     Resource(Handle<naga::GlobalVariable>),
 }
 
+impl<F: Number> PartialEq for Value<F> {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Scalar(a), Self::Scalar(b)) => a == b,
+            (Self::Composite(a), Self::Composite(b)) => a == b,
+            (
+                Self::Pointer { address, path },
+                Self::Pointer {
+                    address: other,
+                    path: along,
+                },
+            ) => (address, path) == (other, along),
+            (Self::Resource(a), Self::Resource(b)) => a == b,
+            _ => false,
+        }
+    }
+}
+
 impl Value {
     /// An `f32`.
     pub const fn f32(value: f32) -> Self {
         Self::Scalar(Scalar::F32(value))
+    }
+
+    /// A vector of `f32`.
+    pub fn vector(components: &[f32]) -> Self {
+        Self::composite(components)
+    }
+}
+
+impl<F: Number> Value<F> {
+    /// A float.
+    pub const fn number(value: F) -> Self {
+        Self::Scalar(Scalar::F32(value))
+    }
+
+    /// A vector of floats.
+    pub fn composite(components: &[F]) -> Self {
+        Self::Composite(components.iter().map(|c| Self::number(*c)).collect())
     }
 
     /// An `i32`.
@@ -62,11 +101,6 @@ impl Value {
     /// A `u32`.
     pub const fn u32(value: u32) -> Self {
         Self::Scalar(Scalar::U32(value))
-    }
-
-    /// A vector of `f32`.
-    pub fn vector(components: &[f32]) -> Self {
-        Self::Composite(components.iter().map(|c| Self::f32(*c)).collect())
     }
 
     /// The zero of a type.
@@ -102,7 +136,7 @@ impl Value {
         })
     }
 
-    fn zeros(count: usize, zero: Scalar) -> Self {
+    fn zeros(count: usize, zero: Scalar<F>) -> Self {
         Self::Composite(vec![Self::Scalar(zero); count])
     }
 
@@ -112,7 +146,7 @@ impl Value {
     /// A width the interpreter does not have.
     pub fn literal(literal: &Literal) -> Result<Self, Stuck> {
         Ok(Self::Scalar(match literal {
-            Literal::F32(v) => Scalar::F32(*v),
+            Literal::F32(v) => Scalar::F32(F::of(*v)),
             Literal::I32(v) => Scalar::I32(*v),
             Literal::U32(v) => Scalar::U32(*v),
             Literal::Bool(v) => Scalar::Bool(*v),
@@ -124,7 +158,7 @@ impl Value {
     ///
     /// # Errors
     /// It is none.
-    pub fn scalar(&self) -> Result<Scalar, Stuck> {
+    pub fn scalar(&self) -> Result<Scalar<F>, Stuck> {
         match self {
             Self::Scalar(s) => Ok(*s),
             other => Err(Stuck::Type(format!("{other:?} where a scalar belongs"))),
@@ -135,7 +169,7 @@ impl Value {
     ///
     /// # Errors
     /// It is none.
-    pub fn parts(&self) -> Result<&[Value], Stuck> {
+    pub fn parts(&self) -> Result<&[Self], Stuck> {
         match self {
             Self::Composite(parts) => Ok(parts),
             other => Err(Stuck::Type(format!("{other:?} where a composite belongs"))),
@@ -157,7 +191,7 @@ impl Value {
     ///
     /// # Errors
     /// It is none.
-    pub fn float(&self) -> Result<f32, Stuck> {
+    pub fn float(&self) -> Result<F, Stuck> {
         match self.scalar()? {
             Scalar::F32(v) => Ok(v),
             other => Err(Stuck::Type(format!("{other:?} where an f32 belongs"))),
@@ -180,7 +214,7 @@ impl Value {
     ///
     /// # Errors
     /// Something else is in it.
-    pub fn floats(&self) -> Result<Vec<f32>, Stuck> {
+    pub fn floats(&self) -> Result<Vec<F>, Stuck> {
         match self {
             Self::Composite(parts) => parts.iter().map(Self::float).collect(),
             one => Ok(vec![one.float()?]),
@@ -191,7 +225,10 @@ impl Value {
     ///
     /// # Errors
     /// What `f` says.
-    pub fn map(&self, f: &mut dyn FnMut(Scalar) -> Result<Scalar, Stuck>) -> Result<Self, Stuck> {
+    pub fn map(
+        &self,
+        f: &mut dyn FnMut(Scalar<F>) -> Result<Scalar<F>, Stuck>,
+    ) -> Result<Self, Stuck> {
         match self {
             Self::Scalar(s) => f(*s).map(Self::Scalar),
             Self::Composite(parts) => parts
@@ -207,10 +244,7 @@ impl Value {
     ///
     /// # Errors
     /// What `f` says; shapes that differ.
-    pub fn zip(
-        values: &[&Value],
-        f: &mut dyn FnMut(&[Scalar]) -> Result<Scalar, Stuck>,
-    ) -> Result<Self, Stuck> {
+    pub fn zip(values: &[&Self], f: &mut ScalarFunction<'_, F>) -> Result<Self, Stuck> {
         let count = values.iter().find_map(|v| match v {
             Self::Composite(parts) => Some(parts.len()),
             _ => None,
@@ -224,7 +258,7 @@ impl Value {
         };
         (0..count)
             .map(|i| {
-                let at: Vec<&Value> = values
+                let at: Vec<&Self> = values
                     .iter()
                     .map(|v| match v {
                         Self::Composite(parts) => parts
@@ -240,9 +274,9 @@ impl Value {
     }
 }
 
-fn zero_scalar(kind: ScalarKind, width: u8) -> Result<Scalar, Stuck> {
+fn zero_scalar<F: Number>(kind: ScalarKind, width: u8) -> Result<Scalar<F>, Stuck> {
     Ok(match (kind, width) {
-        (ScalarKind::Float, 4) => Scalar::F32(0.0),
+        (ScalarKind::Float, 4) => Scalar::F32(F::of(0.0)),
         (ScalarKind::Sint, 4) => Scalar::I32(0),
         (ScalarKind::Uint, 4) => Scalar::U32(0),
         (ScalarKind::Bool, _) => Scalar::Bool(false),
@@ -254,7 +288,7 @@ fn zero_scalar(kind: ScalarKind, width: u8) -> Result<Scalar, Stuck> {
 ///
 /// # Errors
 /// Something the interpreter does not have, or an override without a value.
-pub fn constant(module: &Module, e: Handle<Expression>) -> Result<Value, Stuck> {
+pub fn constant<F: Number>(module: &Module, e: Handle<Expression>) -> Result<Value<F>, Stuck> {
     match &module.global_expressions[e] {
         Expression::Literal(l) => Value::literal(l),
         Expression::Constant(c) => constant(module, module.constants[*c].init),
@@ -279,7 +313,7 @@ pub fn constant(module: &Module, e: Handle<Expression>) -> Result<Value, Stuck> 
 }
 
 /// Puts a composite together: vectors may be given in pieces.
-pub fn compose(module: &Module, ty: Handle<Type>, parts: Vec<Value>) -> Value {
+pub fn compose<F: Number>(module: &Module, ty: Handle<Type>, parts: Vec<Value<F>>) -> Value<F> {
     if let TypeInner::Vector { .. } = module.types[ty].inner {
         let flat = parts
             .into_iter()

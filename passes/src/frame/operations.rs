@@ -162,7 +162,7 @@ fn depth<'p>(
     if pass.depth_read_only && !members.iter().any(writes) {
         before.need(&slot)?;
     } else {
-        pass.stencil_ops = Some(before.draw(slot, &asked(|d| d.stencil_ops))?);
+        pass.stencil_ops = Some(before.draw(slot, &asked(|d| d.stencil_ops.unwrap_or_default()))?);
     }
     Ok(())
 }

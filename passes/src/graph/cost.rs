@@ -172,7 +172,8 @@ pub fn multiplicity(module: &Module, f: &FunctionGraph<'_>) -> Vec<f64> {
 }
 
 /// The number of turns of a counted loop: a local that starts at a constant, is stepped by a constant once a turn, and is compared with a
-/// constant before anything else happens. `None` for any other loop.
+/// constant before anything else happens. `None` for any other loop, and where the counter would leave the range of its type: there it wraps, and the loop
+/// may never end.
 pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> {
     let Statement::Loop { body, .. } = f.statements.get(id).statement else {
         return None;
@@ -244,6 +245,11 @@ pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> 
         return None;
     }
     let step = integer(module, f, step)?;
+    let range = match module.types[f.function.local_variables[counter].ty].inner {
+        TypeInner::Scalar(naga::Scalar::I32) => i64::from(i32::MIN)..=i64::from(i32::MAX),
+        TypeInner::Scalar(naga::Scalar::U32) => 0..=i64::from(u32::MAX),
+        _ => return None,
+    };
     let mut value = start;
     for turn in 0..MOST_TRIPS {
         let holds = match op {
@@ -264,6 +270,9 @@ pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> 
             BinaryOperator::Multiply => value.checked_mul(step)?,
             _ => return None,
         };
+        if !range.contains(&value) {
+            return None;
+        }
     }
     None
 }

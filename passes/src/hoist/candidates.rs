@@ -9,7 +9,7 @@ use super::{Material, Params, name, span};
 use crate::graph::{FunctionId, Graph};
 use crate::pass::{Facts, Frequency, Refusal};
 use crate::plan::Plan;
-use crate::program::Location;
+use crate::program::{Location, SourceMap};
 use crate::slice::{self, Criterion};
 
 /// How each value may travel, as far as the code shows it and what was measured allows it.
@@ -115,15 +115,44 @@ pub fn candidates(plan: &Plan) -> Result<Vec<Candidate>, Box<Refusal>> {
         .into_iter()
         .filter_map(|(v, cost)| {
             let location = span(&values, v).and_then(|s| sources.locate(s));
-            let place = || location.as_ref().map(|l| format!("line {}", l.line));
+            let text = || location.as_ref().and_then(|l| snippet(sources, l));
             Some(Candidate {
                 id: ids.get(&v)?.clone(),
-                name: name(&values, v).or_else(place).unwrap_or_default(),
+                name: name(&values, v).or_else(text).unwrap_or_default(),
                 cost,
                 location,
             })
         })
         .collect())
+}
+
+/// Longest piece of source that names a value, in characters.
+const LONGEST_NAME: usize = 32;
+
+/// The author's text for an expression, on one line, its end left out where it is long.
+fn snippet(sources: &SourceMap, at: &Location) -> Option<String> {
+    let file = sources.files().iter().find(|f| f.name == at.file)?;
+    let text = file
+        .text
+        .get(at.range.start as usize..at.range.end as usize)?;
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let text = words.join(" ");
+    Some(match text.char_indices().nth(LONGEST_NAME) {
+        Some((end, _)) => format!("{}..", &text[..end]),
+        None => text,
+    })
+}
+
+/// How values may travel where everything is finite, and the value of that id among those that may as approximations.
+pub(super) fn only(
+    values: &Values<'_, '_>,
+    id: &str,
+) -> (Vec<Result<Carriage, Stays>>, Option<ValueId>) {
+    let verdicts = travel::judge(values, Finite::Assumed);
+    let is_smooth = |v: ValueId| matches!(&verdicts[v], Ok(c) if c.class == Class::Smooth);
+    let ids = ids(values, is_smooth);
+    let value = ids.into_iter().find(|(_, own)| own == id).map(|(v, _)| v);
+    (verdicts, value)
 }
 
 /// Stable names of the values of which `of` holds.

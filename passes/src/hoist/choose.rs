@@ -2,7 +2,7 @@
 
 use naga::{Binding, BuiltIn, TypeInner};
 
-use super::cut::{self, Item};
+use super::cut::{self, Cut, Item};
 use super::pack::{self, Load, Slot};
 use super::travel::{Carriage, Class, Stays};
 use super::values::{Node, ValueId, Values};
@@ -64,9 +64,59 @@ pub fn choose(
     verdicts: &[Result<Carriage, Stays>],
     terms: &Terms,
 ) -> Option<Choice> {
-    let module = values.graph.module();
-    let inputs = reflect::inputs(module, values.function(0).function);
-    let before = total(values, verdicts, terms, 1.0, &|_| false)?.1.cost;
+    let before = {
+        let items = items(values, verdicts, 1.0, &|_| false);
+        total(&items, &cut::minimum(&items, &values.roots)?)
+    };
+    let allowed = |c: &Carriage| c.class <= terms.weakest;
+    let unscaled = items(values, verdicts, 1.0, &allowed);
+    let mut best: Option<(f64, Choice)> = None;
+    for scale in SWEEP {
+        let scaled = items(values, verdicts, scale, &allowed);
+        let Some(cut) = cut::minimum(&scaled, &values.roots) else {
+            continue;
+        };
+        let Some(choice) = cut_at(values, verdicts, &unscaled, &cut, before) else {
+            continue;
+        };
+        let whole = choice.after + choice.vertex * terms.vertices_per_fragment;
+        if before - whole <= before * terms.worthwhile {
+            continue;
+        }
+        if best.as_ref().is_none_or(|(cost, _)| whole < *cost) {
+            best = Some((whole, choice));
+        }
+    }
+    best.map(|(_, choice)| choice)
+}
+
+/// One value carried, whether that pays or not; `None` where it does not fit.
+pub fn one(
+    values: &Values<'_, '_>,
+    verdicts: &[Result<Carriage, Stays>],
+    id: ValueId,
+) -> Option<Choice> {
+    let mut items = items(values, verdicts, 1.0, &|_| false);
+    let before = total(&items, &cut::minimum(&items, &values.roots)?);
+    // It cannot be computed in the fragment stage, like an incoming varying.
+    items[id] = Item {
+        cost: None,
+        price: Some(0.0),
+        ..items[id].clone()
+    };
+    let cut = cut::minimum(&items, &values.roots)?;
+    cut_at(values, verdicts, &items, &cut, before)
+}
+
+/// What a cut carries, packed; `None` where that is nothing, or does not fit.
+fn cut_at(
+    values: &Values<'_, '_>,
+    verdicts: &[Result<Carriage, Stays>],
+    items: &[Item],
+    cut: &Cut,
+    before: f64,
+) -> Option<Choice> {
+    let inputs = reflect::inputs(values.graph.module(), values.function(0).function);
     let reserved = inputs.iter().filter(|io| {
         matches!(
             io.binding,
@@ -76,80 +126,58 @@ pub fn choose(
         )
     });
     let limit = MOST_VARYINGS - reserved.count().min(MOST_VARYINGS);
-    let mut best: Option<(f64, Choice)> = None;
-    for scale in SWEEP {
-        let allowed = |c: &Carriage| c.class <= terms.weakest;
-        let Some((items, cut)) = total(values, verdicts, terms, scale, &allowed) else {
-            continue;
-        };
-        let mut carried = Vec::new();
-        let mut kept = Vec::new();
-        for id in &cut.carried {
-            match (&values.values[*id].node, &verdicts[*id]) {
-                (Node::Input(i), _) => kept.push(*i),
-                (_, Ok(carriage)) => carried.push((*id, *carriage)),
-                (_, Err(_)) => {}
-            }
-        }
-        if carried.is_empty() {
-            continue;
-        }
-        let loads: Vec<Load> = carried
-            .iter()
-            .filter_map(|(id, carriage)| {
-                let (kind, width) = shape(values, *id)?;
-                Some(Load {
-                    width,
-                    kind,
-                    carriage: *carriage,
-                })
-            })
-            .collect();
-        let Some(slots) = pack::pack(&loads, kept.len(), limit) else {
-            continue;
-        };
-        let transport: f64 = cut
-            .carried
-            .iter()
-            .filter_map(|id| items[*id].price)
-            .sum::<f64>()
-            / scale;
-        let computed: f64 = (0..items.len())
-            .filter(|i| cut.computed[*i])
-            .filter_map(|i| items[i].cost)
-            .sum();
-        let (vertex, read) = below(values, carried.iter().map(|(id, _)| *id));
-        let after = transport + computed;
-        let whole = after + vertex * terms.vertices_per_fragment;
-        if before - whole <= before * terms.worthwhile {
-            continue;
-        }
-        if best.as_ref().is_none_or(|(cost, _)| whole < *cost) {
-            let choice = Choice {
-                carried,
-                slots,
-                kept,
-                read,
-                before,
-                after,
-                vertex,
-            };
-            best = Some((whole, choice));
+    let mut carried = Vec::new();
+    let mut kept = Vec::new();
+    for id in &cut.carried {
+        match (&values.values[*id].node, &verdicts[*id]) {
+            (Node::Input(i), _) => kept.push(*i),
+            (_, Ok(carriage)) => carried.push((*id, *carriage)),
+            (_, Err(_)) => {}
         }
     }
-    best.map(|(_, choice)| choice)
+    if carried.is_empty() {
+        return None;
+    }
+    let loads: Vec<Load> = carried
+        .iter()
+        .filter_map(|(id, carriage)| {
+            let (kind, width) = shape(values, *id)?;
+            Some(Load {
+                width,
+                kind,
+                carriage: *carriage,
+            })
+        })
+        .collect();
+    let slots = pack::pack(&loads, kept.len(), limit)?;
+    let (vertex, read) = below(values, carried.iter().map(|(id, _)| *id));
+    Some(Choice {
+        after: total(items, cut),
+        carried,
+        slots,
+        kept,
+        read,
+        before,
+        vertex,
+    })
 }
 
-/// The cut where transport costs `scale` times what it does.
-fn total(
+/// What a fragment pays under a cut: transport, and what it computes.
+fn total(items: &[Item], cut: &Cut) -> f64 {
+    let transport: f64 = cut.carried.iter().filter_map(|id| items[*id].price).sum();
+    let computed = (0..items.len()).filter(|i| cut.computed[*i]);
+    transport + computed.filter_map(|i| items[i].cost).sum::<f64>()
+}
+
+/// The values as what a cut chooses from, where transport costs `scale` times what it does.
+fn items(
     values: &Values<'_, '_>,
     verdicts: &[Result<Carriage, Stays>],
-    _terms: &Terms,
     scale: f64,
     allowed: &dyn Fn(&Carriage) -> bool,
-) -> Option<(Vec<Item>, cut::Cut)> {
+) -> Vec<Item> {
     let inputs = reflect::inputs(values.graph.module(), values.function(0).function);
-    let items: Vec<Item> = values
+    values
         .values
         .iter()
         .enumerate()
@@ -181,9 +209,7 @@ fn total(
                 operands: value.operands.clone(),
             }
         })
-        .collect();
-    let cut = cut::minimum(&items, &values.roots)?;
-    Some((items, cut))
+        .collect()
 }
 
 fn price(components: f64, flat: bool) -> f64 {

@@ -61,6 +61,7 @@ pub struct Params {
     pub allow: Option<Allow>,
     /// How much the picture may differ, by `metric`, above 0 and at most 1. Without one nothing approximate moves.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub budget: Option<f64>,
     /// What the budget counts.
     pub metric: Metric,
@@ -69,12 +70,14 @@ pub struct Params {
     /// Largest measured error, by `metric`, of a value that travels as an approximation; default: the budget. Values that were not measured are not held back
     /// where nothing was.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
     pub threshold: Option<f64>,
     /// The only values that travel as approximations, by id, joined by `+`: a choice made before.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub carry: Option<String>,
     /// Vertices shaded for each fragment shaded; default: as measured, or else 0.05.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
     pub vertices_per_fragment: Option<f64>,
 }
 

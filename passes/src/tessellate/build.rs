@@ -14,7 +14,7 @@ use naga::{
 };
 
 use super::split::{Carried, Outputs, Split};
-use super::text::Text;
+use super::text::{Order, Text};
 use crate::fetch::{self, Author, Linked, define, ours, word};
 use crate::graph::FunctionId;
 use crate::place::{self, Builder, Rewrite};
@@ -50,7 +50,10 @@ pub fn add(
         ours: by_name,
     } = Linked::new(module, &text.wgsl())?;
     let place = ours(&by_name, "tessellated_place")?;
-    let precedes = ours(&by_name, "tessellated_precedes")?;
+    let precedes = match text.order {
+        Order::ByPosition => Some(ours(&by_name, "tessellated_precedes")?),
+        Order::AsRecorded => None,
+    };
     let mut fetch = Vec::new();
     for attribute in text.attributes {
         let function = ours(&by_name, &format!("tessellated_{}_", attribute.location))?;
@@ -101,7 +104,8 @@ pub fn add(
 /// What interpolating takes.
 struct Between<'a> {
     corner: Handle<Function>,
-    precedes: Handle<Function>,
+    /// `None`: ends come in their order.
+    precedes: Option<Handle<Function>>,
     blends: &'a [(u8, Handle<Function>)],
     place: Handle<Type>,
     given: Handle<Type>,
@@ -228,11 +232,17 @@ fn between(
                 }
             });
             let c = build.expression(Expression::Load { pointer: c });
-            let ends = [b, a].map(|end| with.output(build, end, with.outputs.position));
-            let Some(swap) = build.call(with.precedes, ends.to_vec()) else {
-                return;
+            let swap = match with.precedes {
+                None => build.literal(Literal::Bool(false)),
+                Some(precedes) => {
+                    let ends = [b, a].map(|end| with.output(build, end, with.outputs.position));
+                    let Some(swap) = build.call(precedes, ends.to_vec()) else {
+                        return;
+                    };
+                    build.name(swap, "swap");
+                    swap
+                }
             };
-            build.name(swap, "swap");
             let turned = build.expression(Expression::Swizzle {
                 size: VectorSize::Tri,
                 vector: weights,

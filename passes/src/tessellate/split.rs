@@ -85,6 +85,38 @@ pub fn split(module: &Module, entry: usize) -> Option<Split> {
     })
 }
 
+/// Where a member of a vertex stage's result comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// The author's stage: its output of that index, or all it gives.
+    Author(Option<u32>),
+    /// What was hoisted.
+    Hoisted,
+}
+
+impl Split {
+    /// Where each member of the result comes from; `None` where it is not put together from members.
+    pub fn origins(&self) -> Option<Vec<Origin>> {
+        let returned = self.rest.body.iter().find_map(|s| match s {
+            Statement::Return { value } => *value,
+            _ => None,
+        })?;
+        let expressions = &self.rest.expressions;
+        let Expression::Compose { components, .. } = &expressions[returned] else {
+            return None;
+        };
+        let is_author = |e: Handle<Expression>| expressions[e] == Expression::FunctionArgument(0);
+        let origin = |e: &Handle<Expression>| match expressions[*e] {
+            Expression::AccessIndex { base, index } if is_author(base) => {
+                Origin::Author(Some(index))
+            }
+            _ if is_author(*e) => Origin::Author(None),
+            _ => Origin::Hoisted,
+        };
+        Some(components.iter().map(origin).collect())
+    }
+}
+
 /// The statements behind the author's call.
 fn body(
     function: &Function,

@@ -14,21 +14,37 @@ use crate::fetch::{Linked, ours, word};
 use crate::graph::FunctionId;
 use crate::place::{self, Builder, Rewrite};
 
+/// A member of a vertex stage's result, in the buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Member {
+    /// Its index in the result.
+    index: u32,
+    ty: Handle<Type>,
+    /// First word.
+    word: u32,
+    /// Words.
+    width: u8,
+}
+
 /// How a new vertex lies in the buffer that holds it once computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stored {
-    /// Each member of the vertex stage's result: its type, first word and width.
-    members: Vec<(Handle<Type>, u32, u8)>,
+    /// Each member of the vertex stage's result that is stored: its index there, type, first word and width.
+    members: Vec<Member>,
     /// Words of a vertex.
     pub words: u32,
 }
 
 impl Stored {
-    /// Of a vertex stage's result type.
+    /// Of those members of a vertex stage's result type, by index.
     ///
     /// # Errors
     /// In words: a member is not made of 32-bit numbers.
-    pub fn of(module: &Module, result: Handle<Type>) -> Result<Self, String> {
+    pub fn of(
+        module: &Module,
+        result: Handle<Type>,
+        stored_too: impl Fn(u32) -> bool,
+    ) -> Result<Self, String> {
         let TypeInner::Struct { members, .. } = &module.types[result].inner else {
             return Err("the vertex stage gives no struct".to_owned());
         };
@@ -36,13 +52,21 @@ impl Stored {
             members: Vec::new(),
             words: 0,
         };
-        for member in members {
+        for (index, member) in (0..).zip(members) {
+            if !stored_too(index) {
+                continue;
+            }
             let width = match &module.types[member.ty].inner {
                 TypeInner::Scalar(s) if s.width == 4 => 1,
                 TypeInner::Vector { size, scalar } if scalar.width == 4 => *size as u8,
                 _ => return Err("a varying is not made of 32-bit numbers".to_owned()),
             };
-            stored.members.push((member.ty, stored.words, width));
+            stored.members.push(Member {
+                index,
+                ty: member.ty,
+                word: stored.words,
+                width,
+            });
             stored.words += u32::from(width);
         }
         Ok(stored)
@@ -50,10 +74,45 @@ impl Stored {
 
     /// Widths of its members, each once.
     pub fn widths(&self) -> Vec<u8> {
-        let mut widths: Vec<u8> = self.members.iter().map(|m| m.2).collect();
+        let mut widths: Vec<u8> = self.members.iter().map(|m| m.width).collect();
         widths.sort_unstable();
         widths.dedup();
         widths
+    }
+
+    /// Indices of the members in the result.
+    pub fn indices(&self) -> impl Iterator<Item = u32> {
+        self.members.iter().map(|m| m.index)
+    }
+
+    /// The member of that index in the result, of the vertex of that index in the buffer; `None` if it is not stored, or our own text lacks something.
+    pub(super) fn load(
+        &self,
+        build: &mut Builder<'_>,
+        loads: &BTreeMap<u8, Handle<Function>>,
+        index: u32,
+        vertex: Handle<Expression>,
+    ) -> Option<Handle<Expression>> {
+        let member = self.members.iter().find(|m| m.index == index)?;
+        let at = self.at(build, vertex, member.word);
+        let loaded = build.call(*loads.get(&member.width)?, vec![at])?;
+        let kind = build.module().types[member.ty].inner.scalar_kind();
+        Some(match kind {
+            Some(ScalarKind::Uint) | None => loaded,
+            Some(kind) => bits(build, loaded, kind),
+        })
+    }
+
+    /// The functions of our own text that load its members, by width.
+    ///
+    /// # Errors
+    /// In words: our own text lacks one.
+    pub(super) fn loads(
+        &self,
+        by_name: &BTreeMap<String, Handle<Function>>,
+    ) -> Result<BTreeMap<u8, Handle<Function>>, String> {
+        let one = |width: u8| Ok((width, ours(by_name, &format!("tessellated_load_{width}_"))?));
+        self.widths().into_iter().map(one).collect()
     }
 
     /// The word of a member, of the vertex of that index.
@@ -90,6 +149,15 @@ fn bits(build: &mut Builder<'_>, expr: Handle<Expression>, kind: ScalarKind) -> 
     })
 }
 
+/// What a compute stage stores.
+#[derive(Clone, Copy)]
+pub enum Evaluation {
+    /// The whole result of the vertex stage at the place.
+    Vertex,
+    /// What this function of (vertex, instance) gives: the stored members alone, in order, or the only one.
+    Function(Handle<Function>),
+}
+
 /// `functions`' module with a compute entry point that evaluates and stores every new vertex.
 ///
 /// # Errors
@@ -99,6 +167,7 @@ pub fn stored(
     vertex: usize,
     name: &str,
     stored: &Stored,
+    evaluation: Evaluation,
 ) -> Result<Module, String> {
     let mut module = functions.module.clone();
     let triple = module.types.insert(
@@ -124,11 +193,18 @@ pub fn stored(
     module.entry_points.push(entry);
     let entry = FunctionId::EntryPoint(module.entry_points.len() - 1);
     let ours = |name: &str| ours(&functions.ours, name);
-    let (index_of, is_one, place_of) = (
-        ours("tessellated_index")?,
-        ours("tessellated_is_one")?,
-        ours("tessellated_place_of")?,
-    );
+    let (index_of, is_one) = (ours("tessellated_index")?, ours("tessellated_is_one")?);
+    let is_only = match evaluation {
+        Evaluation::Vertex => false,
+        Evaluation::Function(function) => {
+            let result = module.functions[function].result.as_ref();
+            !result.is_some_and(|r| matches!(module.types[r.ty].inner, TypeInner::Struct { .. }))
+        }
+    };
+    let of_index = [
+        ours("tessellated_vertex_of")?,
+        ours("tessellated_instance_of")?,
+    ];
     let mut stores = BTreeMap::new();
     for width in stored.widths() {
         stores.insert(width, ours(&format!("tessellated_store_{width}_"))?);
@@ -149,19 +225,30 @@ pub fn stored(
         };
         build.name(index, "index");
         build.if_then(one, |build| {
-            let place = build.call(place_of, vec![index]);
-            let author = place.and_then(|p| build.call(functions.between, vec![p]));
-            let Some(value) = author.and_then(|a| build.call(functions.rest, vec![a])) else {
-                return;
+            let at = of_index.map(|f| build.call(f, vec![index]));
+            let at: Vec<_> = at.into_iter().flatten().collect();
+            let value = match evaluation {
+                Evaluation::Function(function) => build.call(function, at),
+                Evaluation::Vertex => {
+                    let place = build.call(functions.place, at);
+                    let author = place.and_then(|p| build.call(functions.between, vec![p]));
+                    author.and_then(|a| build.call(functions.rest, vec![a]))
+                }
             };
-            for (i, (ty, word, width)) in stored.members.iter().enumerate() {
-                let member = access(build, value, i as u32);
-                let member = match build.module().types[*ty].inner.scalar_kind() {
+            let Some(value) = value else { return };
+            for (i, stored_member) in (0..).zip(&stored.members) {
+                let member = match evaluation {
+                    Evaluation::Vertex => access(build, value, stored_member.index),
+                    Evaluation::Function(_) if is_only => value,
+                    Evaluation::Function(_) => access(build, value, i),
+                };
+                let kind = build.module().types[stored_member.ty].inner.scalar_kind();
+                let member = match kind {
                     Some(ScalarKind::Uint) => member,
                     _ => bits(build, member, ScalarKind::Uint),
                 };
-                let at = stored.at(build, index, *word);
-                build.call(stores[width], vec![at, member]);
+                let at = stored.at(build, index, stored_member.word);
+                build.call(stores[&stored_member.width], vec![at, member]);
             }
         });
         Rewrite::default()
@@ -185,13 +272,7 @@ pub fn loaded(
         ours: by_name,
     } = Linked::new(module, &wgsl)?;
     let index_of = ours(&by_name, "tessellated_index")?;
-    let mut loads = BTreeMap::new();
-    for width in widths {
-        loads.insert(
-            width,
-            ours(&by_name, &format!("tessellated_load_{width}_"))?,
-        );
-    }
+    let loads = stored.loads(&by_name)?;
     let word = word(&mut module);
     let point = &mut module.entry_points[vertex].function;
     let result = point.result.clone();
@@ -211,18 +292,10 @@ pub fn loaded(
                 return Rewrite::default();
             };
             build.name(index, "index");
-            let mut components = Vec::new();
-            for (member, at, width) in &stored.members {
-                let at = stored.at(build, index, *at);
-                let Some(loaded) = build.call(loads[width], vec![at]) else {
-                    continue;
-                };
-                let kind = build.module().types[*member].inner.scalar_kind();
-                components.push(match kind {
-                    Some(ScalarKind::Uint) | None => loaded,
-                    Some(kind) => bits(build, loaded, kind),
-                });
-            }
+            let components = stored
+                .indices()
+                .filter_map(|member| stored.load(build, &loads, member, index))
+                .collect();
             let value = build.expression(Expression::Compose { ty, components });
             build.statement(Statement::Return { value: Some(value) });
             Rewrite::default()

@@ -32,8 +32,19 @@ pub struct Text<'a> {
     pub slots: Slots,
     /// How the vertex is known.
     pub place: Place,
-    /// Widths of what a compute stage stores; none in a vertex stage.
-    pub stores: &'a [u8],
+    /// How the buffer of new vertices is used, in vectors of which widths; `None`: not at all.
+    pub points: Option<(Points, &'a [u8])>,
+    /// Which end of an edge comes first.
+    pub order: Order,
+}
+
+/// Which end of an edge comes first: a point on it is computed from them in this order, on both of its sides.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// The one whose clip position precedes by its bits, which is the same across a seam of vertices.
+    ByPosition,
+    /// The one with the lesser index. It reads no position; across a seam two sides may round apart.
+    AsRecorded,
 }
 
 /// How a new vertex knows its place.
@@ -48,7 +59,7 @@ pub enum Place {
         /// What the weights sum to.
         denominator: u32,
     },
-    /// From a record of its own; what is computed is stored.
+    /// From a record of its own.
     Record {
         /// What the weights sum to.
         denominator: u32,
@@ -87,8 +98,11 @@ pub fn points(slots: Slots, points: Points, widths: &[u8]) -> String {
 fn tessellated_is_one(index: u32) -> bool {{
     return index < tessellation.vertices * tessellation.instances;
 }}
-fn tessellated_place_of(index: u32) -> TessellatedPlace {{
-    return tessellated_place(index % tessellation.vertices, index / tessellation.vertices);
+fn tessellated_vertex_of(index: u32) -> u32 {{
+    return index % tessellation.vertices;
+}}
+fn tessellated_instance_of(index: u32) -> u32 {{
+    return index / tessellation.vertices;
 }}
 "
         ),
@@ -170,12 +184,14 @@ impl Text<'_> {
             (self.slots.group, first),
             Formats::Any,
         ));
-        out.push_str(PRECEDES);
+        if self.order == Order::ByPosition {
+            out.push_str(PRECEDES);
+        }
         for width in self.widths {
             blend(&mut out, *width);
         }
-        if let Place::Record { .. } = self.place {
-            out.push_str(&points(self.slots, Points::Stored, self.stores));
+        if let Some((access, widths)) = self.points {
+            out.push_str(&points(self.slots, access, widths));
         }
         out
     }

@@ -7,7 +7,7 @@ use super::refuse;
 use crate::graph::{Effect, FunctionId};
 use crate::opaque::Opaque;
 use crate::pass::Refusal;
-use crate::plan::{BindingKind, BindingUse, GpuPass, Plan};
+use crate::plan::{GpuPass, Plan};
 use crate::reflect;
 use crate::state::Topology;
 
@@ -144,9 +144,6 @@ pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
     refusals
 }
 
-/// Storage buffers that every WebGPU device reads in a stage.
-const STORAGE_BUFFERS: usize = 8;
-
 /// The colours that a compute stage would write, by location, with their formats as WGSL spells them.
 pub fn stored(pass: &GpuPass) -> Result<Vec<(u32, String)>, Box<Refusal>> {
     const FORMATS: [&str; 3] = ["rgba8unorm", "rgba16float", "rgba32float"];
@@ -175,21 +172,4 @@ pub fn stored(pass: &GpuPass) -> Result<Vec<(u32, String)>, Box<Refusal>> {
             Ok((location, target.format.clone()))
         })
         .collect()
-}
-
-/// Fails where a compute stage would read more storage buffers than every device has.
-pub fn storage_buffers(bindings: &[BindingUse]) -> Result<(), Box<Refusal>> {
-    let read = bindings
-        .iter()
-        .filter(|b| b.kind == BindingKind::StorageRead);
-    match read.count() {
-        0..=STORAGE_BUFFERS => Ok(()),
-        count => Err(Box::new(refuse(
-            "storage-buffers",
-            format!(
-                "its compute stage would read {count} storage buffers, and WebGPU promises {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
-            ),
-            "take form=fragment, whose plan says the limit it needs, or pack attributes into fewer",
-        ))),
-    }
 }

@@ -79,6 +79,8 @@ fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Place>)> {
     let mut stores = Vec::new();
     for (_, opcode, operands) in instructions(words) {
         match (opcode, operands) {
+            // Of two positions it cannot be told which one the entry point has.
+            (OP_DECORATE, [_, BUILT_IN, POSITION]) if position.is_some() => return None,
             (OP_DECORATE, [variable, BUILT_IN, POSITION]) => position = Some(*variable),
             // Types have their result first, and no type.
             (19..=39, [result, ..]) => {
@@ -250,5 +252,30 @@ impl Module<'_> {
 
     fn is_pointer(&self, id: u32) -> bool {
         self.type_of(id) == Some(OP_TYPE_POINTER)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BUILT_IN, OP_DECORATE, POSITION, slice};
+
+    #[test]
+    fn a_second_position_has_no_answer() {
+        let decorate = |variable| {
+            [
+                4 << 16 | u32::from(OP_DECORATE),
+                variable,
+                BUILT_IN,
+                POSITION,
+            ]
+        };
+        let module = |positions: &[u32]| -> Vec<u32> {
+            let header = [0; crate::emit::spirv::HEADER];
+            let decorations = positions.iter().flat_map(|p| decorate(*p));
+            header.into_iter().chain(decorations).collect()
+        };
+        assert_eq!(slice(&module(&[])), None);
+        assert_eq!(slice(&module(&[7])), Some([7].into()));
+        assert_eq!(slice(&module(&[7, 8])), None);
     }
 }

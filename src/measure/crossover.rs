@@ -6,12 +6,12 @@ use super::Estimate;
 use super::timing::estimate;
 use crate::report::{Report, VariantReport};
 
-/// Version of the JSON that [`Sweep`] serialises to.
-pub const SCHEMA: &str = "preshade.sweep.v1";
+/// Version of the JSON that [`Series`] serialises to.
+pub const SCHEMA: &str = "preshade.series.v1";
 
-/// A sweep.
+/// A series.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Sweep {
+pub struct Series {
     /// Always [`SCHEMA`].
     pub schema: String,
     /// Name of the variable.
@@ -31,7 +31,7 @@ pub struct Point {
     pub report: Report,
 }
 
-/// How two variants compare over the sweep, in the headline view.
+/// How two variants compare over the series, in the headline view.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Crossover {
     /// A variant.
@@ -49,13 +49,13 @@ pub struct Crossover {
 pub struct Crossing {
     /// Of the medians.
     pub value: f64,
-    /// Of the ends of the ratios' intervals; `None`: they do not pass 1 on that side within the sweep.
+    /// Of the ends of the ratios' intervals; `None`: they do not pass 1 on that side within the series.
     pub low: Option<f64>,
     /// As `low`.
     pub high: Option<f64>,
 }
 
-impl Sweep {
+impl Series {
     /// Of reports of the same variants.
     pub fn new(variable: &str, mut points: Vec<Point>) -> Self {
         points.sort_by_key(|p| p.value);
@@ -199,7 +199,7 @@ mod tests {
     fn what_does_not_pass_one_does_not_cross() {
         assert_eq!(crossings(&[at(100, 2.0), at(400, 1.5)]), []);
         assert_eq!(crossings(&[at(100, 2.0)]), []);
-        // An interval that reaches past the sweep is open.
+        // An interval that reaches past the series is open.
         let open = crossings(&[at(100, 1.01), at(400, 0.5)]);
         assert_eq!(open.len(), 1);
         assert_eq!(open[0].low, None);

@@ -1,0 +1,57 @@
+//! Bytes of a buffer as a value, as the shader's type lays them out.
+
+use naga::{Handle, Module, ScalarKind, Type, TypeInner};
+
+use super::number::Number;
+use super::value::{Scalar, Value};
+
+/// The value of type `ty` that `bytes` begin with (WGSL section 14.4, memory layout); `None` where they are too few, or the type has a runtime size or scalars that are not
+/// 32 bits wide.
+pub fn from_bytes<F: Number>(module: &Module, ty: Handle<Type>, bytes: &[u8]) -> Option<Value<F>> {
+    Some(match &module.types[ty].inner {
+        TypeInner::Scalar(s) => scalar(*s, bytes)?,
+        TypeInner::Vector { size, scalar } => vector(*size as usize, *scalar, bytes)?,
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar,
+        } => {
+            // A column of three takes the room of four.
+            let stride = 4 * if *rows as usize == 2 { 2 } else { 4 };
+            let column = |c: usize| vector(*rows as usize, *scalar, bytes.get(c * stride..)?);
+            Value::Composite((0..*columns as usize).map(column).collect::<Option<_>>()?)
+        }
+        TypeInner::Array {
+            base,
+            size: naga::ArraySize::Constant(count),
+            stride,
+        } => {
+            let element = |i: u32| from_bytes(module, *base, bytes.get((i * stride) as usize..)?);
+            Value::Composite((0..count.get()).map(element).collect::<Option<_>>()?)
+        }
+        TypeInner::Struct { members, .. } => Value::Composite(
+            members
+                .iter()
+                .map(|m| from_bytes(module, m.ty, bytes.get(m.offset as usize..)?))
+                .collect::<Option<_>>()?,
+        ),
+        _ => return None,
+    })
+}
+
+fn vector<F: Number>(size: usize, of: naga::Scalar, bytes: &[u8]) -> Option<Value<F>> {
+    let component = |i: usize| scalar(of, bytes.get(4 * i..)?);
+    Some(Value::Composite(
+        (0..size).map(component).collect::<Option<_>>()?,
+    ))
+}
+
+fn scalar<F: Number>(of: naga::Scalar, bytes: &[u8]) -> Option<Value<F>> {
+    let word: [u8; 4] = *bytes.first_chunk()?;
+    Some(Value::Scalar(match (of.kind, of.width) {
+        (ScalarKind::Float, 4) => Scalar::F32(F::of(f32::from_le_bytes(word))),
+        (ScalarKind::Sint, 4) => Scalar::I32(i32::from_le_bytes(word)),
+        (ScalarKind::Uint, 4) => Scalar::U32(u32::from_le_bytes(word)),
+        _ => return None,
+    }))
+}

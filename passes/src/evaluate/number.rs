@@ -1,0 +1,121 @@
+//! What the interpreter takes for a float.
+
+use std::fmt::Debug;
+
+use naga::{BinaryOperator, MathFunction};
+
+use super::Stuck;
+
+/// A float of the interpreter: `f32` itself, or what stands for a range of them.
+///
+/// Integers and booleans are always what they are: a number that cannot say what it is as one of them stops the evaluation.
+pub trait Number: Copy + Debug {
+    /// A number of the shader's text or of a buffer.
+    fn of(number: f32) -> Self;
+
+    /// Whether both are the same to the last bit.
+    fn is_same(self, other: Self) -> bool;
+
+    /// `-x`.
+    fn negated(self) -> Self;
+
+    /// `+`, `-`, `*`, `/` or `%`; `None` for another operator.
+    fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self>;
+
+    /// How two compare; `Some(None)` where one is not a number, `None` where it cannot be told.
+    fn compare(self, other: Self) -> Option<Option<std::cmp::Ordering>>;
+
+    /// A function of each component by itself; `None` for one that is none, or is not known.
+    fn call(function: MathFunction, arguments: &[Self]) -> Option<Self>;
+
+    /// Itself as one `f32`; `None` where it stands for several.
+    fn single(self) -> Option<f32>;
+}
+
+/// [`Number::single`] where there has to be one.
+///
+/// # Errors
+/// There is none.
+pub fn single<F: Number>(number: F) -> Result<f32, Stuck> {
+    number
+        .single()
+        .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))
+}
+
+impl Number for f32 {
+    fn of(number: f32) -> Self {
+        number
+    }
+
+    fn is_same(self, other: Self) -> bool {
+        self.to_bits() == other.to_bits()
+    }
+
+    fn negated(self) -> Self {
+        -self
+    }
+
+    fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
+        Some(match op {
+            BinaryOperator::Add => a + b,
+            BinaryOperator::Subtract => a - b,
+            BinaryOperator::Multiply => a * b,
+            BinaryOperator::Divide => a / b,
+            BinaryOperator::Modulo => a % b,
+            _ => return None,
+        })
+    }
+
+    fn compare(self, other: Self) -> Option<Option<std::cmp::Ordering>> {
+        Some(self.partial_cmp(&other))
+    }
+
+    fn call(function: MathFunction, arguments: &[Self]) -> Option<Self> {
+        use MathFunction as M;
+        Some(match (function, arguments) {
+            (M::Abs, [v]) => v.abs(),
+            (M::Sign, [v]) if *v == 0.0 => 0.0,
+            (M::Sign, [v]) => v.signum(),
+            (M::Min, [a, b]) => a.min(*b),
+            (M::Max, [a, b]) => a.max(*b),
+            (M::Clamp, [v, low, high]) => v.max(*low).min(*high),
+            (M::Saturate, [v]) => v.clamp(0.0, 1.0),
+            (M::Cos, [v]) => v.cos(),
+            (M::Cosh, [v]) => v.cosh(),
+            (M::Sin, [v]) => v.sin(),
+            (M::Sinh, [v]) => v.sinh(),
+            (M::Tan, [v]) => v.tan(),
+            (M::Tanh, [v]) => v.tanh(),
+            (M::Acos, [v]) => v.acos(),
+            (M::Asin, [v]) => v.asin(),
+            (M::Atan, [v]) => v.atan(),
+            (M::Atan2, [y, x]) => y.atan2(*x),
+            (M::Radians, [v]) => v.to_radians(),
+            (M::Degrees, [v]) => v.to_degrees(),
+            (M::Ceil, [v]) => v.ceil(),
+            (M::Floor, [v]) => v.floor(),
+            (M::Round, [v]) => v.round_ties_even(),
+            (M::Fract, [v]) => v - v.floor(),
+            (M::Trunc, [v]) => v.trunc(),
+            (M::Exp, [v]) => v.exp(),
+            (M::Exp2, [v]) => v.exp2(),
+            (M::Log, [v]) => v.ln(),
+            (M::Log2, [v]) => v.log2(),
+            (M::Pow, [v, y]) => v.powf(*y),
+            (M::Sqrt, [v]) => v.sqrt(),
+            (M::InverseSqrt, [v]) => 1.0 / v.sqrt(),
+            (M::Step, [edge, v]) => f32::from(u8::from(v >= edge || v.is_nan() || edge.is_nan())),
+            (M::Mix, [a, b, t]) => a * (1.0 - t) + b * t,
+            (M::Fma, [a, b, c]) => a * b + c,
+            (M::SmoothStep, [low, high, v]) => {
+                let t = ((v - low) / (high - low)).clamp(0.0, 1.0);
+                t * t * (3.0 - 2.0 * t)
+            }
+            _ => return None,
+        })
+    }
+
+    fn single(self) -> Option<f32> {
+        Some(self)
+    }
+}

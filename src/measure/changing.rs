@@ -1,0 +1,89 @@
+//! Which uniforms change from frame to frame, read off a scene's own frames: no adapter is asked.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use naga::TypeInner;
+use preshade_passes::pass::Changing;
+
+use super::originals;
+use crate::scene::bind;
+use crate::scene::{Error, Material, Scene};
+
+/// The bytes of uniforms, by group and binding.
+type Buffers = BTreeMap<(u32, u32), Arc<[u8]>>;
+
+/// The uniforms, or members of them, that are not the same bytes in all frames of all cameras, in any draw of their material.
+///
+/// # Errors
+/// A value that does not fit its variable.
+pub fn changing(scene: &Scene) -> Result<Vec<Changing>, Error> {
+    let plans = originals(scene);
+    let mut found = BTreeSet::new();
+    for draw in &scene.draws {
+        let (Some(material), Some(plan)) =
+            (scene.materials.get(draw.material), plans.get(draw.material))
+        else {
+            continue;
+        };
+        let Some(pass) = plan.main() else { continue };
+        let buffers = |frame| -> Result<Buffers, Error> {
+            let of_frame = bind::frame_buffers(scene, material, pass, draw, frame)?;
+            let bytes = of_frame.into_iter();
+            Ok(bytes
+                .map(|b| ((b.group, b.binding), b.data.bytes))
+                .collect())
+        };
+        let mut first: Option<Buffers> = None;
+        for (_, frame) in scene.frames() {
+            let now = buffers(frame)?;
+            let Some(first) = &first else {
+                first = Some(now);
+                continue;
+            };
+            for (at, bytes) in &now {
+                let before = first.get(at).map_or(&[][..], |b| b);
+                found.extend(differing(material, *at, before, bytes));
+            }
+        }
+    }
+    Ok(found.into_iter().collect())
+}
+
+/// What of one uniform differs between two contents of it.
+fn differing(
+    material: &Material,
+    (group, binding): (u32, u32),
+    before: &[u8],
+    now: &[u8],
+) -> Vec<Changing> {
+    if before == now {
+        return Vec::new();
+    }
+    let module = material.program.module();
+    let changed = |member: Option<String>| Changing {
+        material: material.name.clone(),
+        group,
+        binding,
+        member,
+    };
+    let is_it = |g: &&naga::GlobalVariable| {
+        let at = g.binding.map(|b| (b.group, b.binding));
+        at == Some((group, binding))
+    };
+    let variable = module.global_variables.iter().map(|(_, g)| g).find(is_it);
+    let Some(TypeInner::Struct { members, span }) = variable.map(|g| &module.types[g.ty].inner)
+    else {
+        return vec![changed(None)];
+    };
+    let ends = members.iter().skip(1).map(|m| m.offset).chain([*span]);
+    members
+        .iter()
+        .zip(ends)
+        .filter(|(member, end)| {
+            let bytes = member.offset as usize..*end as usize;
+            before.get(bytes.clone()) != now.get(bytes)
+        })
+        .map(|(member, _)| changed(member.name.clone()))
+        .collect()
+}

@@ -1,0 +1,218 @@
+//! How far a value is from its interpolation over a scene's own triangles, evaluated by the adapter before anything is drawn.
+//!
+//! The hoisted material is tessellated, and the compute pass that makes its new vertices run: it evaluates the value at the corners of every triangle and at points
+//! between them. What lies between is held against what the corners make of it. No camera decides which triangles count, and none how much.
+
+use std::collections::HashMap;
+
+use preshade_passes::hoist;
+use preshade_passes::pass::{Facts, Interpolation, Pass};
+use preshade_passes::plan::Plan;
+use preshade_passes::tessellate::pattern::Pattern;
+use preshade_passes::tessellate::{self, Tessellate};
+use preshade_passes::{geometry, reflect};
+
+use super::Error;
+use super::frequency::choosing;
+use crate::render::{ComputedVertices, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
+
+/// Segments of an edge, by triangles at most: 12 points between the corners, or 3 where there are many triangles.
+const LEVELS: [(u32, u64); 2] = [(4, 250_000), (2, 2_000_000)];
+
+/// Measures the value of that id in the materials of these indices; `None` where a material cannot be tessellated with it (a flat varying, say), or has more triangles than are
+/// evaluated.
+///
+/// # Errors
+/// As [`Prepared::new`].
+pub fn interpolation(
+    inputs: &SceneInputs<'_>,
+    plans: &[Plan],
+    materials: &[usize],
+    id: &str,
+    form: ShaderForm,
+) -> Result<Option<Interpolation>, Error> {
+    let scene = inputs.scene();
+    let draws = scene.draws.iter().enumerate();
+    let triangles: u64 = draws
+        .filter(|(_, draw)| materials.contains(&draw.material))
+        .map(|(index, _)| inputs.triangles(index))
+        .sum();
+    let Some((level, _)) = LEVELS.into_iter().find(|(_, most)| triangles <= *most) else {
+        return Ok(None);
+    };
+    let mut changed = plans.to_vec();
+    let mut components = HashMap::new();
+    let mut denominator = 1;
+    for material in materials {
+        let Some((plan, wide, sum)) = tessellated(&plans[*material], id, level) else {
+            continue;
+        };
+        changed[*material] = plan;
+        components.insert(*material, wide);
+        denominator = sum;
+    }
+    if components.is_empty() {
+        return Ok(None);
+    }
+    let host = Variant::new(&changed, form)?;
+    let prepared = Prepared::new(inputs, &host, &FrameSettings::of(scene))?;
+    let mut measured: Option<Measured> = None;
+    for frame in choosing(scene) {
+        inputs.set_frame(frame)?;
+        for vertices in prepared.computed_vertices()? {
+            let Some(draw) = scene.draws.get(vertices.draw) else {
+                continue;
+            };
+            if let Some(of) = components.get(&draw.material) {
+                measured
+                    .get_or_insert_with(Measured::default)
+                    .add(&vertices, of, denominator);
+            }
+        }
+    }
+    Ok(measured.and_then(Measured::worst))
+}
+
+/// Which words of a vertex are floats that are interpolated.
+type Components = Vec<bool>;
+
+/// The plan that computes the value at new vertices, and what of a new vertex is interpolated.
+fn tessellated(plan: &Plan, id: &str, level: u32) -> Option<(Plan, Components, u32)> {
+    let alone = hoist::alone(plan, id).ok()?;
+    let components = components(&alone)?;
+    let params = tessellate::Params {
+        level,
+        pattern: Pattern::Uniform,
+        form: geometry::Form::Shared,
+        ..tessellate::Params::default()
+    };
+    let facts = Facts::default();
+    let sites = Tessellate::sites(&alone, &facts, &params);
+    let plan = Tessellate::apply(&alone, &facts, &sites.sites.first()?.key, &params).ok()?;
+    let denominator = plan.main()?.geometry.subdivision()?.denominator;
+    Some((plan, components, denominator))
+}
+
+fn components(plan: &Plan) -> Option<Components> {
+    let main = plan.main()?;
+    let program = plan.program(main)?;
+    let (_, entry) = program.entry_point(naga::ShaderStage::Vertex, &main.vertex)?;
+    let module = program.module();
+    let mut components = Vec::new();
+    for output in reflect::outputs(module, &entry.function) {
+        let (count, kind) = match module.types[output.ty].inner {
+            naga::TypeInner::Scalar(s) => (1, s.kind),
+            naga::TypeInner::Vector { size, scalar } => (size as usize, scalar.kind),
+            _ => return None,
+        };
+        let smooth = matches!(
+            output.binding,
+            Some(naga::Binding::Location { interpolation, .. })
+                if interpolation != Some(naga::Interpolation::Flat)
+        );
+        let is_smooth = smooth && kind == naga::ScalarKind::Float;
+        components.extend(std::iter::repeat_n(is_smooth, count));
+    }
+    Some(components)
+}
+
+/// One component over all points.
+#[derive(Clone, Copy)]
+struct Component {
+    max: f64,
+    sum: f64,
+    least: f64,
+    most: f64,
+}
+
+#[derive(Default)]
+struct Measured {
+    components: Vec<Component>,
+    points: u64,
+    not_finite: u64,
+}
+
+impl Measured {
+    fn add(&mut self, vertices: &ComputedVertices, wide: &Components, denominator: u32) {
+        let count = wide.iter().filter(|is_smooth| **is_smooth).count();
+        let unseen = Component {
+            max: 0.0,
+            sum: 0.0,
+            least: f64::INFINITY,
+            most: f64::NEG_INFINITY,
+        };
+        if self.components.len() < count {
+            self.components.resize(count, unseen);
+        }
+        // Where the author's own vertices are among the new ones.
+        let mut corners = HashMap::new();
+        for (at, point) in vertices.points.iter().enumerate() {
+            let [(corner, weight), ..] = made_of(point);
+            if weight == denominator {
+                corners.insert(corner, at);
+            }
+        }
+        let instance = vertices.points.len() * wide.len();
+        for words in vertices.words.chunks_exact(instance.max(1)) {
+            let values = |at: usize| {
+                let vertex = &words[at * wide.len()..][..wide.len()];
+                let smooth = vertex.iter().zip(wide).filter(|(_, smooth)| **smooth);
+                smooth.map(|(word, _)| f64::from(f32::from_bits(*word)))
+            };
+            for (at, point) in vertices.points.iter().enumerate() {
+                let of = made_of(point);
+                let mut interpolated = vec![0.0; count];
+                for (corner, weight) in of.into_iter().filter(|(_, weight)| *weight > 0) {
+                    let Some(corner) = corners.get(&corner) else {
+                        continue;
+                    };
+                    let share = f64::from(weight) / f64::from(denominator);
+                    for (sum, value) in interpolated.iter_mut().zip(values(*corner)) {
+                        *sum += share * value;
+                    }
+                }
+                let is_between = of[0].1 != denominator;
+                self.points += u64::from(is_between);
+                let mut is_finite = true;
+                let seen = self.components.iter_mut().zip(interpolated).zip(values(at));
+                for ((component, interpolated), value) in seen {
+                    let difference = (value - interpolated).abs();
+                    if !difference.is_finite() {
+                        is_finite = false;
+                        continue;
+                    }
+                    component.max = component.max.max(difference);
+                    component.sum += difference;
+                    component.least = component.least.min(value);
+                    component.most = component.most.max(value);
+                }
+                self.not_finite += u64::from(!is_finite);
+            }
+        }
+    }
+
+    /// Of the component that is furthest off.
+    fn worst(self) -> Option<Interpolation> {
+        let worst = self
+            .components
+            .iter()
+            .max_by(|a, b| a.max.total_cmp(&b.max))?;
+        Some(Interpolation {
+            max: worst.max,
+            mean: worst.sum / (self.points.max(1) as f64),
+            range: (worst.most - worst.least).max(0.0),
+            not_finite: self.not_finite,
+            points: self.points,
+        })
+    }
+}
+
+/// The author's vertices that a new one is made of, each with its weight, the heaviest of a corner first.
+fn made_of(point: &[u32; 4]) -> [(u32, u32); 3] {
+    let packed = point[3];
+    [0, 1, 2].map(|place| {
+        let corner = (packed >> (24 + 2 * place)) & 3;
+        let weight = (packed >> (8 * place)) & 255;
+        (point[corner as usize], weight)
+    })
+}

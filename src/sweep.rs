@@ -1,0 +1,354 @@
+//! A recipe with parameters left to vary: every combination of their values, each a recipe of its own.
+//!
+//! `tessellate:level=1..8` is eight recipes (both ends are meant), `tessellate:form=pulled/shared` two, `form=all` one for each word that the parameter may be. Any
+//! whole-number parameter of any pass takes a range, and any choice takes words.
+
+use preshade_passes::pass_named;
+use serde_json::Value;
+
+use crate::parameters::{Parameter, parameters};
+use crate::recipe::{self, Recipe, RecipeError};
+
+/// Most recipes one sweep may stand for.
+pub const MOST: usize = 256;
+
+/// A recipe with parameters left to vary.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// As it was written.
+    pub text: String,
+    /// What varies, in the order of the text.
+    pub axes: Vec<Axis>,
+    /// Every combination; the last axis varies fastest.
+    pub points: Vec<Point>,
+}
+
+/// A parameter left to vary.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Axis {
+    /// The pass.
+    pub pass: String,
+    /// Its parameter.
+    pub parameter: String,
+    /// What the values are.
+    pub kind: AxisKind,
+}
+
+/// What the values of an axis are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AxisKind {
+    /// Whole numbers, which a plot can have along its side.
+    Range,
+    /// Words.
+    Words,
+}
+
+/// One combination.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// The value on each axis.
+    pub values: Vec<String>,
+    /// The recipe.
+    pub recipe: Recipe,
+}
+
+/// A sweep that cannot be read.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SweepError {
+    /// A recipe in it cannot be read.
+    #[error(transparent)]
+    Recipe(#[from] RecipeError),
+    /// A range of something that is no whole number.
+    #[error("{pass}: `{parameter}` takes no range: it is not a whole number")]
+    NotWhole {
+        /// Name of the pass.
+        pass: String,
+        /// Name of the parameter.
+        parameter: String,
+    },
+    /// `8..1`, or an end that is no number.
+    #[error("`{text}` is not a range: write `1..8`, the smaller end first")]
+    Range {
+        /// As given.
+        text: String,
+    },
+    /// Too many combinations.
+    #[error("`{text}` stands for {count} recipes; the most is {MOST}")]
+    TooMany {
+        /// As given.
+        text: String,
+        /// How many.
+        count: usize,
+    },
+}
+
+impl Sweep {
+    /// Reads steps separated by commas, as [`Recipe::parse_list`] does, of which any parameter may be left to vary. Without any the sweep has one point and no axis.
+    ///
+    /// # Errors
+    /// As [`Step::parse`](recipe::Step::parse), and for what is no range.
+    pub fn parse_list(text: &str) -> Result<Self, SweepError> {
+        Self::of(text.to_owned(), recipe::split_list(text))
+    }
+
+    /// Reads one step.
+    ///
+    /// # Errors
+    /// As [`Sweep::parse_list`].
+    pub fn parse_step(text: &str) -> Result<Self, SweepError> {
+        Self::of(text.to_owned(), vec![text.to_owned()])
+    }
+
+    fn of(text: String, steps: Vec<String>) -> Result<Self, SweepError> {
+        let mut axes = Vec::new();
+        // Each combination so far: the values on the axes, and the steps as text.
+        let mut combinations = vec![(Vec::new(), Vec::new())];
+        for step in &steps {
+            let (pass, rest) = step.split_once(':').unwrap_or((step, ""));
+            for (_, texts) in &mut combinations {
+                texts.push(pass.to_owned());
+            }
+            let mut separator = ':';
+            for part in rest.split(',').filter(|p| !p.trim().is_empty()) {
+                let varied = varied(pass.trim(), part)?;
+                let (values, axis) = match varied {
+                    Some((axis, values)) => (values, Some(axis)),
+                    None => (vec![part.to_owned()], None),
+                };
+                if values.len().saturating_mul(combinations.len()) > MOST {
+                    return Err(SweepError::TooMany {
+                        text,
+                        count: values.len().saturating_mul(combinations.len()),
+                    });
+                }
+                combinations = combinations
+                    .into_iter()
+                    .flat_map(|c| values.iter().map(move |v| (c.clone(), v)))
+                    .map(|((mut on, mut texts), value)| {
+                        if let Some(last) = texts.last_mut() {
+                            last.push(separator);
+                            match &axis {
+                                Some(axis) => {
+                                    on.push(value.clone());
+                                    last.push_str(&format!("{}={value}", axis.parameter));
+                                }
+                                None => last.push_str(value),
+                            }
+                        }
+                        (on, texts)
+                    })
+                    .collect();
+                axes.extend(axis);
+                separator = ',';
+            }
+        }
+        let points = combinations
+            .into_iter()
+            .map(|(values, steps)| {
+                let recipe = Recipe::parse(steps)?;
+                Ok(Point { values, recipe })
+            })
+            .collect::<Result<_, RecipeError>>()?;
+        Ok(Self { text, axes, points })
+    }
+
+    /// Whether anything varies.
+    pub fn varies(&self) -> bool {
+        !self.axes.is_empty()
+    }
+}
+
+/// The values of `part`, which is `key=value`, where it leaves any choice.
+fn varied(pass: &str, part: &str) -> Result<Option<(Axis, Vec<String>)>, SweepError> {
+    let Some((name, value)) = part.split_once('=') else {
+        return Ok(None);
+    };
+    let (name, value) = (name.trim(), value.trim());
+    let known = pass_named(pass).map(parameters).unwrap_or_default();
+    // What is unknown is told by the recipe.
+    let Some(parameter) = known.iter().find(|p| p.name == name) else {
+        return Ok(None);
+    };
+    let axis = |kind| Axis {
+        pass: pass.to_owned(),
+        parameter: name.to_owned(),
+        kind,
+    };
+    if let Some((low, high)) = value.split_once("..") {
+        if parameter.kind.as_deref() != Some("integer") {
+            return Err(SweepError::NotWhole {
+                pass: pass.to_owned(),
+                parameter: name.to_owned(),
+            });
+        }
+        let ends = low.trim().parse::<u32>().ok().zip(high.trim().parse().ok());
+        let values = match ends {
+            Some((low, high)) if low <= high => low..=high,
+            _ => {
+                return Err(SweepError::Range {
+                    text: value.to_owned(),
+                });
+            }
+        };
+        if values.clone().count() > MOST {
+            return Err(SweepError::TooMany {
+                text: part.to_owned(),
+                count: values.count(),
+            });
+        }
+        let values = values.map(|v| v.to_string()).collect();
+        return Ok(Some((axis(AxisKind::Range), values)));
+    }
+    Ok(words(parameter, value).map(|words| (axis(AxisKind::Words), words)))
+}
+
+/// The words of `a/b`, or all there are for `all`.
+fn words(parameter: &Parameter, value: &str) -> Option<Vec<String>> {
+    let known = || parameter.choices.iter().map(|c| c.value.clone());
+    if parameter.choices.is_empty() || known().any(|w| w == value) {
+        return None;
+    }
+    if value == "all" {
+        return Some(known().collect());
+    }
+    let parts: Vec<String> = value.split('/').map(|w| w.trim().to_owned()).collect();
+    (parts.len() > 1).then_some(parts)
+}
+
+/// What a pass does nothing without: the pass before it, and the parameters that one must be given where it was given none.
+struct Foundation {
+    pass: &'static str,
+    on: &'static str,
+    /// A parameter without which the pass underneath is no foundation.
+    needs: &'static str,
+    given: &'static [&'static str],
+    /// What varies over all its words where the pass is swept and it is not said.
+    each: &'static str,
+}
+
+const FOUNDATIONS: [Foundation; 1] = [Foundation {
+    pass: "tessellate",
+    on: "hoist",
+    needs: "budget",
+    given: &["budget=1", "finite=assumed", "threshold=1"],
+    each: "form",
+}];
+
+/// `step` on the nearest of `before` that it does nothing without: `tessellate` divides what `hoist` moved. A hoist that was given no budget gets one that allows anything, since a
+/// sweep measures what each point is off by; a range over the pass is drawn in every one of its forms where none is named. `None` where the pass stands alone, or
+/// none of `before` is what it stands on.
+pub fn founded(step: &str, before: &[String]) -> Option<String> {
+    let name = |step: &str| step.split(':').next().unwrap_or_default().trim().to_owned();
+    let of = FOUNDATIONS.iter().find(|f| f.pass == name(step))?;
+    let under = before.iter().rfind(|b| name(b) == of.on)?;
+    let has = |step: &str, key: &str| {
+        let rest = step.split_once(':').map_or("", |(_, rest)| rest);
+        rest.split(',')
+            .filter_map(|p| p.split_once('='))
+            .any(|(k, _)| k.trim() == key)
+    };
+    let add = |step: &mut String, part: &str| {
+        step.push(if step.contains(':') { ',' } else { ':' });
+        step.push_str(part);
+    };
+    let mut under = under.clone();
+    if !has(&under, of.needs) {
+        for part in of.given {
+            if !has(&under, part.split('=').next().unwrap_or_default()) {
+                add(&mut under, part);
+            }
+        }
+    }
+    let mut step = step.to_owned();
+    if step.contains("..") && !has(&step, of.each) {
+        add(&mut step, &format!("{}=all", of.each));
+    }
+    Some(format!("{under},{step}"))
+}
+
+/// The value of a point as a number, where it is one.
+pub fn number(value: &str) -> Option<f64> {
+    match serde_json::from_str(value) {
+        Ok(Value::Number(n)) => n.as_f64(),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod tests {
+    use super::*;
+
+    fn recipes(text: &str) -> Vec<String> {
+        let sweep = Sweep::parse_list(text).unwrap_or_else(|e| panic!("{e}"));
+        let points = sweep.points.iter();
+        points.map(|p| p.recipe.to_string()).collect()
+    }
+
+    #[test]
+    fn a_range_is_its_numbers_both_ends_among_them() {
+        assert_eq!(
+            recipes("hoist:budget=1,tessellate:level=2..4"),
+            [
+                "hoist:budget=1 + tessellate:level=2",
+                "hoist:budget=1 + tessellate:level=3",
+                "hoist:budget=1 + tessellate:level=4",
+            ]
+        );
+    }
+
+    #[test]
+    fn the_last_axis_varies_fastest() {
+        let sweep = Sweep::parse_list("tessellate:pattern=gl/uniform,level=1..2").unwrap();
+        let values: Vec<_> = sweep.points.iter().map(|p| p.values.join(" ")).collect();
+        assert_eq!(values, ["gl 1", "gl 2", "uniform 1", "uniform 2"]);
+        let kinds: Vec<_> = sweep.axes.iter().map(|a| a.kind).collect();
+        assert_eq!(kinds, [AxisKind::Words, AxisKind::Range]);
+    }
+
+    #[test]
+    fn all_is_every_word() {
+        let all = recipes("depth-prepass:form=all");
+        assert!(all.len() > 1, "{all:?}");
+        assert!(
+            all.contains(&"depth-prepass:form=equal".to_owned()),
+            "{all:?}"
+        );
+    }
+
+    #[test]
+    fn without_a_range_it_is_one_recipe() {
+        let sweep = Sweep::parse_list("depth-prepass:form=equal,early-discard").unwrap();
+        assert!(!sweep.varies());
+        assert_eq!(sweep.points.len(), 1);
+    }
+
+    #[test]
+    fn what_is_no_range_is_told() {
+        let error = |text: &str| Sweep::parse_list(text).unwrap_err().to_string();
+        assert!(error("tessellate:level=8..1").contains("smaller end first"));
+        assert!(error("tessellate:level=1..x").contains("not a range"));
+        assert!(error("hoist:budget=0..1").contains("takes no range"));
+        assert!(error("tessellate:level=1..4000000000").contains("most is 256"));
+        assert!(error("tessellate:level=1..200,form=all").contains("most is 256"));
+        assert!(error("tessellate:form=pulled/shred").contains("did you mean `shared`"));
+    }
+
+    #[test]
+    fn tessellate_stands_on_the_hoist_before_it() {
+        let founded = |step: &str, before: &[&str]| {
+            let before: Vec<String> = before.iter().map(|b| (*b).to_owned()).collect();
+            founded(step, &before)
+        };
+        assert_eq!(
+            founded("tessellate:level=1..8", &["depth-prepass", "hoist"]).unwrap(),
+            "hoist:budget=1,finite=assumed,threshold=1,tessellate:level=1..8,form=all"
+        );
+        assert_eq!(
+            founded("tessellate", &["hoist:budget=0.1"]).unwrap(),
+            "hoist:budget=0.1,tessellate"
+        );
+        assert_eq!(founded("tessellate", &["early-discard"]), None);
+        assert_eq!(founded("hoist", &["hoist"]), None);
+    }
+}
