@@ -18,12 +18,14 @@ use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
 /// The forms that must all draw alike.
-const FORMS: [&str; 5] = [
+const FORMS: [&str; 7] = [
     "visibility-buffer",
     "visibility-buffer:select=id",
     "visibility-buffer:ids=unindexed",
     "visibility-buffer:form=compute",
     "visibility-buffer:formats=any",
+    "visibility-buffer:words=one",
+    "visibility-buffer:words=one,ids=unindexed,form=compute",
 ];
 
 fn split(plan: &Plan, recipe: &str) -> Plan {

@@ -209,7 +209,7 @@ pub enum GeometryPart {
         /// Formats that these attributes may be stored in.
         formats: Formats,
     },
-    /// The first id of each draw of the frame's draw table, ascending, four bytes each ([`crate::draw_table`]).
+    /// The frame's draw table: the bits of a triangle, then the first id of each draw, ascending, four bytes each ([`crate::draw_table::table`]).
     DrawTable,
 }
 

@@ -76,6 +76,31 @@ pub enum Ids {
     Unindexed,
 }
 
+/// Words of an id.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Words {
+    /// `rg32uint`: as many instances and triangles as there may be.
+    #[default]
+    Two,
+    /// `r32uint`, split by how many of each the frame has. A host refuses what does not fit.
+    One,
+}
+
+impl Words {
+    /// Format of the attachment of ids.
+    pub fn format(self) -> AttachmentFormat {
+        AttachmentFormat::Color(self.color().to_owned())
+    }
+
+    fn color(self) -> &'static str {
+        match self {
+            Self::Two => "rg32uint",
+            Self::One => "r32uint",
+        }
+    }
+}
+
 /// How a draw's resolve passes over the pixels of other draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -106,10 +131,16 @@ pub struct Params {
     pub form: Form,
     /// How the id pass knows a triangle.
     pub ids: Ids,
+    /// Words of an id.
+    pub words: Words,
     /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id.
     pub select: Select,
     /// Formats that the attributes of vertices may be stored in.
     pub formats: Formats,
+    /// The largest difference of a channel (`max_abs`) that is allowed, 0 to 1. Without one the promise is that of rounding: a step of 8 bits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub budget: Option<f64>,
 }
 
 impl Params {
@@ -250,21 +281,27 @@ impl<'a> Material<'a> {
 
     fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
-        let pass = self.opaque.pass;
+        if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
+            return Err(Box::new(refuse(
+                "budget",
+                "the budget is the largest difference of a channel, which lies between 0 and 1",
+                "give budget=0.01, say",
+            )));
+        }
         let slots = slots(self.opaque.program);
         let mut next = plan.clone();
         next.passes.clear();
         next.programs.clear();
         next.attachments.push(Attachment {
             name: IDS.to_owned(),
-            format: AttachmentFormat::Color("rg32uint".to_owned()),
+            format: params.words.format(),
             samples: 1,
             sampled: true,
             clear: ClearValue::Color([0.0; 4]),
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
         if params.select() == Select::Depth {
-            self.classify(&mut next).map_err(bug)?;
+            self.classify(&mut next, params).map_err(bug)?;
         }
         match params.form {
             Form::Fragment => self.resolve(&mut next, params, slots)?,
@@ -275,10 +312,15 @@ impl<'a> Material<'a> {
             pass: VisibilityBuffer::INFO.name.to_owned(),
             site: self.depth.key(&self.opaque),
             params: serde_json::to_value(params).unwrap_or_default(),
-            contract: Contract::Rounding { k },
+            contract: match params.budget {
+                None => Contract::Rounding { k },
+                Some(budget) => Contract::Approximate {
+                    metric: "max_abs".to_owned(),
+                    budget,
+                },
+            },
         });
         next.notes.push(self.describe(params));
-        debug_assert!(pass.role == Role::Main);
         depth_only::finish(&mut next, "original");
         Ok(next)
     }
@@ -320,6 +362,7 @@ impl<'a> Material<'a> {
             placed.fragment.as_deref(),
             &triangles,
             slots,
+            params.words,
         )?;
         let entries = [
             (ShaderStage::Vertex, ids::VERTEX),
@@ -343,7 +386,7 @@ impl<'a> Material<'a> {
             fragment: Some(ids::FRAGMENT.to_owned()),
             targets: vec![Some(ColorTarget {
                 attachment: Some(IDS.to_owned()),
-                ..ColorTarget::opaque("rg32uint")
+                ..ColorTarget::opaque(params.words.color())
             })],
             bindings,
             attributes: Vec::new(),
@@ -358,8 +401,8 @@ impl<'a> Material<'a> {
     }
 
     /// Adds the pass that tells the draws of a frame apart, the same one for every material.
-    fn classify(&self, plan: &mut Plan) -> Result<(), String> {
-        let module = Linked::new(naga::Module::default(), &text::classify())?.module;
+    fn classify(&self, plan: &mut Plan, params: &Params) -> Result<(), String> {
+        let module = Linked::new(naga::Module::default(), &text::classify(params.words))?.module;
         let program = self
             .opaque
             .program
@@ -455,6 +498,7 @@ impl<'a> Material<'a> {
             select: params.select(),
             runs,
             formats: params.formats,
+            words: params.words,
         }
         .build(slots)
         .map_err(bug)

@@ -2,7 +2,9 @@
 
 use preshade_passes::draw_table::{self, Entry};
 use preshade_passes::geometry::{Formats, Stream, declared_format};
-use preshade_passes::plan::{BindingSource, BindingUse, GeometryPart};
+use preshade_passes::plan::{Attachment, BindingSource, BindingUse, GeometryPart};
+
+use preshade_passes::visibility_buffer::{IDS, Words};
 
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, SceneInputs};
@@ -11,6 +13,8 @@ use super::subdivided::{buffer, streams};
 /// The frame's draws with their ids.
 pub(super) struct DrawTable {
     first_ids: Vec<u32>,
+    /// Of ids of one word; `None`: they do not fit.
+    triangle_bits: Option<u32>,
     viewport: [f32; 4],
     /// All first ids, for shaders.
     table: wgpu::Buffer,
@@ -30,8 +34,9 @@ impl DrawTable {
     /// In words: the draws have more instances than ids tell apart.
     pub fn new(inputs: &SceneInputs<'_>) -> Result<Self, String> {
         let scene = inputs.scene();
-        let draws = (0..scene.draws.len()).map(|i| inputs.draw(i).map_or(0, |d| d.instances));
-        let first_ids = draw_table::first_ids(draws).map_err(|n| {
+        let draws = || (0..scene.draws.len()).map(|i| inputs.draw(i));
+        let instances = draws().map(|d| d.map_or(0, |d| d.instances));
+        let first_ids = draw_table::first_ids(instances).map_err(|n| {
             format!(
                 "its draws have {n} instances, and ids tell {} apart",
                 draw_table::MOST_INSTANCES
@@ -39,12 +44,29 @@ impl DrawTable {
         })?;
         let [w, h] = scene.size;
         let viewport = scene.viewport.unwrap_or([0, 0, w, h]);
-        let table = buffer(inputs.gpu(), &first_ids, wgpu::BufferUsages::STORAGE);
+        let counts = draws().flatten().map(|d| (d.instances, vertices(d) / 3));
+        let triangle_bits = draw_table::triangle_bits(counts);
+        let words = draw_table::table(triangle_bits.unwrap_or_default(), &first_ids);
+        let table = buffer(inputs.gpu(), &words, wgpu::BufferUsages::STORAGE);
         Ok(Self {
             viewport: viewport.map(|v| v as f32),
             first_ids,
+            triangle_bits,
             table,
         })
+    }
+
+    /// Fails, in words, where the frame's ids are of one word and do not fit.
+    pub fn check(&self, attachments: &[Attachment]) -> Result<(), String> {
+        let one = Words::One.format();
+        let is_one = |a: &Attachment| a.name == IDS && a.format == one;
+        match (attachments.iter().any(is_one), self.triangle_bits) {
+            (true, None) => Err(
+                "its instances and triangles do not fit into ids of one word: take words=two"
+                    .to_owned(),
+            ),
+            _ => Ok(()),
+        }
     }
 
     /// What a pass with these bindings binds of a draw.
@@ -68,10 +90,7 @@ impl DrawTable {
         if formats == Formats::Declared {
             check_formats(bindings, listed, &streams)?;
         }
-        let (count, index_bytes) = match &draw.indices {
-            Some(indices) => (indices.count, indices.format.byte_size()),
-            None => (draw.vertex_count, 0),
-        };
+        let index_bytes = draw.indices.as_ref().map_or(0, |i| i.format.byte_size());
         let entry = Entry {
             first_id: self.first_ids.get(index).copied().unwrap_or_default(),
             instances: draw.instances,
@@ -80,7 +99,7 @@ impl DrawTable {
             first: 0,
             index_bytes,
             base_vertex: 0,
-            triangles: count / 3,
+            triangle_bits: self.triangle_bits.unwrap_or_default(),
             viewport: self.viewport,
             streams,
         };
@@ -90,9 +109,14 @@ impl DrawTable {
         Ok(Drawn {
             entry: buffer(gpu, &words, wgpu::BufferUsages::UNIFORM),
             table: self.table.clone(),
-            triangles: count / 3,
+            triangles: vertices(draw) / 3,
         })
     }
+}
+
+/// Vertices that an instance draws, each index one.
+fn vertices(draw: &DrawInputs) -> u32 {
+    draw.indices.as_ref().map_or(draw.vertex_count, |i| i.count)
 }
 
 /// Fails, in words, where an attribute is not stored as its type is declared.

@@ -135,10 +135,15 @@ impl<'a> Prepared<'a> {
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
         let mut meshes = Meshes::default();
-        let table = DrawTable::new(inputs).map_err(|message| Error::Scene {
-            draw: scene.name.clone(),
-            message,
-        })?;
+        let table = DrawTable::new(inputs)
+            .and_then(|table| {
+                table.check(&variant.frame().attachments)?;
+                Ok(table)
+            })
+            .map_err(|message| Error::Scene {
+                draw: scene.name.clone(),
+                message,
+            })?;
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;
         compute::load(inputs.gpu(), &compute)?;
         let mut passes = Vec::new();

@@ -3,8 +3,8 @@
 use naga::ShaderStage;
 
 use super::parts::parts;
-use super::resolve;
 use super::text::{self, Slots};
+use super::{IDS, Words, resolve};
 use crate::fetch::Linked;
 use crate::geometry::Formats;
 use crate::place;
@@ -21,7 +21,12 @@ pub fn counted(plan: &Plan, compute: &ComputePass) -> Result<(GpuPass, Program),
         .programs
         .get(&compute.program)
         .ok_or("it has no program of that name")?;
-    let module = Linked::new(naga::Module::default(), &text::count())?.module;
+    let ids = plan.attachment(IDS).map(|a| &a.format);
+    let words = match ids == Some(&Words::One.format()) {
+        true => Words::One,
+        false => Words::Two,
+    };
+    let module = Linked::new(naga::Module::default(), &text::count(words))?.module;
     let entries = [
         (ShaderStage::Vertex, resolve::VERTEX),
         (ShaderStage::Fragment, "fs_count"),

@@ -11,6 +11,7 @@ use naga::{
     TypeInner, VectorSize,
 };
 
+use super::Words;
 use super::text::{self, Slots};
 use crate::fetch::{Author, Linked, corner, ours, word};
 use crate::geometry::Formats;
@@ -97,6 +98,7 @@ pub fn add(
     fragment: Option<&str>,
     triangles: &Triangles<'_>,
     slots: Slots,
+    words: Words,
 ) -> Result<Module, String> {
     let mut wgsl = text::entry(
         slots,
@@ -105,7 +107,7 @@ pub fn add(
             Triangles::Unindexed(attributes, _) => attributes.len(),
         },
     );
-    wgsl.push_str(text::ids());
+    wgsl.push_str(&text::ids(words));
     if let Triangles::Unindexed(attributes, formats) = triangles {
         wgsl.push_str(&text::vertices(slots, attributes, *formats));
     }
@@ -114,6 +116,7 @@ pub fn add(
         ours: by_name,
     } = Linked::new(module, &wgsl)?;
     let id_of = ours(&by_name, "visible_id_of")?;
+    let written = ours(&by_name, "visible_written")?;
     let word = word(&mut module);
     let vertex = Stage::take(&mut module, ShaderStage::Vertex, vertex)
         .ok_or("there is no depth-only vertex stage")?;
@@ -211,9 +214,9 @@ pub fn add(
     Ok(fragment_entry(
         module,
         fragment.as_ref(),
-        id_type,
-        &flat,
+        (id_type, &flat),
         word,
+        written,
     ))
 }
 
@@ -291,11 +294,13 @@ pub fn new_entry(
 fn fragment_entry(
     mut module: Module,
     decides: Option<&Stage>,
-    id_type: Handle<Type>,
-    flat: &Binding,
+    (id_type, flat): (Handle<Type>, &Binding),
     word: Handle<Type>,
+    written: Handle<Function>,
 ) -> Module {
     let pair = vec2(&mut module);
+    let stored = module.functions[written].result.as_ref();
+    let stored = stored.map_or(pair, |r| r.ty);
     let target = Binding::Location {
         location: 0,
         interpolation: None,
@@ -305,7 +310,7 @@ fn fragment_entry(
     };
     let depth = decides.and_then(|d| d.outputs.first());
     let result = match depth {
-        None => (pair, Some(target)),
+        None => (stored, Some(target)),
         Some(depth) => {
             let member = |name: &str, ty, binding| StructMember {
                 name: Some(name.to_owned()),
@@ -314,7 +319,7 @@ fn fragment_entry(
                 offset: 0,
             };
             let members = vec![
-                member("id", pair, Some(target)),
+                member("id", stored, Some(target)),
                 member("depth", depth.ty, depth.binding.clone()),
             ];
             let ty = place::io_struct(&mut module, Some("VisibleFragment".to_owned()), members);
@@ -324,7 +329,7 @@ fn fragment_entry(
     let ty = result.0;
     let at = new_entry(&mut module, ShaderStage::Fragment, FRAGMENT, Some(result));
     place::rewritten(&module, FunctionId::EntryPoint(at), |build| {
-        let written = decides.and_then(|d| {
+        let depth = decides.and_then(|d| {
             let value = d.call(build)?;
             d.parts(build, value).first().copied()
         });
@@ -340,7 +345,8 @@ fn fragment_entry(
                 })
             }
         };
-        let value = match written {
+        let id = build.call(written, vec![id]).unwrap_or(id);
+        let value = match depth {
             None => id,
             Some(depth) => build.expression(Expression::Compose {
                 ty,

@@ -9,7 +9,7 @@ use crate::opaque::Opaque;
 use crate::pass::Refusal;
 use crate::plan::{GpuPass, Plan};
 use crate::reflect;
-use crate::state::Topology;
+use crate::state::{DepthBias, Topology};
 
 /// The state of a pass that can be split.
 pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
@@ -119,6 +119,16 @@ pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
             )),
             _ => {}
         }
+    }
+    let reads_position = reflect::inputs(module, &entry.function)
+        .iter()
+        .any(|i| matches!(i.binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))));
+    if reads_position && opaque.depth.bias != DepthBias::default() {
+        refusals.push(refuse(
+            "biased-position",
+            "the fragment stage reads the position, whose depth has the material's bias on some graphics interfaces and not on others",
+            "leave the bias out, or pass what is needed of the position as a varying",
+        ));
     }
     let info = opaque.program.info().get_entry_point(fragment);
     for (handle, global) in module.global_variables.iter() {

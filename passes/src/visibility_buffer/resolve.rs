@@ -14,11 +14,11 @@ use naga::{
     Type, TypeInner,
 };
 
-use super::Select;
 use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::new_entry;
 use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
+use super::{Select, Words};
 use crate::fetch::{Author, Linked, corner, ours};
 use crate::geometry::Formats;
 use crate::graph::{FunctionId, Graph};
@@ -55,6 +55,8 @@ pub struct Resolve<'a> {
     pub runs: Runs,
     /// Formats that attributes may be stored in.
     pub formats: Formats,
+    /// Words of an id.
+    pub words: Words,
 }
 
 /// Where the resolve is run.
@@ -122,6 +124,7 @@ impl Resolve<'_> {
             select,
             runs,
             formats,
+            words,
         } = self;
         let mut module = explicit.program.module().clone();
         let shaded = module.entry_points.remove(fragment);
@@ -177,7 +180,7 @@ impl Resolve<'_> {
         let widths = author.widths(&module);
         let mut wgsl = text::entry(slots, used.len());
         wgsl.push_str(&text::vertices(slots, &used, formats));
-        wgsl.push_str(&text::resolve(slots, &widths));
+        wgsl.push_str(&text::resolve(slots, &widths, words));
         if let Runs::Compute(targets) = &runs {
             let first = slots.first + Slots::STREAMS + used.len() as u32;
             wgsl.push_str(&text::compute(slots.group, first, targets));

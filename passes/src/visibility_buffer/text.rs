@@ -6,6 +6,7 @@
 
 use std::fmt::Write;
 
+use super::Words;
 use crate::fetch::{self, Names};
 use crate::geometry::Formats;
 use crate::plan::AttributeUse;
@@ -50,7 +51,7 @@ pub fn entry(slots: Slots, attributes: usize) -> String {
     first: u32,
     index_bytes: u32,
     base_vertex: u32,
-    triangles: u32,
+    triangle_bits: u32,
     viewport: vec4<f32>,{streams}
 }}
 @group({group}) @binding({}) var<uniform> visibility: Visibility;
@@ -59,12 +60,21 @@ pub fn entry(slots: Slots, attributes: usize) -> String {
     )
 }
 
-/// What an id pass has: `visible_id_of(instance)`.
-pub fn ids() -> &'static str {
-    "fn visible_id_of(instance: u32) -> u32 {
+/// What an id pass has: `visible_id_of(instance)`, and `visible_written(id)`, which is what is written of an id.
+pub fn ids(words: Words) -> String {
+    let (ty, written) = match words {
+        Words::Two => ("vec2<u32>", "id"),
+        Words::One => ("u32", "(id.x << visibility.triangle_bits) | id.y"),
+    };
+    format!(
+        "fn visible_id_of(instance: u32) -> u32 {{
     return 1u + visibility.first_id + instance - visibility.first_instance;
-}
+}}
+fn visible_written(id: vec2<u32>) -> {ty} {{
+    return {written};
+}}
 "
+    )
 }
 
 /// Corners of triangles and their attributes.
@@ -81,8 +91,9 @@ pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> 
 }
 
 /// What a resolve pass has beside: what a pixel shows, and where in its triangle it is. `widths` are those of the varyings to interpolate.
-pub fn resolve(slots: Slots, widths: &[u8]) -> String {
-    let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS);
+pub fn resolve(slots: Slots, widths: &[u8], words: Words) -> String {
+    let bits = "visibility.triangle_bits";
+    let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS, words, bits);
     out.push_str(RESOLVE);
     for width in widths {
         let ty = match width {
@@ -147,10 +158,10 @@ fn fs_clear() -> VisibleCleared {{
 }
 
 /// The pass that counts the pixels of a draw.
-pub fn count() -> String {
+pub fn count(words: Words) -> String {
     let slots = Slots { group: 0, first: 0 };
     let mut out = entry(slots, 0);
-    out.push_str(&resolve(slots, &[]));
+    out.push_str(&resolve(slots, &[], words));
     out.push_str(
         "@fragment
 fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
@@ -164,11 +175,20 @@ fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     out
 }
 
-fn texture_of_ids(group: u32, binding: u32) -> String {
+/// The ids, and `visible_id(at)`. `bits` is what holds the bits of a triangle, for ids of one word.
+fn texture_of_ids(group: u32, binding: u32, words: Words, bits: &str) -> String {
+    let read = match words {
+        Words::Two => "return texel.xy;".to_owned(),
+        Words::One => format!(
+            "let bits = {bits};
+    return vec2<u32>(texel.x >> bits, texel.x & ((1u << bits) - 1u));"
+        ),
+    };
     format!(
         "@group({group}) @binding({binding}) var visibility_ids: texture_2d<u32>;
 fn visible_id(at: vec4<f32>) -> vec2<u32> {{
-    return textureLoad(visibility_ids, vec2<i32>(at.xy), 0).xy;
+    let texel = textureLoad(visibility_ids, vec2<i32>(at.xy), 0);
+    {read}
 }}
 "
     )
@@ -180,12 +200,19 @@ pub const CLASSIFY_IDS: u32 = 0;
 pub const CLASSIFY_TABLE: u32 = 1;
 
 /// The pass that tells draws apart: the number of the draw that a pixel shows, as a depth. It is the last draw whose first id is not past the pixel's.
-pub fn classify() -> String {
-    let mut out = texture_of_ids(0, CLASSIFY_IDS);
+pub fn classify(words: Words) -> String {
+    let mut out = format!(
+        "@group(0) @binding({CLASSIFY_TABLE}) var<storage, read> visibility_table: array<u32>;\n"
+    );
+    out.push_str(&texture_of_ids(
+        0,
+        CLASSIFY_IDS,
+        words,
+        "visibility_table[0]",
+    ));
     let _ = write!(
         out,
-        "@group(0) @binding({CLASSIFY_TABLE}) var<storage, read> visibility_table: array<u32>;
-@vertex
+        "@vertex
 fn vs_classify(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {{
     return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }}
@@ -196,10 +223,10 @@ fn fs_classify(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {{
         discard;
     }}
     var first = 0u;
-    var count = arrayLength(&visibility_table);
+    var count = arrayLength(&visibility_table) - 1u;
     while (count > 1u) {{
         let half = count / 2u;
-        if (visibility_table[first + half] < id) {{
+        if (visibility_table[1u + first + half] < id) {{
             first += half;
             count -= half;
         }} else {{
