@@ -3,12 +3,13 @@
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn};
 
-use super::refuse;
+use super::{refuse, resolve};
 use crate::graph::{Effect, FunctionId};
 use crate::opaque::Opaque;
 use crate::pass::Refusal;
 use crate::plan::{GpuPass, Plan};
 use crate::reflect;
+use crate::slice;
 use crate::state::{DepthBias, Topology};
 
 /// The state of a pass that can be split.
@@ -98,7 +99,12 @@ pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
     let entry = &module.entry_points[fragment];
-    for input in reflect::inputs(module, &entry.function) {
+    // A struct of inputs may have more than colours are made of.
+    let colors = resolve::colors_of(module, &entry.function);
+    let slice = slice::backward(&opaque.graph, fragment, &colors);
+    let all = reflect::inputs(module, &entry.function);
+    let read = || slice.inputs.iter().filter_map(|i| all.get(*i)).cloned();
+    for input in read() {
         let name = input.name.unwrap_or_default();
         let half = module.types[input.ty].inner.scalar() == Some(naga::Scalar::F16);
         match input.binding {
@@ -120,9 +126,8 @@ pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
             _ => {}
         }
     }
-    let reads_position = reflect::inputs(module, &entry.function)
-        .iter()
-        .any(|i| matches!(i.binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))));
+    let reads_position =
+        read().any(|i| matches!(i.binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))));
     if reads_position && opaque.depth.bias != DepthBias::default() {
         refusals.push(refuse(
             "biased-position",

@@ -77,15 +77,9 @@ pub struct Built {
     pub attributes: Vec<AttributeUse>,
 }
 
-/// The fragment entry point of that index sliced to its colours, in the place of the entry point.
-///
-/// # Errors
-/// A slice of ours that does not validate: a bug.
-pub fn shaded(program: &Program, fragment: usize) -> Result<(Program, usize), String> {
-    let graph = Graph::build(program);
-    let entry = &program.module().entry_points[fragment];
-    let outputs = reflect::outputs(program.module(), &entry.function);
-    let colors: Vec<Criterion> = outputs
+/// What decides the colours of a fragment stage.
+pub fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
+    reflect::outputs(module, fragment)
         .iter()
         .filter_map(|o| match o.binding {
             Some(Binding::Location { location, .. }) => {
@@ -93,7 +87,17 @@ pub fn shaded(program: &Program, fragment: usize) -> Result<(Program, usize), St
             }
             _ => None,
         })
-        .collect();
+        .collect()
+}
+
+/// The fragment entry point of that index sliced to its colours, in the place of the entry point.
+///
+/// # Errors
+/// A slice of ours that does not validate: a bug.
+pub fn shaded(program: &Program, fragment: usize) -> Result<(Program, usize), String> {
+    let graph = Graph::build(program);
+    let entry = &program.module().entry_points[fragment];
+    let colors = colors_of(program.module(), &entry.function);
     let slice = slice::backward(&graph, fragment, &colors);
     let name = format!("{}_shaded", entry.name);
     let module = place::entry_point(
