@@ -439,6 +439,57 @@ fn what_was_hoisted_is_split_too() {
 }
 
 #[test]
+fn a_neighbour_that_is_not_split_is_drawn_behind() {
+    let mut scene = three_draws();
+    let state = format!("{TEXTURES} var<private> seen: f32;");
+    let body = "seen = 0.7; return vec4(in.uv + seen, 0.5, 1.0) * object.tint;";
+    scene.materials[1] = shader("other", &state, "", "", body);
+    let plans = originals(&scene);
+    let order = DrawOrder::AsGiven;
+    let forward = render_as(gpu(), &scene, &plans, order, ShaderForm::Text);
+    for form in FORMS {
+        let recipe = Recipe::parse_list(form).unwrap();
+        let variant = measure::variant(&plans, &recipe, &Facts::default());
+        let kept: Vec<&str> = variant.kept.iter().map(|k| k.material.as_str()).collect();
+        assert_eq!(kept, ["other"]);
+        let drawn = render_as(gpu(), &scene, &variant.plans, order, ShaderForm::Text);
+        let difference = difference(&forward, &drawn);
+        assert_eq!((difference.coverage, difference.depths), (0, 0), "{form}");
+        assert!(
+            difference.most <= 1 && difference.colors < 20,
+            "{difference:?}"
+        );
+    }
+}
+
+#[test]
+fn a_neighbour_that_moves_depth_keeps_it_from_being_split() {
+    let mut scene = three_draws();
+    scene.materials[1].state.depth_compare = Some(preshade::passes::state::CompareFunction::Always);
+    let plans = originals(&scene);
+    let recipe = Recipe::parse(["visibility-buffer"]).unwrap();
+    let variant = measure::variant(&plans, &recipe, &Facts::default());
+    let why: Vec<&str> = variant.kept.iter().map(|k| k.why.as_str()).collect();
+    assert!(why[0].contains("compare"), "{why:?}");
+    assert!(why[1].contains("neighbour-moves-depth"), "{why:?}");
+}
+
+#[test]
+fn it_is_not_split_behind_a_prepass_nor_twice() {
+    let scene = three_draws();
+    let plan = &originals(&scene)[0];
+    for (recipe, code) in [
+        ("depth-prepass,visibility-buffer", "has-prepass"),
+        ("visibility-buffer,depth-prepass", "no-main-pass"),
+        ("visibility-buffer,visibility-buffer", "no-main-pass"),
+    ] {
+        let recipe = Recipe::parse_list(recipe).unwrap();
+        let refusal = recipe.apply(plan, &Facts::default()).unwrap_err();
+        assert_eq!(refusal.code, code);
+    }
+}
+
+#[test]
 fn what_cannot_be_split_is_refused() {
     let plain = || shader("plain", TEXTURES, "", "", "return object.tint;");
     let with = |change: &dyn Fn(&mut Material)| {
