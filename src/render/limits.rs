@@ -61,6 +61,8 @@ pub(super) fn raise(l: &mut wgpu::Limits, name: &str, value: u64) -> Option<()> 
         "maxStorageTexturesPerShaderStage" => &mut l.max_storage_textures_per_shader_stage,
         "maxUniformBuffersPerShaderStage" => &mut l.max_uniform_buffers_per_shader_stage,
         "maxVertexAttributes" => &mut l.max_vertex_attributes,
+        "maxComputeInvocationsPerWorkgroup" => &mut l.max_compute_invocations_per_workgroup,
+        "maxComputeWorkgroupSizeX" => &mut l.max_compute_workgroup_size_x,
         _ => return None,
     };
     *narrow = u32::try_from(value).unwrap_or(u32::MAX).max(*narrow);

@@ -76,7 +76,7 @@ pub fn add(
     values: &Values<'_, '_>,
     wanted: &[Wanted],
 ) -> Result<Hoisted, Failed> {
-    let extracted = extract(program, values, wanted)?;
+    let extracted = extract(program, values, wanted, &HOISTED)?;
     let arguments = extracted
         .arguments
         .iter()
@@ -101,6 +101,20 @@ pub struct Extracted {
     pub arguments: Vec<Vec<Binding>>,
 }
 
+/// What a function of values is called, and the struct that it gives where there are several.
+#[derive(Clone, Copy, Debug)]
+pub struct Names {
+    /// The function, and what ends the names of its parts.
+    pub function: &'static str,
+    /// The struct.
+    pub values: &'static str,
+}
+
+const HOISTED: Names = Names {
+    function: "hoisted",
+    values: "Hoisted",
+};
+
 /// Adds a function of the fragment stage's inputs that gives `wanted`: the value, or a struct of several in their order.
 ///
 /// # Errors
@@ -109,6 +123,7 @@ pub fn extract(
     program: &Program,
     values: &Values<'_, '_>,
     wanted: &[Wanted],
+    names: &Names,
 ) -> Result<Extracted, Failed> {
     let mut module = program.module().clone();
     let entry = module.entry_points.len();
@@ -117,7 +132,7 @@ pub fn extract(
     module.entry_points.push(copy);
     let contexts: BTreeSet<ContextId> = wanted.iter().map(|w| w.context).collect();
     let (mut module, copies) = isolate(&module, entry, values, &contexts);
-    let result = result_type(&mut module, wanted);
+    let result = result_type(&mut module, wanted, names.values);
     // What comes after the last value decides nothing, and may return early. It stays behind this return, where nothing reaches it: some of its
     // expressions must not stand alone.
     let end = prefix(values, wanted);
@@ -151,8 +166,8 @@ pub fn extract(
         &graph,
         &slice,
         built.module(),
-        "hoisted",
-        "hoisted",
+        names.function,
+        names.function,
         PositionInvariance::AsWritten,
     );
     let Some(placed) = module.entry_points.pop() else {
@@ -168,7 +183,7 @@ pub fn extract(
         .collect::<Option<_>>()
         .ok_or_else(|| Failed::Built("an input has no binding".to_owned()))?;
     unbind(&mut module, result, wanted);
-    let function = as_function(&module, placed.function, "hoisted");
+    let function = as_function(&module, placed.function, names.function);
     let function = module.functions.append(function, Span::UNDEFINED);
     Ok(Extracted {
         module,
@@ -233,7 +248,7 @@ pub fn as_function(module: &Module, mut function: Function, name: &str) -> Funct
 }
 
 /// The type of what is returned: a value, or a struct of several. Its members have locations while it is an entry point's.
-fn result_type(module: &mut Module, wanted: &[Wanted]) -> Handle<Type> {
+fn result_type(module: &mut Module, wanted: &[Wanted], name: &str) -> Handle<Type> {
     let types: Vec<Handle<Type>> = wanted
         .iter()
         .map(|w| {
@@ -262,11 +277,11 @@ fn result_type(module: &mut Module, wanted: &[Wanted]) -> Handle<Type> {
             .iter()
             .any(|(_, t)| t.name.as_deref() == Some(name))
     };
-    let name = match taken("Hoisted") {
-        false => "Hoisted",
-        true => "HoistedValues",
+    let name = match taken(name) {
+        false => name.to_owned(),
+        true => format!("{name}Values"),
     };
-    place::io_struct(module, Some(name.to_owned()), members)
+    place::io_struct(module, Some(name), members)
 }
 
 /// Takes the locations off the result's members again.

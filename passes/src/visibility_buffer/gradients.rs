@@ -29,6 +29,12 @@ use crate::program::Program;
 /// Locations of inputs that hold gradients begin here, past any of the author's.
 pub const GRADIENTS: u32 = 1 << 16;
 
+/// How the function of a level is called.
+const NAMES: hoisted::Names = hoisted::Names {
+    function: "gradient_roots",
+    values: "GradientRoots",
+};
+
 /// Which neighbours a derivative is taken of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Neighbours {
@@ -96,7 +102,8 @@ pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
             break;
         };
         let level = Round::new(&values, sites, next);
-        let extracted = hoisted::extract(&program, &values, &level.wanted).map_err(Failed::bug)?;
+        let extracted =
+            hoisted::extract(&program, &values, &level.wanted, &NAMES).map_err(Failed::bug)?;
         let module = level.rewrite(&extracted.module, &values);
         levels.push(Level {
             function: extracted.function,
