@@ -50,6 +50,8 @@ enum Case {
     Read,
     /// Subdivided triangles, pulled by the vertex stage.
     Pulled,
+    /// Subdivided triangles, whose edges are divided by their length on the screen.
+    Adaptive,
     /// Subdivided triangles, whose vertices a compute pass computes.
     Shared,
     /// Shaded from ids, in two draws told apart by a depth test.
@@ -123,6 +125,14 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "the same as the pass's: another is another mesh, which nobody draws",
     ),
     (
+        "compute[].geometry.given",
+        "the same as the pass's: another is another mesh, which nobody draws",
+    ),
+    (
+        "compute[].geometry.edge_pixels",
+        "of the pulled form, which has no compute pass",
+    ),
+    (
         "compute[].geometry.denominator",
         "what packed weights sum to, for readers: the text divides by it",
     ),
@@ -180,7 +190,7 @@ const INFORMATIVE: &[(&str, &str)] = &[
 /// One mutation a field: the case, a JSON pointer into its `plan.json`, the value to put there, and what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
-    use Case::{Alone, Computed, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Unindexed};
+    use Case::{Adaptive, Alone, Computed, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Unindexed};
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
@@ -261,6 +271,8 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Pulled, "/passes/0/geometry/vertices/1", json!(0), Redrawn),
         (Pulled, "/passes/0/geometry/indices/0", json!(5), Redrawn),
         (Pulled, "/passes/0/geometry/batch", json!(1), Redrawn),
+        (Pulled, "/passes/0/geometry/given", json!("triangle-strip"), Redrawn),
+        (Adaptive, "/passes/0/geometry/edge_pixels", json!(null), Refused("bytes in the plan")),
         (Pulled, "/passes/0/bindings/5/source/part/attribute/location", json!(9), Refused("at location 9")),
         (Pulled, "/passes/0/bindings/2/source/part/constants/streams/0", json!(9), Refused("at location 9")),
         (Shared, "/passes/0/bindings/2/source/part/vertices/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
@@ -463,7 +475,7 @@ fn scene_of(case: Case) -> Scene {
         Case::Alone => unwalled(),
         Case::Glass | Case::Mask => stencilled(),
         Case::Packed | Case::Read => planes([64, 64], 3),
-        Case::Pulled | Case::Shared => {
+        Case::Pulled | Case::Adaptive | Case::Shared => {
             let mut scene = lit();
             scene.materials = vec![material("lit", WAVES)];
             scene
@@ -477,6 +489,7 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
         Case::Packed => Some("early-discard:texture=packed"),
         Case::Read => Some("early-discard"),
         Case::Pulled => Some("hoist:budget=1,finite=assumed,tessellate:level=4"),
+        Case::Adaptive => Some("hoist:budget=1,finite=assumed,tessellate:level=8,edge-pixels=5"),
         Case::Shared => Some("hoist:budget=1,finite=assumed,tessellate:level=8,form=shared"),
         Case::Ids => Some("visibility-buffer"),
         Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id"),

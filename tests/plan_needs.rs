@@ -41,9 +41,13 @@ fn needs(plans: &[Plan]) -> Needs {
             .find(|f| f.name.ends_with(".plan.json"))
             .unwrap();
         let file: PlanFile = serde_json::from_slice(&json.bytes).unwrap();
-        for pass in file.plan.passes {
-            needs.features.extend(pass.features);
-            for (name, value) in pass.limits {
+        let compute = file.plan.compute.into_iter();
+        let compute = compute.map(|pass| (pass.features, pass.limits));
+        let render = file.plan.passes.into_iter();
+        let render = render.map(|pass| (pass.features, pass.limits));
+        for (features, limits) in compute.chain(render) {
+            needs.features.extend(features);
+            for (name, value) in limits {
                 let most = needs.limits.entry(name).or_default();
                 *most = value.max(*most);
             }
@@ -86,6 +90,10 @@ fn a_device_with_what_the_plans_name_and_no_more_draws_them() {
         (
             "teapot-noise.toml",
             &[smooth, "tessellate:level=2,form=shared"],
+        ),
+        (
+            "teapot-noise.toml",
+            &[smooth, "tessellate:level=4,edge-pixels=9"],
         ),
     ] {
         let scene_ = load(scene);

@@ -178,7 +178,7 @@ fn the_error_falls_with_the_level() {
 #[test]
 fn a_prepass_is_divided_alike() {
     let scene = sphere(WAVES);
-    for parameters in PARAMETERS {
+    for parameters in PARAMETERS.into_iter().chain(["edge-pixels=9"]) {
         let divided = format!("tessellate:level=3,{parameters}");
         let forward = draw(&scene, &[HOIST, &divided]);
         for prepass in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
@@ -247,6 +247,129 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     }
     mesh.vertex_count = indices.len() as u32;
     check(&scene, "no indices");
+}
+
+/// A strip with restarts, of 16-bit and 32-bit indices, is divided as the list of its triangles is.
+#[test]
+fn strips_are_divided_as_lists() {
+    let mut scene = sphere(WAVES);
+    scene.materials[0].state.primitive.cull = preshade::passes::state::CullMode::Back;
+    let given = scene.meshes[0].indices.clone().unwrap();
+    let mut triangles = given.as_chunks::<3>().0.iter().peekable();
+    let (mut strip, mut list) = (Vec::new(), Vec::new());
+    while let Some([a, b, c]) = triangles.next() {
+        strip.extend([*b, *c, *a]);
+        list.extend([*b, *c, *a]);
+        // The other half of a quad goes on with the strip.
+        if let Some([_, _, d]) = triangles.next_if(|[e, f, _]| (e, f) == (a, c)) {
+            strip.push(*d);
+            list.extend([*c, *d, *a]);
+        }
+        strip.push(u32::MAX);
+    }
+    assert_eq!(list.len(), given.len());
+    assert!(strip.len() < given.len());
+    scene.meshes[0].indices = Some(strip);
+    scene.materials[0].state.primitive.topology = preshade::passes::state::Topology::TriangleStrip;
+    let check = |scene: &Scene, what: &str| {
+        let hoisted = draw(scene, &[HOIST]);
+        for parameters in PARAMETERS.into_iter().chain(["edge-pixels=200"]) {
+            let one = format!("tessellate:level=1,{parameters}");
+            assert_eq!(draw(scene, &[HOIST, &one]), hoisted, "{what}, {one}");
+        }
+        let mut listed = scene.clone();
+        listed.meshes[0].indices = Some(list.clone());
+        listed.materials[0].state.primitive.topology = Default::default();
+        for parameters in PARAMETERS {
+            let many = format!("tessellate:level=4,{parameters}");
+            let of_list = draw(&listed, &[HOIST, &many]);
+            assert_eq!(draw(scene, &[HOIST, &many]), of_list, "{what}, {many}");
+        }
+    };
+    check(&scene, "16 bits");
+    let mesh = &mut scene.meshes[0];
+    mesh.vertex_count = 70_000;
+    for stream in mesh.streams.values_mut() {
+        if let preshade::scene::Stream::Float { components, data } = stream {
+            data.resize(70_000 * *components as usize, 0.0);
+        }
+    }
+    check(&scene, "32 bits");
+}
+
+/// Cameras that see the edges of one sphere at many lengths: near and far, along and across, and from so near that some reach behind the viewer.
+fn around() -> Vec<Frame> {
+    let eyes = [
+        [0.3, 0.4, 2.6],
+        [2.2, 1.1, -1.0],
+        [0.0, 1.35, 0.3],
+        [-1.1, -0.1, 0.3],
+        [0.2, -0.9, -0.8],
+        [6.0, 3.0, -5.0],
+    ];
+    let of = |eye: [f32; 3]| {
+        let eye = Vec3::from_array(eye);
+        Frame {
+            view: Mat4::look_at_rh(eye, Vec3::new(0.1, 0.2, 0.0), Vec3::Y),
+            projection: Mat4::perspective_rh(0.9, 211.0 / 173.0, 0.01, 20.0),
+            eye,
+            time: 0.4,
+        }
+    };
+    eyes.map(of).to_vec()
+}
+
+/// Which pixels something was drawn to, and how often more than once.
+fn coverage(rendered: &Rendered) -> (Vec<bool>, usize) {
+    let red = color(rendered).bytes.chunks(4).map(|p| p[0]);
+    let covered = red.clone().map(|r| r > 0).collect();
+    (covered, red.filter(|r| *r > 1).count())
+}
+
+/// Edges of other levels meet in every triangle, and not one pixel inside the closed mesh shows the background.
+#[test]
+fn adaptive_levels_leave_no_cracks() {
+    let mut scene = counting(sphere(WAVES));
+    scene.materials[0].state.primitive.cull = preshade::passes::state::CullMode::Back;
+    for frame in around() {
+        scene.cameras[0].frames = vec![frame];
+        let (expected, _) = coverage(&draw(&scene, &[HOIST]));
+        assert!(expected.iter().filter(|c| **c).count() > 500);
+        for parameters in [
+            "level=16,edge-pixels=8",
+            "level=7,edge-pixels=5",
+            "level=2,edge-pixels=30",
+            "level=40,edge-pixels=2",
+        ] {
+            let step = format!("tessellate:{parameters}");
+            let (covered, twice) = coverage(&draw(&scene, &[HOIST, &step]));
+            let eye = frame.eye;
+            assert!(covered == expected, "{parameters} from {eye}");
+            assert_eq!(twice, 0, "{parameters} from {eye}");
+        }
+    }
+}
+
+/// Shorter segments follow what bends more closely, up to what the highest level gives everywhere.
+#[test]
+fn shorter_segments_err_less() {
+    let scene = sphere(WAVES);
+    let plans = measure::originals(&scene);
+    let original = render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text);
+    let error = |parameters: &str| {
+        let picture = draw(&scene, &[HOIST, &format!("tessellate:{parameters}")]);
+        let pairs = color(&picture).bytes.iter().zip(&color(&original).bytes);
+        pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()
+    };
+    let errors = [32, 16, 8, 4].map(|pixels| error(&format!("level=16,edge-pixels={pixels}")));
+    assert!(errors.windows(2).all(|w| w[1] < w[0] * 0.7), "{errors:?}");
+    // Every edge is longer than sixteen pixels of one each: the highest level everywhere.
+    let highest = error("level=8,edge-pixels=1");
+    let uniform = error("level=8,pattern=uniform");
+    assert!(
+        (highest / uniform - 1.0).abs() < 0.02,
+        "{highest} {uniform}"
+    );
 }
 
 /// A sphere in two draws, of which one is left undivided: a ring of 13 edges is theirs both. Divided alike there is none.

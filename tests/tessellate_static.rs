@@ -146,6 +146,10 @@ fn what_changes_is_refused_by_name() {
     assert_eq!(refusal.code, "changes");
     assert!(refusal.reason.contains("`camera.time`"), "{refusal}");
     assert!(!refusal.reason.contains("view_proj"), "{refusal}");
+    // A still camera does not make the time stand still.
+    let mut still = scene.clone();
+    still.cameras[0].frames.truncate(1);
+    assert_eq!(facts(&still), facts(&scene));
     // A promise does not stand against what was seen.
     let promised = "tessellate:form=static,fixed=camera.time";
     let refusal = plans(&scene, promised, &facts(&scene)).unwrap_err();

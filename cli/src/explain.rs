@@ -7,7 +7,7 @@ use preshade::measure;
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
 use preshade::passes::neighbours;
-use preshade::passes::pass::{Facts, Frequency, Left, Refusal, Sites};
+use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, Sites};
 use preshade::passes::plan::Plan;
 use preshade::recipe::Step;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
@@ -258,8 +258,9 @@ fn print(explained: &Explained, plan: &Plan) -> String {
     }
     if !explained.frequencies.is_empty() {
         lines.push(
-            "\nvalues that might be interpolated, by error against saved cost\n  \
-             saved ops  FLIP mean   max abs  NaN px  off by  of range  value"
+            "\nvalues that might be interpolated, by error against saved cost; off by: how far the value itself is from its interpolation on\n\
+             the scene's triangles; at most: the same, proved (*: for a part of the triangles)\n  \
+             saved ops  FLIP mean   max abs  NaN px  off by  at most    range  value"
                 .to_owned(),
         );
         for f in &explained.frequencies {
@@ -272,8 +273,16 @@ fn print(explained: &Explained, plan: &Plan) -> String {
                 .map_or(("-".to_owned(), "-".to_owned()), |i| {
                     (short(i.max), short(i.range))
                 });
+            let bound = match &f.bound {
+                Some(Bound::Proved { max, triangles, of }) => {
+                    let part = if triangles < of { "*" } else { "" };
+                    format!("{}{part}", short(*max))
+                }
+                Some(Bound::Unbounded { .. }) => "unbounded".to_owned(),
+                None => "-".to_owned(),
+            };
             lines.push(format!(
-                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  {off:>6}  {range:>8}  `{}`{place}",
+                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  {off:>6}  {bound:>9}  {range:>6}  `{}`{place}",
                 f.cost, f.flip_mean, f.max_abs, f.nan_pixels, f.name
             ));
         }

@@ -27,15 +27,15 @@ Examples:
   preshade verify scene.toml
   preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
-  preshade verify scene.toml --pass hoist --pass tessellate:level=1..8 --budget flip_mean=0.02 --out report/
-  preshade verify grass.toml --sweep instances=50000..400000 --pass depth-prepass --pass visibility-buffer
+  preshade verify scene.toml --pass hoist --pass tessellate:level=1..8 --budget flip_mean=0.02
+  preshade verify grass.toml --sweep instances=50000..400000 --pass visibility-buffer
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
-Each --pass is a variant of its own; --recipe puts several passes into one. But tessellate divides what
-hoist moved: after a --pass hoist it stands on that one, with a budget of 1 if it has none, since its
-error is measured.
+Each --pass is a variant of its own; --recipe puts several passes into one. But tessellate
+divides what hoist moved: after a --pass hoist it stands on that one, with a budget of 1 if it has
+none, since its error is measured.
 level=1..8 stands for eight variants, form=pulled/shared for two, form=all for one a word: any
-whole number and any choice of any pass. Ranges get a table, a plot and rows of pictures of their own.
+whole number and any choice of any pass. A range gets a table, a plot and rows of pictures.
 Exit status 1: a variant broke its contract.")]
 pub struct Args {
     /// A variant of one pass; may be given several times. Default: the depth passes in their main forms.

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::state::Topology;
 use crate::tessellate::pattern::{self, Pattern};
 
 /// What a pass draws.
@@ -73,9 +74,15 @@ pub struct Subdivision {
     pub level: u32,
     /// Where the new vertices are computed.
     pub form: Form,
+    /// What the author's draw is made of. Of a strip the host lists the triangles when it loads the mesh ([`strip_triangles`]): as 32-bit indices they are the draw that this is about.
+    #[serde(default, skip_serializing_if = "is_list")]
+    pub given: Topology,
+    /// Each edge has as many segments, at most `level`, as make them no longer than so many pixels; `None`: all have `level`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge_pixels: Option<u32>,
     /// What the weights of a vertex sum to.
     pub denominator: u32,
-    /// The pattern's vertices, packed: three weights of 8 bits from the lowest, the weightless last, and the three corners they are of, 2 bits each from bit 24.
+    /// The pattern's vertices, packed; with `edge_pixels`, row and column of 8 bits each. Else three weights of 8 bits from the lowest, the weightless last, and the three corners they are of, 2 bits each from bit 24.
     pub vertices: Vec<u32>,
     /// The pattern's triangles, three vertices each.
     pub indices: Vec<u32>,
@@ -93,12 +100,52 @@ impl Subdivision {
             pattern,
             level,
             form,
+            given: Topology::TriangleList,
+            edge_pixels: None,
             denominator: divided.denominator,
             vertices,
             indices: divided.triangles.into_iter().flatten().collect(),
             batch,
         }
     }
+}
+
+impl Subdivision {
+    /// Of each edge into segments of about `edge_pixels`, at most `level` of them. There is one pattern and one form: rows of similar triangles, pulled.
+    pub fn adaptive(level: u32, edge_pixels: u32) -> Self {
+        let (vertices, triangles) = pattern::from_corner(level);
+        Self {
+            edge_pixels: Some(edge_pixels),
+            indices: triangles.into_iter().flatten().collect(),
+            batch: (BATCH_VERTICES / vertices.len() as u32).max(1),
+            vertices,
+            ..Self::new(Pattern::Uniform, level, Form::Pulled)
+        }
+    }
+}
+
+fn is_list(topology: &Topology) -> bool {
+    *topology == Topology::TriangleList
+}
+
+/// The triangles of a strip, each with its provoking vertex first and turned the way the first one is (WebGPU, section 10.3.7); `None` is a restart.
+pub fn strip_triangles(indices: impl IntoIterator<Item = Option<u32>>) -> Vec<[u32; 3]> {
+    let mut triangles = Vec::new();
+    let mut run: Vec<u32> = Vec::new();
+    for index in indices {
+        let Some(index) = index else {
+            run.clear();
+            continue;
+        };
+        run.push(index);
+        if let [.., a, b, c] = run[..] {
+            triangles.push(match run.len() % 2 {
+                1 => [a, b, c],
+                _ => [a, c, b],
+            });
+        }
+    }
+    triangles
 }
 
 /// New vertices an instance should have: instances of a few vertices leave most of a wave of vertex invocations idle.
@@ -233,6 +280,8 @@ pub struct Constants {
     pub vertices: u32,
     /// `shared`: instances.
     pub instances: u32,
+    /// With [`Subdivision::edge_pixels`], width and height of what is drawn to, in pixels: a host that draws to another size writes it anew.
+    pub viewport: Option<[u32; 2]>,
     /// The attributes, in the order the binding lists their locations.
     pub streams: Vec<Stream>,
 }
@@ -250,6 +299,9 @@ impl Constants {
             self.vertices,
             self.instances,
         ];
+        if let Some([width, height]) = self.viewport {
+            words.extend([width, height, 0, 0]);
+        }
         for stream in &self.streams {
             words.extend(stream.words()?);
         }
@@ -281,6 +333,24 @@ mod tests {
         assert_eq!(declared_format("vec3<f32>"), "float32x3");
         assert_eq!(declared_format("vec4<u32>"), "uint32x4");
         assert_eq!(declared_format("vec2<i32>"), "sint32x2");
+    }
+
+    #[test]
+    fn a_strip_turns_every_other_triangle_and_starts_anew() {
+        let strip = [
+            Some(0),
+            Some(1),
+            Some(2),
+            Some(3),
+            None,
+            Some(4),
+            Some(5),
+            None,
+            Some(6),
+            Some(7),
+            Some(8),
+        ];
+        assert_eq!(strip_triangles(strip), [[0, 1, 2], [1, 3, 2], [6, 7, 8]]);
     }
 
     #[test]

@@ -48,12 +48,14 @@ mod params;
 mod remainder;
 mod sensitive;
 pub mod sign;
+mod single;
 pub mod travel;
 pub mod values;
 mod vertex;
 
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Metric, Params};
+pub use single::{Computed, alone, computed};
 
 use choose::{Choice, Terms};
 use hoisted::{Failed, Wanted};
@@ -195,37 +197,6 @@ impl<'a> Material<'a> {
             ))
         })
     }
-}
-
-/// The plan with one value carried as an approximation, and nothing else: what its interpolation is measured on. `id` is [`Candidate::id`].
-///
-/// # Errors
-/// Where nothing can be hoisted, or that value cannot.
-pub fn alone(plan: &Plan, id: &str) -> Result<Plan, Box<Refusal>> {
-    let params = Params {
-        budget: Some(1.0),
-        carry: Some(id.to_owned()),
-        ..Params::default()
-    };
-    let material = Material::examine(plan, &params)?;
-    let graph = Graph::build(material.program);
-    let values = material.values(&graph)?;
-    let (verdicts, value) = candidates::only(&values, id);
-    // Whether it pays is not the question.
-    let choice = value.and_then(|v| choose::one(&values, &verdicts, v));
-    let Some(choice) = choice else {
-        return Err(Box::new(Refusal::new(
-            Hoist::INFO.name,
-            "not-carried",
-            format!("there is no value `{id}`, or the varyings leave it no room"),
-            "take one of those that explain --scene lists",
-        )));
-    };
-    let found = Found::of(values, choice, Vec::new(), &material);
-    let program = found
-        .rebuild(&material)
-        .map_err(|why| Box::new(refuse(why)))?;
-    Ok(found.plan(plan, &material, program, &params))
 }
 
 /// A rebuild that failed.

@@ -12,6 +12,7 @@
 //!
 //! Nothing in here reads a file, touches a GPU or asks the time.
 
+pub mod bound;
 pub mod calls;
 pub mod channels;
 pub mod contract;

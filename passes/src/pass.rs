@@ -151,7 +151,7 @@ pub struct Facts {
     /// Vertices shaded for each fragment shaded, over every camera measured.
     #[serde(default)]
     pub vertices_per_fragment: Option<f64>,
-    /// Uniforms that change over the cameras measured; `None`: not looked at.
+    /// Uniforms that follow the camera or the time, or change between the scene's frames in another way; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub changing: Option<Vec<Changing>>,
     /// What carrying each value of a fragment stage alone does to the picture.
@@ -186,6 +186,9 @@ pub struct Frequency {
     /// How far it is from what is interpolated of it, itself, over the scene's triangles; `None` where that was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interpolation: Option<Interpolation>,
+    /// How far it can be, proved; `None` where that was not tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bound: Option<Bound>,
     /// Largest difference of a colour channel at the output.
     pub max_abs: f64,
     /// Mean of FLIP over the picture.
@@ -212,6 +215,26 @@ pub struct Interpolation {
     pub not_finite: u64,
     /// Points between corners that were evaluated, in all frames together.
     pub points: u64,
+}
+
+/// How far a value can be from its interpolation anywhere in a triangle: see [`mod@crate::bound`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Bound {
+    /// By this much at most, in the value's own unit, roundings apart.
+    Proved {
+        /// The bound.
+        max: f64,
+        /// Triangles that it was proved for, in all frames together.
+        triangles: u64,
+        /// Triangles there are in those frames: where they are more, they were taken evenly.
+        of: u64,
+    },
+    /// No bound was found for some triangle.
+    Unbounded {
+        /// Why, in words.
+        why: String,
+    },
 }
 
 impl Facts {

@@ -198,7 +198,8 @@ pub enum GeometryPart {
         /// Name of the buffer.
         buffer: String,
     },
-    /// The draw's index buffer, which needs the usage `STORAGE` beside `INDEX`; without one, any buffer.
+    /// The draw's index buffer, which needs the usage `STORAGE` beside `INDEX`; without one, any buffer. Of a strip, the list of its triangles
+    /// ([`crate::geometry::Subdivision::given`]).
     Indices,
     /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
     Attribute(AttributeUse),

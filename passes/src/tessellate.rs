@@ -17,6 +17,9 @@
 //! No cracks: a corner keeps its own bits; a point on an edge is computed from the edge's ends alone, in an order given by the bits of their positions, so that both
 //! triangles agree even across a seam of vertices; all edges have one level.
 //!
+//! Strips are drawn as the lists of their triangles. Refused are varyings interpolated linearly on the screen, where a point behind the viewer has no place, and half-precision attributes
+//! and varyings, which would be decoded and blended at another precision than the rasteriser's.
+//!
 //! It hurts where triangles are small already, and where interpolating three corners costs more than what was hoisted.
 
 use std::collections::BTreeMap;
@@ -35,7 +38,9 @@ use crate::plan::{BindingKind, BindingSource, BindingUse, ComputePass, GeometryP
 use crate::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
 use crate::program::Program;
 use crate::reflect;
+use crate::state::Topology;
 
+mod adaptive;
 mod build;
 mod examine;
 mod fixed;
@@ -47,7 +52,7 @@ mod stored;
 mod text;
 
 use build::Functions;
-use pattern::Pattern;
+use pattern::{MAX_LEVEL, Pattern};
 use split::{Origin, Outputs, Split};
 use stored::{Evaluation, Stored};
 use text::{Order, Place, Points, Text};
@@ -60,13 +65,19 @@ pub struct Tessellate;
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
     /// Segments along each edge of a triangle, 1 to 64.
+    #[schemars(range(min = 1, max = MAX_LEVEL))]
     pub level: u32,
+    /// Divides each edge into segments of at most so many pixels, 1 to 256, and into `level` of them at most; `form` is then `pulled`, and the pattern rows of similar
+    /// triangles. Default: every edge has `level` segments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = MOST_EDGE_PIXELS))]
+    pub edge_pixels: Option<u32>,
     /// How a triangle is divided.
     pub pattern: Pattern,
     /// Where the new vertices are computed.
     pub form: Form,
-    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after load, joined by `+`; default: those that are the same in all frames of the
-    /// scene, where there is one.
+    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after load, joined by `+`; default: those that follow neither
+    /// the camera nor the time in the scene, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fixed: Option<String>,
 }
@@ -75,12 +86,16 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             level: 3,
+            edge_pixels: None,
             pattern: Pattern::default(),
             form: Form::default(),
             fixed: None,
         }
     }
 }
+
+/// The longest segment that may be asked for, in pixels: its square in half pixels, times that of the highest level, fits 32 bits.
+pub const MOST_EDGE_PIXELS: u32 = 256;
 
 /// Bindings of our own: the constants, the pattern, the indices, and a stream for each attribute, in this order from `first` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -211,16 +226,25 @@ impl Material<'_> {
                 )
             }
         };
+        let level = match subdivision.edge_pixels {
+            None => format!("level {}", subdivision.level),
+            Some(pixels) => format!(
+                "segments of {pixels} pixels, at most {} an edge",
+                subdivision.level
+            ),
+        };
         format!(
-            "level {}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, what was hoisted is computed at each{when}",
-            subdivision.level,
+            "{level}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, what was hoisted is computed at each{when}",
             subdivision.indices.len() / 3,
             subdivision.vertices.len(),
         )
     }
 
     fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, String> {
-        let subdivision = subdivision(params);
+        let subdivision = Subdivision {
+            given: self.pass.primitive.topology,
+            ..subdivision(params)
+        };
         let slots = Slots::free(self.program.module());
         let mut next = plan.clone();
         let program = match params.form {
@@ -232,6 +256,7 @@ impl Material<'_> {
         for pass in &mut next.passes {
             pass.bindings.extend(parts.clone());
             pass.geometry = Geometry::Subdivided(subdivision.clone());
+            pass.primitive.topology = Topology::TriangleList;
             reflect::fill(pass, &program);
         }
         next.programs.insert(self.pass.program.clone(), program);
@@ -272,6 +297,28 @@ impl Material<'_> {
     }
 
     fn pulled(&self, slots: Slots, subdivision: &Subdivision) -> Result<Program, String> {
+        if let Some(edge_pixels) = subdivision.edge_pixels {
+            let module = adaptive::adaptive(
+                self.program.module().clone(),
+                self.vertex,
+                &self.split,
+                &self.outputs,
+                &Text {
+                    attributes: &self.pass.attributes,
+                    widths: &self.outputs.widths(),
+                    slots,
+                    place: Place::Adaptive {
+                        vertices: subdivision.vertices.len() as u32,
+                        batch: subdivision.batch,
+                        edge_pixels,
+                        most: subdivision.level,
+                    },
+                    points: None,
+                    order: Order::ByPosition,
+                },
+            )?;
+            return self.program(&module, &self.entries());
+        }
         let functions = self.functions(&Text {
             attributes: &self.pass.attributes,
             widths: &self.outputs.widths(),
@@ -449,5 +496,8 @@ const COMPUTE: &str = "points";
 const VERTICES: &str = "vertices";
 
 fn subdivision(params: &Params) -> Subdivision {
-    Subdivision::new(params.pattern, params.level, params.form)
+    match params.edge_pixels {
+        Some(edge_pixels) => Subdivision::adaptive(params.level, edge_pixels),
+        None => Subdivision::new(params.pattern, params.level, params.form),
+    }
 }

@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::evaluate::{self, Environment, Value};
 use preshade_passes::geometry::{Constants, Geometry, Stream, Subdivision};
@@ -138,6 +138,7 @@ fn position(plan: &Plan, subdivision: &Subdivision, mesh: &Mesh<'_>, at: (u32, u
         first_instance: 0,
         vertices: 0,
         instances: 1,
+        viewport: subdivision.edge_pixels.map(|_| [400, 300]),
         streams: vec![
             mesh.layout.clone(),
             stream("float32x2", 0, 0),
@@ -145,8 +146,13 @@ fn position(plan: &Plan, subdivision: &Subdivision, mesh: &Mesh<'_>, at: (u32, u
         ],
     };
     let constants = constants.words().unwrap();
-    let (scalars, streams) = constants.split_at(8);
+    let (scalars, mut streams) = constants.split_at(8);
     let mut uniform: Vec<Value> = scalars.iter().map(|w| Value::u32(*w)).collect();
+    if subdivision.edge_pixels.is_some() {
+        let (viewport, rest) = streams.split_at(4);
+        uniform.push(words(viewport));
+        streams = rest;
+    }
     uniform.push(Value::Composite(streams.chunks(4).map(words).collect()));
     let stream = words(&mesh.positions);
     let pairs = mesh.indices.chunks(2);
@@ -236,6 +242,107 @@ proptest! {
             }
         }
     }
+}
+
+/// The distinct positions of a triangle's pattern that lie on the straight line between two of its corners' positions, in order.
+fn on_line(
+    (plan, subdivision): &(Plan, Subdivision),
+    mesh: &Mesh<'_>,
+    triangle: u32,
+    [from, to]: [usize; 2],
+) -> BTreeSet<[u32; 4]> {
+    let level = subdivision.level;
+    // Rows and columns of the corners at the highest level do not say where a vertex went: where it is does.
+    let all = (0..subdivision.vertices.len() as u32).map(|vertex| {
+        let Value::Composite(members) = position(plan, subdivision, mesh, (triangle, vertex))
+        else {
+            panic!("a position is a vector");
+        };
+        let bits = |v: &Value| match v {
+            Value::Scalar(preshade_passes::evaluate::Scalar::F32(f)) => f.to_bits(),
+            other => panic!("{other:?}"),
+        };
+        [0, 1, 2, 3].map(|i| bits(&members[i]))
+    });
+    let all: Vec<[u32; 4]> = all.collect();
+    let corner = |i: usize| match i {
+        0 => all[0],
+        1 => all[all.len() - 1 - level as usize],
+        _ => all[all.len() - 1],
+    };
+    let at = |p: [u32; 4]| p.map(|b| f64::from(f32::from_bits(b)));
+    let (p, q) = (at(corner(from)), at(corner(to)));
+    let length = |d: [f64; 4]| d.iter().map(|x| x * x).sum::<f64>();
+    let along = [0, 1, 2, 3].map(|i| q[i] - p[i]);
+    all.iter()
+        .copied()
+        .filter(|point| {
+            let to_point = at(*point);
+            let d = [0, 1, 2, 3].map(|i| to_point[i] - p[i]);
+            let t = (0..4).map(|i| d[i] * along[i]).sum::<f64>() / length(along);
+            length([0, 1, 2, 3].map(|i| d[i] - t * along[i])) < 1e-9 * length(along)
+        })
+        .collect()
+}
+
+/// Whatever the other edges of its two triangles have, an edge has the same points on both sides, and no longer than asked for.
+#[test]
+fn an_adaptive_edge_has_its_own_points_on_both_sides() {
+    let plan = hoisted(&original(WAVES, &MaterialState::default()));
+    let params = Params {
+        level: 9,
+        edge_pixels: Some(20),
+        ..Params::default()
+    };
+    let plan = apply::<Tessellate>(&plan, &params).unwrap();
+    let subdivision = plan.main().unwrap().geometry.subdivision().unwrap().clone();
+    let divided = (plan, subdivision);
+    let mut levels = BTreeSet::new();
+    for scale in [0.2_f32, 0.5, 1.0, 1.7] {
+        // A small triangle and a large one beside it.
+        let [a, b, c, d] = [
+            [-0.3, 0.1, 0.2],
+            [0.9, -0.8, 0.1],
+            [0.7, 1.3, -0.4],
+            [4.0, 2.5, 0.3],
+        ]
+        .map(|p: [f32; 3]| p.map(|x| x * scale));
+        let shared = Mesh::of_floats(&[a, b, c, d], &[0, 1, 2, 2, 1, 3]);
+        let seam = Mesh::of_floats(&[a, b, c, c, b, d], &[0, 1, 2, 3, 4, 5]);
+        for mesh in [shared, seam] {
+            let first = on_line(&divided, &mesh, 0, [1, 2]);
+            let second = on_line(&divided, &mesh, 1, [1, 0]);
+            assert_eq!(first, second, "at {scale}");
+            levels.insert(first.len() - 1);
+        }
+    }
+    assert!(levels.len() > 2, "{levels:?}");
+    assert!(levels.iter().all(|l| (1..=9).contains(l)), "{levels:?}");
+}
+
+/// Vertices beyond the rows that a triangle needs do not compute what was hoisted.
+#[test]
+fn surplus_vertices_compute_nothing() {
+    let plan = hoisted(&original(WAVES, &MaterialState::default()));
+    let params = Params {
+        edge_pixels: Some(8),
+        ..Params::default()
+    };
+    let next = apply::<Tessellate>(&plan, &params).unwrap();
+    let text = common::wgsl(next.program(next.main().unwrap()).unwrap());
+    insta::assert_snapshot!(&text[text.find("struct TessellatedPoint").unwrap()..]);
+    let shared = Params {
+        form: preshade_passes::geometry::Form::Shared,
+        ..params
+    };
+    let refusal = apply::<Tessellate>(&plan, &shared).unwrap_err();
+    assert_eq!(refusal.code, "adaptive-form");
+    let of_nothing = Params {
+        edge_pixels: Some(0),
+        ..Params::default()
+    };
+    let refusal = apply::<Tessellate>(&plan, &of_nothing).unwrap_err();
+    assert_eq!(refusal.code, "edge-pixels");
 }
 
 /// Every kind of format is read as WebGPU's vertex input reads it, at any offset it may have.
@@ -395,16 +502,16 @@ fn what_cannot_be_divided_is_refused() {
         ..Params::default()
     };
     assert_eq!(code(apply::<Tessellate>(&hoisted(&plan), &level)), "level");
-    let strip = MaterialState {
+    let lines = MaterialState {
         primitive: PrimitiveState {
-            topology: Topology::TriangleStrip,
+            topology: Topology::LineStrip,
             ..PrimitiveState::default()
         },
         ..MaterialState::default()
     };
-    let strip = hoisted(&original(WAVES, &strip));
+    let lines = hoisted(&original(WAVES, &lines));
     assert_eq!(
-        code(apply::<Tessellate>(&strip, &Params::default())),
+        code(apply::<Tessellate>(&lines, &Params::default())),
         "topology"
     );
     let linear = WAVES.replace("@location(1) uv", "@location(1) @interpolate(linear) uv");

@@ -1,19 +1,22 @@
 //! Which uniforms change from frame to frame, read off a scene's own frames: no adapter is asked.
+//!
+//! A still camera stands for a host whose camera moves and whose clock runs. So what follows the view or the time counts as changing, whether the scene's cameras show it or not.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use glam::{Mat4, Vec3};
 use naga::TypeInner;
 use preshade_passes::pass::Changing;
 
 use super::originals;
 use crate::scene::bind;
-use crate::scene::{Error, Material, Scene};
+use crate::scene::{Error, Frame, Material, Scene};
 
 /// The bytes of uniforms, by group and binding.
 type Buffers = BTreeMap<(u32, u32), Arc<[u8]>>;
 
-/// The uniforms, or members of them, that are not the same bytes in all frames of all cameras, in any draw of their material.
+/// The uniforms, or members of them, that are not the same bytes in all frames of all cameras and in one from elsewhere at another time, in any draw of their material.
 ///
 /// # Errors
 /// A value that does not fit its variable.
@@ -35,7 +38,9 @@ pub fn changing(scene: &Scene) -> Result<Vec<Changing>, Error> {
                 .collect())
         };
         let mut first: Option<Buffers> = None;
-        for (_, frame) in scene.frames() {
+        let moved = scene.frames().next().map(|(_, frame)| moved(frame));
+        let frames = scene.frames().map(|(_, frame)| frame);
+        for frame in frames.chain(&moved) {
             let now = buffers(frame)?;
             let Some(first) = &first else {
                 first = Some(now);
@@ -48,6 +53,20 @@ pub fn changing(scene: &Scene) -> Result<Vec<Changing>, Error> {
         }
     }
     Ok(found.into_iter().collect())
+}
+
+/// The frame at another time, from another place, through another lens.
+fn moved(frame: &Frame) -> Frame {
+    let aside = Vec3::new(0.37, 0.61, 0.83);
+    Frame {
+        view: Mat4::from_rotation_y(0.7)
+            * Mat4::from_rotation_x(0.4)
+            * frame.view
+            * Mat4::from_translation(-aside),
+        projection: frame.projection * Mat4::from_scale(Vec3::new(0.9, 0.8, 1.1)),
+        eye: frame.eye + aside,
+        time: frame.time + 1.0,
+    }
 }
 
 /// What of one uniform differs between two contents of it.

@@ -6,6 +6,7 @@ use preshade_passes::hoist::{self, Hoist, Metric};
 use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::plan::Plan;
 
+use super::bounds;
 use super::interpolation::interpolation;
 use super::{Error, ErrorLadder, compare, originals, variant};
 use crate::recipe::Recipe;
@@ -63,12 +64,14 @@ pub fn frequencies(
         // What cannot be evaluated away from a picture is still known by it.
         let interpolation =
             interpolation(&inputs, &plans, &materials, id, form).unwrap_or_default();
+        let bound = bounds::bound(scene, &plans, &materials, id);
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
             value: id.clone(),
             name: candidate.name.clone(),
             cost: candidate.cost,
             interpolation,
+            bound: bound.clone(),
             max_abs: worst.max_abs,
             flip_mean: worst.flip_mean,
             flip_p99: worst.flip_p99,

@@ -134,7 +134,7 @@ impl<'a> Prepared<'a> {
         let start = Instant::now();
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
-        let mut meshes = Meshes::default();
+        let mut meshes = Meshes::new(scene.size);
         let table = DrawTable::new(inputs)
             .and_then(|table| {
                 table.check(&variant.frame().attachments)?;

@@ -54,6 +54,8 @@ pub(super) fn raise(l: &mut wgpu::Limits, name: &str, value: u64) -> Option<()> 
         "maxBindingsPerBindGroup" => &mut l.max_bindings_per_bind_group,
         "maxColorAttachmentBytesPerSample" => &mut l.max_color_attachment_bytes_per_sample,
         "maxColorAttachments" => &mut l.max_color_attachments,
+        "maxComputeInvocationsPerWorkgroup" => &mut l.max_compute_invocations_per_workgroup,
+        "maxComputeWorkgroupSizeX" => &mut l.max_compute_workgroup_size_x,
         "maxInterStageShaderVariables" => &mut l.max_inter_stage_shader_variables,
         "maxSampledTexturesPerShaderStage" => &mut l.max_sampled_textures_per_shader_stage,
         "maxSamplersPerShaderStage" => &mut l.max_samplers_per_shader_stage,
@@ -61,8 +63,6 @@ pub(super) fn raise(l: &mut wgpu::Limits, name: &str, value: u64) -> Option<()> 
         "maxStorageTexturesPerShaderStage" => &mut l.max_storage_textures_per_shader_stage,
         "maxUniformBuffersPerShaderStage" => &mut l.max_uniform_buffers_per_shader_stage,
         "maxVertexAttributes" => &mut l.max_vertex_attributes,
-        "maxComputeInvocationsPerWorkgroup" => &mut l.max_compute_invocations_per_workgroup,
-        "maxComputeWorkgroupSizeX" => &mut l.max_compute_workgroup_size_x,
         _ => return None,
     };
     *narrow = u32::try_from(value).unwrap_or(u32::MAX).max(*narrow);

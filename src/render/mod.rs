@@ -35,7 +35,7 @@ pub use inputs::SceneInputs;
 pub use picture::{ColorImage, DepthImage};
 pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
-pub use subdivided::{DrawSubdivision, SubdivisionCost};
+pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};
 
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use preshade_passes::geometry::{Constants, Form, Geometry, Stream, Subdivision};
+use preshade_passes::geometry::{self, Constants, Form, Geometry, Stream, Subdivision};
 use preshade_passes::plan::{BindingSource, BindingUse, GeometryPart, Plan};
+use preshade_passes::state::Topology;
 use preshade_passes::tessellate::mesh::{self, Mesh};
 use serde::Serialize;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
@@ -19,6 +20,8 @@ pub struct SubdivisionCost {
     /// New vertices computed each frame. Of the pulled form one for each vertex of each triangle's pattern, which is what an adapter that reuses the vertices of an
     /// instance computes.
     pub evaluations: u64,
+    /// Whether some of `evaluations` are not made after all.
+    pub surplus: Surplus,
     /// Of them, those computed in a compute pass; the others are in the vertex stage.
     pub in_compute: u64,
     /// New vertices computed once, at load.
@@ -29,6 +32,17 @@ pub struct SubdivisionCost {
     pub bytes: u64,
     /// Each subdivided draw, all its instances together.
     pub draws: Vec<DrawSubdivision>,
+}
+
+/// Whether vertices are drawn that a triangle does not need.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Surplus {
+    /// All are needed.
+    #[default]
+    None,
+    /// Those of adaptive levels, of which triangles with short edges use a few: how many depends on the view. The others run, and evaluate nothing.
+    Some,
 }
 
 /// What subdividing one draw costs.
@@ -43,12 +57,17 @@ pub struct DrawSubdivision {
 }
 
 /// The subdivided meshes of a frame, each made once: all passes of a draw share it.
-#[derive(Default)]
-pub(super) struct Meshes(Vec<(usize, String, Subdivision, Arc<SubdividedMesh>)>);
+pub(super) struct Meshes {
+    /// Of the targets, in pixels.
+    size: [u32; 2],
+    known: Vec<(usize, String, Subdivision, Arc<SubdividedMesh>)>,
+}
 
 /// A draw's triangles, subdivided.
 pub(super) struct SubdividedMesh {
     pattern: wgpu::Buffer,
+    /// The triangles of a strip.
+    list: Option<wgpu::Buffer>,
     /// `shared`: what each new vertex is made of.
     points: wgpu::Buffer,
     /// `shared`: the same, as [`Mesh::points`].
@@ -71,6 +90,14 @@ pub(super) struct Subdivided {
 }
 
 impl Meshes {
+    /// None yet, for targets of so many pixels.
+    pub fn new(size: [u32; 2]) -> Self {
+        Self {
+            size,
+            known: Vec::new(),
+        }
+    }
+
     /// The mesh of a draw under `geometry`, for a pass with these bindings; `None` where geometry is drawn as it is given.
     ///
     /// # Errors
@@ -88,20 +115,20 @@ impl Meshes {
         };
         let material = &plan.material;
         let known = self
-            .0
+            .known
             .iter()
             .find(|(i, m, s, _)| *i == index && m == material && s == subdivision);
         let mesh = match known {
             Some((.., mesh)) => Arc::clone(mesh),
             None => {
-                let mesh = Arc::new(SubdividedMesh::new(gpu, plan, subdivision, draw));
+                let mesh = Arc::new(SubdividedMesh::new(gpu, plan, subdivision, draw, self.size));
                 let entry = (
                     index,
                     material.clone(),
                     subdivision.clone(),
                     Arc::clone(&mesh),
                 );
-                self.0.push(entry);
+                self.known.push(entry);
                 mesh
             }
         };
@@ -124,7 +151,7 @@ impl Meshes {
 
     /// The buffers of computed vertices: draw, what each vertex of one instance is made of, and the buffer.
     pub fn computed(&self) -> impl Iterator<Item = (usize, &[[u32; 4]], &wgpu::Buffer)> {
-        self.0.iter().flat_map(|(draw, _, _, mesh)| {
+        self.known.iter().flat_map(|(draw, _, _, mesh)| {
             let buffers = mesh.vertices.values();
             buffers.map(move |b| (*draw, mesh.made_of.as_slice(), b))
         })
@@ -132,11 +159,11 @@ impl Meshes {
 
     /// What all of them cost together; `None` where nothing is subdivided.
     pub fn cost(&self) -> Option<SubdivisionCost> {
-        if self.0.is_empty() {
+        if self.known.is_empty() {
             return None;
         }
         let mut all = SubdivisionCost::default();
-        for (draw, .., mesh) in &self.0 {
+        for (draw, .., mesh) in &self.known {
             mesh.add_cost(*draw, &mut all);
         }
         Some(all)
@@ -144,12 +171,33 @@ impl Meshes {
 }
 
 impl SubdividedMesh {
-    fn new(gpu: &Gpu, plan: &Plan, subdivision: &Subdivision, draw: &DrawInputs) -> Self {
+    fn new(
+        gpu: &Gpu,
+        plan: &Plan,
+        subdivision: &Subdivision,
+        draw: &DrawInputs,
+        size: [u32; 2],
+    ) -> Self {
         let (count, index_bytes) = match &draw.indices {
             Some(indices) => (indices.count, indices.format.byte_size()),
             None => (draw.vertex_count, 0),
         };
-        let triangles = count / 3;
+        // A strip is drawn as the list of its triangles.
+        let listed = match subdivision.given {
+            Topology::TriangleStrip => {
+                let indices = (0..count).map(|i| strip_vertex(draw, i));
+                Some(geometry::strip_triangles(indices))
+            }
+            _ => None,
+        };
+        let (triangles, index_bytes) = match &listed {
+            Some(listed) => (listed.len() as u32, 4),
+            None => (count / 3, index_bytes),
+        };
+        let list = listed.as_ref().map(|l| {
+            let words = l.as_flattened();
+            buffer(gpu, words, wgpu::BufferUsages::STORAGE)
+        });
         let constants = Constants {
             triangles,
             batches: triangles.div_ceil(subdivision.batch),
@@ -159,6 +207,7 @@ impl SubdividedMesh {
             first_instance: 0,
             vertices: 0,
             instances: draw.instances,
+            viewport: subdivision.edge_pixels.map(|_| size),
             streams: Vec::new(),
         };
         let pattern_vertices = subdivision.vertices.len() as u32;
@@ -177,6 +226,7 @@ impl SubdividedMesh {
                 Self {
                     points: pattern.clone(),
                     pattern,
+                    list,
                     made_of: Vec::new(),
                     vertices: BTreeMap::new(),
                     index_count: indices.len() as u32,
@@ -188,7 +238,10 @@ impl SubdividedMesh {
                 }
             }
             Form::Shared | Form::Static => {
-                let all = (0..triangles).map(|t| [0, 1, 2].map(|c| vertex(draw, 3 * t + c)));
+                let all = (0..triangles).map(|t| match &listed {
+                    Some(listed) => listed[t as usize],
+                    None => [0, 1, 2].map(|c| vertex(draw, 3 * t + c)),
+                });
                 let Mesh { points, triangles } =
                     mesh::subdivide(subdivision.pattern, subdivision.level, all);
                 let vertices = points.len() as u64 * u64::from(draw.instances);
@@ -203,6 +256,7 @@ impl SubdividedMesh {
                 let buffers = plan.vertex_buffers.iter();
                 Self {
                     pattern,
+                    list,
                     points: buffer(gpu, points.as_flattened(), wgpu::BufferUsages::STORAGE),
                     vertices: buffers.map(|b| (b.name.clone(), stored(b))).collect(),
                     index_count: triangles.as_flattened().len() as u32,
@@ -233,6 +287,9 @@ impl SubdividedMesh {
             all.at_load += computed;
         }
         let bytes = stored + self.points.size() + self.indices.size();
+        if self.constants.viewport.is_some() {
+            all.surplus = Surplus::Some;
+        }
         all.evaluations += evaluations;
         all.in_compute += in_compute;
         all.unshared += self.unshared;
@@ -282,9 +339,10 @@ impl Subdivided {
                 .vertices
                 .get(buffer)
                 .ok_or_else(|| format!("the plan has no buffer `{buffer}`"))?,
-            GeometryPart::Indices => match &draw.indices {
-                Some(indices) => &indices.buffer,
-                None => &mesh.pattern,
+            GeometryPart::Indices => match (&mesh.list, &draw.indices) {
+                (Some(list), _) => list,
+                (None, Some(indices)) => &indices.buffer,
+                (None, None) => &mesh.pattern,
             },
             GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
             GeometryPart::Draw { .. } | GeometryPart::DrawTable => {
@@ -294,6 +352,17 @@ impl Subdivided {
         let read_only = binding.kind == preshade_passes::plan::BindingKind::StorageRead;
         Ok((buffer, wgpu::BufferBindingType::Storage { read_only }))
     }
+}
+
+/// An index of the author's strip; `None` for a restart.
+fn strip_vertex(draw: &DrawInputs, at: u32) -> Option<u32> {
+    let index = vertex(draw, at);
+    let restart = match draw.indices.as_ref().map(|i| i.format) {
+        Some(wgpu::IndexFormat::Uint16) => Some(u32::from(u16::MAX)),
+        Some(wgpu::IndexFormat::Uint32) => Some(u32::MAX),
+        None => None,
+    };
+    (Some(index) != restart).then_some(index)
 }
 
 /// An index of the author's draw.

@@ -9,6 +9,7 @@ use super::plot::{self, Line, Panel};
 use super::{Report, VariantReport, sheet};
 use crate::emit::File;
 use crate::measure::ErrorLadder;
+use crate::render::Surplus;
 use crate::sweep::{AxisKind, Sweep, number};
 
 /// A sweep, and which variants are its points.
@@ -257,10 +258,15 @@ impl SweepReport {
             "largest draw",
         ];
         for (name, rows) in self.series(report) {
-            let cells: Vec<[String; 13]> = rows.iter().map(|row| self.cells(row)).collect();
             if !name.is_empty() {
                 out.push_str(&format!("{name}\n"));
             }
+            let (drawn, left): (Vec<_>, Vec<_>) = rows.iter().partition(|r| r.error().is_some());
+            if drawn.is_empty() {
+                out.push_str(&self.not_drawn(&left));
+                continue;
+            }
+            let cells: Vec<[String; 13]> = drawn.iter().map(|row| self.cells(row)).collect();
             let mut widths = header.map(str::len);
             for row in &cells {
                 for (width, cell) in widths.iter_mut().zip(row) {
@@ -280,13 +286,37 @@ impl SweepReport {
             for row in &cells {
                 line(row.each_ref().map(String::as_str));
             }
-            out.push('\n');
+            out.push_str(&self.not_drawn(&left));
         }
         if let Some(said) = self.said() {
             out.push_str(&said);
             out.push_str("\n\n");
         }
         out
+    }
+
+    /// Why points were not drawn, or kept their materials as written: each reason with the values it is of. Ends in an empty line.
+    fn not_drawn(&self, left: &[&Row<'_>]) -> String {
+        let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+        for row in left {
+            let why = match (&row.variant.kept[..], &row.variant.verdict) {
+                ([kept, ..], _) => &kept.why,
+                ([], Verdict::NotMeasured { why }) => why,
+                ([], _) => continue,
+            };
+            match reasons.iter_mut().find(|(w, _)| w == why) {
+                Some((_, values)) => values.push(self.along(row)),
+                None => reasons.push((why, vec![self.along(row)])),
+            }
+        }
+        let lines = reasons.iter().map(|(why, values)| {
+            format!(
+                "  not drawn at {} {}: {why}\n",
+                self.x_label(),
+                values.join(", ")
+            )
+        });
+        lines.chain(["\n".to_owned()]).collect()
     }
 
     fn cells(&self, row: &Row<'_>) -> [String; 13] {
@@ -308,7 +338,10 @@ impl SweepReport {
             error(&|e| e.max_abs, 4),
             error(&|e| e.flip_mean, 5),
             error(&|e| e.flip_p99, 4),
-            count(divided.map(|d| d.evaluations)),
+            divided.map_or_else(dash, |d| match d.surplus {
+                Surplus::None => d.evaluations.to_string(),
+                Surplus::Some => format!("<{}", d.evaluations),
+            }),
             count(divided.map(|d| d.in_compute)),
             count(divided.map(|d| d.at_load)),
             count(divided.map(|d| d.unshared)),

@@ -136,8 +136,7 @@ fn notes(report: &Report) -> String {
                 v.name, junction.edges, junction.divided, junction.beside
             ));
         }
-        let points = report.sweeps.iter().flat_map(|s| &s.points);
-        let is_swept = points.into_iter().any(|p| p.variant == v.name);
+        let is_swept = is_swept(report, &v.name);
         let divided = v.cost.as_ref().and_then(|c| c.subdivision.as_ref());
         if let Some(cost) = divided.filter(|_| !is_swept) {
             let at_load = match cost.at_load {
@@ -152,20 +151,29 @@ fn notes(report: &Report) -> String {
                 cost.bytes as f64 / 1e6
             ));
         }
-        out.push_str(&budgets(v));
+        // What is swept has its errors, and why it was not drawn, in the sweep's own table.
+        if !is_swept {
+            out.push_str(&budgets(v));
+        }
         match &v.verdict {
             Verdict::Broken { r#where } => {
                 out.push_str(&format!("{}: broken at {}\n", v.name, r#where));
             }
-            Verdict::NotMeasured { why } => {
+            Verdict::NotMeasured { why } if !is_swept => {
                 out.push_str(&format!("{}: not measured: {why}\n", v.name));
             }
-            Verdict::Holds => {}
+            Verdict::NotMeasured { .. } | Verdict::Holds => {}
         }
         out.push_str(&self_tests(v));
     }
     out.push_str(&left_alone(report));
     out
+}
+
+/// Whether a variant is a point of a sweep.
+fn is_swept(report: &Report, name: &str) -> bool {
+    let mut points = report.sweeps.iter().flat_map(|s| &s.points);
+    points.any(|p| p.variant == name)
 }
 
 /// What an approximation may be off by, each budget beside what was measured.
@@ -235,7 +243,11 @@ fn self_tests(v: &VariantReport) -> String {
 /// One line a reason: which variants leave which materials as written.
 fn left_alone(report: &Report) -> String {
     let mut reasons: Vec<(&str, Vec<&str>, Vec<&str>)> = Vec::new();
-    for v in &report.variants {
+    for v in report
+        .variants
+        .iter()
+        .filter(|v| !is_swept(report, &v.name))
+    {
         for kept in &v.kept {
             let at = reasons
                 .iter()

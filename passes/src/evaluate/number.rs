@@ -28,6 +28,10 @@ pub trait Number: Copy + Debug {
     /// A function of each component by itself; `None` for one that is none, or is not known.
     fn call(function: MathFunction, arguments: &[Self]) -> Option<Self>;
 
+    /// Itself, which is known to lie between two numbers: a direction's components, say.
+    #[must_use]
+    fn within(self, least: f32, largest: f32) -> Self;
+
     /// Itself as one `f32`; `None` where it stands for several.
     fn single(self) -> Option<f32>;
 }
@@ -113,6 +117,10 @@ impl Number for f32 {
             }
             _ => return None,
         })
+    }
+
+    fn within(self, _: f32, _: f32) -> Self {
+        self
     }
 
     fn single(self) -> Option<f32> {

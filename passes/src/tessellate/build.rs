@@ -15,7 +15,7 @@ use naga::{
 
 use super::split::{Carried, Outputs, Split};
 use super::text::{Order, Text};
-use crate::fetch::{self, Author, Linked, define, ours, word};
+use crate::fetch::{Author, Linked, define, ours, word};
 use crate::graph::FunctionId;
 use crate::place::{self, Builder, Rewrite};
 
@@ -54,11 +54,7 @@ pub fn add(
         Order::ByPosition => Some(ours(&by_name, "tessellated_precedes")?),
         Order::AsRecorded => None,
     };
-    let mut fetch = Vec::new();
-    for attribute in text.attributes {
-        let function = ours(&by_name, &format!("tessellated_{}_", attribute.location))?;
-        fetch.push((attribute.location, function));
-    }
+    let fetch = fetch(&by_name, text)?;
     let mut blends = Vec::new();
     for width in text.widths {
         let function = ours(&by_name, &format!("tessellated_blend_{width}_"))?;
@@ -69,13 +65,8 @@ pub fn add(
         .as_ref()
         .map(|r| r.ty)
         .ok_or("`tessellated_place` gives nothing")?;
-    let author = Author {
-        function: split.author,
-        given: split.given,
-        inputs: &split.inputs,
-    };
-    let (module, corner) = fetch::corner(module, name, &author, &fetch)?;
-    let (mut module, between) = between(
+    let (module, corner) = corner(module, name, &split, &fetch)?;
+    let (module, between) = between(
         module,
         name,
         &Between {
@@ -87,11 +78,7 @@ pub fn add(
             outputs,
         },
     )?;
-    let rest = Function {
-        name: Some(place::free_name(&module, name, "rest")),
-        ..split.rest
-    };
-    let rest = module.functions.append(rest, Span::UNDEFINED);
+    let (module, rest) = rest(module, name, &split);
     Ok(Functions {
         module,
         place,
@@ -99,6 +86,42 @@ pub fn add(
         rest,
         ours: by_name,
     })
+}
+
+/// The functions of our own text that read the author's attributes, by location.
+pub(super) fn fetch(
+    by_name: &BTreeMap<String, Handle<Function>>,
+    text: &Text<'_>,
+) -> Result<Vec<(u32, Handle<Function>)>, String> {
+    let locations = text.attributes.iter().map(|a| a.location);
+    locations
+        .map(|l| Ok((l, ours(by_name, &format!("tessellated_{l}_"))?)))
+        .collect()
+}
+
+/// What becomes of the author's outputs, as a function.
+pub(super) fn rest(mut module: Module, name: &str, split: &Split) -> (Module, Handle<Function>) {
+    let rest = Function {
+        name: Some(place::free_name(&module, name, "rest")),
+        ..split.rest.clone()
+    };
+    let rest = module.functions.append(rest, Span::UNDEFINED);
+    (module, rest)
+}
+
+/// The author's stage on one of the author's vertices.
+pub(super) fn corner(
+    module: Module,
+    name: &str,
+    split: &Split,
+    fetch: &[(u32, Handle<Function>)],
+) -> Result<(Module, Handle<Function>), String> {
+    let author = Author {
+        function: split.author,
+        given: split.given,
+        inputs: &split.inputs,
+    };
+    crate::fetch::corner(module, name, &author, fetch)
 }
 
 /// What interpolating takes.

@@ -6,7 +6,7 @@ use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
 use super::fixed::{self, Read};
 use super::pattern::MAX_LEVEL;
 use super::split::{self, Outputs, Split};
-use super::{Material, Params, Slots, Tessellate, refuse};
+use super::{MOST_EDGE_PIXELS, Material, Params, Slots, Tessellate, refuse};
 use crate::contract::Contract;
 use crate::geometry::{Form, Subdivision};
 use crate::hoist::Hoist;
@@ -14,7 +14,6 @@ use crate::pass::{Facts, Pass, Refusal, SiteKey};
 use crate::plan::{BindingKind, GpuPass, Plan, Role};
 use crate::program::Program;
 use crate::reflect;
-use crate::state::Topology;
 
 /// Storage buffers that every WebGPU device reads in a stage.
 const STORAGE_BUFFERS: usize = 8;
@@ -30,6 +29,23 @@ impl<'a> Material<'a> {
                 "level",
                 format!("{} is no level of tessellation", params.level),
                 "give a level of 1 to 64",
+            ));
+        }
+        if params
+            .edge_pixels
+            .is_some_and(|p| !(1..=MOST_EDGE_PIXELS).contains(&p))
+        {
+            return Err(refuse(
+                "edge-pixels",
+                "a segment is 1 to 256 pixels long",
+                "give edge-pixels=8, say",
+            ));
+        }
+        if params.edge_pixels.is_some() && params.form != Form::Pulled {
+            return Err(refuse(
+                "adaptive-form",
+                "the vertices of a mesh that is made once cannot follow the camera",
+                "take form=pulled",
             ));
         }
         let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
@@ -62,11 +78,11 @@ impl<'a> Material<'a> {
                 "tessellate first, then add the pre-pass: it is then divided alike",
             ));
         }
-        if pass.primitive.topology != Topology::TriangleList {
+        if !pass.primitive.topology.is_triangles() {
             return Err(refuse(
                 "topology",
-                "only lists of triangles are divided (a strip's restarts are not followed)",
-                "draw a triangle list",
+                "only triangles are divided",
+                "draw triangles",
             ));
         }
         let Some((vertex, _)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) else {

@@ -149,6 +149,26 @@ fn rows(n: u32) -> Divided {
     }
 }
 
+/// A triangle in rows from its first corner on: row and column of each vertex, packed in 8 bits each, and the triangles. The first `n` rows of triangles make the same of a
+/// triangle at level `n`.
+pub fn from_corner(level: u32) -> (Vec<u32>, Vec<[u32; 3]>) {
+    let first = |row: u32| row * (row + 1) / 2;
+    let vertices = (0..=level)
+        .flat_map(|row| (0..=row).map(move |column| row | column << 8))
+        .collect();
+    let mut triangles = Vec::new();
+    for row in 0..level {
+        let (above, below) = (first(row), first(row + 1));
+        for i in 0..=row {
+            triangles.push([above + i, below + i, below + i + 1]);
+            if i < row {
+                triangles.push([above + i, below + i + 1, above + i + 1]);
+            }
+        }
+    }
+    (vertices, triangles)
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::{BTreeMap, BTreeSet};

@@ -266,7 +266,7 @@ pub fn loaded(
     stored: &Stored,
 ) -> Result<Module, String> {
     let widths = stored.widths();
-    let wgsl = text::constants(slots, 0) + &text::points(slots, Points::Loaded, &widths);
+    let wgsl = text::constants(slots, 0, None) + &text::points(slots, Points::Loaded, &widths);
     let Linked {
         mut module,
         ours: by_name,

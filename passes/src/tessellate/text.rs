@@ -11,7 +11,7 @@
 
 use std::fmt::Write;
 
-use super::Slots;
+use super::{Slots, adaptive};
 use crate::fetch::{self, Names};
 use crate::geometry::Formats;
 use crate::plan::AttributeUse;
@@ -58,6 +58,17 @@ pub enum Place {
         batch: u32,
         /// What the weights sum to.
         denominator: u32,
+    },
+    /// From the pattern of the highest level, and how long the triangle's edges are on the screen.
+    Adaptive {
+        /// Vertices of the pattern.
+        vertices: u32,
+        /// Triangles an instance draws.
+        batch: u32,
+        /// Pixels of a segment.
+        edge_pixels: u32,
+        /// The highest level.
+        most: u32,
     },
     /// From a record of its own.
     Record {
@@ -149,9 +160,13 @@ fn tessellated_instance_of(index: u32) -> u32 {{
     out
 }
 
-/// The uniform buffer of a draw's constants, of so many attributes.
-pub fn constants(slots: Slots, attributes: usize) -> String {
+/// The uniform buffer of a draw's constants, of so many attributes, and of what else is there ahead of them.
+pub fn constants(slots: Slots, attributes: usize, place: Option<Place>) -> String {
     let Slots { group, first } = slots;
+    let viewport = match place {
+        Some(Place::Adaptive { .. }) => "\n    viewport: vec4<u32>,",
+        Some(Place::Pattern { .. } | Place::Record { .. }) | None => "",
+    };
     let streams = match attributes {
         0 => String::new(),
         n => format!("\n    streams: array<vec4<u32>, {n}>,"),
@@ -165,7 +180,7 @@ pub fn constants(slots: Slots, attributes: usize) -> String {
     base_vertex: u32,
     first_instance: u32,
     vertices: u32,
-    instances: u32,{streams}
+    instances: u32,{viewport}{streams}
 }}
 @group({group}) @binding({first}) var<uniform> tessellation: Tessellation;
 "
@@ -175,7 +190,7 @@ pub fn constants(slots: Slots, attributes: usize) -> String {
 impl Text<'_> {
     /// The text.
     pub fn wgsl(&self) -> String {
-        let mut out = constants(self.slots, self.attributes.len());
+        let mut out = constants(self.slots, self.attributes.len(), Some(self.place));
         self.places(&mut out);
         let first = self.slots.stream(0);
         out.push_str(&fetch::attributes(
@@ -189,6 +204,9 @@ impl Text<'_> {
         }
         for width in self.widths {
             blend(&mut out, *width);
+            if let Place::Adaptive { .. } = self.place {
+                pick(&mut out, *width);
+            }
         }
         if let Some((access, widths)) = self.points {
             out.push_str(&points(self.slots, access, widths));
@@ -198,24 +216,29 @@ impl Text<'_> {
 
     fn places(&self, out: &mut String) {
         let Slots { group, first } = self.slots;
-        let _ = write!(
+        let _ = writeln!(
             out,
-            "@group({group}) @binding({}) var<storage, read> tessellation_pattern: array<u32>;
-struct TessellatedPlace {{
+            "@group({group}) @binding({}) var<storage, read> tessellation_pattern: array<u32>;",
+            first + 1
+        );
+        if let Place::Pattern { denominator, .. } | Place::Record { denominator } = self.place {
+            let _ = write!(
+                out,
+                "struct TessellatedPlace {{
     corners: vec3<u32>,
     weights: vec3<f32>,
     provoking: u32,
     instance: u32,
 }}
 fn tessellated_weights(packed: u32) -> vec3<f32> {{
-    return vec3<f32>(vec3<u32>(packed, packed >> 8u, packed >> 16u) & vec3<u32>(255u)) / {}.0;
+    return vec3<f32>(vec3<u32>(packed, packed >> 8u, packed >> 16u) & vec3<u32>(255u)) / {denominator}.0;
 }}
-",
-            first + 1,
-            match self.place {
-                Place::Pattern { denominator, .. } | Place::Record { denominator } => denominator,
-            }
-        );
+"
+            );
+        }
+        if let Place::Pattern { .. } | Place::Adaptive { .. } = self.place {
+            out.push_str(&fetch::corners(NAMES, group, first + 2));
+        }
         match self.place {
             Place::Pattern {
                 vertices,
@@ -245,6 +268,33 @@ fn tessellated_weights(packed: u32) -> vec3<f32> {{
     );
 }}
 "
+                );
+            }
+            Place::Adaptive {
+                vertices,
+                batch,
+                edge_pixels,
+                most,
+            } => {
+                let _ = write!(
+                    out,
+                    "struct TessellatedPlace {{
+    corners: vec3<u32>,
+    packed: u32,
+    instance: u32,
+}}
+fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
+    let drawn = (instance % tessellation.batches) * {batch}u + vertex / {vertices}u;
+    let triangle = min(drawn, tessellation.triangles - 1u);
+    let beyond_all_rows = 255u;
+    return TessellatedPlace(
+        vec3<u32>(tessellated_corner(triangle, 0u), tessellated_corner(triangle, 1u), tessellated_corner(triangle, 2u)),
+        select(beyond_all_rows, tessellation_pattern[vertex % {vertices}u], drawn < tessellation.triangles),
+        tessellation.first_instance + instance / tessellation.batches,
+    );
+}}
+{}",
+                    adaptive::text(edge_pixels, most)
                 );
             }
             Place::Record { .. } => {
@@ -296,6 +346,21 @@ fn blend(out: &mut String, width: u8) {
     let first = select(a, b, swap);
     let second = select(b, a, swap);
     return first + (second - first) * weights.y + (c - first) * weights.z;
+}}
+"
+    );
+}
+
+/// One of three, by number.
+fn pick(out: &mut String, width: u8) {
+    let ty = match width {
+        1 => "f32".to_owned(),
+        n => format!("vec{n}<f32>"),
+    };
+    let _ = write!(
+        out,
+        "fn tessellated_pick_{width}_(which: u32, a: {ty}, b: {ty}, c: {ty}) -> {ty} {{
+    return select(select(a, b, which == 1u), c, which == 2u);
 }}
 "
     );

@@ -1,0 +1,193 @@
+//! Bounds over triangles hold wherever a value is sampled, and are as tight as the arithmetic promises where that can be worked out by hand.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use naga::Module;
+use preshade_passes::bound::{self, Affine};
+use preshade_passes::evaluate::{self, Environment, Number, Stuck, Value};
+use proptest::prelude::*;
+
+/// The module of a function `f` of a position and of texture coordinates.
+fn module(body: &str) -> Module {
+    let source = format!(
+        "fn f(p: vec3<f32>, q: vec2<f32>) -> vec3<f32> {{ {body} }}
+@fragment fn fs(@location(0) p: vec3<f32>, @location(1) q: vec2<f32>) -> @location(0) vec4<f32> {{ return vec4(f(p, q), 1.0); }}"
+    );
+    common::program(&source).module().clone()
+}
+
+type Corner = [f32; 5];
+
+fn arguments([x, y, z, u, v]: Corner) -> Vec<Value> {
+    vec![Value::vector(&[x, y, z]), Value::vector(&[u, v])]
+}
+
+fn bounds(module: &Module, corners: [Corner; 3], parts: u32) -> Result<Vec<f64>, Stuck> {
+    let (_, function) = module.functions.iter().next().unwrap();
+    let [a, b, c] = corners.map(arguments);
+    let environment = bound::environment(BTreeMap::new());
+    bound::over_triangle(module, function, [&a, &b, &c], &environment, parts)
+}
+
+fn value(module: &Module, at: Corner) -> Vec<f32> {
+    let (_, function) = module.functions.iter().next().unwrap();
+    let environment = Environment {
+        resources: BTreeMap::new(),
+        texture: &|_| [0.0; 4],
+        steps: 100_000,
+    };
+    let outcome = evaluate::run(module, function, &arguments(at), &environment).unwrap();
+    outcome.result.unwrap().floats().unwrap()
+}
+
+fn between(corners: [Corner; 3], weights: [f32; 3]) -> Corner {
+    std::array::from_fn(|i| (0..3).map(|c| corners[c][i] * weights[c]).sum())
+}
+
+/// Barycentric coordinates of a lattice in the triangle.
+fn lattice(n: u32) -> impl Iterator<Item = [f32; 3]> {
+    (0..=n)
+        .flat_map(move |i| (0..=n - i).map(move |j| [i, j, n - i - j].map(|w| w as f32 / n as f32)))
+}
+
+/// Largest distance from the interpolation of the corners on a lattice, of each component.
+fn sampled(module: &Module, corners: [Corner; 3], n: u32) -> Vec<f64> {
+    let ends = corners.map(|c| value(module, c));
+    let mut worst = vec![0.0_f64; 3];
+    for weights in lattice(n) {
+        let here = value(module, between(corners, weights));
+        for (i, worst) in worst.iter_mut().enumerate() {
+            let line: f64 = (0..3)
+                .map(|c| f64::from(ends[c][i]) * f64::from(weights[c]))
+                .sum();
+            *worst = worst.max((f64::from(here[i]) - line).abs());
+        }
+    }
+    worst
+}
+
+const TRIANGLE: [Corner; 3] = [
+    [0.2, 0.1, 0.3, 0.0, 0.0],
+    [0.5, 0.2, 0.35, 1.0, 0.0],
+    [0.3, 0.6, 0.2, 0.0, 1.0],
+];
+
+#[test]
+fn what_is_affine_has_no_remainder() {
+    let module = module(
+        "let m = mat3x3<f32>(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0); return m * p * 0.5 + vec3(q, 1.0) / 3.0;",
+    );
+    assert_eq!(bounds(&module, TRIANGLE, 1).unwrap(), [0.0; 3]);
+}
+
+/// On an edge of length `d` a square is at most `d^2 / 4` below its chord.
+#[test]
+fn a_square_is_bounded_by_a_quarter_of_its_edge_squared() {
+    let module = module("return vec3(p.x * p.x, pow(q.x, 2.0), q.x * q.y);");
+    let found = bounds(&module, TRIANGLE, 1).unwrap();
+    let seen = sampled(&module, TRIANGLE, 16);
+    for (found, seen) in found.iter().zip(&seen) {
+        assert!(found >= &(seen - 1e-6), "{found} under {seen}");
+        assert!(found <= &(1.5 * seen + 1e-9), "{found} for {seen}");
+    }
+}
+
+#[test]
+fn waves_roots_and_directions_are_bounded_within_a_few_times() {
+    for body in [
+        "return sin(p * 3.0);",
+        "return normalize(p);",
+        "return vec3(sqrt(p.x), exp(-p.y), 1.0 / (1.0 + p.z));",
+        "return vec3(dot(normalize(p), vec3(0.6, 0.0, 0.8)), length(p), pow(p.x, 8.0));",
+        "return vec3(smoothstep(0.0, 1.0, p.x), mix(p.x, p.y, p.z), clamp(p.x, 0.0, 0.9));",
+        "var sum = vec3(0.0); for (var i = 0; i < 4; i++) { sum += cos(p * f32(i)); } return sum;",
+    ] {
+        let module = module(body);
+        let found = bounds(&module, TRIANGLE, 8).unwrap();
+        let seen = sampled(&module, TRIANGLE, 16);
+        for (found, seen) in found.iter().zip(&seen) {
+            assert!(found >= &(seen - 1e-6), "{body}: {found} under {seen}");
+            assert!(found <= &(1.5 * seen + 2e-3), "{body}: {found} for {seen}");
+        }
+    }
+}
+
+/// What jumps within the triangle is known between two values; what decides a branch there is not known at all.
+#[test]
+fn jumps_are_intervals_and_branches_end_the_evaluation() {
+    let jumps = module("return vec3(floor(p.x * 10.0), step(0.3, p.x), fract(p.y * 10.0));");
+    let found = bounds(&jumps, TRIANGLE, 1).unwrap();
+    assert_eq!(found, [3.0, 1.0, 1.0]);
+    let level = module("return floor(p * 0.1);");
+    assert_eq!(bounds(&level, TRIANGLE, 1).unwrap(), [0.0; 3]);
+    let branch = module("if p.x > 0.3 { return p; } return -p;");
+    assert!(matches!(
+        bounds(&branch, TRIANGLE, 1),
+        Err(Stuck::Undecided(_))
+    ));
+    let decided = module("if p.x > 0.7 { return p; } return -p;");
+    assert_eq!(bounds(&decided, TRIANGLE, 1).unwrap(), [0.0; 3]);
+    let unbounded = module("return vec3(1.0 / (p.x - 0.3), log(p.x - 0.3), tan(p.x));");
+    assert_eq!(bounds(&unbounded, TRIANGLE, 1).unwrap(), [f64::INFINITY; 3]);
+}
+
+#[test]
+fn comparisons_are_decided_where_the_ranges_are_apart() {
+    let narrow = Affine::between([1.0, 2.0, 3.0]);
+    assert_eq!(
+        narrow.compare(Affine::constant(4.0)),
+        Some(Some(std::cmp::Ordering::Less))
+    );
+    assert_eq!(narrow.compare(Affine::constant(3.0)), None);
+}
+
+/// A random expression, simplest where the bytes end.
+fn expression(bytes: &mut std::slice::Iter<'_, u8>, depth: usize) -> String {
+    let mut below = |n: u8| bytes.next().map_or(0, |b| b % n);
+    let kind = if depth == 0 { below(4) } else { below(24) };
+    let constant = ["0.5f", "1.75f", "-0.3f", "2.0f"][usize::from(below(4))];
+    let mut next = || expression(bytes, depth - 1);
+    match kind {
+        0 => "p.x".to_owned(),
+        1 => "p.y".to_owned(),
+        2 => "q.x".to_owned(),
+        3 => constant.to_owned(),
+        4..=6 => format!("({} + {})", next(), next()),
+        7..=9 => format!("({} * {})", next(), next()),
+        10 => format!("({} - {})", next(), next()),
+        11 => format!("({} / (1.5 + abs({})))", next(), next()),
+        12 => format!("sin({})", next()),
+        13 => format!("cos({} * 2.0)", next()),
+        14 => format!("exp(min({}, 1.0))", next()),
+        15 => format!("sqrt(abs({}) + 0.01)", next()),
+        16 => format!("max({}, {})", next(), next()),
+        17 => format!("saturate({})", next()),
+        18 => format!("smoothstep(-0.5, {constant} + 1.5, {})", next()),
+        19 => format!("mix({}, {}, {})", next(), next(), next()),
+        20 => format!("floor({})", next()),
+        21 => format!("pow(abs({}) + 0.1, {constant})", next()),
+        22 => format!("length(vec2({}, {}))", next(), next()),
+        _ => format!("normalize(vec3({}, {}, 0.5)).x", next(), next()),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    /// The remainder is a bound. The sampling is in `f32`, hence the slack.
+    #[test]
+    fn no_sample_is_further_off_than_the_bound(bytes in proptest::collection::vec(any::<u8>(), 4..60), corners in any::<[[i8; 5]; 3]>(), parts in 1..4_u32) {
+        let text = expression(&mut bytes.iter(), 4);
+        let module = module(&format!("return vec3({text});"));
+        let corners = corners.map(|c| c.map(|x| f32::from(x) / 64.0));
+        let Ok(found) = bounds(&module, corners, parts) else { return Ok(()) };
+        let seen = sampled(&module, corners, 6);
+        let scale = corners.iter().map(|c| value(&module, *c)[0].abs()).fold(1.0, f32::max);
+        for (found, seen) in found.iter().zip(&seen) {
+            prop_assert!(*found >= seen - 1e-3 * f64::from(scale), "{text}: {found} under {seen}");
+        }
+    }
+}
