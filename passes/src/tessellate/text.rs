@@ -245,7 +245,6 @@ fn tessellated_weights(packed: u32) -> vec3<f32> {{
                 batch,
                 denominator,
             } => {
-                out.push_str(&fetch::corners(NAMES, group, first + 2));
                 let _ = write!(
                     out,
                     "fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
