@@ -54,6 +54,12 @@ enum Case {
     Adaptive,
     /// Subdivided triangles, whose vertices a compute pass computes.
     Shared,
+    /// Shaded from ids, in two draws told apart by a depth test.
+    Ids,
+    /// The same with ids of unindexed vertices.
+    Unindexed,
+    /// Shaded from ids in a compute pass.
+    Computed,
 }
 
 /// Fields that a renderer does not act on, each with what stands for it instead.
@@ -77,6 +83,14 @@ const INFORMATIVE: &[(&str, &str)] = &[
     (
         "passes[].bindings[].layout.storage-texture",
         "no scene gives a storage texture: a plan that asks for one is refused, below",
+    ),
+    (
+        "passes[].bindings[].source.location",
+        "the scene's colour as a compute pass writes it: mutated there",
+    ),
+    (
+        "passes[].bindings[].source.part.draw.formats",
+        "what a host must store: the renderer refuses other formats, of which a scene has none",
     ),
     (
         "passes[].geometry.denominator",
@@ -176,7 +190,7 @@ const INFORMATIVE: &[(&str, &str)] = &[
 /// One mutation a field: the case, a JSON pointer into its `plan.json`, the value to put there, and what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
-    use Case::{Adaptive, Alone, Glass, Lit, Mask, Packed, Pulled, Read, Sampled, Shared};
+    use Case::{Adaptive, Alone, Computed, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Unindexed};
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
@@ -273,6 +287,16 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Shared, "/compute/0/limits", json!({"maxComputeWorkgroupSizeX": 1_000_000}), Refused("needs maxComputeWorkgroupSizeX of 1000000")),
         (Shared, "/compute_files/0/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
         (Shared, "/compute_files/0/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
+        (Ids, "/passes/0/phase", json!("opaque"), Redrawn),
+        (Ids, "/passes/1/bindings/1/source/part", json!("indices"), Redrawn),
+        (Ids, "/passes/2/depth/compare", json!("always"), Redrawn),
+        (Ids, "/passes/2/bindings/4/source/part/draw/streams/0", json!(9), Refused("at location 9")),
+        (Ids, "/passes/2/bindings/5/source/name", json!("elsewhere"), Refused("reads `elsewhere`, which is no attachment")),
+        (Computed, "/passes/1/phase", json!("opaque"), Redrawn),
+        (Computed, "/compute/0/when/phase", json!("depth"), Redrawn),
+        (Computed, "/compute/0/workgroup", json!(16), Redrawn),
+        (Computed, "/compute/0/bindings/9/source/location", json!(1), Refused("which no pass draws to")),
+        (Unindexed, "/passes/0/geometry/kind", json!("as-given"), Redrawn),
         (Lit, "/files/0/role", json!("prepass"), Refused("not those of its passes")),
         (Lit, "/files/0/vertex/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
         (Lit, "/files/0/vertex/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
@@ -437,6 +461,17 @@ fn scene_of(case: Case) -> Scene {
             scene.draws[0].values.insert("object.tint".to_owned(), half);
             scene
         }
+        Case::Ids | Case::Unindexed | Case::Computed => {
+            let mut scene = lit();
+            let mut smaller = scene.draws[0].clone();
+            smaller.name = "smaller".to_owned();
+            smaller.transform *= Mat4::from_translation(Vec3::new(0.3, 0.4, -0.2))
+                * Mat4::from_scale(Vec3::splat(0.4));
+            let blue = Value::Numbers(vec![0.2, 0.3, 0.9, 1.0]);
+            smaller.values.insert("object.tint".to_owned(), blue);
+            scene.draws.push(smaller);
+            scene
+        }
         Case::Alone => unwalled(),
         Case::Glass | Case::Mask => stencilled(),
         Case::Packed | Case::Read => planes([64, 64], 3),
@@ -456,6 +491,9 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
         Case::Pulled => Some("hoist:budget=1,finite=assumed,tessellate:level=4"),
         Case::Adaptive => Some("hoist:budget=1,finite=assumed,tessellate:level=8,edge-pixels=5"),
         Case::Shared => Some("hoist:budget=1,finite=assumed,tessellate:level=8,form=shared"),
+        Case::Ids => Some("visibility-buffer"),
+        Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id"),
+        Case::Computed => Some("visibility-buffer:form=compute"),
         Case::Lit | Case::Sampled | Case::Glass | Case::Mask | Case::Alone => None,
     };
     let plans: Vec<Plan> = originals(scene)
@@ -647,7 +685,7 @@ fn every_field_of_the_schema_has_a_mutation_or_a_reason() {
     for (_, pointer, ..) in &mutated {
         let known = fields.iter().any(|f| covers(pointer, f));
         assert!(
-            known || pointer.ends_with("/layout"),
+            known || pointer.ends_with("/layout") || pointer.ends_with("/part"),
             "{pointer} is no field"
         );
     }

@@ -142,3 +142,56 @@ fn an_orbit_is_an_eye_on_a_sphere_round_its_target() {
     assert!(turn.windows(2).all(|w| w[0].time < w[1].time));
     assert!((turn[0].eye.length() - 3.4).abs() < 1e-4);
 }
+
+#[test]
+fn variables_are_what_the_command_line_says() {
+    use preshade::scene::{Stream, Variable, Variables};
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/grass.toml");
+    let with = |pairs: &[(&str, &str)]| {
+        let set: Variables = pairs
+            .iter()
+            .map(|(name, value)| ((*name).to_owned(), Variable::parse(value)))
+            .collect();
+        scene::load_with(&path, &set)
+    };
+    let places = |order: &str| -> Vec<[u32; 4]> {
+        let scene = with(&[("instances", "1_000"), ("order", order)]).unwrap();
+        assert_eq!(scene.draws[0].instances, 1000);
+        match &scene.draws[0].instance_streams["instance_place"] {
+            Stream::Float {
+                components: 4,
+                data,
+            } => {
+                let all = data.as_chunks::<4>().0.iter();
+                all.map(|p| p.map(f32::to_bits)).collect()
+            }
+            other => panic!("{other:?}"),
+        }
+    };
+    let (rows, shuffled) = (places("ascending"), places("shuffled"));
+    let mut turned = places("descending");
+    turned.reverse();
+    assert_eq!(rows, turned);
+    assert_ne!(rows, shuffled);
+    let sorted = |mut all: Vec<[u32; 4]>| {
+        all.sort_unstable();
+        all
+    };
+    assert_eq!(sorted(rows.clone()), sorted(shuffled));
+    // From the camera away: a cell's jitter is less than the cell.
+    let z = |p: &[u32; 4]| f32::from_bits(p[1]);
+    assert!(z(&rows[0]) < -38.0 && z(&rows[999]) > 36.0);
+    assert!(rows.iter().all(|p| z(p).abs() <= 41.0));
+    for (pairs, told) in [
+        ([("instance", "5")], "the scene has no variable `instance`"),
+        (
+            [("order", "by colour")],
+            "`by colour` is no order of copies",
+        ),
+        ([("instances", "many")], "a whole number is asked for"),
+        ([("instances", "0")], "a field of 0 copies"),
+    ] {
+        let error = with(&pairs).unwrap_err().render();
+        assert!(error.contains(told), "{error}");
+    }
+}

@@ -24,6 +24,8 @@ use crate::output;
 use crate::verify::{parse_seconds, parse_size};
 use crate::{Failure, Format, Outcome};
 
+mod grass;
+
 /// Arguments of `bench`.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -47,6 +49,9 @@ pub struct Args {
     /// Quads along each side of the layer that is hoisted.
     #[arg(long, value_delimiter = ',', default_value = "16,64,256", value_name = "N,..", value_parser = clap::value_parser!(u32).range(1..=1024))]
     grids: Vec<u32>,
+    /// Instances of grass: hand-written visibility buffers beside generated ones. Default: none.
+    #[arg(long, value_delimiter = ',', value_name = "N,..", value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
+    grass: Vec<u32>,
     /// Seconds to spend on each pair.
     #[arg(long, value_name = "SECONDS", default_value_t = 1.5, value_parser = parse_seconds)]
     seconds: f64,
@@ -124,7 +129,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 order,
                 number,
             };
-            rows.extend(compare(&gpu, &text, size, &stack, &FORMS, &timing)?);
+            let scene = scene(&text, size, &stack)?;
+            rows.extend(compare(&gpu, &scene, &stack, &FORMS, handwritten, &timing)?);
         }
     }
     for grid in &args.grids {
@@ -134,7 +140,32 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             order: "-",
             number: 0,
         };
-        rows.extend(compare(&gpu, &text, size, &stack, &HOISTED, &timing)?);
+        let scene = scene(&text, size, &stack)?;
+        rows.extend(compare(
+            &gpu,
+            &scene,
+            &stack,
+            &HOISTED,
+            handwritten,
+            &timing,
+        )?);
+    }
+    for count in &args.grass {
+        let stack = Stack {
+            grid: 1,
+            layers: *count,
+            order: "grass",
+            number: 0,
+        };
+        let scene = grass::scene(&text, size, *count)?;
+        rows.extend(compare(
+            &gpu,
+            &scene,
+            &stack,
+            &grass::FORMS,
+            grass::handwritten,
+            &timing,
+        )?);
     }
     let report = Report {
         schema: "preshade.bench.v1",
@@ -162,22 +193,21 @@ struct Stack {
 /// Times each form beside what the recipe makes of the forward entry points.
 fn compare(
     gpu: &Gpu,
-    text: &str,
-    size: [u32; 2],
+    scene: &Scene,
     stack: &Stack,
     forms: &[(&'static str, &'static str)],
+    handwritten: impl Fn(&Plan, &str) -> Result<Plan, Failure>,
     timing: &TimingSettings,
 ) -> Result<Vec<Row>, Failure> {
-    let scene = scene(text, size, stack)?;
-    let inputs = SceneInputs::new(gpu, &scene)?;
-    let forward = measure::originals(&scene)
+    let inputs = SceneInputs::new(gpu, scene)?;
+    let forward = measure::originals(scene)
         .into_iter()
         .next()
         .ok_or_else(|| Failure("error: no plan".to_owned()))?;
     let mut rows = Vec::new();
     for (form, recipe) in forms {
         output::message(&format!(
-            "{} layers of {} quads {}: {form}",
+            "{} instances of {} quads, {}: {form}",
             stack.layers,
             stack.grid * stack.grid,
             stack.order
@@ -188,7 +218,7 @@ fn compare(
             .map_err(|r| Failure(format!("error: {r}")))?;
         let prepare = |plan: &Plan| -> Result<Prepared<'_>, Failure> {
             let variant = Variant::new(std::slice::from_ref(plan), ShaderForm::Text)?;
-            let settings = FrameSettings::of(&scene);
+            let settings = FrameSettings::of(scene);
             Ok(Prepared::new(&inputs, &variant, &settings)?)
         };
         let (original, hand, generated) =
@@ -275,15 +305,10 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
     ]);
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
-    Ok(Scene {
-        name: "handwritten".to_owned(),
+    Ok(layers(
         size,
-        viewport: None,
-        depth_format: state.depth_format,
-        depth_direction: state.depth_direction,
-        samples: 1,
-        clear_color: [0.0, 0.0, 0.0, 1.0],
-        materials: vec![Material {
+        [0.0, 0.0, 0.0, 1.0],
+        Material {
             name: "bounds".to_owned(),
             program: parsed.program,
             vertex: parsed.vertex,
@@ -293,15 +318,15 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             textures: BTreeMap::new(),
             samplers: BTreeMap::new(),
             attributes: BTreeMap::new(),
-        }],
-        meshes: vec![Mesh {
+        },
+        Mesh {
             name: "layer".to_owned(),
             vertex_count: stack.grid * stack.grid * 6,
             streams: BTreeMap::new(),
             indices: None,
             bounds: Default::default(),
-        }],
-        draws: vec![Draw {
+        },
+        Draw {
             name: "layers".to_owned(),
             mesh: 0,
             material: 0,
@@ -311,7 +336,29 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             joints: Vec::new(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
-        }],
+        },
+    ))
+}
+
+/// One draw of one material, whose shader places everything itself.
+fn layers(
+    size: [u32; 2],
+    clear_color: [f64; 4],
+    material: Material,
+    mesh: Mesh,
+    draw: Draw,
+) -> Scene {
+    Scene {
+        name: "handwritten".to_owned(),
+        size,
+        viewport: None,
+        depth_format: material.state.depth_format,
+        depth_direction: material.state.depth_direction,
+        samples: 1,
+        clear_color,
+        materials: vec![material],
+        meshes: vec![mesh],
+        draws: vec![draw],
         cameras: vec![Camera {
             name: "front".to_owned(),
             frames: vec![Frame {
@@ -323,7 +370,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
         }],
         orders: vec![DrawOrder::AsGiven],
         light: Default::default(),
-    })
+    }
 }
 
 /// A hand-written form as a plan: the frozen entry points, and the state that goes with them.

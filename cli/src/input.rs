@@ -14,7 +14,7 @@ use preshade::passes::state::{
     Topology,
 };
 use preshade::render;
-use preshade::scene::{self, Scene};
+use preshade::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
 
@@ -36,6 +36,9 @@ pub struct ShaderArgs {
     /// Name of the material, default: the file's; of a scene's materials, the one to take.
     #[arg(long)]
     pub name: Option<String>,
+    /// Set a variable of a scene; may be given several times.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
     #[command(flatten)]
     pub state: StateArgs,
 }
@@ -303,11 +306,32 @@ impl ShaderArgs {
 
     /// Reads the files.
     pub fn input(&self) -> Result<Input, Failure> {
+        self.input_with(&Variables::new())
+    }
+
+    /// The variables that `--set` says, and `more`.
+    fn variables(&self, more: &Variables) -> Result<Variables, Failure> {
+        let mut all = Variables::new();
+        for text in &self.set {
+            let (name, value) = text
+                .split_once('=')
+                .ok_or_else(|| Failure(format!("error: --set {text}: expected NAME=VALUE")))?;
+            all.insert(name.trim().to_owned(), Variable::parse(value.trim()));
+        }
+        all.extend(more.clone());
+        Ok(all)
+    }
+
+    fn input_with(&self, more: &Variables) -> Result<Input, Failure> {
+        let variables = self.variables(more)?;
         match self.scene_file() {
+            None if !variables.is_empty() => Err(Failure(
+                "error: --set and --sweep are for a scene: a shader has no variables".to_owned(),
+            )),
             None => Ok(Input::Shader(self.parse()?, self.state.state()?)),
             Some(path) if self.files.len() == 1 => {
                 self.check_scene_flags()?;
-                let scene = scene::load(path).map_err(|e| Failure(e.render()))?;
+                let scene = scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?;
                 Ok(Input::Scene(self.state.set_up(scene)))
             }
             Some(_) => Err(Failure(
@@ -318,7 +342,12 @@ impl ShaderArgs {
 
     /// The scene, or one made up for a shader.
     pub fn scene(&self) -> Result<scene::Scene, Failure> {
-        match self.input()? {
+        self.scene_with(&Variables::new())
+    }
+
+    /// [`Self::scene`], with some of its variables set.
+    pub fn scene_with(&self, variables: &Variables) -> Result<scene::Scene, Failure> {
+        match self.input_with(variables)? {
             Input::Scene(_) if self.name.is_some() => Err(Failure(
                 "error: --name is for a shader: all materials of a scene are drawn".to_owned(),
             )),

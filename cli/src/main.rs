@@ -16,6 +16,7 @@ mod input;
 mod output;
 mod passes;
 mod rewrite;
+mod variable;
 mod verify;
 
 /// Writes faster variants of a material's shaders, and proves each by picture and clock.

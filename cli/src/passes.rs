@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         (Format::Human, None) => {
             let mut text = String::new();
             for p in &passes {
-                let _ = writeln!(text, "{:<14} {}", p.name, p.summary);
+                let _ = writeln!(text, "{:<18} {}", p.name, p.summary);
             }
             text.push_str("\n`preshade passes NAME` shows the parameters of one.\n");
             output::data(&text)?;

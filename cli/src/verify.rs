@@ -5,17 +5,19 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use preshade::measure::crossover::{Point, Series};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
 use preshade::report::sweep::{Budget, SweepReport};
-use preshade::scene::{self, DrawOrder, Scene};
+use preshade::scene::{self, DrawOrder, Scene, Variables};
 use preshade::sweep::{self, Sweep};
 
 use crate::input::ShaderArgs;
 use crate::output;
+use crate::variable::Axis;
 use crate::{Failure, Format, Outcome};
 
 /// Arguments of `verify`.
@@ -26,6 +28,7 @@ Examples:
   preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
   preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
   preshade verify scene.toml --pass hoist --pass tessellate:level=1..8 --budget flip_mean=0.02
+  preshade verify grass.toml --sweep instances=50000..400000 --pass visibility-buffer
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
 Each --pass is a variant of its own; --recipe puts several passes into one. But tessellate
@@ -45,6 +48,13 @@ pub struct Args {
     /// max_abs, the worst of all views.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     budget: Option<Budget>,
+    /// Measure at several values of a scene's variable, and tell where variants cross: 50000..400000
+    /// doubles, 1..9:5 takes five steps of one ratio.
+    #[arg(long, value_name = "NAME=A..B[:STEPS]", value_parser = Axis::parse)]
+    sweep: Option<Axis>,
+    /// Write what was measured as one JSON file, to send in: docs/results says how.
+    #[arg(long, value_name = "FILE")]
+    share: Option<PathBuf>,
     /// Draw these cameras only; the first is the headline.
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
@@ -161,16 +171,17 @@ const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-
 /// Verifies a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let sweeps = sweeps(args)?;
-    let recipes = sweeps
-        .iter()
-        .flat_map(|s| s.points.iter().map(|p| p.recipe.clone()))
-        .collect();
-    let scene = scene(args)?;
-    if let Some(dir) = &args.out {
+    let first = match &args.sweep {
+        None => Variables::new(),
+        Some(axis) => axis.at(axis.values.first().copied().unwrap_or(1)),
+    };
+    let first = scene(args, &first)?;
+    let shared = args.share.as_deref().and_then(Path::parent);
+    for dir in args.out.as_deref().into_iter().chain(shared) {
         check_folder(dir)?;
     }
     if !args.shader.is_scene()
-        && let Some(note) = guesses(&scene)
+        && let Some(note) = guesses(&first)
     {
         output::message(&note);
     }
@@ -180,19 +191,121 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::new(&choice)?;
     let bar = bar();
+    let Some(axis) = &args.sweep else {
+        let outcome = measured(args, &gpu, &first, &sweeps, &bar)?;
+        bar.finish_and_clear();
+        return told(args, &outcome);
+    };
+    let mut points = Vec::new();
+    let mut pictures = Vec::new();
+    for value in &axis.values {
+        bar.suspend(|| output::message(&format!("{} = {value}", axis.variable)));
+        let scene = scene(args, &axis.at(*value))?;
+        let outcome = measured(args, &gpu, &scene, &sweeps, &bar)?;
+        pictures = outcome.pictures;
+        points.push(Point {
+            value: *value,
+            report: outcome.report,
+        });
+    }
+    bar.finish_and_clear();
+    let series = Series::new(&axis.variable, points);
+    let json = series.to_json()?;
+    match args.format {
+        Format::Human => output::data(&report::crossover::render(&series))?,
+        Format::Json => output::data(&json)?,
+    }
+    share(args, &json)?;
+    let mut files = vec![file("series.json", json)];
+    files.extend(report::crossover::svg(&series).map(|svg| file("series.svg", svg)));
+    write(args, files, &pictures)?;
+    Ok(match series.is_broken() {
+        true => Outcome::ContractBroken,
+        false => Outcome::Fine,
+    })
+}
+
+/// Tells of one scene.
+fn told(args: &Args, outcome: &measure::Outcome) -> Result<Outcome, Failure> {
+    // Told before it is written: a full disk does not lose what was measured.
+    let json = outcome.report.to_json()?;
+    match args.format {
+        Format::Human => output::data(&report::table::render(&outcome.report))?,
+        Format::Json => output::data(&json)?,
+    }
+    share(args, &json)?;
+    let mut files = vec![file("report.json", json)];
+    for sweep in &outcome.report.sweeps {
+        files.extend(sweep.files(&outcome.report, &outcome.pictures)?);
+    }
+    write(args, files, &outcome.pictures)?;
+    Ok(match outcome.report.is_broken() {
+        true => Outcome::ContractBroken,
+        false => Outcome::Fine,
+    })
+}
+
+fn file(name: &str, text: String) -> preshade::emit::File {
+    preshade::emit::File {
+        name: name.to_owned(),
+        bytes: text.into_bytes(),
+    }
+}
+
+/// Writes what `--share` asks for.
+fn share(args: &Args, json: &str) -> Result<(), Failure> {
+    let Some(path) = &args.share else {
+        return Ok(());
+    };
+    std::fs::write(path, json).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
+    output::message(&format!("wrote {}", path.display()));
+    Ok(())
+}
+
+/// Writes what `--out` asks for, and the pictures.
+fn write(
+    args: &Args,
+    mut files: Vec<preshade::emit::File>,
+    pictures: &[report::Pictures],
+) -> Result<(), Failure> {
+    let Some(dir) = &args.out else { return Ok(()) };
+    for pictures in pictures {
+        for file in pictures.files()? {
+            if !files.iter().any(|f| f.name == file.name) {
+                files.push(file);
+            }
+        }
+    }
+    preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    output::message(&format!("wrote {} files to {}", files.len(), dir.display()));
+    Ok(())
+}
+
+/// Measures one scene.
+fn measured(
+    args: &Args,
+    gpu: &Gpu,
+    scene: &Scene,
+    sweeps: &[Sweep],
+    bar: &ProgressBar,
+) -> Result<measure::Outcome, Failure> {
+    let recipes = sweeps
+        .iter()
+        .flat_map(|s| s.points.iter().map(|p| p.recipe.clone()))
+        .collect();
     let form = match args.form {
         FormArg::Text => ShaderForm::Text,
         FormArg::Ir => ShaderForm::Ir,
     };
     bar.set_message("looking for depth ties");
-    let mut facts = measure::facts(&gpu, &scene, form, measure::counting).unwrap_or_else(|e| {
+    let mut facts = measure::facts(gpu, scene, form, measure::counting).unwrap_or_else(|e| {
         bar.suspend(|| {
             output::message(&format!("warning: depth ties were not measured: {e}"));
         });
         Facts::default()
     });
-    let recipes = choose(&gpu, &scene, form, recipes, &mut facts, &bar)?;
-    let originals = measure::originals(&scene);
+    let recipes = choose(gpu, scene, form, recipes, &mut facts, bar)?;
+    let originals = measure::originals(scene);
     let variants: Vec<_> = recipes
         .iter()
         .map(|r| measure::variant(&originals, r, &facts))
@@ -213,47 +326,19 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         count: &measure::counting,
         command: command(),
     };
-    let mut outcome = measure::verify(&gpu, &scene, &variants, &settings, &mut |p| {
+    let mut outcome = measure::verify(gpu, scene, &variants, &settings, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(p.what);
     })?;
-    bar.finish_and_clear();
     let mut names = variants.iter().map(|v| v.name.clone());
-    for sweep in &sweeps {
+    for sweep in sweeps {
         let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();
         if sweep.varies() {
             let told = SweepReport::new(sweep, &names, args.budget, &outcome.report);
             outcome.report.sweeps.push(told);
         }
     }
-    // Told before it is written: a full disk does not lose what was measured.
-    match args.format {
-        Format::Human => output::data(&report::table::render(&outcome.report))?,
-        Format::Json => output::data(&outcome.report.to_json()?)?,
-    }
-    if let Some(dir) = &args.out {
-        let mut files = vec![preshade::emit::File {
-            name: "report.json".to_owned(),
-            bytes: outcome.report.to_json()?.into_bytes(),
-        }];
-        for pictures in &outcome.pictures {
-            for file in pictures.files()? {
-                if !files.iter().any(|f| f.name == file.name) {
-                    files.push(file);
-                }
-            }
-        }
-        for sweep in &outcome.report.sweeps {
-            files.extend(sweep.files(&outcome.report, &outcome.pictures)?);
-        }
-        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
-        output::message(&format!("wrote {} files to {}", files.len(), dir.display()));
-    }
-    Ok(if outcome.report.is_broken() {
-        Outcome::ContractBroken
-    } else {
-        Outcome::Fine
-    })
+    Ok(outcome)
 }
 
 /// Recipes whose choices are left to measurement, chosen.
@@ -376,8 +461,8 @@ fn sweeps(args: &Args) -> Result<Vec<Sweep>, Failure> {
 }
 
 /// The scene asked for, under the set-up asked for.
-fn scene(args: &Args) -> Result<Scene, Failure> {
-    let mut scene = args.shader.scene()?;
+fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
+    let mut scene = args.shader.scene_with(variables)?;
     if let Some(size) = args.size {
         scene = scene.resized(size);
     }

@@ -195,10 +195,8 @@ impl DepthOnly {
         let graph = &opaque.graph;
         let mut module = program.module().clone();
         let fragment = self.fragment.as_ref().map(|slice| {
-            let name = format!(
-                "{}_{suffix}",
-                program.module().entry_points[slice.entry].name
-            );
+            let entry = &program.module().entry_points[slice.entry];
+            let name = free_entry(program.module(), &entry.name, suffix);
             module = place::entry_point(
                 graph,
                 slice,
@@ -222,7 +220,7 @@ impl DepthOnly {
                 fragment,
             };
         };
-        let vertex = format!("{}_{suffix}", opaque.pass.vertex);
+        let vertex = free_entry(program.module(), &opaque.pass.vertex, suffix);
         module = place::entry_point(graph, slice, &module, &vertex, suffix, invariance);
         Placed {
             module,
@@ -283,6 +281,15 @@ impl DepthOnly {
             },
         ))
     }
+}
+
+/// A name for an entry point that the author has not given to one: `{name}_{suffix}`, with the suffix once more where it is taken.
+fn free_entry(module: &Module, name: &str, suffix: &str) -> String {
+    let mut free = format!("{name}_{suffix}");
+    while module.entry_points.iter().any(|e| e.name == free) {
+        free = format!("{free}_{suffix}");
+    }
+    free
 }
 
 /// A function that computes the depth a material writes, and what to pass to it.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::plan::{Attachment, GpuPass, Phase, Plan};
+use crate::plan::{Attachment, Draws, GpuPass, Phase, Plan};
 use crate::state::StoreOp;
 
 mod operations;
@@ -28,7 +28,8 @@ impl ColorAttachments {
             .collect();
         let named = names.iter().flatten().count();
         if named == 0 {
-            let scene = pass.phase != Phase::Depth || !pass.targets.is_empty();
+            let scene =
+                !matches!(pass.phase, Phase::Depth | Phase::Classify) || !pass.targets.is_empty();
             return Ok(if scene { Self::Scene } else { Self::None });
         }
         if named < pass.targets.iter().flatten().count() {
@@ -199,7 +200,13 @@ impl FramePlan {
             }
         }
         let mut passes: Vec<FramePass> = Vec::new();
-        for phase in [Phase::Depth, Phase::Opaque, Phase::Blended] {
+        for phase in [
+            Phase::Depth,
+            Phase::Classify,
+            Phase::Resolve,
+            Phase::Opaque,
+            Phase::Blended,
+        ] {
             let first_of_phase = passes.len();
             for plan in plans.clone() {
                 for (index, pass) in plan
@@ -212,6 +219,13 @@ impl FramePlan {
                     let read_only = pass.depth.as_ref().is_some_and(|d| d.read_only);
                     let colors = ColorAttachments::of(plan, pass)?;
                     let member = (plan.material.clone(), index);
+                    if pass.draws == Draws::Once
+                        && passes[first_of_phase..]
+                            .iter()
+                            .any(|f| f.depth == depth && f.colors == colors)
+                    {
+                        continue;
+                    }
                     let same = passes[first_of_phase..].iter_mut().find(|f| {
                         f.depth == depth && f.depth_read_only == read_only && f.colors == colors
                     });

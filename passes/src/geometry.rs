@@ -1,4 +1,4 @@
-//! What a pass draws: the material's own triangles, or subdivided ones.
+//! What a pass draws: the material's own triangles, subdivided ones, or the whole screen.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,6 +15,10 @@ pub enum Geometry {
     AsGiven,
     /// Each triangle divided into smaller ones.
     Subdivided(Subdivision),
+    /// The draw's triangles without vertex or index buffers, `draw(3 * triangles, instances)`: vertex `3 * t + c` is corner `c` of triangle `t`.
+    Unindexed,
+    /// Three vertices that cover the screen, once for each draw: `draw(3, 1)`.
+    FullScreen,
 }
 
 impl Geometry {
@@ -26,7 +30,7 @@ impl Geometry {
     /// The subdivision, if there is one.
     pub fn subdivision(&self) -> Option<&Subdivision> {
         match self {
-            Self::AsGiven => None,
+            Self::AsGiven | Self::Unindexed | Self::FullScreen => None,
             Self::Subdivided(subdivision) => Some(subdivision),
         }
     }
@@ -155,6 +159,31 @@ pub fn pack(weights: [u32; 3]) -> u32 {
         weights[corner] << (8 * place) | (corner as u32) << (24 + 2 * place)
     };
     (0..3).fold(0, |all, place| all | packed(place, order[place]))
+}
+
+/// The vertex formats that a shader which fetches attributes can read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Formats {
+    /// The one that has the numbers of the declared type as they are: `float32x3` for `vec3<f32>`. Its words are loaded, and nothing else.
+    #[default]
+    Declared,
+    /// Any of WebGPU's. Which one it is comes with the draw's constants, and is told apart for each value.
+    Any,
+}
+
+/// The format whose numbers are those of a WGSL type, which is a scalar or a vector of 32 bits.
+pub fn declared_format(ty: &str) -> String {
+    let scalar = ty.trim_end_matches('>').rsplit('<').next().unwrap_or(ty);
+    let base = match scalar {
+        "u32" => "uint32",
+        "i32" => "sint32",
+        _ => "float32",
+    };
+    match ty.strip_prefix("vec").and_then(|t| t.chars().next()) {
+        Some(n) => format!("{base}x{n}"),
+        None => base.to_owned(),
+    }
 }
 
 /// WebGPU's vertex formats in the order of its `GPUVertexFormat`: their index is the number of a format in a subdivision's constants.
@@ -296,6 +325,14 @@ mod tests {
         assert_eq!(unpack(pack([0, 4, 5])), ([4, 5, 0], [1, 2, 0]));
         assert_eq!(unpack(pack([3, 0, 6])), ([3, 6, 0], [0, 2, 1]));
         assert_eq!(unpack(pack([3, 4, 2])), ([3, 4, 2], [0, 1, 2]));
+    }
+
+    #[test]
+    fn the_declared_format_has_the_types_numbers() {
+        assert_eq!(declared_format("f32"), "float32");
+        assert_eq!(declared_format("vec3<f32>"), "float32x3");
+        assert_eq!(declared_format("vec4<u32>"), "uint32x4");
+        assert_eq!(declared_format("vec2<i32>"), "sint32x2");
     }
 
     #[test]

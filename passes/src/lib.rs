@@ -7,7 +7,7 @@
 //! 2. [`graph`]: an analysis overlay on it (dependence, rate, effect, cost);
 //! 3. [`mod@slice`]: what decides a value, an output or an effect;
 //! 4. [`place`]: a slice rebuilt as an entry point of its own;
-//! 5. [`depth_prepass`], [`early_discard`], [`hoist`], [`tessellate`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
+//! 5. [`depth_prepass`], [`early_discard`], [`hoist`], [`tessellate`], [`visibility_buffer`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
 //! 6. [`frame`]: the plans of several materials merged into one frame.
 //!
 //! Nothing in here reads a file, touches a GPU or asks the time.
@@ -20,8 +20,10 @@ pub mod count;
 pub mod coverage;
 pub mod depth_only;
 pub mod depth_prepass;
+pub mod draw_table;
 pub mod early_discard;
 pub mod evaluate;
+mod fetch;
 pub mod frame;
 pub mod geometry;
 pub mod graph;
@@ -42,6 +44,7 @@ pub mod shadow;
 pub mod slice;
 pub mod state;
 pub mod tessellate;
+pub mod visibility_buffer;
 
 pub use naga;
 
@@ -52,6 +55,7 @@ pub const PASSES: &[&dyn pass::AnyPass] = &[
     &pass::Erased::<shadow::Shadow>::NEW,
     &pass::Erased::<hoist::Hoist>::NEW,
     &pass::Erased::<tessellate::Tessellate>::NEW,
+    &pass::Erased::<visibility_buffer::VisibilityBuffer>::NEW,
 ];
 
 /// The pass of that name.

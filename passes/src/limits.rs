@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, Module, ShaderStage};
 
+use crate::geometry::Geometry;
 use crate::plan::{BindingKind, BindingLayout, BindingUse, ComputePass, GpuPass};
 use crate::program::Program;
 use crate::reflect::{self, Io};
@@ -41,8 +42,13 @@ pub fn of_compute(pass: &ComputePass) -> BTreeMap<String, u64> {
         bindings.filter(|b| kinds.contains(&b.kind)).count() as u64
     };
     let mut needed = of_bindings(&pass.bindings, &count);
+    let side = u64::from(pass.workgroup);
+    let invocations = match pass.geometry {
+        Geometry::FullScreen => side * side,
+        _ => side,
+    };
     needed.extend([
-        ("maxComputeInvocationsPerWorkgroup", pass.workgroup.into()),
+        ("maxComputeInvocationsPerWorkgroup", invocations),
         ("maxComputeWorkgroupSizeX", pass.workgroup.into()),
     ]);
     above(needed)

@@ -16,9 +16,9 @@ pub fn conflict<'a>(
     neighbours: impl IntoIterator<Item = &'a Plan>,
 ) -> Option<Refusal> {
     let step = plan.steps.last()?;
-    let prepass = plan.passes.iter().find(|p| p.role == Role::Prepass)?;
+    let draws_ahead = |p: &&GpuPass| matches!(p.role, Role::Prepass | Role::Ids);
+    let prepass = plan.passes.iter().find(draws_ahead)?;
     let direction = prepass.depth.as_ref()?.compare.direction();
-    let main = plan.main()?.depth.as_ref()?;
     let neighbours: Vec<&Plan> = neighbours
         .into_iter()
         .filter(|n| n.material != plan.material)
@@ -27,22 +27,24 @@ pub fn conflict<'a>(
     // comparison goes on, and what a mover overdraws does not show: of its colour, `shows_through` makes sure.
     let samples =
         |b: &crate::plan::BindingUse| matches!(b.source, BindingSource::Attachment { .. });
-    let trusts_depth = main.read_only
-        || main.compare.direction().is_none()
-        || plan.main()?.bindings.iter().any(samples);
+    let main = plan.main().and_then(|p| Some((p, p.depth.as_ref()?)));
+    // Without a main pass it is shaded from ids, before its neighbours are drawn.
+    let trusts_depth = main.is_none_or(|(main, depth)| {
+        depth.read_only || depth.compare.direction().is_none() || main.bindings.iter().any(samples)
+    });
     let of_neighbour = |neighbour: &&Plan| {
         let pass = neighbour.main().filter(|p| p.phase == Phase::Opaque)?;
         let moves_depth = pass
             .depth
             .as_ref()
             .is_some_and(|d| d.write && d.compare.direction() != direction)
-            && !neighbour.passes.iter().any(|p| p.role == Role::Prepass);
+            && !neighbour.passes.iter().any(|p| draws_ahead(&p));
         if moves_depth && trusts_depth {
             return Some(Refusal::new(
                 &step.pass,
                 "neighbour-moves-depth",
                 format!(
-                    "material `{}` writes depth without comparing it, over what the pre-pass laid",
+                    "material `{}` writes depth without comparing it, over what was drawn ahead of it",
                     neighbour.material
                 ),
                 "take depth-prepass:form=biased, which keeps the author's comparison, or draw that material in a phase of its own",
@@ -73,14 +75,15 @@ pub fn conflict<'a>(
 /// write every channel that any other opaque material writes. Draws of one material leave the same channels.
 fn shows_through(plan: &Plan, neighbours: &[&Plan], pass: &str) -> Option<Refusal> {
     let opaque = |plan: &Plan| -> Option<(String, Channels, bool)> {
-        let main = plan.main().filter(|p| p.phase == Phase::Opaque)?;
-        let channels = channels::written(plan.program(main)?, main);
-        // The original's: a transformed main pass may leave writing depth to its pre-pass.
-        let original = plan
-            .original
-            .as_ref()
-            .and_then(|o| o.main())
-            .unwrap_or(main);
+        // The original's: a transformed main pass may leave writing depth to its pre-pass, and what is shaded from ids has none.
+        let original = plan.original.as_deref();
+        let (whole, main) = match (plan.main(), original) {
+            (Some(main), _) => (plan, main),
+            (None, original) => (original?, original?.main()?),
+        };
+        let main = Some(main).filter(|p| p.phase == Phase::Opaque)?;
+        let channels = channels::written(whole.program(main)?, main);
+        let original = original.and_then(Plan::main).unwrap_or(main);
         let hides = original.depth.as_ref().is_some_and(|d| d.write);
         Some((plan.material.clone(), channels, hides))
     };

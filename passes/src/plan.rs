@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::Contract;
-use crate::geometry::Geometry;
+use crate::geometry::{Formats, Geometry};
 use crate::program::Program;
 use crate::state::{
     AttachmentOps, ColorTarget, CompareFunction, DepthDirection, DepthFormat, DepthState,
@@ -44,6 +44,14 @@ pub enum Role {
     Main,
     /// Depth only, under a light's view.
     Shadow,
+    /// Depth, and which triangle of which draw is nearest: no shading.
+    Ids,
+    /// Once for the frame: the number of the draw that each pixel shows, as a depth to compare with.
+    Classify,
+    /// Shades each pixel of the material once, from the ids.
+    Resolve,
+    /// Once for the frame: nothing is drawn, but the scene's colour is cleared for compute work to write to.
+    Clear,
 }
 
 impl Role {
@@ -53,7 +61,16 @@ impl Role {
             Self::Prepass => "prepass",
             Self::Main => "main",
             Self::Shadow => "shadow",
+            Self::Ids => "ids",
+            Self::Classify => "classify",
+            Self::Resolve => "resolve",
+            Self::Clear => "clear",
         }
+    }
+
+    /// Whether what it draws to the scene's colour is the material's own shading.
+    pub fn shades(self) -> bool {
+        matches!(self, Self::Main | Self::Resolve)
     }
 }
 
@@ -65,8 +82,12 @@ impl Role {
 pub enum Phase {
     /// Shadow maps: the host's light view, outside the camera's frame.
     Shadow,
-    /// Depth only, opaque draws.
+    /// Depth only, opaque draws; ids with it.
     Depth,
+    /// What each pixel shows is told apart, over all materials.
+    Classify,
+    /// Shaded from ids. Opaque draws that are shaded as they are drawn come after, tested against the same depth.
+    Resolve,
     /// Shaded, opaque draws.
     Opaque,
     /// Blended draws, last, in the host's order.
@@ -147,7 +168,12 @@ pub enum BindingSource {
         /// Name of the attachment.
         name: String,
     },
-    /// The draw's own geometry, for a pass that subdivides it ([`crate::geometry`]).
+    /// The scene's own colour of a location, as a storage texture: it needs the usage `STORAGE_BINDING` beside `RENDER_ATTACHMENT`.
+    SceneColor {
+        /// Location.
+        location: u32,
+    },
+    /// The draw's own geometry, for a pass that subdivides it ([`crate::geometry`]) or shades it from ids ([`crate::draw_table`]).
     Geometry {
         /// Which part of it.
         part: GeometryPart,
@@ -172,10 +198,20 @@ pub enum GeometryPart {
         /// Name of the buffer.
         buffer: String,
     },
-    /// The draw's index buffer; without one, any buffer. Of a strip, the list of its triangles ([`crate::geometry::Subdivision::given`]).
+    /// The draw's index buffer, which needs the usage `STORAGE` beside `INDEX`; without one, any buffer. Of a strip, the list of its triangles
+    /// ([`crate::geometry::Subdivision::given`]).
     Indices,
     /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
     Attribute(AttributeUse),
+    /// A uniform buffer of the draw's entry in the frame's draw table ([`crate::draw_table::Entry`]).
+    Draw {
+        /// Locations of the attributes described there, in order.
+        streams: Vec<u32>,
+        /// Formats that these attributes may be stored in.
+        formats: Formats,
+    },
+    /// The frame's draw table: the bits of a triangle, then the first id of each draw, ascending, four bytes each ([`crate::draw_table::table`]).
+    DrawTable,
 }
 
 /// What a binding holds.
@@ -284,6 +320,8 @@ pub enum Draws {
     All,
     /// The opaque ones only.
     Opaque,
+    /// None: once for the frame. Where several plans have the same such pass, one of them stands for all.
+    Once,
 }
 
 /// One GPU pass of a plan.
@@ -349,16 +387,29 @@ pub enum When {
         /// What it read and may not change afterwards: uniforms, or members of them, by name. Nor may the vertex buffers. A host that changes any runs it again.
         fixed: Vec<String>,
     },
+    /// In each frame, behind the render passes of this phase, over all materials.
+    Behind {
+        /// The phase.
+        phase: Phase,
+    },
 }
 
 impl When {
-    /// Whether it runs in each frame.
+    /// Whether it runs ahead of each frame.
     pub fn is_frame(&self) -> bool {
         *self == Self::Frame
     }
+
+    /// The phase that it runs behind.
+    pub fn phase(&self) -> Option<Phase> {
+        match self {
+            Self::Behind { phase } => Some(*phase),
+            Self::Frame | Self::Load { .. } => None,
+        }
+    }
 }
 
-/// Compute work ahead of a frame's render passes.
+/// Compute work ahead of a frame's render passes, or among them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ComputePass {
     /// Key of its program in [`Plan::programs`].
@@ -366,9 +417,9 @@ pub struct ComputePass {
     /// Entry point.
     pub entry_point: String,
     /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
-    /// `x`, they go on in `y`.
+    /// `x`, they go on in `y`. Of `full-screen` geometry the side of a square workgroup: a draw needs one invocation for each pixel of the scene's colour.
     pub workgroup: u32,
-    /// What its new vertices are.
+    /// What it is run over: new vertices, or the pixels of the screen.
     pub geometry: Geometry,
     /// Bindings its entry point uses; their stage is the compute stage.
     pub bindings: Vec<BindingUse>,

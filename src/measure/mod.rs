@@ -2,10 +2,12 @@
 //!
 //! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames, [`shading`] counts fragments and depth ties, [`timing`] times frames,
 //! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself ([`bounds`] proves how far that can be off);
-//! [`mod@junctions`] finds edges that two draws divide differently; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene.
+//! [`mod@junctions`] finds edges that two draws divide differently; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
+//! [`crossover`] tells at which value of a scene's variable one variant overtakes another.
 
 pub mod bounds;
 pub mod changing;
+pub mod crossover;
 pub mod error;
 pub mod frequency;
 pub mod interpolation;

@@ -9,6 +9,7 @@ use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
+use preshade_passes::visibility_buffer;
 use serde::Serialize;
 
 use super::Error;
@@ -360,7 +361,7 @@ fn counting_plan(
         let is_own = |t: &ColorTarget| t.attachment.is_some();
         pass.targets.retain(|t| t.as_ref().is_some_and(is_own));
         pass.targets.extend(covers);
-        if pass.role == Role::Main && pass.fragment.is_some() {
+        if pass.role.shades() && pass.fragment.is_some() {
             let key = format!("count-{}", out.passes.len());
             let (program, vertex, fragment) = match count(plan, &pass) {
                 CountProgram::Sliced {
@@ -387,6 +388,25 @@ fn counting_plan(
             reflect::fill(&mut pass, &program);
             out.programs.insert(key, program);
         }
+        out.passes.push(pass);
+    }
+    // What a compute pass shades is counted by a pass over the same pixels.
+    for compute in std::mem::take(&mut out.compute) {
+        if compute.when.phase().is_none() {
+            out.compute.push(compute);
+            continue;
+        }
+        let (mut pass, program) =
+            visibility_buffer::counted(plan, &compute).map_err(|message| render::Error::Plan {
+                material: plan.material.clone(),
+                message,
+            })?;
+        pass.targets = vec![Some(ColorTarget {
+            blend: Some(Blend::ADD),
+            ..ColorTarget::opaque(format)
+        })];
+        out.passes.retain(|p| p.role != Role::Clear);
+        out.programs.insert(pass.program.clone(), program);
         out.passes.push(pass);
     }
     Ok(out)

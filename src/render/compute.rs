@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use preshade_passes::geometry::Geometry;
 use preshade_passes::plan::{Plan, When};
 
 use super::Error;
+use super::drawn::DrawTable;
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
-use super::layout::{self, Stages};
+use super::layout::{self, Made, Stages};
 use super::limits;
 use super::shader::Variant;
 use super::subdivided::Meshes;
@@ -35,6 +37,7 @@ pub(super) fn prepare(
     shaders: &BTreeMap<&str, wgpu::ShaderModule>,
     targets: &Targets,
     meshes: &mut Meshes,
+    table: &DrawTable,
 ) -> Result<Vec<PreparedCompute>, Error> {
     let (gpu, scene) = (inputs.gpu(), inputs.scene());
     let mut prepared = Vec::new();
@@ -59,14 +62,28 @@ pub(super) fn prepare(
                 };
                 let subdivided = meshes
                     .of(gpu, plan, &pass.geometry, &pass.bindings, (index, bound))
-                    .map_err(failed)?
-                    .ok_or_else(|| failed("it computes no geometry".to_owned()))?;
+                    .map_err(failed)?;
+                let drawn = table
+                    .of(gpu, &pass.bindings, (index, bound))
+                    .map_err(failed)?;
+                let (made, workgroups) = match (&subdivided, &pass.geometry) {
+                    (Some(subdivided), _) => (
+                        Made::Subdivided(subdivided),
+                        subdivided.mesh.workgroups(pass.workgroup),
+                    ),
+                    (None, Geometry::FullScreen) => (
+                        Made::Drawn(&drawn),
+                        scene.size.map(|s| s.div_ceil(pass.workgroup.max(1))),
+                    ),
+                    (None, _) => return Err(failed("it computes no geometry".to_owned())),
+                };
                 let filled = layout::fill(
                     &pass.bindings,
                     bound,
                     targets,
-                    Some(&subdivided),
+                    made,
                     Stages::Compute,
+                    &gpu.device.limits(),
                 )
                 .map_err(failed)?;
                 let groups = gpu.checked(&what, || layout::bind(&gpu.device, &filled))?;
@@ -76,7 +93,7 @@ pub(super) fn prepare(
                 }
                 dispatches.push(Dispatch {
                     groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
-                    workgroups: subdivided.mesh.workgroups(pass.workgroup),
+                    workgroups,
                 });
             }
             prepared.extend(pipeline.map(|pipeline| PreparedCompute {
@@ -121,9 +138,13 @@ fn build(
     })
 }
 
-/// Encodes those of each frame.
-pub(super) fn encode(passes: &[PreparedCompute], encoder: &mut wgpu::CommandEncoder) {
-    encode_those(passes.iter().filter(|p| p.when.is_frame()), encoder);
+/// Encodes those that run then.
+pub(super) fn encode(
+    passes: &[PreparedCompute],
+    then: impl Fn(&When) -> bool,
+    encoder: &mut wgpu::CommandEncoder,
+) {
+    encode_those(passes.iter().filter(|p| then(&p.when)), encoder);
 }
 
 /// Runs those that run once.
@@ -131,7 +152,10 @@ pub(super) fn encode(passes: &[PreparedCompute], encoder: &mut wgpu::CommandEnco
 /// # Errors
 /// What the adapter says.
 pub(super) fn load(gpu: &Gpu, passes: &[PreparedCompute]) -> Result<(), Error> {
-    let once = || passes.iter().filter(|p| !p.when.is_frame());
+    let once = || {
+        let is_once = |p: &&PreparedCompute| matches!(p.when, When::Load { .. });
+        passes.iter().filter(is_once)
+    };
     if once().next().is_none() {
         return Ok(());
     }

@@ -3,11 +3,14 @@
 use std::time::{Duration, Instant};
 
 use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
-use preshade_passes::plan::{Draws, Phase};
+use preshade_passes::geometry::Geometry;
+use preshade_passes::plan::{Draws, Phase, When};
 use preshade_passes::state::StoreOp;
 
+use super::drawn::DrawTable;
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
+use super::layout::Made;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::Variant;
@@ -91,8 +94,18 @@ struct Item {
     stencil_reference: u32,
     /// Attachment slot of each vertex buffer of the draw that the pass reads.
     vertex_buffers: Vec<usize>,
-    /// The draw's triangles divided, where the pass asks for it.
-    subdivided: Option<Subdivided>,
+    call: Call,
+}
+
+/// What is drawn of a draw.
+enum Call {
+    AsGiven,
+    /// The draw's triangles divided.
+    Subdivided(Subdivided),
+    /// So many vertices, without vertex buffers.
+    Unindexed(u32),
+    /// The whole screen.
+    FullScreen,
 }
 
 impl std::fmt::Debug for Prepared<'_> {
@@ -122,7 +135,16 @@ impl<'a> Prepared<'a> {
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
         let mut meshes = Meshes::new(scene.size);
-        let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes)?;
+        let table = DrawTable::new(inputs)
+            .and_then(|table| {
+                table.check(&variant.frame().attachments)?;
+                Ok(table)
+            })
+            .map_err(|message| Error::Scene {
+                draw: scene.name.clone(),
+                message,
+            })?;
+        let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;
         compute::load(inputs.gpu(), &compute)?;
         let mut passes = Vec::new();
         for frame_pass in &variant.frame().passes {
@@ -133,7 +155,7 @@ impl<'a> Prepared<'a> {
                 sequence: Vec::new(),
             };
             let mut built: Vec<(PipelineKey, usize)> = Vec::new();
-            for (index, draw) in scene.draws.iter().enumerate() {
+            'draws: for (index, draw) in scene.draws.iter().enumerate() {
                 let Some(material) = scene.materials.get(draw.material) else {
                     continue;
                 };
@@ -154,6 +176,13 @@ impl<'a> Prepared<'a> {
                     let subdivided = meshes
                         .of(gpu, found.plan, geometry, bindings, (index, bound))
                         .map_err(|message| found.failed(message))?;
+                    let drawn = table
+                        .of(gpu, bindings, (index, bound))
+                        .map_err(|message| found.failed(message))?;
+                    let made = match &subdivided {
+                        Some(subdivided) => Made::Subdivided(subdivided),
+                        None => Made::Drawn(&drawn),
+                    };
                     let build = Build {
                         gpu,
                         targets: &targets,
@@ -163,7 +192,7 @@ impl<'a> Prepared<'a> {
                         stages: found.stages,
                         frame: frame_pass,
                         draw: bound,
-                        subdivided: subdivided.as_ref(),
+                        made,
                     };
                     build.requirements()?;
                     let vertex = build.vertex_layout()?;
@@ -190,8 +219,16 @@ impl<'a> Prepared<'a> {
                         groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
                         stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
                         vertex_buffers: vertex.iter().map(|v| v.source).collect(),
-                        subdivided,
+                        call: match (subdivided, geometry) {
+                            (Some(subdivided), _) => Call::Subdivided(subdivided),
+                            (None, Geometry::Unindexed) => Call::Unindexed(drawn.triangles * 3),
+                            (None, Geometry::FullScreen) => Call::FullScreen,
+                            (None, _) => Call::AsGiven,
+                        },
                     });
+                    if gpu_pass.draws == Draws::Once {
+                        break 'draws;
+                    }
                 }
             }
             passes.push(pass);
@@ -247,7 +284,7 @@ impl<'a> Prepared<'a> {
         let what = "reading computed vertices back";
         let device = &self.gpu.device;
         let mut encoder = device.create_command_encoder(&Default::default());
-        compute::encode(&self.compute, &mut encoder);
+        compute::encode(&self.compute, When::is_frame, &mut encoder);
         let mut copies = Vec::new();
         for (draw, points, buffer) in self.meshes.computed() {
             let copy = self.gpu.checked(what, || {
@@ -281,12 +318,20 @@ impl<'a> Prepared<'a> {
 
     /// Encodes the frame; each render pass is one query.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
-        compute::encode(&self.compute, encoder);
+        let mut done: Option<Phase> = None;
+        compute::encode(&self.compute, When::is_frame, encoder);
         let last_color = self
             .passes
             .iter()
             .rposition(|p| p.frame.colors == ColorAttachments::Scene);
         for (index, pass) in self.passes.iter().enumerate() {
+            let next = pass.frame.phase;
+            let between = |when: &When| {
+                when.phase()
+                    .is_some_and(|p| done.is_none_or(|done| p >= done) && p < next)
+            };
+            compute::encode(&self.compute, between, encoder);
+            done = Some(next);
             let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: None,
                 color_attachments: &self.color_attachments(pass, last_color == Some(index)),
@@ -311,6 +356,11 @@ impl<'a> Prepared<'a> {
                 Queries::Occlusion(_) => render.end_occlusion_query(),
             }
         }
+        let behind = |when: &When| {
+            when.phase()
+                .is_some_and(|p| done.is_none_or(|done| p >= done))
+        };
+        compute::encode(&self.compute, behind, encoder);
     }
 
     /// Draws the frame once and returns vertex and fragment invocations of each render pass, one pair after the other. The device must have
@@ -537,9 +587,20 @@ impl<'a> Prepared<'a> {
                 let vertex = &draw.vertex_buffers[*source];
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
             }
-            if let Some(subdivided) = &item.subdivided {
-                subdivided.mesh.draw(render);
-                continue;
+            match &item.call {
+                Call::AsGiven => {}
+                Call::Subdivided(subdivided) => {
+                    subdivided.mesh.draw(render);
+                    continue;
+                }
+                Call::Unindexed(vertices) => {
+                    render.draw(0..*vertices, 0..draw.instances);
+                    continue;
+                }
+                Call::FullScreen => {
+                    render.draw(0..3, 0..1);
+                    continue;
+                }
             }
             match &draw.indices {
                 Some(indices) => {

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
 
-use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse};
+use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GeometryPart};
 
+use super::drawn::Drawn;
 use super::inputs::{DrawInputs, Resource};
 use super::state;
-use super::subdivided::Subdivided;
+use super::subdivided::{Subdivided, attribute};
 use super::targets::Targets;
 
 /// What a binding is filled with.
@@ -49,6 +50,42 @@ pub(super) struct Bound<'a> {
 /// The bindings of a pass by group.
 pub(super) type Groups<'a> = BTreeMap<u32, Vec<Bound<'a>>>;
 
+/// What the renderer made of a draw's geometry for a pass.
+#[derive(Clone, Copy)]
+pub(super) enum Made<'a> {
+    /// Its triangles, divided.
+    Subdivided(&'a Subdivided),
+    /// Its entry of the draw table.
+    Drawn(&'a Drawn),
+}
+
+impl<'a> Made<'a> {
+    fn part(
+        self,
+        b: &BindingUse,
+        part: &GeometryPart,
+        draw: &'a DrawInputs,
+    ) -> Result<(&'a wgpu::Buffer, wgpu::BufferBindingType), String> {
+        let drawn = match self {
+            Self::Subdivided(subdivided) => return subdivided.part(b, part, draw),
+            Self::Drawn(drawn) => drawn,
+        };
+        if let Some(found) = drawn.part(part) {
+            return Ok(found);
+        }
+        let buffer = match part {
+            GeometryPart::Indices => match &draw.indices {
+                Some(indices) => &indices.buffer,
+                None => drawn.filler(),
+            },
+            GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
+            _ => return Err("the pass does not say how its geometry is subdivided".to_owned()),
+        };
+        let read_only = b.kind == BindingKind::StorageRead;
+        Ok((buffer, wgpu::BufferBindingType::Storage { read_only }))
+    }
+}
+
 /// Fills the bindings of a pass.
 ///
 /// # Errors
@@ -58,8 +95,9 @@ pub(super) fn fill<'a>(
     bindings: &'a [BindingUse],
     draw: &'a DrawInputs,
     targets: &'a Targets,
-    subdivided: Option<&'a Subdivided>,
+    made: Made<'a>,
     stages: Stages,
+    limits: &wgpu::Limits,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();
     for b in bindings {
@@ -70,10 +108,22 @@ pub(super) fn fill<'a>(
                 })?)
             }
             BindingSource::Geometry { part } => {
-                let (buffer, ty) = subdivided
-                    .ok_or("the pass does not say how its geometry is subdivided")?
-                    .part(b, part, draw)?;
+                let (buffer, ty) = made.part(b, part, draw)?;
+                check_size(b, buffer, ty, limits)?;
                 Filled::Geometry(buffer, ty)
+            }
+            BindingSource::SceneColor { location } => {
+                let (view, format) = targets.stored(*location).map_err(|why| {
+                    format!("`{}` writes the scene's colour {location}, {why}", b.name)
+                })?;
+                Filled::Attachment(
+                    view,
+                    wgpu::BindingType::StorageTexture {
+                        access: wgpu::StorageTextureAccess::WriteOnly,
+                        format,
+                        view_dimension: wgpu::TextureViewDimension::D2,
+                    },
+                )
             }
             BindingSource::Attachment { name } => {
                 let sampled = targets
@@ -96,6 +146,27 @@ pub(super) fn fill<'a>(
         groups.entry(b.group).or_default().push(bound);
     }
     Ok(groups)
+}
+
+/// Fails, in words, where a buffer of the draw is larger than the adapter binds.
+fn check_size(
+    b: &BindingUse,
+    buffer: &wgpu::Buffer,
+    ty: wgpu::BufferBindingType,
+    limits: &wgpu::Limits,
+) -> Result<(), String> {
+    let most = match ty {
+        wgpu::BufferBindingType::Uniform => limits.max_uniform_buffer_binding_size,
+        wgpu::BufferBindingType::Storage { .. } => limits.max_storage_buffer_binding_size,
+    };
+    if buffer.size() <= most {
+        return Ok(());
+    }
+    Err(format!(
+        "{} would bind {} bytes, and the adapter binds {most} at most (maxStorageBufferBindingSize): split the draw",
+        place(b),
+        buffer.size()
+    ))
 }
 
 /// The kind of pipeline that bindings are for.
@@ -333,6 +404,9 @@ fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wg
             (S::Float { filterable: false }, S::Float { .. } | S::Depth) => Some(planned),
             _ => (wanted == is).then_some(planned),
         },
+        (T::StorageTexture { .. }, T::StorageTexture { .. }) => {
+            (planned == provided).then_some(planned)
+        }
         _ => None,
     }
 }

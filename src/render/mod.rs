@@ -6,12 +6,13 @@
 //! 2. [`shader`]: a plan goes through its JSON, its programs through the text that is emitted (or as IR);
 //! 3. [`inputs`]: what a scene's draws bind, uploaded once and shared by every variant;
 //! 4. [`state`], `layout`, `limits`: a plan's pipeline state and bindings in wgpu's terms;
-//! 5. [`frame`]: `targets`, `pipeline`s, `compute` passes, `subdivided` meshes and bind groups of one frame, built once, encoded as often as needed;
+//! 5. [`frame`]: `targets`, `pipeline`s, `compute` passes, `subdivided` meshes, `drawn` ids and bind groups of one frame, built once, encoded as often as needed;
 //! 6. [`readback`]: colour bytes and depth at full precision, as [`picture`]s.
 //!
 //! [`mod@self_test`] executes a plan's self-test as a host does at load, by way of 2 to 5.
 
 mod compute;
+mod drawn;
 pub mod frame;
 pub mod gpu;
 pub mod inputs;

@@ -8,9 +8,8 @@ use preshade_passes::state::ColorTarget;
 
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
-use super::layout::Stages;
+use super::layout::{Made, Stages};
 use super::shader::Stage;
-use super::subdivided::Subdivided;
 use super::targets::Targets;
 use super::{Error, layout, limits, state, trusted};
 
@@ -42,7 +41,7 @@ pub(super) struct Build<'b> {
     pub stages: &'b (Stage, Option<Stage>),
     pub frame: &'b FramePass,
     pub draw: &'b DrawInputs,
-    pub subdivided: Option<&'b Subdivided>,
+    pub made: Made<'b>,
 }
 
 impl Build<'_> {
@@ -138,8 +137,9 @@ impl Build<'_> {
             bindings,
             self.draw,
             self.targets,
-            self.subdivided,
+            self.made,
             Stages::Raster,
+            &self.gpu.device.limits(),
         )
         .map_err(|m| self.failed(m))?;
         let device = &self.gpu.device;

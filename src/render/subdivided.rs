@@ -132,8 +132,14 @@ impl Meshes {
                 mesh
             }
         };
+        let listed = bindings.iter().find_map(|b| match &b.source {
+            BindingSource::Geometry {
+                part: GeometryPart::Constants { streams },
+            } => Some(streams.as_slice()),
+            _ => None,
+        });
         let constants = Constants {
-            streams: streams(bindings, draw)?,
+            streams: streams(listed.unwrap_or_default(), draw)?,
             ..mesh.constants.clone()
         };
         let words = constants
@@ -339,6 +345,9 @@ impl Subdivided {
                 (None, None) => &mesh.pattern,
             },
             GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
+            GeometryPart::Draw { .. } | GeometryPart::DrawTable => {
+                return Err("a pass that subdivides its geometry has no draw table".to_owned());
+            }
         };
         let read_only = binding.kind == preshade_passes::plan::BindingKind::StorageRead;
         Ok((buffer, wgpu::BufferBindingType::Storage { read_only }))
@@ -376,23 +385,23 @@ fn vertex(draw: &DrawInputs, at: u32) -> u32 {
 }
 
 /// The buffer that holds an attribute, and its place there.
-fn attribute(draw: &DrawInputs, location: u32) -> Result<(&VertexInput, &VertexAttribute), String> {
+pub(super) fn attribute(
+    draw: &DrawInputs,
+    location: u32,
+) -> Result<(&VertexInput, &VertexAttribute), String> {
     let mut buffers = draw.vertex_buffers.iter();
     buffers
         .find_map(|b| Some((b, b.attributes.iter().find(|a| a.location == location)?)))
         .ok_or_else(|| format!("no vertex buffer holds the attribute at location {location}"))
 }
 
-/// The layout of the attributes that the constants describe.
-fn streams(bindings: &[BindingUse], draw: &DrawInputs) -> Result<Vec<Stream>, String> {
-    let listed = bindings.iter().find_map(|b| match &b.source {
-        BindingSource::Geometry {
-            part: GeometryPart::Constants { streams },
-        } => Some(streams.as_slice()),
-        _ => None,
-    });
-    let listed = listed.unwrap_or_default().iter();
-    listed
+/// The layout of the attributes at these locations.
+///
+/// # Errors
+/// In words: there is none at one of them.
+pub(super) fn streams(locations: &[u32], draw: &DrawInputs) -> Result<Vec<Stream>, String> {
+    locations
+        .iter()
         .map(|location| {
             let (buffer, attribute) = attribute(draw, *location)?;
             Ok(Stream {
@@ -413,7 +422,7 @@ fn format(format: wgpu::VertexFormat) -> String {
     }
 }
 
-fn buffer(gpu: &Gpu, words: &[u32], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+pub(super) fn buffer(gpu: &Gpu, words: &[u32], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
     // A binding of no bytes is not allowed; a mesh without triangles has some.
     let empty = [0_u8; 16];

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::frame::{ColorAttachments, FramePlan};
-use preshade_passes::plan::{Attachment, AttachmentFormat, ClearValue, GpuPass, SCENE_COLOR};
+use preshade_passes::plan::{
+    Attachment, AttachmentFormat, BindingSource, ClearValue, GpuPass, SCENE_COLOR,
+};
 use preshade_passes::state::DepthFormat;
 
 use super::gpu::Gpu;
@@ -101,6 +103,21 @@ impl Targets {
 
     pub fn named(&self, name: &str) -> Option<&NamedColor> {
         self.named.get(name)
+    }
+
+    /// The scene's colour of a location, to be written by a shader.
+    ///
+    /// # Errors
+    /// In words, when there is none.
+    pub fn stored(
+        &self,
+        location: u32,
+    ) -> Result<(&wgpu::TextureView, wgpu::TextureFormat), &'static str> {
+        match self.colors.get(location as usize) {
+            Some(Some(target)) if target.resolved.is_none() => Ok((&target.view, target.format)),
+            Some(Some(_)) => Err("which has several samples"),
+            _ => Err("which no pass draws to"),
+        }
     }
 
     /// The attachment of that name as a texture.
@@ -296,9 +313,23 @@ fn colors(gpu: &Gpu, variant: &Variant, size: [u32; 2]) -> Result<Vec<Option<Col
                 material: material.to_owned(),
                 message: format!("`{name}` is not a format preshade's renderer draws to"),
             })?;
-            color(gpu, location, format, samples, size).map(Some)
+            let stored = is_stored(variant, location as u32);
+            color(gpu, location, format, samples, size, stored).map(Some)
         })
         .collect()
+}
+
+/// What writing to the scene's colour of a location asks of it.
+fn is_stored(variant: &Variant, location: u32) -> wgpu::TextureUsages {
+    let mut bindings = variant
+        .plans()
+        .iter()
+        .flat_map(|p| &p.compute)
+        .flat_map(|c| &c.bindings);
+    match bindings.any(|b| b.source == BindingSource::SceneColor { location }) {
+        true => wgpu::TextureUsages::STORAGE_BINDING,
+        false => wgpu::TextureUsages::empty(),
+    }
 }
 
 fn color(
@@ -307,6 +338,7 @@ fn color(
     format: wgpu::TextureFormat,
     samples: u32,
     size: [u32; 2],
+    stored: wgpu::TextureUsages,
 ) -> Result<ColorTarget, Error> {
     let name = match location {
         0 => SCENE_COLOR.to_owned(),
@@ -329,7 +361,7 @@ fn color(
     if samples == 1 {
         let texture = create(
             1,
-            wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING,
+            wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING | stored,
         )?;
         return Ok(ColorTarget {
             format,

@@ -1,5 +1,6 @@
 //! What was measured, as data: the JSON of record, the table on a terminal, the pictures.
 
+pub mod crossover;
 pub mod path;
 pub mod picture;
 pub mod plot;

@@ -9,9 +9,10 @@ use toml::Spanned;
 use super::camera::Orbit;
 use super::image::Recipe;
 use super::mesh::{
-    Arch, Column, Cuboid, Curtain, Gltf, Morph, Plane, Skin, Sphere, Stairs, Teapot, Vertices,
-    WireSphere,
+    Arch, Cards, Column, Cuboid, Curtain, Gltf, Morph, Plane, Skin, Sphere, Stairs, Teapot,
+    Vertices, WireSphere,
 };
+use super::variables::Variable;
 use super::{DrawOrder, Sampler};
 
 #[derive(Debug, Deserialize)]
@@ -29,6 +30,9 @@ pub(super) struct SceneFile {
     #[serde(default)]
     pub light: Light,
     pub orders: Option<Vec<DrawOrder>>,
+    /// Numbers and names that entries refer to as `"$name"`, and that a command line sets.
+    #[serde(default)]
+    pub variables: BTreeMap<String, Variable>,
     #[serde(default)]
     pub materials: BTreeMap<String, Spanned<MaterialEntry>>,
     #[serde(default)]
@@ -118,6 +122,7 @@ pub(super) struct MeshEntry {
     pub arch: Option<Arch>,
     pub column: Option<Column>,
     pub curtain: Option<Curtain>,
+    pub cards: Option<Cards>,
     pub wire_sphere: Option<WireSphere>,
     pub vertices: Option<Vertices>,
     pub gltf: Option<Spanned<Gltf>>,
@@ -143,10 +148,17 @@ pub(super) struct Part {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Field {
-    pub count: [u32; 3],
-    pub spacing: [f32; 3],
+    /// Copies along x, y and z, `spacing` apart.
+    pub count: Option<[u32; 3]>,
+    pub spacing: Option<[f32; 3]>,
+    /// Instead of both: so many over `area`, along x and z.
+    pub copies: Option<Setting<u32>>,
+    pub area: Option<[f32; 2]>,
+    /// Of `copies`, in parts of their spacing.
     #[serde(default)]
     pub jitter: [f32; 3],
+    #[serde(default)]
+    pub order: Setting<FieldOrder>,
     /// Largest random turn round y, in degrees.
     #[serde(default)]
     pub turn: f32,
@@ -160,6 +172,33 @@ pub(super) struct Field {
 
 fn one_to_one() -> [f32; 2] {
     [1.0, 1.0]
+}
+
+/// A value, or the variable that holds it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "a value, or the \"$name\" of a variable")]
+pub(super) enum Setting<T> {
+    Value(T),
+    Variable(String),
+}
+
+impl<T: Default> Default for Setting<T> {
+    fn default() -> Self {
+        Self::Value(T::default())
+    }
+}
+
+/// Which copy comes first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum FieldOrder {
+    /// Along x, then y, then z.
+    #[default]
+    Ascending,
+    /// The other way round.
+    Descending,
+    /// At random, by the seed.
+    Shuffled,
 }
 
 /// What a field of a draw becomes.

@@ -28,6 +28,8 @@ pub enum Pattern {
     Chain,
     /// Lace: cloth with round holes.
     Lace,
+    /// Blades of grass that stand on the lower edge, each of its own height and lean, on nothing.
+    Blades,
 }
 
 /// A texture as a scene file describes it.
@@ -186,6 +188,23 @@ impl Pattern {
             Self::Chain => {
                 let d = ((fu / 0.3).hypot(fv / 0.52) - 0.82).abs() - 0.18;
                 (0.6 - d, inside(d))
+            }
+            Self::Blades => {
+                let up = 1.0 - v;
+                // A blade may lean into the cells beside its own.
+                let blade = |side: i32| {
+                    let cell = (cu as i32 + side).rem_euclid(scale as i32) as u32;
+                    let tall = 0.6 + 0.4 * random(cell, 0, seed);
+                    let lean = 1.2 * (random(cell, 1, seed) - 0.5);
+                    let across = fu - side as f32 - lean * up * up;
+                    let width = 0.38 * (1.0 - up / tall).max(0.0).sqrt();
+                    (width - across.abs(), tall)
+                };
+                let (inside_by, tall) = (-1..=1)
+                    .map(blade)
+                    .max_by(|a, b| a.0.total_cmp(&b.0))
+                    .unwrap_or((-1.0, 1.0));
+                (0.25 + 0.75 * (up / tall).min(1.0), inside(-inside_by))
             }
             Self::Lace => {
                 let hole = 0.34 - fu.hypot(fv);

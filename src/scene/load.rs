@@ -18,8 +18,8 @@ use super::file::{
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Camera, Draw, DrawOrder, Error, Light, Material, Scene, Stream, Value, bind, error, material,
-    meshes,
+    Camera, Draw, DrawOrder, Error, Light, Material, Scene, Stream, Value, Variables, bind, error,
+    material, meshes, variables,
 };
 use crate::front;
 
@@ -32,6 +32,14 @@ pub(super) const MAX_SIZE: u32 = 8192;
 /// Anything wrong with the file, each with its place in it: TOML syntax, an unknown key (with the nearest known one), a size of 0, a missing
 /// material, mesh or file, a path outside of the scene's root, a shader that does not compile, a value its shader does not have.
 pub fn load(path: &Path) -> Result<Scene, Error> {
+    load_with(path, &Variables::new())
+}
+
+/// [`load`], with some of the scene's variables set to other values.
+///
+/// # Errors
+/// As [`load`], and a variable that the scene does not have.
+pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, Error> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, &e))?;
     let folder = Folder::of(path)?;
     let name = path.display().to_string();
@@ -41,10 +49,12 @@ pub fn load(path: &Path) -> Result<Scene, Error> {
     };
     let file: SceneFile = toml::from_str(&text).map_err(|e| source.toml_error(&e))?;
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
+    let variables = variables::set(&file.variables, variables)?;
     Loader {
         source,
         folder,
         file,
+        variables,
     }
     .scene(stem.unwrap_or_default())
 }
@@ -92,6 +102,7 @@ struct Loader<'a> {
     source: Source<'a>,
     folder: Folder,
     file: SceneFile,
+    variables: Variables,
 }
 
 impl Loader<'_> {
@@ -143,7 +154,7 @@ impl Loader<'_> {
                     .map_err(|e| at(e, entry.span()))
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let meshes = meshes::build(&self.source, &self.folder, &f.meshes)?;
+        let meshes = meshes::build(&self.source, &self.folder, &self.variables, &f.meshes)?;
         let mut draws = Vec::new();
         for entry in &f.draws {
             self.draw(entry.get_ref(), &materials, &meshes, &mut draws)
@@ -404,12 +415,14 @@ impl Loader<'_> {
             draws.push(draw);
             return Ok(());
         };
-        let places = meshes::field(field.get_ref()).map_err(|e| self.source.at(e, field.span()))?;
+        let places = meshes::field(field.get_ref(), &self.variables)
+            .map_err(|e| self.source.at(e, field.span()))?;
         match field.get_ref().kind {
             FieldKind::Instances => {
                 draw.instances = places.len() as u32;
                 let transforms = places.iter().flat_map(|p| p.transform.to_cols_array());
                 let colors = places.iter().flat_map(|p| p.color);
+                let on_ground = places.iter().flat_map(|p| p.on_ground);
                 draw.instance_streams = BTreeMap::from([
                     (
                         "instance_transform".to_owned(),
@@ -423,6 +436,13 @@ impl Loader<'_> {
                         Stream::Float {
                             components: 4,
                             data: colors.collect(),
+                        },
+                    ),
+                    (
+                        "instance_place".to_owned(),
+                        Stream::Float {
+                            components: 4,
+                            data: on_ground.collect(),
                         },
                     ),
                 ]);

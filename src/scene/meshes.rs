@@ -5,69 +5,122 @@ use std::collections::BTreeMap;
 use glam::{Mat4, Quat, Vec3};
 use toml::Spanned;
 
-use super::file::{Field, MeshEntry, Part};
+use super::file::{Field, FieldOrder, MeshEntry, Part};
 use super::load::{Source, transform};
 use super::mesh::{self, Rigged};
-use super::noise::random;
+use super::noise::{hash, random};
 use super::place::Folder;
-use super::{Error, Mesh};
+use super::{Error, Mesh, Variables};
 
 /// Most copies a field may make.
-const MAX_FIELD: u64 = 1_000_000;
+const MAX_FIELD: u64 = 4_000_000;
 
 /// One copy of a field.
 pub(super) struct Place {
     pub transform: Mat4,
     /// A tint around white.
     pub color: [f32; 4],
+    /// x, z, turn round y in radians, and scale: all there is to a copy on flat ground.
+    pub on_ground: [f32; 4],
 }
 
-/// The copies of a field, around the origin in x and z and upward from it in y, x fastest.
-pub(super) fn field(field: &Field) -> Result<Vec<Place>, Error> {
-    let [nx, ny, nz] = field.count;
-    let total = u64::from(nx) * u64::from(ny) * u64::from(nz);
-    if total == 0 || total > MAX_FIELD {
-        return Err(Error::new(format!("a field of {total} copies"))
-            .help(format!("1 to {MAX_FIELD} are allowed; count is [x, y, z]")));
-    }
-    let mut out = Vec::with_capacity(total as usize);
-    for z in 0..nz {
-        for y in 0..ny {
-            for x in 0..nx {
-                let at = out.len() as u32;
-                let r = |channel: u32| random(at, channel, field.seed);
-                let grid = Vec3::new(
-                    x as f32 - (nx - 1) as f32 * 0.5,
-                    y as f32,
-                    z as f32 - (nz - 1) as f32 * 0.5,
-                );
-                let jitter = Vec3::new(r(0) - 0.5, r(1) - 0.5, r(2) - 0.5) * 2.0;
-                let place = grid * Vec3::from(field.spacing) + jitter * Vec3::from(field.jitter);
-                let scale = field.scale[0] + (field.scale[1] - field.scale[0]) * r(3);
-                let turn = Quat::from_rotation_y((field.turn * (r(4) * 2.0 - 1.0)).to_radians());
-                out.push(Place {
-                    transform: Mat4::from_scale_rotation_translation(
-                        Vec3::splat(scale),
-                        turn,
-                        place,
-                    ),
-                    color: [0.4 + 0.6 * r(5), 0.4 + 0.6 * r(6), 0.4 + 0.6 * r(7), 1.0],
-                });
+/// The cells of a field: how many along each axis, how far apart, and how many of them have a copy.
+struct Grid {
+    count: [u32; 3],
+    spacing: Vec3,
+    jitter: Vec3,
+    copies: u64,
+}
+
+impl Grid {
+    fn new(field: &Field, variables: &Variables) -> Result<Self, Error> {
+        let jitter = Vec3::from(field.jitter);
+        let grid = match (field.count, field.spacing, &field.copies, field.area) {
+            (Some(count), Some(spacing), None, None) => Self {
+                count,
+                spacing: spacing.into(),
+                jitter,
+                copies: count.into_iter().map(u64::from).product(),
+            },
+            (None, None, Some(copies), Some(area)) => {
+                let copies = copies.number(variables)?;
+                let [width, depth] = area.map(|a| a.max(f32::MIN_POSITIVE));
+                // Cells as square as they can be.
+                let across = (f64::from(copies) * f64::from(width / depth)).sqrt();
+                let nx = (across.round() as u32).clamp(1, copies.max(1));
+                let nz = copies.div_ceil(nx);
+                let spacing = Vec3::new(width / nx as f32, 0.0, depth / nz.max(1) as f32);
+                Self {
+                    count: [nx, 1, nz],
+                    spacing,
+                    jitter: jitter * spacing,
+                    copies: u64::from(copies),
+                }
             }
+            _ => {
+                return Err(Error::new(
+                    "a field needs `count` and `spacing`, or `copies` and `area`",
+                ));
+            }
+        };
+        match grid.copies {
+            1..=MAX_FIELD => Ok(grid),
+            total => Err(Error::new(format!("a field of {total} copies"))
+                .help(format!("1 to {MAX_FIELD} are allowed; count is [x, y, z]"))),
         }
     }
-    Ok(out)
+
+    fn place(&self, field: &Field, at: u32) -> Place {
+        let [nx, ny, nz] = self.count;
+        let (x, y, z) = (at % nx, at / nx % ny, at / nx / ny);
+        let r = |channel: u32| random(at, channel, field.seed);
+        let cell = Vec3::new(
+            x as f32 - (nx - 1) as f32 * 0.5,
+            y as f32,
+            z as f32 - (nz - 1) as f32 * 0.5,
+        );
+        let jitter = Vec3::new(r(0) - 0.5, r(1) - 0.5, r(2) - 0.5) * 2.0;
+        let place = cell * self.spacing + jitter * self.jitter;
+        let scale = field.scale[0] + (field.scale[1] - field.scale[0]) * r(3);
+        let turn = (field.turn * (r(4) * 2.0 - 1.0)).to_radians();
+        Place {
+            transform: Mat4::from_scale_rotation_translation(
+                Vec3::splat(scale),
+                Quat::from_rotation_y(turn),
+                place,
+            ),
+            color: [0.4 + 0.6 * r(5), 0.4 + 0.6 * r(6), 0.4 + 0.6 * r(7), 1.0],
+            on_ground: [place.x, place.z, turn, scale],
+        }
+    }
+}
+
+/// The copies of a field, around the origin in x and z and upward from it in y, x fastest unless it says otherwise.
+pub(super) fn field(field: &Field, variables: &Variables) -> Result<Vec<Place>, Error> {
+    let grid = Grid::new(field, variables)?;
+    let mut numbers: Vec<u32> = (0..grid.copies as u32).collect();
+    match field.order.order(variables)? {
+        FieldOrder::Ascending => {}
+        FieldOrder::Descending => numbers.reverse(),
+        FieldOrder::Shuffled => numbers.sort_by_key(|n| hash(*n ^ hash(field.seed))),
+    }
+    Ok(numbers
+        .into_iter()
+        .map(|at| grid.place(field, at))
+        .collect())
 }
 
 /// All meshes, by name. A merged mesh may name meshes that stand after it, but not itself, however far round.
 pub(super) fn build(
     source: &Source<'_>,
     folder: &Folder,
+    variables: &Variables,
     entries: &BTreeMap<String, Spanned<MeshEntry>>,
 ) -> Result<Vec<Rigged>, Error> {
     let builder = Builder {
         source,
         folder,
+        variables,
         entries,
     };
     let mut done = BTreeMap::new();
@@ -80,6 +133,7 @@ pub(super) fn build(
 struct Builder<'a> {
     source: &'a Source<'a>,
     folder: &'a Folder,
+    variables: &'a Variables,
     entries: &'a BTreeMap<String, Spanned<MeshEntry>>,
 }
 
@@ -140,6 +194,7 @@ impl Builder<'_> {
         shapes.extend(entry.arch.map(|s| s.mesh(name)));
         shapes.extend(entry.column.map(|s| s.mesh(name)));
         shapes.extend(entry.curtain.map(|s| s.mesh(name)));
+        shapes.extend(entry.cards.map(|s| s.mesh(name)));
         shapes.extend(entry.wire_sphere.map(|s| s.mesh(name)));
         shapes.extend(entry.vertices.map(|s| s.mesh(name)));
         let mut rigged: Vec<Rigged> = shapes
@@ -190,7 +245,7 @@ impl Builder<'_> {
         let outer = transform(part.translate, part.rotate, part.scale.as_ref());
         let places = match &part.field {
             None => vec![Mat4::IDENTITY],
-            Some(f) => field(f.get_ref())
+            Some(f) => field(f.get_ref(), self.variables)
                 .map_err(|e| self.source.at(e, f.span()))?
                 .into_iter()
                 .map(|p| p.transform)

@@ -15,6 +15,7 @@ mod place;
 mod semantic;
 mod setup;
 mod synthesise;
+mod variables;
 
 pub mod bind;
 pub mod camera;
@@ -23,9 +24,10 @@ pub mod mesh;
 
 pub use error::Error;
 pub use light::Light;
-pub use load::load;
+pub use load::{load, load_with};
 pub use semantic::Semantic;
 pub use synthesise::synthesise;
+pub use variables::{Variable, Variables};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -76,6 +76,55 @@ pub fn add(
     values: &Values<'_, '_>,
     wanted: &[Wanted],
 ) -> Result<Hoisted, Failed> {
+    let extracted = extract(program, values, wanted, &HOISTED)?;
+    let arguments = extracted
+        .arguments
+        .iter()
+        .map(|bindings| bindings.iter().map(location_of).collect())
+        .collect::<Option<_>>()
+        .ok_or(Failed::NotSeparable)?;
+    Ok(Hoisted {
+        module: extracted.module,
+        function: extracted.function,
+        arguments,
+    })
+}
+
+/// Values of a fragment stage as a function of its inputs, in its module.
+#[derive(Clone, Debug)]
+pub struct Extracted {
+    /// The module, in which the author's functions and entry points are as they were.
+    pub module: Module,
+    /// The function.
+    pub function: Handle<Function>,
+    /// The fragment input that each of its arguments, or the members of a struct argument, stands for.
+    pub arguments: Vec<Vec<Binding>>,
+}
+
+/// What a function of values is called, and the struct that it gives where there are several.
+#[derive(Clone, Copy, Debug)]
+pub struct Names {
+    /// The function, and what ends the names of its parts.
+    pub function: &'static str,
+    /// The struct.
+    pub values: &'static str,
+}
+
+const HOISTED: Names = Names {
+    function: "hoisted",
+    values: "Hoisted",
+};
+
+/// Adds a function of the fragment stage's inputs that gives `wanted`: the value, or a struct of several in their order.
+///
+/// # Errors
+/// [`Failed::Built`].
+pub fn extract(
+    program: &Program,
+    values: &Values<'_, '_>,
+    wanted: &[Wanted],
+    names: &Names,
+) -> Result<Extracted, Failed> {
     let mut module = program.module().clone();
     let entry = module.entry_points.len();
     let mut copy = module.entry_points[values.entry].clone();
@@ -83,7 +132,7 @@ pub fn add(
     module.entry_points.push(copy);
     let contexts: BTreeSet<ContextId> = wanted.iter().map(|w| w.context).collect();
     let (mut module, copies) = isolate(&module, entry, values, &contexts);
-    let result = result_type(&mut module, wanted);
+    let result = result_type(&mut module, wanted, names.values);
     // What comes after the last value decides nothing, and may return early. It stays behind this return, where nothing reaches it: some of its
     // expressions must not stand alone.
     let end = prefix(values, wanted);
@@ -117,8 +166,8 @@ pub fn add(
         &graph,
         &slice,
         built.module(),
-        "hoisted",
-        "hoisted",
+        names.function,
+        names.function,
         PositionInvariance::AsWritten,
     );
     let Some(placed) = module.entry_points.pop() else {
@@ -130,13 +179,13 @@ pub fn add(
         .function
         .arguments
         .iter()
-        .map(|a| locations(&module, a))
+        .map(|a| bindings(&module, a))
         .collect::<Option<_>>()
-        .ok_or(Failed::NotSeparable)?;
+        .ok_or_else(|| Failed::Built("an input has no binding".to_owned()))?;
     unbind(&mut module, result, wanted);
-    let function = as_function(&module, placed.function, "hoisted");
+    let function = as_function(&module, placed.function, names.function);
     let function = module.functions.append(function, Span::UNDEFINED);
-    Ok(Hoisted {
+    Ok(Extracted {
         module,
         function,
         arguments,
@@ -153,17 +202,21 @@ fn location(location: u32) -> Binding {
     }
 }
 
-/// The locations of an argument, or of the members of a struct argument; `None` where one is a builtin.
-fn locations(module: &Module, argument: &FunctionArgument) -> Option<Vec<u32>> {
-    let of = |b: &Option<Binding>| match b {
-        Some(Binding::Location { location, .. }) => Some(*location),
-        _ => None,
-    };
+/// The bindings of an argument, or of the members of a struct argument.
+fn bindings(module: &Module, argument: &FunctionArgument) -> Option<Vec<Binding>> {
     match &module.types[argument.ty].inner {
         TypeInner::Struct { members, .. } if argument.binding.is_none() => {
-            members.iter().map(|m| of(&m.binding)).collect()
+            members.iter().map(|m| m.binding.clone()).collect()
         }
-        _ => Some(vec![of(&argument.binding)?]),
+        _ => Some(vec![argument.binding.clone()?]),
+    }
+}
+
+/// The location of a varying; `None` of a builtin.
+fn location_of(binding: &Binding) -> Option<u32> {
+    match binding {
+        Binding::Location { location, .. } => Some(*location),
+        Binding::BuiltIn(_) => None,
     }
 }
 
@@ -195,7 +248,7 @@ pub fn as_function(module: &Module, mut function: Function, name: &str) -> Funct
 }
 
 /// The type of what is returned: a value, or a struct of several. Its members have locations while it is an entry point's.
-fn result_type(module: &mut Module, wanted: &[Wanted]) -> Handle<Type> {
+fn result_type(module: &mut Module, wanted: &[Wanted], name: &str) -> Handle<Type> {
     let types: Vec<Handle<Type>> = wanted
         .iter()
         .map(|w| {
@@ -224,11 +277,11 @@ fn result_type(module: &mut Module, wanted: &[Wanted]) -> Handle<Type> {
             .iter()
             .any(|(_, t)| t.name.as_deref() == Some(name))
     };
-    let name = match taken("Hoisted") {
-        false => "Hoisted",
-        true => "HoistedValues",
+    let name = match taken(name) {
+        false => name.to_owned(),
+        true => format!("{name}Values"),
     };
-    place::io_struct(module, Some(name.to_owned()), members)
+    place::io_struct(module, Some(name), members)
 }
 
 /// Takes the locations off the result's members again.

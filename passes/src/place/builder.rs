@@ -31,6 +31,13 @@ pub enum Replacement {
         /// Along y.
         y: Handle<Expression>,
     },
+    /// The same texture sample, with these gradients of its coordinate; a bias that it has scales them.
+    Footprint {
+        /// Along x.
+        x: Handle<Expression>,
+        /// Along y.
+        y: Handle<Expression>,
+    },
 }
 
 /// Replacements by the author's expression.
@@ -177,8 +184,41 @@ fn copy(original: &Function, e: Handle<Expression>, map: &mut Map<'_>, function:
     {
         *level = SampleLevel::Gradient { x: *x, y: *y };
     }
+    if let (Some(Replacement::Footprint { x, y }), Expression::ImageSample { level, .. }) =
+        (replacement, &mut expression)
+    {
+        *level = match *level {
+            SampleLevel::Bias(bias) => biased(function, bias, *x, *y),
+            _ => SampleLevel::Gradient { x: *x, y: *y },
+        };
+    }
     let span = original.expressions.get_span(e);
     map.copies[e.index()] = Some(function.expressions.append(expression, span));
+}
+
+/// A level more is a footprint of twice the size. `bias` is evaluated where the sample is.
+fn biased(
+    function: &mut Function,
+    bias: Handle<Expression>,
+    x: Handle<Expression>,
+    y: Handle<Expression>,
+) -> SampleLevel {
+    let mut append = |e| function.expressions.append(e, Span::UNDEFINED);
+    let right = append(Expression::Math {
+        fun: naga::MathFunction::Exp2,
+        arg: bias,
+        arg1: None,
+        arg2: None,
+        arg3: None,
+    });
+    let [x, y] = [x, y].map(|left| {
+        append(Expression::Binary {
+            op: naga::BinaryOperator::Multiply,
+            left,
+            right,
+        })
+    });
+    SampleLevel::Gradient { x, y }
 }
 
 fn copy_block(

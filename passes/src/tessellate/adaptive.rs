@@ -16,9 +16,10 @@
 
 use naga::{Expression, Function, Handle, Module, Statement};
 
-use super::build::{self, Linked, access, ours, vertex_inputs, word};
+use super::build::{self, access, vertex_inputs};
 use super::split::{Carried, Origin, Outputs, Split};
 use super::text::Text;
+use crate::fetch::{Linked, ours, word};
 use crate::graph::FunctionId;
 use crate::place::{self, Builder, Rewrite};
 

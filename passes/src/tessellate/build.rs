@@ -9,18 +9,15 @@
 use std::collections::BTreeMap;
 
 use naga::{
-    BinaryOperator, Binding, BuiltIn, Expression, Function, FunctionArgument, FunctionResult,
-    Handle, Literal, Module, Scalar, Span, Statement, Type, TypeInner, VectorSize,
+    BinaryOperator, Binding, BuiltIn, Expression, Function, Handle, Literal, Module, Span,
+    Statement, Type, VectorSize,
 };
 
 use super::split::{Carried, Outputs, Split};
 use super::text::{Order, Text};
+use crate::fetch::{Author, Linked, define, ours, word};
 use crate::graph::FunctionId;
-use crate::link;
 use crate::place::{self, Builder, Rewrite};
-
-/// An offset past every file of a source map: our own text has no place in the author's.
-const NOWHERE: u32 = u32::MAX / 2;
 
 /// The functions, in their module.
 #[derive(Clone, Debug)]
@@ -35,37 +32,6 @@ pub struct Functions {
     pub rest: Handle<Function>,
     /// Those of our own text, by name.
     pub(super) ours: BTreeMap<String, Handle<Function>>,
-}
-
-/// A module with functions of our own text.
-pub(super) struct Linked {
-    pub(super) module: Module,
-    pub(super) ours: BTreeMap<String, Handle<Function>>,
-}
-
-impl Linked {
-    /// Adds `wgsl` to `module`.
-    pub(super) fn new(module: Module, wgsl: &str) -> Result<Self, String> {
-        let snippet = naga::front::wgsl::parse_str(wgsl)
-            .map_err(|e| format!("our own text does not parse: {}", e.message()))?;
-        let linked =
-            link::link(module, &snippet, NOWHERE, "preshade").map_err(|e| e.message.clone())?;
-        let names = snippet.functions.iter().map(|(_, f)| f.name.clone());
-        let named = names.zip(&linked.functions);
-        Ok(Self {
-            ours: named.filter_map(|(n, h)| Some((n?, *h))).collect(),
-            module: linked.module,
-        })
-    }
-}
-
-/// A function of our own text.
-pub(super) fn ours(
-    functions: &BTreeMap<String, Handle<Function>>,
-    name: &str,
-) -> Result<Handle<Function>, String> {
-    let found = functions.get(name).copied();
-    found.ok_or_else(|| format!("our own text has no `{name}`"))
 }
 
 /// Adds the functions to `module`. `name` is the vertex entry point's.
@@ -143,109 +109,19 @@ pub(super) fn rest(mut module: Module, name: &str, split: &Split) -> (Module, Ha
     (module, rest)
 }
 
-/// A new function, named `NAME_SUFFIX` and written by `build`.
-fn define(
-    mut module: Module,
-    (name, suffix): (&str, &str),
-    arguments: &[(&str, Handle<Type>)],
-    result: Handle<Type>,
-    build: impl FnOnce(&mut Builder<'_>, &[Handle<Expression>]),
-) -> (Module, Handle<Function>) {
-    let function = Function {
-        name: Some(place::free_name(&module, name, suffix)),
-        arguments: arguments
-            .iter()
-            .map(|(name, ty)| FunctionArgument {
-                name: Some((*name).to_owned()),
-                ty: *ty,
-                binding: None,
-            })
-            .collect(),
-        result: Some(FunctionResult {
-            ty: result,
-            binding: None,
-        }),
-        ..Function::default()
-    };
-    let handle = module.functions.append(function, Span::UNDEFINED);
-    let module = place::rewritten(&module, FunctionId::Function(handle), |builder| {
-        let passed: Vec<_> = (0..arguments.len() as u32)
-            .map(|i| builder.expression(Expression::FunctionArgument(i)))
-            .collect();
-        build(builder, &passed);
-        Rewrite::default()
-    });
-    (module, handle)
-}
-
-/// A `u32` type.
-pub fn word(module: &mut Module) -> Handle<Type> {
-    let inner = TypeInner::Scalar(Scalar::U32);
-    module
-        .types
-        .insert(Type { name: None, inner }, Span::UNDEFINED)
-}
-
 /// The author's stage on one of the author's vertices.
 pub(super) fn corner(
-    mut module: Module,
+    module: Module,
     name: &str,
     split: &Split,
     fetch: &[(u32, Handle<Function>)],
 ) -> Result<(Module, Handle<Function>), String> {
-    let word = word(&mut module);
-    let mut failed = None;
-    let inputs = split.inputs.clone();
-    let author = split.author;
-    let (module, handle) = define(
-        module,
-        (name, "corner"),
-        &[("vertex", word), ("instance", word)],
-        split.given,
-        |build, passed| {
-            let one = |build: &mut Builder<'_>, binding: Option<&Binding>| match binding {
-                Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => Some(passed[0]),
-                Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => Some(passed[1]),
-                Some(Binding::Location { location, .. }) => {
-                    let of = fetch.iter().find(|(l, _)| l == location);
-                    of.and_then(|(_, f)| build.call(*f, passed.to_vec()))
-                }
-                _ => None,
-            };
-            let mut arguments = Vec::new();
-            for input in &inputs {
-                let members = match (&input.binding, &build.module().types[input.ty].inner) {
-                    (None, TypeInner::Struct { members, .. }) => Some(members.clone()),
-                    _ => None,
-                };
-                let value = match members {
-                    None => one(build, input.binding.as_ref()),
-                    Some(members) => members
-                        .iter()
-                        .map(|m| one(build, m.binding.as_ref()))
-                        .collect::<Option<Vec<_>>>()
-                        .map(|components| {
-                            build.expression(Expression::Compose {
-                                ty: input.ty,
-                                components,
-                            })
-                        }),
-                };
-                match value {
-                    Some(value) => arguments.push(value),
-                    None => failed = Some(input.name.clone().unwrap_or_default()),
-                }
-            }
-            if failed.is_none() {
-                let value = build.call(author, arguments);
-                build.statement(Statement::Return { value });
-            }
-        },
-    );
-    match failed {
-        None => Ok((module, handle)),
-        Some(input) => Err(format!("the input `{input}` has no source")),
-    }
+    let author = Author {
+        function: split.author,
+        given: split.given,
+        inputs: &split.inputs,
+    };
+    crate::fetch::corner(module, name, &author, fetch)
 }
 
 /// What interpolating takes.

@@ -14,9 +14,10 @@ use naga::{
     AddressSpace, Expression, Function, GlobalVariable, Handle, Module, Span, Statement, TypeInner,
 };
 
-use super::build::{self, Functions, access, ours, vertex_inputs, word};
+use super::build::{self, Functions, access, vertex_inputs};
 use super::split::Origin;
 use super::stored::{self, Evaluation, Stored};
+use crate::fetch::{ours, word};
 use crate::graph::{FunctionId, Graph, operands};
 use crate::place::{self, PositionInvariance, Rewrite};
 use crate::plan::{BindingSource, BindingUse};

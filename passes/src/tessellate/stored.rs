@@ -8,8 +8,9 @@ use naga::{
 };
 
 use super::Slots;
-use super::build::{Functions, Linked, access, ours, vertex_inputs, word};
+use super::build::{Functions, access, vertex_inputs};
 use super::text::{self, Points, WORKGROUP};
+use crate::fetch::{Linked, ours, word};
 use crate::graph::FunctionId;
 use crate::place::{self, Builder, Rewrite};
 

@@ -12,8 +12,15 @@
 use std::fmt::Write;
 
 use super::{Slots, adaptive};
-use crate::geometry::FORMATS;
+use crate::fetch::{self, Names};
+use crate::geometry::Formats;
 use crate::plan::AttributeUse;
+
+/// How functions and variables of ours begin.
+const NAMES: Names = Names {
+    function: "tessellated",
+    variable: "tessellation",
+};
 
 /// What the text has to have.
 pub struct Text<'a> {
@@ -153,50 +160,6 @@ fn tessellated_instance_of(index: u32) -> u32 {{
     out
 }
 
-/// A scalar kind as attributes are decoded to.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Float,
-    Uint,
-    Sint,
-}
-
-impl Kind {
-    fn of(attribute: &AttributeUse) -> Self {
-        match attribute.ty.trim_end_matches('>').rsplit('<').next() {
-            Some("u32") => Self::Uint,
-            Some("i32") => Self::Sint,
-            _ => Self::Float,
-        }
-    }
-
-    fn scalar(self) -> &'static str {
-        match self {
-            Self::Float => "f32",
-            Self::Uint => "u32",
-            Self::Sint => "i32",
-        }
-    }
-
-    fn decoder(self) -> &'static str {
-        match self {
-            Self::Float => "tessellated_float",
-            Self::Uint => "tessellated_uint",
-            Self::Sint => "tessellated_sint",
-        }
-    }
-}
-
-/// `x`, `xy`, `xyz` or `xyzw` for a scalar or a vector type.
-fn components(ty: &str) -> &'static str {
-    match ty.as_bytes().get(..4) {
-        Some(b"vec2") => "xy",
-        Some(b"vec3") => "xyz",
-        Some(b"vec4") => "xyzw",
-        _ => "x",
-    }
-}
-
 /// The uniform buffer of a draw's constants, of so many attributes, and of what else is there ahead of them.
 pub fn constants(slots: Slots, attributes: usize, place: Option<Place>) -> String {
     let Slots { group, first } = slots;
@@ -229,7 +192,13 @@ impl Text<'_> {
     pub fn wgsl(&self) -> String {
         let mut out = constants(self.slots, self.attributes.len(), Some(self.place));
         self.places(&mut out);
-        self.attributes(&mut out);
+        let first = self.slots.stream(0);
+        out.push_str(&fetch::attributes(
+            NAMES,
+            self.attributes,
+            (self.slots.group, first),
+            Formats::Any,
+        ));
         if self.order == Order::ByPosition {
             out.push_str(PRECEDES);
         }
@@ -268,12 +237,7 @@ fn tessellated_weights(packed: u32) -> vec3<f32> {{
             );
         }
         if let Place::Pattern { .. } | Place::Adaptive { .. } = self.place {
-            let _ = write!(
-                out,
-                "@group({group}) @binding({}) var<storage, read> tessellation_indices: array<u32>;
-{CORNER}",
-                first + 2
-            );
+            out.push_str(&fetch::corners(NAMES, group, first + 2));
         }
         match self.place {
             Place::Pattern {
@@ -350,216 +314,7 @@ fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
             }
         }
     }
-
-    fn attributes(&self, out: &mut String) {
-        for (kind, text) in [
-            (Kind::Float, decode_float()),
-            (Kind::Uint, decode_uint()),
-            (Kind::Sint, decode_sint()),
-        ] {
-            if self.attributes.iter().any(|a| Kind::of(a) == kind) {
-                out.push_str(&text);
-            }
-        }
-        let Slots { group, .. } = self.slots;
-        for (index, attribute) in self.attributes.iter().enumerate() {
-            let AttributeUse { location, ty, .. } = attribute;
-            let kind = Kind::of(attribute);
-            let _ = write!(
-                out,
-                "@group({group}) @binding({binding}) var<storage, read> tessellation_stream_{location}_: array<u32>;
-fn tessellated_{location}_(vertex: u32, instance: u32) -> {ty} {{
-    let stream = tessellation.streams[{index}];
-    let at = stream.x + select(vertex, instance, (stream.w & 256u) != 0u) * stream.y;
-    let first = at / 4u;
-    var words = vec4<u32>(tessellation_stream_{location}_[first], 0u, 0u, 0u);
-    switch stream.w & 255u {{
-        case 1u: {{}}
-        case 2u: {{
-            words.y = tessellation_stream_{location}_[first + 1u];
-        }}
-        case 3u: {{
-            words.y = tessellation_stream_{location}_[first + 1u];
-            words.z = tessellation_stream_{location}_[first + 2u];
-        }}
-        default: {{
-            words.y = tessellation_stream_{location}_[first + 1u];
-            words.z = tessellation_stream_{location}_[first + 2u];
-            words.w = tessellation_stream_{location}_[first + 3u];
-        }}
-    }}
-    return {decoder}(words, (at % 4u) * 8u, stream.z).{components};
-}}
-",
-                binding = self.slots.stream(index),
-                decoder = kind.decoder(),
-                components = components(ty),
-            );
-        }
-    }
 }
-
-/// The number of a vertex format in the constants.
-fn code(name: &str) -> usize {
-    FORMATS
-        .iter()
-        .position(|f| *f == name)
-        .unwrap_or(FORMATS.len())
-}
-
-/// A decoder of one scalar kind: a case for each format that WebGPU lets a shader read as that kind, by what it gives.
-fn decoder(kind: Kind, prelude: &str, cases: &[(&str, String)]) -> String {
-    let (name, scalar) = (kind.decoder(), kind.scalar());
-    let mut out =
-        format!("fn {name}(words: vec4<u32>, shift: u32, format: u32) -> vec4<{scalar}> {{\n");
-    out.push_str(prelude);
-    out.push_str("    switch format {\n");
-    for (format, value) in cases {
-        let code = code(format);
-        let _ = write!(
-            out,
-            "        case {code}u: {{ // {format}\n            return {value};\n        }}\n"
-        );
-    }
-    let _ = write!(
-        out,
-        "        default: {{\n            return vec4<{scalar}>();\n        }}\n    }}\n}}\n"
-    );
-    out
-}
-
-/// One to four components as a vector, with what WebGPU puts for the missing ones.
-fn padded(scalar: &str, given: &[&str]) -> String {
-    let missing = ["0", "0", "0", "1"];
-    let all = given.iter().chain(&missing[given.len()..]);
-    let all: Vec<String> = all.map(|c| format!("{scalar}({c})")).collect();
-    format!("vec4<{scalar}>({})", all.join(", "))
-}
-
-fn decode_float() -> String {
-    let mut cases: Vec<(&str, String)> = Vec::new();
-    let first = |format, value: &str, count| match count {
-        1 => (format, format!("vec4<f32>({value}.x, 0.0, 0.0, 1.0)")),
-        2 => (format, format!("vec4<f32>({value}.xy, 0.0, 1.0)")),
-        _ => (format, value.to_owned()),
-    };
-    for (sign, unpack) in [("unorm8", "unpack4x8unorm"), ("snorm8", "unpack4x8snorm")] {
-        for count in [1, 2, 4] {
-            let format = format_name(sign, count);
-            cases.push(first(format, &format!("{unpack}(word)"), count));
-        }
-    }
-    for (sign, unpack) in [
-        ("unorm16", "unpack2x16unorm"),
-        ("snorm16", "unpack2x16snorm"),
-        ("float16", "unpack2x16float"),
-    ] {
-        for count in [1, 2] {
-            let format = format_name(sign, count);
-            cases.push(first(format, &format!("{unpack}(word)"), count));
-        }
-        let four = format!("vec4<f32>({unpack}(words.x), {unpack}(words.y))");
-        cases.push((format_name(sign, 4), four));
-    }
-    for count in 1..=4 {
-        let bits = "bitcast<vec4<f32>>(words)";
-        let value = match count {
-            3 => format!("vec4<f32>({bits}.xyz, 1.0)"),
-            _ => first("", bits, count).1,
-        };
-        cases.push((format_name("float32", count), value));
-    }
-    cases.push((
-        "unorm10-10-10-2",
-        "vec4<f32>(vec4<u32>(words.x, words.x >> 10u, words.x >> 20u, words.x >> 30u) & vec4<u32>(1023u)) / vec4<f32>(1023.0, 1023.0, 1023.0, 3.0)"
-            .to_owned(),
-    ));
-    cases.push(("unorm8x4-bgra", "unpack4x8unorm(words.x).zyxw".to_owned()));
-    decoder(Kind::Float, "    let word = words.x >> shift;\n", &cases)
-}
-
-fn decode_uint() -> String {
-    let mut cases: Vec<(&str, String)> = Vec::new();
-    let byte = [
-        "word & 255u",
-        "(word >> 8u) & 255u",
-        "(word >> 16u) & 255u",
-        "word >> 24u",
-    ];
-    let half = [
-        "word & 65535u",
-        "word >> 16u",
-        "words.y & 65535u",
-        "words.y >> 16u",
-    ];
-    for count in [1, 2, 4] {
-        cases.push((format_name("uint8", count), padded("u32", &byte[..count])));
-        cases.push((format_name("uint16", count), padded("u32", &half[..count])));
-    }
-    let all = ["words.x", "words.y", "words.z", "words.w"];
-    for count in 1..=4 {
-        cases.push((format_name("uint32", count), padded("u32", &all[..count])));
-    }
-    decoder(Kind::Uint, "    let word = words.x >> shift;\n", &cases)
-}
-
-fn decode_sint() -> String {
-    let mut cases: Vec<(&str, String)> = Vec::new();
-    let byte = [
-        "(word << 24u) >> 24u",
-        "(word << 16u) >> 24u",
-        "(word << 8u) >> 24u",
-        "word >> 24u",
-    ];
-    let half = [
-        "(word << 16u) >> 16u",
-        "word >> 16u",
-        "(bitcast<i32>(words.y) << 16u) >> 16u",
-        "bitcast<i32>(words.y) >> 16u",
-    ];
-    for count in [1, 2, 4] {
-        cases.push((format_name("sint8", count), padded("i32", &byte[..count])));
-        cases.push((format_name("sint16", count), padded("i32", &half[..count])));
-    }
-    let all = ["words.x", "words.y", "words.z", "words.w"];
-    let all = all.map(|w| format!("bitcast<i32>({w})"));
-    let all: Vec<&str> = all.iter().map(String::as_str).collect();
-    for count in 1..=4 {
-        cases.push((format_name("sint32", count), padded("i32", &all[..count])));
-    }
-    decoder(
-        Kind::Sint,
-        "    let word = bitcast<i32>(words.x >> shift);\n",
-        &cases,
-    )
-}
-
-/// A format of so many components, as WebGPU names it.
-fn format_name(base: &str, count: usize) -> &'static str {
-    let name = match count {
-        1 => base.to_owned(),
-        n => format!("{base}x{n}"),
-    };
-    FORMATS.iter().find(|f| **f == name).copied().unwrap_or("")
-}
-
-/// A vertex of a triangle of the author's.
-const CORNER: &str = "\
-fn tessellated_corner(triangle: u32, corner: u32) -> u32 {
-    let at = tessellation.first + triangle * 3u + corner;
-    switch tessellation.index_bytes {
-        case 2u: {
-            return tessellation.base_vertex + ((tessellation_indices[at / 2u] >> (16u * (at % 2u))) & 0xffffu);
-        }
-        case 4u: {
-            return tessellation.base_vertex + tessellation_indices[at];
-        }
-        default: {
-            return at;
-        }
-    }
-}
-";
 
 /// By bits: equal positions are equal ends, whatever their vertices are called.
 const PRECEDES: &str = "fn tessellated_precedes(a: vec4<f32>, b: vec4<f32>) -> bool {

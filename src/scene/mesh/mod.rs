@@ -9,6 +9,7 @@ use glam::{Mat4, Vec2, Vec3};
 use super::{Mesh, Stream};
 
 mod architecture;
+mod cards;
 mod deform;
 mod gltf;
 mod lines;
@@ -16,6 +17,7 @@ mod primitives;
 mod teapot;
 
 pub use architecture::{Arch, Column, Curtain, Stairs};
+pub use cards::Cards;
 pub use deform::{Morph, Skin};
 pub use gltf::{Gltf, Rigged};
 pub use lines::{Vertices, WireSphere};

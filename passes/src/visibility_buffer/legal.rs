@@ -1,0 +1,190 @@
+//! What can be split, and why the rest cannot.
+
+use naga::valid::GlobalUse;
+use naga::{AddressSpace, Binding, BuiltIn};
+
+use super::{refuse, resolve};
+use crate::graph::{Effect, FunctionId};
+use crate::opaque::Opaque;
+use crate::pass::Refusal;
+use crate::plan::{GpuPass, Plan};
+use crate::reflect;
+use crate::slice;
+use crate::state::{DepthBias, Topology};
+
+/// The state of a pass that can be split.
+pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    if pass.primitive.topology != Topology::TriangleList {
+        refusals.push(refuse(
+            "topology",
+            "only lists of triangles have ids here (a strip's restarts are not followed)",
+            "draw a triangle list",
+        ));
+    }
+    if pass.multisample.count > 1 {
+        refusals.push(refuse(
+            "multisampled",
+            "a pixel of several samples shows several triangles, and would be shaded for one of them",
+            "draw it with one sample a pixel",
+        ));
+    }
+    if !pass.geometry.is_as_given() {
+        refusals.push(refuse(
+            "subdivided",
+            "the triangles are subdivided ones, whose corners are not the author's vertices",
+            "leave tessellate out of the recipe",
+        ));
+    }
+    if pass
+        .targets
+        .iter()
+        .flatten()
+        .any(|t| t.attachment.is_some())
+        || plan.passes.len() > 1
+    {
+        refusals.push(refuse(
+            "has-other-passes",
+            "another pass of the plan draws the same surface",
+            "start from the original plan",
+        ));
+    }
+    refusals
+}
+
+/// A vertex stage that can be run for three corners in one invocation.
+pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    let module = opaque.program.module();
+    let entry = &module.entry_points[opaque.vertex];
+    let info = opaque.program.info().get_entry_point(opaque.vertex);
+    for (handle, global) in module.global_variables.iter() {
+        if global.space == AddressSpace::Private && info[handle].contains(GlobalUse::WRITE) {
+            refusals.push(refuse(
+                "vertex-state",
+                format!(
+                    "the vertex stage keeps state in the private variable `{}`, and it would run three times in one invocation",
+                    global.name.as_deref().unwrap_or_default()
+                ),
+                "make the variable local",
+            ));
+        }
+    }
+    for input in reflect::inputs(module, &entry.function) {
+        if let Some(Binding::BuiltIn(b)) = input.binding
+            && !matches!(b, BuiltIn::VertexIndex | BuiltIn::InstanceIndex)
+        {
+            refusals.push(refuse(
+                "vertex-builtin",
+                format!("the vertex stage reads {b:?}, which a resolve pass has not"),
+                "leave it out",
+            ));
+        }
+    }
+    if let Some(attribute) = opaque.pass.attributes.iter().find(|a| a.ty.contains("f16")) {
+        refusals.push(refuse(
+            "half-attribute",
+            format!(
+                "the attribute `{}` is of half precision, which is not decoded here",
+                attribute.name
+            ),
+            "declare it f32: the vertex buffer's format may stay",
+        ));
+    }
+    refusals
+}
+
+/// A fragment stage that can be run on what is made again.
+pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    let module = opaque.program.module();
+    let entry = &module.entry_points[fragment];
+    // A struct of inputs may have more than colours are made of.
+    let colors = resolve::colors_of(module, &entry.function);
+    let slice = slice::backward(&opaque.graph, fragment, &colors);
+    let all = reflect::inputs(module, &entry.function);
+    let read = || slice.inputs.iter().filter_map(|i| all.get(*i)).cloned();
+    for input in read() {
+        let name = input.name.unwrap_or_default();
+        let half = module.types[input.ty].inner.scalar() == Some(naga::Scalar::F16);
+        match input.binding {
+            Some(Binding::BuiltIn(
+                BuiltIn::Position { .. } | BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex,
+            )) => {}
+            Some(Binding::BuiltIn(b)) => refusals.push(refuse(
+                "fragment-builtin",
+                format!("the fragment stage reads {b:?}, which is not reconstructed"),
+                "leave it out",
+            )),
+            Some(Binding::Location { .. }) if half => refusals.push(refuse(
+                "half-varying",
+                format!(
+                    "the varying `{name}` is of half precision, which is not interpolated here"
+                ),
+                "make it f32",
+            )),
+            _ => {}
+        }
+    }
+    let reads_position =
+        read().any(|i| matches!(i.binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))));
+    if reads_position && opaque.depth.bias != DepthBias::default() {
+        refusals.push(refuse(
+            "biased-position",
+            "the fragment stage reads the position, whose depth has the material's bias on some graphics interfaces and not on others",
+            "leave the bias out, or pass what is needed of the position as a varying",
+        ));
+    }
+    let info = opaque.program.info().get_entry_point(fragment);
+    for (handle, global) in module.global_variables.iter() {
+        if global.space == AddressSpace::Private && info[handle].contains(GlobalUse::WRITE) {
+            refusals.push(refuse(
+                "fragment-state",
+                format!(
+                    "the fragment stage keeps state in the private variable `{}`, and parts of it run for several pixels in one invocation",
+                    global.name.as_deref().unwrap_or_default()
+                ),
+                "make the variable local",
+            ));
+        }
+    }
+    let effects = opaque.graph.effects(FunctionId::EntryPoint(fragment));
+    if effects.contains(&Effect::Subgroup) {
+        refusals.push(refuse(
+            "subgroup",
+            "the fragment stage talks to its neighbours, which in a resolve pass are others",
+            "leave it out",
+        ));
+    }
+    refusals
+}
+
+/// The colours that a compute stage would write, by location, with their formats as WGSL spells them.
+pub fn stored(pass: &GpuPass) -> Result<Vec<(u32, String)>, Box<Refusal>> {
+    const FORMATS: [&str; 3] = ["rgba8unorm", "rgba16float", "rgba32float"];
+    let targets = (0..).zip(&pass.targets);
+    targets
+        .filter_map(|(location, target)| Some((location, target.as_ref()?)))
+        .map(|(location, target)| {
+            if !FORMATS.contains(&target.format.as_str()) {
+                let (code, reason) = match target.format.ends_with("-srgb") {
+                    true => ("srgb-target", "a storage texture is not encoded as it is written"),
+                    false => ("target-format", "WebGPU does not promise it as a storage texture"),
+                };
+                return Err(Box::new(refuse(
+                    code,
+                    format!("colour target {location} is {}: {reason}", target.format),
+                    "take form=fragment",
+                )));
+            }
+            if target.write_mask != 0b1111 {
+                return Err(Box::new(refuse(
+                    "write-mask",
+                    format!("colour target {location} is written in part, and a storage texture is written whole"),
+                    "take form=fragment",
+                )));
+            }
+            Ok((location, target.format.clone()))
+        })
+        .collect()
+}

@@ -1,0 +1,332 @@
+//! The resolve pass: the author's two stages on the triangle that a pixel shows.
+//!
+//! ```text
+//! fs_visible(at) -> id = ids[at]; discard where it is another draw's
+//!                   a, b, c = vs_corner(each corner of the triangle, instance)
+//!                   weights of a, b and c at this pixel, and at those of its quad for the gradients
+//!                   fs_shaded(varyings by their own interpolation, builtins reconstructed, gradients)
+//! ```
+
+use std::collections::BTreeSet;
+
+use naga::{
+    Binding, BuiltIn, Function, FunctionResult, Handle, Module, ScalarKind, ShaderStage, Span,
+    Type, TypeInner,
+};
+
+use super::gradients::{Explicit, GRADIENTS, Level};
+use super::ids::new_entry;
+use super::stage::{Shader, Stage, colors};
+use super::text::{self, Slots};
+use super::{Select, Words};
+use crate::fetch::{Author, Linked, corner, ours};
+use crate::geometry::Formats;
+use crate::graph::{FunctionId, Graph};
+use crate::hoist::hoisted::as_function;
+use crate::place::{self, PositionInvariance, Rewrite};
+use crate::plan::AttributeUse;
+use crate::program::Program;
+use crate::reflect::{self, Io};
+use crate::slice::{self, Criterion, OutputFilter};
+use crate::state::FrontFace;
+
+/// Names of the entry points.
+pub const VERTEX: &str = "vs_visible";
+/// Names of the entry points.
+pub const FRAGMENT: &str = "fs_visible";
+/// Names of the entry points.
+pub const COMPUTE: &str = "cs_visible";
+
+/// What the resolve pass is made of.
+pub struct Resolve<'a> {
+    /// The fragment stage without derivatives, sliced to its colours.
+    pub explicit: Explicit,
+    /// Index of that fragment stage.
+    pub fragment: usize,
+    /// Index of the author's vertex stage.
+    pub vertex: usize,
+    /// Attributes to fetch: those of the author's.
+    pub attributes: &'a [AttributeUse],
+    /// Winding of front faces.
+    pub front_face: FrontFace,
+    /// How pixels of other draws are passed over.
+    pub select: Select,
+    /// Where it is run.
+    pub runs: Runs,
+    /// Formats that attributes may be stored in.
+    pub formats: Formats,
+    /// Words of an id.
+    pub words: Words,
+}
+
+/// Where the resolve is run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Runs {
+    /// In the fragment stage of a pass over the screen.
+    Fragment,
+    /// In a compute stage that writes the colours of these locations and formats.
+    Compute(Vec<(u32, String)>),
+}
+
+/// Side of the compute stage's workgroups, in pixels.
+pub const WORKGROUP: u32 = 8;
+
+/// A resolve stage, and the attributes it fetches.
+pub struct Built {
+    pub module: Module,
+    pub attributes: Vec<AttributeUse>,
+}
+
+/// What decides the colours of a fragment stage.
+pub fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
+    reflect::outputs(module, fragment)
+        .iter()
+        .filter_map(|o| match o.binding {
+            Some(Binding::Location { location, .. }) => {
+                Some(Criterion::Output(OutputFilter::Location(location)))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+/// The fragment entry point of that index sliced to its colours, in the place of the entry point.
+///
+/// # Errors
+/// A slice of ours that does not validate: a bug.
+pub fn shaded(program: &Program, fragment: usize) -> Result<(Program, usize), String> {
+    let graph = Graph::build(program);
+    let entry = &program.module().entry_points[fragment];
+    let colors = colors_of(program.module(), &entry.function);
+    let slice = slice::backward(&graph, fragment, &colors);
+    let name = format!("{}_shaded", entry.name);
+    let module = place::entry_point(
+        &graph,
+        &slice,
+        program.module(),
+        &name,
+        "shaded",
+        PositionInvariance::AsWritten,
+    );
+    let index = module.entry_points.len() - 1;
+    let program = program.with_module(module).map_err(|e| e.to_string())?;
+    Ok((program, index))
+}
+
+impl Resolve<'_> {
+    /// The module with the resolve pass's entry points.
+    ///
+    /// # Errors
+    /// In words: our own text does not parse or link, or the stages do not fit together.
+    pub fn build(self, slots: Slots) -> Result<Built, String> {
+        let Self {
+            explicit,
+            fragment,
+            vertex,
+            attributes,
+            front_face,
+            select,
+            runs,
+            formats,
+            words,
+        } = self;
+        let mut module = explicit.program.module().clone();
+        let shaded = module.entry_points.remove(fragment);
+        let result = shaded.function.result.clone();
+        let bindings: Vec<Vec<Binding>> = shaded
+            .function
+            .arguments
+            .iter()
+            .map(|a| match (&a.binding, reflect::members(&module, a.ty)) {
+                (Some(binding), _) => vec![binding.clone()],
+                (None, members) => members
+                    .unwrap_or_default()
+                    .into_iter()
+                    .map(|m| m.1)
+                    .collect(),
+            })
+            .collect();
+        let name = shaded.name.clone();
+        let shaded = as_function(&module, shaded.function, &name);
+        let shaded = module.functions.append(shaded, Span::UNDEFINED);
+        let shade = Shader::new(&module, shaded, &bindings);
+        let levels: Vec<(Level, Shader)> = explicit
+            .levels
+            .into_iter()
+            .map(|level| {
+                let shader = Shader::new(&module, level.function, &level.arguments);
+                (level, shader)
+            })
+            .collect();
+        let read: BTreeSet<u32> = levels
+            .iter()
+            .flat_map(|(_, s)| s.inputs())
+            .chain(shade.inputs())
+            .filter_map(|(_, b)| match b {
+                Binding::Location { location, .. } if *location < GRADIENTS => Some(*location),
+                _ => None,
+            })
+            .collect();
+        let built = explicit
+            .program
+            .with_module(module)
+            .map_err(|e| e.to_string())?;
+        let (module, author) = author(&built, vertex, &read)?;
+        let used: Vec<AttributeUse> = {
+            let inputs = reflect::opened(&module, &author.inputs);
+            let read = |a: &&AttributeUse| {
+                inputs.iter().any(|i| {
+                    matches!(i.binding, Some(Binding::Location { location, .. }) if location == a.location)
+                })
+            };
+            attributes.iter().filter(read).cloned().collect()
+        };
+        let widths = author.widths(&module);
+        let mut wgsl = text::entry(slots, used.len());
+        wgsl.push_str(&text::vertices(slots, &used, formats));
+        wgsl.push_str(&text::resolve(slots, &widths, words));
+        if let Runs::Compute(targets) = &runs {
+            let first = slots.first + Slots::STREAMS + used.len() as u32;
+            wgsl.push_str(&text::compute(slots.group, first, targets));
+        }
+        let Linked {
+            module,
+            ours: by_name,
+        } = Linked::new(module, &wgsl)?;
+        let mut fetch = Vec::new();
+        for attribute in &used {
+            let name = format!("visible_{}_", attribute.location);
+            fetch.push((attribute.location, ours(&by_name, &name)?));
+        }
+        let name = module.entry_points[vertex].name.clone();
+        let called = Author {
+            function: author.function,
+            given: author.given,
+            inputs: &author.inputs,
+        };
+        let (mut module, corner) = corner(module, &name, &called, &fetch)?;
+        let result = result.ok_or("the fragment stage gives no colour")?;
+        let stage = Stage {
+            corner,
+            author: &author,
+            shade: &shade,
+            levels: &levels,
+            ours: &by_name,
+            front_face,
+            select,
+            colors: colors(&module, &result),
+            position: author
+                .position()
+                .ok_or("the vertex stage gives no position")?,
+        };
+        let FunctionResult { ty, binding } = result;
+        let at = match runs {
+            Runs::Fragment => {
+                let result = Some((ty, binding));
+                new_entry(&mut module, ShaderStage::Fragment, FRAGMENT, result)
+            }
+            Runs::Compute(_) => {
+                let at = new_entry(&mut module, ShaderStage::Compute, COMPUTE, None);
+                module.entry_points[at].workgroup_size = [WORKGROUP, WORKGROUP, 1];
+                at
+            }
+        };
+        let mut failed = None;
+        let module = place::rewritten(&module, FunctionId::EntryPoint(at), |build| {
+            failed = stage.write(build, &runs);
+            Rewrite::default()
+        });
+        match failed {
+            None => Ok(Built {
+                module,
+                attributes: used,
+            }),
+            Some(why) => Err(why),
+        }
+    }
+}
+
+/// The author's vertex stage as far as it is needed, as a function.
+pub struct VertexStage {
+    function: Handle<Function>,
+    given: Handle<Type>,
+    inputs: Vec<naga::FunctionArgument>,
+    pub outputs: Vec<Io>,
+    /// Its outputs are members of a struct.
+    pub is_struct: bool,
+}
+
+fn author(
+    program: &Program,
+    vertex: usize,
+    read: &BTreeSet<u32>,
+) -> Result<(Module, VertexStage), String> {
+    let graph = Graph::build(program);
+    let mut criteria = vec![Criterion::Output(OutputFilter::Position)];
+    let locations = read.iter();
+    criteria.extend(locations.map(|l| Criterion::Output(OutputFilter::Location(*l))));
+    let slice = slice::backward(&graph, vertex, &criteria);
+    let name = format!("{}_author", program.module().entry_points[vertex].name);
+    let mut module = place::entry_point(
+        &graph,
+        &slice,
+        program.module(),
+        &name,
+        "author",
+        PositionInvariance::AsWritten,
+    );
+    let placed = module.entry_points.pop().ok_or("nothing was placed")?;
+    let outputs = reflect::outputs(&module, &placed.function);
+    let result = placed.function.result.as_ref();
+    let result = result.ok_or("the vertex stage gives nothing")?;
+    let (given, is_struct) = (result.ty, result.binding.is_none());
+    let inputs = placed.function.arguments.clone();
+    let function = as_function(&module, placed.function, &name);
+    let function = module.functions.append(function, Span::UNDEFINED);
+    let stage = VertexStage {
+        function,
+        given,
+        inputs,
+        outputs,
+        is_struct,
+    };
+    Ok((module, stage))
+}
+
+impl VertexStage {
+    fn position(&self) -> Option<u32> {
+        let is =
+            |b: &Option<Binding>| matches!(b, Some(Binding::BuiltIn(BuiltIn::Position { .. })));
+        self.outputs
+            .iter()
+            .position(|o| is(&o.binding))
+            .map(|i| i as u32)
+    }
+
+    /// The output at a location, and its index.
+    pub fn output(&self, location: u32) -> Option<(u32, &Io)> {
+        let is = |o: &Io| matches!(o.binding, Some(Binding::Location { location: l, .. }) if l == location);
+        let found = self.outputs.iter().position(is)?;
+        Some((found as u32, &self.outputs[found]))
+    }
+
+    /// Widths of what is interpolated, each once.
+    fn widths(&self, module: &Module) -> Vec<u8> {
+        let widths: BTreeSet<u8> = self
+            .outputs
+            .iter()
+            .filter(|o| matches!(&o.binding, Some(Binding::Location { .. })))
+            .filter(|o| module.types[o.ty].inner.scalar_kind() == Some(ScalarKind::Float))
+            .map(|o| width(&module.types[o.ty].inner))
+            .collect();
+        widths.into_iter().collect()
+    }
+}
+
+/// Components of a scalar or a vector.
+pub fn width(inner: &TypeInner) -> u8 {
+    match inner {
+        TypeInner::Vector { size, .. } => *size as u8,
+        _ => 1,
+    }
+}

@@ -1,0 +1,289 @@
+//! The part of a visibility buffer's shaders that does not depend on the author's code, as WGSL: ids, corners of triangles, and where in a triangle a pixel is.
+//!
+//! Barycentrics come from homogeneous edge functions (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997): with corners `(x, y, w)` and a
+//! pixel at `(X, Y)`, the edge function of corner `i` is proportional to the weight that the perspective-correct interpolation gives it, also where a `w` is negative or 0.
+//! The pixel is subtracted first, so that what cancels is small.
+
+use std::fmt::Write;
+
+use super::Words;
+use crate::fetch::{self, Names};
+use crate::geometry::Formats;
+use crate::plan::AttributeUse;
+
+/// How functions and variables of ours begin.
+pub const NAMES: Names = Names {
+    function: "visible",
+    variable: "visibility",
+};
+
+/// Bindings of our own: the draw's entry, the ids, the indices, and a stream for each attribute, in this order from `first` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slots {
+    pub group: u32,
+    pub first: u32,
+}
+
+impl Slots {
+    /// The draw's entry of the draw table.
+    pub const ENTRY: u32 = 0;
+    /// The texture of ids.
+    pub const IDS: u32 = 1;
+    /// The indices.
+    pub const INDICES: u32 = 2;
+    /// The first attribute's stream.
+    pub const STREAMS: u32 = 3;
+}
+
+/// The draw's entry, of so many attributes ([`crate::draw_table::Entry`]).
+pub fn entry(slots: Slots, attributes: usize) -> String {
+    let Slots { group, first } = slots;
+    let streams = match attributes {
+        0 => String::new(),
+        n => format!("\n    streams: array<vec4<u32>, {n}>,"),
+    };
+    format!(
+        "struct Visibility {{
+    first_id: u32,
+    instances: u32,
+    first_instance: u32,
+    number: u32,
+    first: u32,
+    index_bytes: u32,
+    base_vertex: u32,
+    triangle_bits: u32,
+    viewport: vec4<f32>,{streams}
+}}
+@group({group}) @binding({}) var<uniform> visibility: Visibility;
+",
+        first + Slots::ENTRY
+    )
+}
+
+/// What an id pass has: `visible_id_of(instance)`, and `visible_written(id)`, which is what is written of an id.
+pub fn ids(words: Words) -> String {
+    let (ty, written) = match words {
+        Words::Two => ("vec2<u32>", "id"),
+        Words::One => ("u32", "(id.x << visibility.triangle_bits) | id.y"),
+    };
+    format!(
+        "fn visible_id_of(instance: u32) -> u32 {{
+    return 1u + visibility.first_id + instance - visibility.first_instance;
+}}
+fn visible_written(id: vec2<u32>) -> {ty} {{
+    return {written};
+}}
+"
+    )
+}
+
+/// Corners of triangles and their attributes.
+pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> String {
+    let Slots { group, first } = slots;
+    let mut out = fetch::corners(NAMES, group, first + Slots::INDICES);
+    out.push_str(&fetch::attributes(
+        NAMES,
+        attributes,
+        (group, first + Slots::STREAMS),
+        formats,
+    ));
+    out
+}
+
+/// What a resolve pass has beside: what a pixel shows, and where in its triangle it is. `widths` are those of the varyings to interpolate.
+pub fn resolve(slots: Slots, widths: &[u8], words: Words) -> String {
+    let bits = "visibility.triangle_bits";
+    let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS, words, bits);
+    out.push_str(RESOLVE);
+    for width in widths {
+        let ty = match width {
+            1 => "f32".to_owned(),
+            n => format!("vec{n}<f32>"),
+        };
+        // Differences to the first, so that three equal values stay what they are.
+        let _ = write!(
+            out,
+            "fn visible_blend_{width}_(weights: vec3<f32>, a: {ty}, b: {ty}, c: {ty}) -> {ty} {{
+    return a + (b - a) * weights.y + (c - a) * weights.z;
+}}
+"
+        );
+    }
+    out
+}
+
+/// What a compute resolve has beside: pixels, and the colours to write by location and format, bound from `first` on.
+pub fn compute(group: u32, first: u32, targets: &[(u32, String)]) -> String {
+    let mut out = "fn visible_outside(id: vec3<u32>) -> bool {
+    let size = textureDimensions(visibility_ids);
+    return id.x >= size.x || id.y >= size.y;
+}
+fn visible_pixel(id: vec3<u32>) -> vec4<f32> {
+    return vec4<f32>(vec2<f32>(id.xy) + 0.5, 0.0, 1.0);
+}
+"
+    .to_owned();
+    for (binding, (location, format)) in (first..).zip(targets) {
+        let _ = write!(
+            out,
+            "@group({group}) @binding({binding}) var visibility_target_{location}_: texture_storage_2d<{format}, write>;
+fn visible_store_{location}_(id: vec3<u32>, color: vec4<f32>) {{
+    textureStore(visibility_target_{location}_, vec2<i32>(id.xy), color);
+}}
+"
+        );
+    }
+    out
+}
+
+/// The pass that clears the scene's colour: a triangle out of sight.
+pub fn clear(locations: &[u32]) -> String {
+    let members: String = locations
+        .iter()
+        .map(|l| format!("    @location({l}) color_{l}_: vec4<f32>,\n"))
+        .collect();
+    format!(
+        "struct VisibleCleared {{
+{members}}}
+@vertex
+fn vs_clear() -> @builtin(position) vec4<f32> {{
+    return vec4<f32>(2.0, 2.0, 0.0, 1.0);
+}}
+@fragment
+fn fs_clear() -> VisibleCleared {{
+    return VisibleCleared();
+}}
+"
+    )
+}
+
+/// The pass that counts the pixels of a draw.
+pub fn count(words: Words) -> String {
+    let slots = Slots { group: 0, first: 0 };
+    let mut out = entry(slots, 0);
+    out.push_str(&resolve(slots, &[], words));
+    out.push_str(
+        "@fragment
+fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+    if (!visible_is_ours(visible_id(at))) {
+        discard;
+    }
+    return vec4<f32>(1.0);
+}
+",
+    );
+    out
+}
+
+/// The ids, and `visible_id(at)`. `bits` is what holds the bits of a triangle, for ids of one word.
+fn texture_of_ids(group: u32, binding: u32, words: Words, bits: &str) -> String {
+    let read = match words {
+        Words::Two => "return texel.xy;".to_owned(),
+        Words::One => format!(
+            "let bits = {bits};
+    return vec2<u32>(texel.x >> bits, texel.x & ((1u << bits) - 1u));"
+        ),
+    };
+    format!(
+        "@group({group}) @binding({binding}) var visibility_ids: texture_2d<u32>;
+fn visible_id(at: vec4<f32>) -> vec2<u32> {{
+    let texel = textureLoad(visibility_ids, vec2<i32>(at.xy), 0);
+    {read}
+}}
+"
+    )
+}
+
+/// Bindings of the pass that tells draws apart: the ids, and the draw table.
+pub const CLASSIFY_IDS: u32 = 0;
+/// Bindings of the pass that tells draws apart: the ids, and the draw table.
+pub const CLASSIFY_TABLE: u32 = 1;
+
+/// The pass that tells draws apart: the number of the draw that a pixel shows, as a depth. It is the last draw whose first id is not past the pixel's.
+pub fn classify(words: Words) -> String {
+    let mut out = format!(
+        "@group(0) @binding({CLASSIFY_TABLE}) var<storage, read> visibility_table: array<u32>;\n"
+    );
+    out.push_str(&texture_of_ids(
+        0,
+        CLASSIFY_IDS,
+        words,
+        "visibility_table[0]",
+    ));
+    let _ = write!(
+        out,
+        "@vertex
+fn vs_classify(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {{
+    return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.0, 1.0);
+}}
+@fragment
+fn fs_classify(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {{
+    let id = visible_id(at).x;
+    if (id == 0u) {{
+        discard;
+    }}
+    var first = 0u;
+    var count = arrayLength(&visibility_table) - 1u;
+    while (count > 1u) {{
+        let half = count / 2u;
+        if (visibility_table[1u + first + half] < id) {{
+            first += half;
+            count -= half;
+        }} else {{
+            count = half;
+        }}
+    }}
+    return f32(first + 1u) / 16777216.0;
+}}
+"
+    );
+    out
+}
+
+const RESOLVE: &str = "fn visible_is_ours(id: vec2<u32>) -> bool {
+    return id.x - 1u - visibility.first_id < visibility.instances;
+}
+fn visible_instance(id: vec2<u32>) -> u32 {
+    return visibility.first_instance + id.x - 1u - visibility.first_id;
+}
+fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+    let inside = (at - visibility.viewport.xy) / visibility.viewport.zw;
+    let clip = vec2<f32>(inside.x * 2.0 - 1.0, 1.0 - inside.y * 2.0);
+    let p = a.xy - clip * a.w;
+    let q = b.xy - clip * b.w;
+    let r = c.xy - clip * c.w;
+    return vec3<f32>(q.x * r.y - q.y * r.x, r.x * p.y - r.y * p.x, p.x * q.y - p.y * q.x);
+}
+fn visible_inside(edges: vec3<f32>) -> vec3<f32> {
+    let turned = select(edges, -edges, edges.x + edges.y + edges.z < 0.0);
+    return max(turned, vec3<f32>());
+}
+fn visible_normalised(edges: vec3<f32>) -> vec3<f32> {
+    let sum = edges.x + edges.y + edges.z;
+    return select(edges / sum, vec3<f32>(1.0 / 3.0), sum == 0.0);
+}
+fn visible_linear(edges: vec3<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+    return visible_normalised(edges * vec3<f32>(a.w, b.w, c.w));
+}
+fn visible_position(at: vec2<f32>, weights: vec3<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec4<f32> {
+    let w = dot(weights, vec3<f32>(a.w, b.w, c.w));
+    return vec4<f32>(at, dot(weights, vec3<f32>(a.z, b.z, c.z)) / w, 1.0 / w);
+}
+fn visible_winding(a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> f32 {
+    return dot(a.xyw, cross(b.xyw, c.xyw));
+}
+fn visible_in_quad(at: vec2<f32>, x: u32, y: u32) -> vec2<f32> {
+    return vec2<f32>((vec2<u32>(at) & vec2<u32>(0xfffffffeu)) + vec2<u32>(x, y)) + 0.5;
+}
+fn visible_beside(at: vec2<f32>, x: u32, y: u32) -> vec2<f32> {
+    return vec2<f32>(vec2<u32>(at) ^ vec2<u32>(x, y)) + 0.5;
+}
+fn visible_away(at: vec2<f32>) -> vec2<f32> {
+    return 1.0 - 2.0 * vec2<f32>(vec2<u32>(at) & vec2<u32>(1u));
+}
+@vertex
+fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
+    let depth = f32(visibility.number + 1u) / 16777216.0;
+    return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
+}
+";

@@ -1,0 +1,100 @@
+//! Variables of a scene: what a sweep moves.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::{Error as Mismatch, StrDeserializer};
+
+use super::Error;
+use super::file::{FieldOrder, Setting};
+
+/// The value of a scene's variable.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(untagged, expecting = "a whole number, or a name")]
+pub enum Variable {
+    /// A whole number.
+    Number(u32),
+    /// A name.
+    Name(String),
+}
+
+impl Variable {
+    /// From a command line.
+    pub fn parse(text: &str) -> Self {
+        match text.replace('_', "").parse() {
+            Ok(number) => Self::Number(number),
+            Err(_) => Self::Name(text.to_owned()),
+        }
+    }
+}
+
+/// Variables by name.
+pub type Variables = BTreeMap<String, Variable>;
+
+/// The scene's variables, as they are set from outside.
+///
+/// # Errors
+/// One that the scene does not have.
+pub(super) fn set(own: &Variables, given: &Variables) -> Result<Variables, Error> {
+    let mut all = own.clone();
+    for (name, value) in given {
+        match all.get_mut(name) {
+            Some(slot) => *slot = value.clone(),
+            None => {
+                return Err(Error::new(format!("the scene has no variable `{name}`"))
+                    .suggest(name, own.keys().map(String::as_str)));
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// A variable's value.
+fn get<'v>(variables: &'v Variables, text: &str) -> Result<&'v Variable, Error> {
+    let Some(name) = text.strip_prefix('$') else {
+        return Err(Error::new(format!("`{text}` is no value here"))
+            .help("a variable is written with a dollar sign, \"$instances\" say"));
+    };
+    variables.get(name).ok_or_else(|| {
+        Error::new(format!("there is no variable `{name}`"))
+            .suggest(name, variables.keys().map(String::as_str))
+    })
+}
+
+impl Setting<u32> {
+    /// The number.
+    pub(super) fn number(&self, variables: &Variables) -> Result<u32, Error> {
+        match self {
+            Self::Value(value) => Ok(*value),
+            Self::Variable(name) => match get(variables, name)? {
+                Variable::Number(number) => Ok(*number),
+                Variable::Name(text) => Err(Error::new(format!(
+                    "the variable `{}` is `{text}`, and a whole number is asked for",
+                    name.trim_start_matches('$')
+                ))),
+            },
+        }
+    }
+}
+
+impl Setting<FieldOrder> {
+    /// The order.
+    pub(super) fn order(&self, variables: &Variables) -> Result<FieldOrder, Error> {
+        let name = match self {
+            Self::Value(value) => return Ok(*value),
+            Self::Variable(name) => name,
+        };
+        let read = |text: &str| {
+            let words: StrDeserializer<'_, Mismatch> = text.into_deserializer();
+            FieldOrder::deserialize(words).map_err(|_| {
+                Error::new(format!("`{text}` is no order of copies"))
+                    .help("ascending, descending and shuffled are")
+            })
+        };
+        match get(variables, name)? {
+            Variable::Name(text) => read(text),
+            Variable::Number(number) => read(&number.to_string()),
+        }
+    }
+}

@@ -1,0 +1,537 @@
+//! A visibility buffer draws what forward shading draws: the same pixels covered, at the same depths, and colours that differ by what rounding does.
+#![cfg(feature = "verify")]
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod render_support;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{Mat4, Vec3};
+use preshade::measure::{self, Counter};
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::state::{CullMode, FrontFace};
+use preshade::recipe::Recipe;
+use preshade::render::{Rendered, SceneInputs, ShaderForm};
+use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
+use render_support::*;
+
+/// The forms that must all draw alike.
+const FORMS: [&str; 7] = [
+    "visibility-buffer",
+    "visibility-buffer:select=id",
+    "visibility-buffer:ids=unindexed",
+    "visibility-buffer:form=compute",
+    "visibility-buffer:formats=any",
+    "visibility-buffer:words=one",
+    "visibility-buffer:words=one,ids=unindexed,form=compute",
+];
+
+fn split(plan: &Plan, recipe: &str) -> Plan {
+    let recipe = Recipe::parse([recipe]).unwrap();
+    recipe.apply(plan, &Facts::default()).unwrap()
+}
+
+fn refused(scene: &Scene) -> String {
+    let recipe = Recipe::parse(["visibility-buffer"]).unwrap();
+    let plan = &originals(scene)[0];
+    recipe.apply(plan, &Facts::default()).unwrap_err().code
+}
+
+/// How two pictures differ.
+#[derive(Debug, PartialEq)]
+struct Difference {
+    /// Pixels that one covers and the other does not.
+    coverage: usize,
+    depths: usize,
+    /// Pixels with another colour.
+    colors: usize,
+    /// Largest difference of a channel, in steps of 255.
+    most: u8,
+}
+
+/// `scene` has a clear colour that no surface gives.
+fn difference(before: &Rendered, after: &Rendered) -> Difference {
+    let [a, b] = [before, after].map(|r| r.colors[0].as_ref().unwrap());
+    let [da, db] = [before, after].map(|r| &r.depth.as_ref().unwrap().values);
+    let (mut coverage, mut colors, mut most) = (0, 0, 0);
+    let far = |depth: &f32| *depth == 1.0;
+    coverage += da.iter().zip(db).filter(|(a, b)| far(a) != far(b)).count();
+    for (p, q) in a.bytes.chunks_exact(4).zip(b.bytes.chunks_exact(4)) {
+        let by = p.iter().zip(q).map(|(p, q)| p.abs_diff(*q)).max().unwrap();
+        colors += usize::from(by > 0);
+        most = most.max(by);
+    }
+    Difference {
+        coverage,
+        depths: da
+            .iter()
+            .zip(db)
+            .filter(|(a, b)| a.to_bits() != b.to_bits())
+            .count(),
+        colors,
+        most,
+    }
+}
+
+/// Draws `scene` forward and in every form, asserts that the forms agree and that coverage and depth are the forward ones, and returns how colours differ.
+fn compared(scene: &Scene) -> Difference {
+    let plans = originals(scene);
+    let order = DrawOrder::AsGiven;
+    let forward = render_as(gpu(), scene, &plans, order, ShaderForm::Text);
+    let mut found: Option<Difference> = None;
+    for form in FORMS {
+        let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
+        let drawn = render_as(gpu(), scene, &split, order, ShaderForm::Text);
+        let difference = difference(&forward, &drawn);
+        assert_eq!((difference.coverage, difference.depths), (0, 0), "{form}");
+        if let Some(found) = &found {
+            assert_eq!(&difference, found, "{form}");
+        }
+        found = Some(difference);
+    }
+    // Something is in sight.
+    let depth = forward.depth.unwrap();
+    assert!(depth.values.iter().any(|d| *d < 1.0));
+    found.unwrap()
+}
+
+/// At most one step of 255 in at most one pixel of a thousand.
+fn assert_rounds(scene: &Scene) {
+    let difference = compared(scene);
+    let pixels = (scene.size[0] * scene.size[1]) as usize;
+    assert!(
+        difference.most <= 1 && difference.colors * 1000 <= pixels,
+        "{difference:?} of {pixels}"
+    );
+}
+
+fn floats(components: u32, data: Vec<f32>) -> Stream {
+    Stream::Float { components, data }
+}
+
+/// Triangles of these positions, with uvs of their x and y.
+fn mesh(positions: &[[f32; 3]], indices: Option<Vec<u32>>) -> Mesh {
+    let uvs = positions.iter().flat_map(|p| [p[0] * 0.5, p[1] * 0.5]);
+    Mesh {
+        name: "test".to_owned(),
+        vertex_count: positions.len() as u32,
+        streams: BTreeMap::from([
+            ("position".to_owned(), floats(3, positions.concat())),
+            ("uv".to_owned(), floats(2, uvs.collect())),
+        ]),
+        indices,
+        bounds: [Vec3::splat(-1.0), Vec3::splat(1.0)],
+    }
+}
+
+/// The frame at an angle and with perspective, its near plane at 0.1.
+fn perspective(mut scene: Scene, eye: Vec3, target: Vec3) -> Scene {
+    let frame = &mut scene.cameras[0].frames[0];
+    frame.view = glam::camera_look_at(eye, target);
+    frame.projection = Mat4::perspective_rh(1.0, 1.0, 0.1, 50.0);
+    frame.eye = eye;
+    scene
+}
+
+mod glam {
+    pub use ::glam::*;
+    pub fn camera_look_at(eye: Vec3, target: Vec3) -> Mat4 {
+        Mat4::look_at_rh(eye, target, Vec3::Y)
+    }
+}
+
+/// A material whose fragment stage is `body`, of an input `in` with `uv`, `world` and what `varyings` adds.
+fn shader(name: &str, declared: &str, varyings: &str, given: &str, body: &str) -> Material {
+    let source = format!(
+        "
+struct Camera {{ view_proj: mat4x4<f32> }}
+struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+{declared}
+struct Out {{ @builtin(position) at: vec4<f32>, @location(0) uv: vec2<f32>, @location(1) world: vec3<f32>, {varyings} }}
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Out {{
+    let world = object.model * vec4(position, 1.0);
+    return Out(camera.view_proj * world, uv, world.xyz, {given});
+}}
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> {{ {body} }}
+"
+    );
+    let mut material = material(name, &source);
+    material.state.primitive.cull = CullMode::None;
+    material
+}
+
+const TEXTURES: &str = "@group(1) @binding(1) var albedo: texture_2d<f32>;
+@group(1) @binding(2) var relief: texture_2d<f32>;
+@group(1) @binding(3) var smooth_sampler: sampler;";
+
+/// A texture whose mip levels have a grey each.
+fn mips(levels: u32) -> Arc<Image> {
+    let size = 1 << (levels - 1);
+    Arc::new(Image {
+        size: [size, size],
+        layers: 1,
+        srgb: false,
+        levels: (0..levels)
+            .map(|level| {
+                let texels = ((size >> level) * (size >> level)) as usize;
+                let grey = (40 + level * 20) as u8;
+                [grey, 255 - grey, 90, 255].repeat(texels)
+            })
+            .collect(),
+    })
+}
+
+/// A soft pattern with all its mips.
+fn pattern() -> Arc<Image> {
+    let recipe = preshade::scene::image::Recipe {
+        pattern: Some(preshade::scene::image::Pattern::Noise),
+        size: 128,
+        ..Default::default()
+    };
+    Arc::new(recipe.generate())
+}
+
+/// A floor that reaches behind the viewer.
+fn floor(material: Material) -> Scene {
+    let mut scene = scene(
+        [128, 96],
+        vec![material],
+        vec![draw("floor", Mat4::IDENTITY, [0.9, 0.8, 0.7, 1.0])],
+    );
+    let corners = [
+        [-9.0, 0.0, -9.0],
+        [9.0, 0.0, -9.0],
+        [9.0, 0.0, 9.0],
+        [-9.0, 0.0, 9.0],
+    ];
+    scene.meshes = vec![mesh(&corners, Some(vec![0, 2, 1, 0, 3, 2]))];
+    // In world units: the mesh lies flat.
+    let uv = corners.iter().flat_map(|p| [p[0] * 0.3, p[2] * 0.3]);
+    scene.meshes[0]
+        .streams
+        .insert("uv".to_owned(), floats(2, uv.collect()));
+    perspective(scene, Vec3::new(0.3, 1.1, 2.0), Vec3::new(0.0, 0.6, -1.0))
+}
+
+#[test]
+fn triangles_that_reach_behind_the_viewer() {
+    let waves = "return vec4(0.5 + 0.4 * sin(in.world * 3.0), 1.0) * object.tint;";
+    assert_rounds(&floor(shader("waves", "", "", "", waves)));
+}
+
+#[test]
+fn every_varying_by_its_own_interpolation() {
+    let scene = floor(shader(
+        "kinds",
+        "",
+        "@location(2) @interpolate(flat) first: vec2<u32>, @location(3) @interpolate(linear) screen: vec2<f32>, @location(4) @interpolate(flat) corner: f32,",
+        "vec2(index, instance), uv, f32(index)",
+        "return vec4(fract(f32(in.first.x) * 0.3), 0.5 + 0.1 * in.screen.x, 0.5 + 0.1 * in.uv.y, 1.0) * vec4(1.0, 1.0, 1.0 - 0.1 * in.corner, 1.0);",
+    ));
+    // A linear varying has no place behind the viewer: what drivers make of it there is theirs.
+    let scene = perspective(scene, Vec3::new(0.3, 6.0, 18.0), Vec3::ZERO);
+    assert_rounds(&scene);
+}
+
+#[test]
+fn builtins_are_made_again() {
+    let source = shader("builtins", "", "", "", "return vec4(1.0);");
+    let text = source.program.author_text().unwrap();
+    let stage =
+        "@fragment fn fs(in: Out, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    let side = select(0.2, 0.9, front);
+    return vec4(side, in.at.x / 128.0, in.at.z * 0.9, 0.5 + 0.05 * in.at.w) * 0.9;
+}";
+    let text = format!("{}{stage}", &text[..text.find("@fragment").unwrap()]);
+    for winding in [FrontFace::Ccw, FrontFace::Cw] {
+        let mut material = material("builtins", &text);
+        material.state.primitive.cull = CullMode::None;
+        material.state.primitive.front_face = winding;
+        let mut scene = floor(material);
+        let mut turned = scene.draws[0].clone();
+        turned.name = "turned".to_owned();
+        turned.transform = Mat4::from_rotation_x(2.2) * Mat4::from_scale(Vec3::splat(0.1));
+        scene.draws.push(turned);
+        assert_rounds(&scene);
+    }
+}
+
+#[test]
+fn slivers_keep_their_colours() {
+    // A fan of triangles as thin as a hundredth of a pixel.
+    let mut positions = vec![[0.0, 0.0, 0.5]];
+    let mut indices = Vec::new();
+    for i in 0..180_u32 {
+        let turn = i as f32 * std::f32::consts::TAU / 180.0;
+        for (out, bend) in [(1.4, 0.0), (1.4, 0.0005 * (i % 7) as f32)] {
+            let turn = turn + bend;
+            positions.push([out * turn.cos(), out * turn.sin(), 0.5]);
+        }
+        indices.extend([0, 1 + 2 * i, 2 + 2 * i]);
+    }
+    let body = "return vec4(0.5 + 0.2 * in.uv, 0.5, 1.0) * object.tint;";
+    let mut scene = scene(
+        [128, 128],
+        vec![shader("slivers", "", "", "", body)],
+        vec![draw("fan", Mat4::IDENTITY, [0.9, 0.8, 0.7, 1.0])],
+    );
+    scene.meshes = vec![mesh(&positions, Some(indices))];
+    assert_rounds(&scene);
+}
+
+/// Three draws in two materials: 16-bit indices, 32-bit indices, and none.
+fn three_draws() -> Scene {
+    let body = "let base = textureSample(albedo, smooth_sampler, in.uv * 2.0);
+    return vec4(base.rgb * (0.6 + 0.4 * sin(in.world.x * 4.0)), 1.0) * object.tint;";
+    let other = "let base = textureSample(relief, smooth_sampler, in.uv.yx * 3.0);
+    return vec4(base.bgr, 1.0) * object.tint;";
+    let mut materials = vec![
+        shader("one", TEXTURES, "", "", body),
+        shader("other", TEXTURES, "", "", other),
+    ];
+    materials[0].textures.insert("albedo".to_owned(), pattern());
+    materials[1].textures.insert("relief".to_owned(), mips(6));
+    let quad = [
+        [-1.0, -1.0, 0.0],
+        [1.0, -1.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [-1.0, 1.0, 0.0],
+    ];
+    let at = |x: f32, z: f32| {
+        Mat4::from_translation(Vec3::new(x, 0.0, z)) * Mat4::from_rotation_y(0.7 * x)
+    };
+    let mut draws: Vec<_> = [(0.0, 0.0), (-0.8, -0.5), (0.7, 0.4)]
+        .into_iter()
+        .enumerate()
+        .map(|(i, (x, z))| {
+            let mut d = draw(&format!("draw {i}"), at(x, z), [0.9, 0.8, 0.9, 1.0]);
+            (d.mesh, d.material) = (i, i % 2);
+            d
+        })
+        .collect();
+    // An instanced one behind them, whose instances differ by number alone.
+    let mut many = draws[0].clone();
+    many.name = "many".to_owned();
+    many.instances = 3;
+    many.transform = at(0.2, -1.5) * Mat4::from_scale(Vec3::splat(2.0));
+    draws.insert(1, many);
+    let mut scene = scene([160, 120], materials, draws);
+    // More vertices than 16 bits count, most of them unused.
+    let mut wide: Vec<[f32; 3]> = vec![[5.0, 5.0, 5.0]; 66_000];
+    wide.extend(quad);
+    let last = wide.len() as u32 - 4;
+    let unindexed = [0, 1, 2, 0, 2, 3].map(|i| quad[i]);
+    scene.meshes = vec![
+        mesh(&quad, Some(vec![0, 1, 2, 0, 2, 3])),
+        mesh(&wide, Some([0, 1, 2, 0, 2, 3].map(|i| i + last).to_vec())),
+        mesh(&unindexed, None),
+    ];
+    perspective(scene, Vec3::new(0.4, 0.8, 3.2), Vec3::ZERO)
+}
+
+#[test]
+fn draws_of_several_materials_and_index_formats() {
+    assert_rounds(&three_draws());
+}
+
+#[test]
+fn each_pixel_is_shaded_once() {
+    let scene = three_draws();
+    let inputs = SceneInputs::new(gpu(), &scene).unwrap();
+    for form in FORMS {
+        let plans: Vec<Plan> = originals(&scene).iter().map(|p| split(p, form)).collect();
+        let mut counter =
+            Counter::shaded(&inputs, &plans, ShaderForm::Text, measure::counting).unwrap();
+        let frame = &scene.cameras[0].frames[0];
+        inputs.set_frame(frame).unwrap();
+        let counted = counter.count(frame, DrawOrder::BackToFront).unwrap();
+        assert!(counted.covered > 1000);
+        assert_eq!(counted.fragments, counted.covered, "{form}");
+    }
+}
+
+#[test]
+fn gradients_choose_the_mips_that_forward_shading_chooses() {
+    let body = "return textureSample(albedo, smooth_sampler, in.uv * 4.0) * object.tint;";
+    let mut material = shader("mips", TEXTURES, "", "", body);
+    material.textures.insert("albedo".to_owned(), mips(8));
+    let difference = compared(&floor(material));
+    let pixels = 128 * 96;
+    // A level more or less is 20 steps of grey: the level is the same to a twentieth. How a level is rounded, implicit or from gradients, no language says.
+    assert!(
+        difference.most <= 1 && difference.colors * 50 <= pixels,
+        "{difference:?}"
+    );
+}
+
+#[test]
+fn a_biased_sample_and_a_sample_of_a_sample() {
+    let body = "let wave = textureSample(relief, smooth_sampler, in.uv).xy;
+    let base = textureSampleBias(albedo, smooth_sampler, in.uv + wave * 0.2, 1.0);
+    let other = textureSampleBias(albedo, smooth_sampler, in.uv * 2.0, in.uv.x);
+    return vec4(mix(base.rgb, other.rgb, 0.3), 1.0) * object.tint;";
+    let mut material = shader("dependent", TEXTURES, "", "", body);
+    material.textures.insert("albedo".to_owned(), pattern());
+    material.textures.insert("relief".to_owned(), pattern());
+    let difference = compared(&floor(material));
+    assert!(
+        difference.most <= 2 && difference.colors < 128 * 96 / 20,
+        "{difference:?}"
+    );
+}
+
+#[test]
+fn derivatives_by_name_and_in_called_functions() {
+    let declared = "fn soft(v: f32) -> f32 { return fwidth(v) * 2.0; }
+fn twice(v: f32) -> f32 { return soft(v) + soft(v * 0.5); }";
+    let body = "return vec4(0.3 + twice(in.uv.x), 0.3 + dpdx(in.uv.y), 0.3 - dpdyFine(in.uv.y) + dpdxCoarse(in.uv.x), 1.0) * object.tint;";
+    let difference = compared(&floor(shader("derived", declared, "", "", body)));
+    assert!(difference.most <= 1, "{difference:?}");
+}
+
+#[test]
+fn holes_and_written_depths() {
+    let declared = TEXTURES;
+    let body = "if textureSample(albedo, smooth_sampler, in.uv).g < 0.5 { discard; }
+    return vec4(0.5 + 0.3 * sin(in.world), 1.0) * object.tint;";
+    let mut holes = shader("holes", declared, "", "", body);
+    holes.textures.insert("albedo".to_owned(), pattern());
+    let mut scene = floor(holes);
+    assert_rounds(&scene);
+    let text = scene.materials[0].program.author_text().unwrap().to_owned();
+    let stage = "struct Written { @location(0) color: vec4<f32>, @builtin(frag_depth) depth: f32 }
+@fragment fn fs(in: Out) -> Written {
+    if in.uv.x > 2.0 { discard; }
+    return Written(vec4(0.5 + 0.3 * sin(in.world), 1.0) * object.tint, in.at.z * 0.5);
+}";
+    let text = format!("{}{stage}", &text[..text.find("@fragment").unwrap()]);
+    let mut material = material("written", &text);
+    material.state.primitive.cull = CullMode::None;
+    scene.materials = vec![material];
+    assert_rounds(&scene);
+}
+
+#[test]
+fn what_was_hoisted_is_split_too() {
+    let body = "let n = normalize(in.world + vec3(0.0, 3.0, 0.0));
+    return vec4(0.5 + 0.4 * n * object.tint.rgb, 1.0);";
+    let mut scene = floor(shader("hoisted", "", "", "", body));
+    let tint = Value::Numbers(vec![0.9, 0.7, 0.5, 1.0]);
+    scene.draws[0].values.insert("object.tint".to_owned(), tint);
+    let recipe = Recipe::parse_list("hoist:budget=1,finite=assumed").unwrap();
+    let hoisted: Vec<Plan> = originals(&scene)
+        .iter()
+        .map(|p| recipe.apply(p, &Facts::default()).unwrap())
+        .collect();
+    let split: Vec<Plan> = hoisted
+        .iter()
+        .map(|p| split(p, "visibility-buffer"))
+        .collect();
+    let [a, b] = [&hoisted, &split]
+        .map(|p| render_as(gpu(), &scene, p, DrawOrder::AsGiven, ShaderForm::Text));
+    let difference = difference(&a, &b);
+    assert_eq!((difference.coverage, difference.depths), (0, 0));
+    assert!(difference.most <= 1, "{difference:?}");
+}
+
+#[test]
+fn a_neighbour_that_is_not_split_is_drawn_behind() {
+    let mut scene = three_draws();
+    let state = format!("{TEXTURES} var<private> seen: f32;");
+    let body = "seen = 0.7; return vec4(in.uv + seen, 0.5, 1.0) * object.tint;";
+    scene.materials[1] = shader("other", &state, "", "", body);
+    let plans = originals(&scene);
+    let order = DrawOrder::AsGiven;
+    let forward = render_as(gpu(), &scene, &plans, order, ShaderForm::Text);
+    for form in FORMS {
+        let recipe = Recipe::parse_list(form).unwrap();
+        let variant = measure::variant(&plans, &recipe, &Facts::default());
+        let kept: Vec<&str> = variant.kept.iter().map(|k| k.material.as_str()).collect();
+        assert_eq!(kept, ["other"]);
+        let drawn = render_as(gpu(), &scene, &variant.plans, order, ShaderForm::Text);
+        let difference = difference(&forward, &drawn);
+        assert_eq!((difference.coverage, difference.depths), (0, 0), "{form}");
+        assert!(
+            difference.most <= 1 && difference.colors < 20,
+            "{difference:?}"
+        );
+    }
+}
+
+#[test]
+fn a_neighbour_that_moves_depth_keeps_it_from_being_split() {
+    let mut scene = three_draws();
+    scene.materials[1].state.depth_compare = Some(preshade::passes::state::CompareFunction::Always);
+    let plans = originals(&scene);
+    let recipe = Recipe::parse(["visibility-buffer"]).unwrap();
+    let variant = measure::variant(&plans, &recipe, &Facts::default());
+    let why: Vec<&str> = variant.kept.iter().map(|k| k.why.as_str()).collect();
+    assert!(why[0].contains("compare"), "{why:?}");
+    assert!(why[1].contains("neighbour-moves-depth"), "{why:?}");
+}
+
+#[test]
+fn it_is_not_split_behind_a_prepass_nor_twice() {
+    let scene = three_draws();
+    let plan = &originals(&scene)[0];
+    for (recipe, code) in [
+        ("depth-prepass,visibility-buffer", "has-prepass"),
+        ("visibility-buffer,depth-prepass", "no-main-pass"),
+        ("visibility-buffer,visibility-buffer", "no-main-pass"),
+    ] {
+        let recipe = Recipe::parse_list(recipe).unwrap();
+        let refusal = recipe.apply(plan, &Facts::default()).unwrap_err();
+        assert_eq!(refusal.code, code);
+    }
+}
+
+#[test]
+fn what_cannot_be_split_is_refused() {
+    let plain = || shader("plain", TEXTURES, "", "", "return object.tint;");
+    let with = |change: &dyn Fn(&mut Material)| {
+        let mut material = plain();
+        change(&mut material);
+        refused(&floor(material))
+    };
+    assert_eq!(
+        with(&|m| m.state.primitive.topology = preshade::passes::state::Topology::TriangleStrip),
+        "topology"
+    );
+    assert_eq!(with(&|m| m.state.multisample.count = 4), "multisampled");
+    let looped = "var sum = vec4(0.0);
+    for (var i = 0; i < 3; i++) { sum += textureSample(albedo, smooth_sampler, in.uv * f32(i)); }
+    return sum;";
+    assert_eq!(
+        refused(&floor(shader("looped", TEXTURES, "", "", looped))),
+        "gradient-in-loop"
+    );
+    let compared = "@group(1) @binding(1) var map: texture_depth_2d;
+@group(1) @binding(2) var compare: sampler_comparison;";
+    let body = "return object.tint * textureSampleCompare(map, compare, in.uv, 0.5);";
+    assert_eq!(
+        refused(&floor(shader("shadowed", compared, "", "", body))),
+        "no-gradient-form"
+    );
+    let state = "var<private> seen: f32;";
+    let body = "seen = in.uv.x; return object.tint * seen;";
+    assert_eq!(
+        refused(&floor(shader("state", state, "", "", body))),
+        "fragment-state"
+    );
+}
+
+#[test]
+fn the_emitted_text_and_the_ir_draw_alike() {
+    let scene = three_draws();
+    let plans: Vec<Plan> = originals(&scene)
+        .iter()
+        .map(|p| split(p, "visibility-buffer"))
+        .collect();
+    let [text, ir] = [ShaderForm::Text, ShaderForm::Ir]
+        .map(|form| render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, form));
+    assert_eq!(text, ir);
+}
