@@ -221,13 +221,13 @@ fn refuse(why: Failed) -> Refusal {
 
 fn nothing_pays(weakest: Class) -> Refusal {
     let remedy = match weakest {
-        Class::Smooth => "tessellate, or leave it",
+        Class::Smooth => "leave it; explain lists what stays, and why each does",
         _ => "give a budget (budget=0.01) if the picture may differ a little",
     };
     Refusal::new(
         Hoist::INFO.name,
         "nothing-pays",
-        "no value of the fragment stage is cheaper to carry than to compute",
+        "no value that may travel saves a fragment more than carrying it costs",
         remedy,
     )
 }

@@ -38,10 +38,11 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
             *plan = original.clone();
         }
     }
-    let name = recipe.to_string();
+    // A choice that rests on measurement is kept as what it chose.
+    let written = super::written_out(recipe, facts);
     Variant {
-        recipe: name.clone(),
-        name,
+        recipe: written.as_ref().unwrap_or(recipe).to_string(),
+        name: recipe.to_string(),
         plans,
         kept,
     }

@@ -143,9 +143,10 @@ impl Params {
         let least = measured
             .filter(|f| self.metric.of(f) > threshold)
             .min_by(|a, b| self.metric.of(a).total_cmp(&self.metric.of(b)));
+        let allowed = self.budget.unwrap_or(threshold);
         least.map_or(String::new(), |f| {
             format!(
-                "; of those that may differ `{}` ({:.0} ops) does least harm, an error of {:.4} ({}) where {threshold} is allowed",
+                "; of those that may differ `{}` ({:.0} ops) does least harm, an error of {:.4} ({}) by itself where {allowed} is allowed",
                 f.name,
                 f.cost,
                 self.metric.of(f),

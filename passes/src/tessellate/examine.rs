@@ -148,8 +148,14 @@ impl<'a> Material<'a> {
     ) -> Result<Vec<String>, Box<Refusal>> {
         let slots = Slots::free(self.program.module());
         let built = self.at_load(slots, &Subdivision::new(params.pattern, 1, Form::Static));
-        let (compute, entry, _) =
-            built.map_err(|why| Box::new(Refusal::bug(Tessellate::INFO.name, why)))?;
+        let (compute, entry, _) = built.map_err(|why| match why.as_str() {
+            fixed::NO_CORNERS => refuse(
+                "no-attributes",
+                "what was hoisted reads no vertex buffer (its vertices are made from their index), which work at load does not follow",
+                "take form=shared",
+            ),
+            _ => Box::new(Refusal::bug(Tessellate::INFO.name, why)),
+        })?;
         let bindings = reflect::bindings(
             &compute,
             &[(ShaderStage::Compute, &entry)],

@@ -24,6 +24,9 @@ use crate::plan::{BindingSource, BindingUse};
 use crate::program::Program;
 use crate::slice::{self, Criterion, OutputFilter};
 
+/// Why nothing is computed at load where the slice reads neither the corners nor the place between them.
+pub const NO_CORNERS: &str = "what was hoisted does not know its vertex";
+
 /// `functions`' module with a compute entry point `name` that stores what was hoisted alone, of every new vertex. `program` is any of the source that the module is from.
 ///
 /// # Errors
@@ -63,7 +66,7 @@ pub fn kept(
         result.binding = None;
     }
     if function.arguments.len() != 2 {
-        return Err("what was hoisted does not know its vertex".to_owned());
+        return Err(NO_CORNERS.to_owned());
     }
     let function = module.functions.append(function, Span::UNDEFINED);
     let functions = Functions {
