@@ -231,7 +231,9 @@ fn find(name: &str) -> Result<&'static dyn AnyPass, RecipeError> {
 /// The steps of [`Recipe::parse_list`], apart.
 pub(crate) fn split_list(text: &str) -> Vec<String> {
     let mut steps: Vec<String> = Vec::new();
-    for part in text.split(',') {
+    // As a recipe is printed; a `+` without spaces joins values.
+    let parts = text.split(" + ").flat_map(|steps| steps.split(','));
+    for part in parts {
         match steps.last_mut() {
             Some(step) if part.contains('=') && !part.contains(':') => {
                 step.push(if step.contains(':') { ',' } else { ':' });
@@ -258,7 +260,7 @@ impl Recipe {
     }
 
     /// Reads steps separated by commas, `depth-prepass:form=equal,vertex=sliced,early-discard`: a part with an equals sign and no colon belongs to the step
-    /// before it.
+    /// before it. What [`Recipe`] prints, with ` + ` between steps, is read too.
     ///
     /// # Errors
     /// As [`Step::parse`].
@@ -346,5 +348,20 @@ impl fmt::Display for Recipe {
             write!(f, "{}{step}", if i == 0 { "" } else { " + " })?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_printed_is_read() {
+        let text = "hoist:budget=0.05,carry=ab.1+cd,tessellate:form=shared,level=3,depth-prepass";
+        let recipe = Recipe::parse_list(text).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(recipe.steps.len(), 3);
+        let printed = recipe.to_string();
+        assert!(printed.contains("carry=ab.1+cd + tessellate:"), "{printed}");
+        assert_eq!(Recipe::parse_list(&printed).ok(), Some(recipe));
     }
 }
