@@ -16,7 +16,9 @@ fn frequencies(name: &str) -> Vec<Frequency> {
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
     let scene = preshade::scene::load(&path).unwrap().resized([96, 54]);
-    measure::frequencies(gpu(), &scene, ShaderForm::Text, &mut |_| {}).unwrap()
+    let form = ShaderForm::Text;
+    let found = measure::frequencies(gpu(), &scene, form, &mut |_| {}).unwrap();
+    measure::interpolations(gpu(), &scene, form, found, &mut |_| {}).unwrap()
 }
 
 #[test]

@@ -137,7 +137,14 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
     let gpu = Gpu::new(&choice)?;
     let form = ShaderForm::Text;
     let mut facts = measure::facts(&gpu, &scene, form, measure::counting)?;
-    facts.frequencies = measure::frequencies(&gpu, &scene, form, &mut |_| {})?;
+    let bar = output::bar();
+    bar.set_message("measuring what can be interpolated");
+    let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
+    facts.frequencies = measure::frequencies(&gpu, &scene, form, &mut progress)?;
+    bar.set_message("bounding how far it is off");
+    facts.frequencies =
+        measure::interpolations(&gpu, &scene, form, facts.frequencies, &mut progress)?;
+    bar.finish_and_clear();
     Ok(facts)
 }
 

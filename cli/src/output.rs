@@ -27,3 +27,15 @@ pub fn json(value: &impl serde::Serialize) -> Result<(), Failure> {
 pub fn message(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", text.trim_end());
 }
+
+/// Progress on a terminal, of 1000 steps; nothing where messages go elsewhere.
+pub fn bar() -> indicatif::ProgressBar {
+    if !std::io::IsTerminal::is_terminal(&std::io::stderr()) {
+        return indicatif::ProgressBar::hidden();
+    }
+    let bar = indicatif::ProgressBar::new(1000);
+    if let Ok(style) = indicatif::ProgressStyle::with_template("{bar:30} {elapsed} {wide_msg}") {
+        bar.set_style(style);
+    }
+    bar
+}

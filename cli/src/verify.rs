@@ -1,10 +1,9 @@
 //! `preshade verify`: a scene drawn with the original and its variants, what each costs in accuracy and gains in time.
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use preshade::measure::crossover::{Point, Series};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
 use preshade::passes::pass::Facts;
@@ -190,7 +189,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::new(&choice)?;
-    let bar = bar();
+    let bar = output::bar();
     let Some(axis) = &args.sweep else {
         let outcome = measured(args, &gpu, &first, &sweeps, &bar)?;
         bar.finish_and_clear();
@@ -485,17 +484,6 @@ fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
-}
-
-fn bar() -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(1000);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {elapsed} {wide_msg}") {
-        bar.set_style(style);
-    }
-    bar
 }
 
 /// The command as it was typed, without the folder of the binary.

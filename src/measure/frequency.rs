@@ -60,18 +60,13 @@ pub fn frequencies(
             continue;
         };
         let worst = worst(&references, &drawn)?;
-        let materials: Vec<usize> = carried.iter().map(|(material, _)| **material).collect();
-        // What cannot be evaluated away from a picture is still known by it.
-        let interpolation =
-            interpolation(&inputs, &plans, &materials, id, form).unwrap_or_default();
-        let bound = bounds::bound(scene, &plans, &materials, id);
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
             value: id.clone(),
             name: candidate.name.clone(),
             cost: candidate.cost,
-            interpolation,
-            bound: bound.clone(),
+            interpolation: None,
+            bound: None,
             max_abs: worst.max_abs,
             flip_mean: worst.flip_mean,
             flip_p99: worst.flip_p99,
@@ -80,6 +75,41 @@ pub fn frequencies(
         }));
     }
     Ok(measured)
+}
+
+/// The same, with how far each value itself is from its interpolation, evaluated and proved: what no choice rests on, and takes a while.
+///
+/// # Errors
+/// As [`SceneInputs::new`].
+pub fn interpolations(
+    gpu: &Gpu,
+    scene: &Scene,
+    form: ShaderForm,
+    mut frequencies: Vec<Frequency>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Frequency>, Error> {
+    let inputs = SceneInputs::new(gpu, scene)?;
+    let plans = originals(scene);
+    let values: BTreeSet<String> = frequencies.iter().map(|f| f.value.clone()).collect();
+    for (done, value) in values.iter().enumerate() {
+        progress(done as f64 / values.len() as f64);
+        let mut of: Vec<&mut Frequency> = frequencies
+            .iter_mut()
+            .filter(|f| f.value == *value)
+            .collect();
+        let materials: Vec<usize> = (0..plans.len())
+            .filter(|m| of.iter().any(|f| f.material == plans[*m].material))
+            .collect();
+        // What cannot be evaluated away from a picture is still known by it.
+        let interpolation =
+            interpolation(&inputs, &plans, &materials, value, form).unwrap_or_default();
+        let bound = bounds::bound(scene, &plans, &materials, value);
+        for frequency in &mut of {
+            frequency.interpolation = interpolation;
+            frequency.bound.clone_from(&bound);
+        }
+    }
+    Ok(frequencies)
 }
 
 /// Most pixels of the pictures that candidates are measured on. How far interpolation is off is a matter of the triangles; whether a budget is kept is

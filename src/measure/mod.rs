@@ -22,7 +22,7 @@ pub mod verify;
 
 pub use changing::changing;
 pub use error::{ErrorLadder, compare};
-pub use frequency::{frequencies, leaves_a_choice, within_budget, written_out};
+pub use frequency::{frequencies, interpolations, leaves_a_choice, within_budget, written_out};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
