@@ -480,13 +480,14 @@ fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
         .filter_map(|(id, _)| {
             let (context, expression, _) = values.expression(*id)?;
             let base = name(values, *id).unwrap_or_else(|| "carried".to_owned());
-            // Letters: a writer that keeps names apart by numbers would add its own to a digit.
-            let letters = ('b'..='z').map(|l| format!("{base}_{l}"));
-            let name = std::iter::once(base.clone())
-                .chain(letters)
-                .find(|n| !taken.contains(n))
-                .unwrap_or(base);
-            taken.insert(name.clone());
+            let mut name = base.clone();
+            // The first of a name has it as it is.
+            for i in 1.. {
+                if taken.insert(name.clone()) {
+                    break;
+                }
+                name = format!("{base}_{}", pack::letters(i));
+            }
             let f = values.function(context);
             let inner = f.ty(values.graph.module(), expression).clone();
             Some(Wanted {
