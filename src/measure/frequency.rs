@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::hoist::{self, Hoist, Metric};
+use preshade_passes::graph::Graph;
+use preshade_passes::hoist::{self, Candidate, Candidates, Hoist, Metric, Stages};
 use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::plan::Plan;
 
@@ -31,15 +32,25 @@ pub fn frequencies(
     let plans = originals(scene);
     let frames = choosing(scene);
     let references = pictures(&inputs, &plans, &frames, form)?;
+    // What is found of a stage once is there for all of its candidates. A material that nothing can be hoisted in has none.
+    let stages: Vec<Option<Stages<'_>>> = plans.iter().map(|p| Stages::of(p).ok()).collect();
+    let graphs: Vec<Option<Graph<'_>>> = stages
+        .iter()
+        .map(|s| s.as_ref().map(Stages::graph))
+        .collect();
+    let found: Vec<Option<Candidates<'_, '_>>> = stages
+        .iter()
+        .zip(&graphs)
+        .map(|(stages, graph)| Candidates::new(stages.as_ref()?, graph.as_ref()?).ok())
+        .collect();
     // Materials of one shader have the same candidates, and are measured together.
-    let mut candidates: BTreeMap<String, Vec<(usize, hoist::Candidate)>> = BTreeMap::new();
-    for (material, plan) in plans.iter().enumerate() {
-        for candidate in hoist::candidates(plan).unwrap_or_default() {
-            let id = candidate.id.clone();
-            candidates
-                .entry(id)
-                .or_default()
-                .push((material, candidate));
+    let mut candidates: BTreeMap<&str, Vec<(usize, &Candidates<'_, '_>, &Candidate)>> =
+        BTreeMap::new();
+    for (material, found) in found.iter().enumerate() {
+        let Some(found) = found else { continue };
+        for candidate in found.list() {
+            let of = candidates.entry(&candidate.id).or_default();
+            of.push((material, found, candidate));
         }
     }
     let mut measured = Vec::new();
@@ -48,8 +59,8 @@ pub fn frequencies(
         let mut changed = plans.clone();
         let carried: Vec<_> = of
             .iter()
-            .filter_map(|(material, candidate)| {
-                changed[*material] = hoist::alone(&plans[*material], id).ok()?;
+            .filter_map(|(material, found, candidate)| {
+                changed[*material] = found.alone(id).ok()?;
                 Some((material, candidate))
             })
             .collect();
@@ -62,7 +73,7 @@ pub fn frequencies(
         let worst = worst(&references, &drawn)?;
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
-            value: id.clone(),
+            value: (*id).to_owned(),
             name: candidate.name.clone(),
             cost: candidate.cost,
             interpolation: None,
