@@ -7,7 +7,7 @@ mod render_support;
 use std::path::Path;
 
 use preshade::measure;
-use preshade::passes::pass::{Bound, Frequency};
+use preshade::passes::pass::{Bound, Facts, Frequency};
 use preshade::render::ShaderForm;
 use render_support::gpu;
 
@@ -17,7 +17,7 @@ fn frequencies(name: &str) -> Vec<Frequency> {
         .join(format!("{name}.toml"));
     let scene = preshade::scene::load(&path).unwrap().resized([96, 54]);
     let form = ShaderForm::Text;
-    let found = measure::frequencies(gpu(), &scene, form, &mut |_| {}).unwrap();
+    let found = measure::frequencies(gpu(), &scene, &Facts::default(), form, &mut |_| {}).unwrap();
     measure::interpolations(gpu(), &scene, form, found, &mut |_| {}).unwrap()
 }
 
