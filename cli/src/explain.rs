@@ -281,7 +281,9 @@ fn print(explained: &Explained, plan: &Plan) -> String {
                     (short(i.max), short(i.range))
                 });
             let bound = match &f.bound {
-                Some(Bound::Proved { max, triangles, of }) => {
+                Some(Bound::Proved {
+                    max, triangles, of, ..
+                }) => {
                     let part = if triangles < of { "*" } else { "" };
                     format!("{}{part}", short(*max))
                 }

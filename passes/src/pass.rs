@@ -221,14 +221,20 @@ pub struct Interpolation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Bound {
-    /// By this much at most, in the value's own unit, roundings apart.
+    /// By `max` and `roundings` together at most, in the value's own unit, in the frames that were looked at.
     Proved {
-        /// The bound.
+        /// The bound in real numbers.
         max: f64,
+        /// What an adapter's roundings, as WGSL allows them, make it more by at most.
+        #[serde(default)]
+        roundings: f64,
         /// Triangles that it was proved for, in all frames together.
         triangles: u64,
         /// Triangles there are in those frames: where they are more, they were taken evenly.
         of: u64,
+        /// Frames it was proved for: the first and the middle one of every camera's path.
+        #[serde(default)]
+        frames: u64,
     },
     /// No bound was found for some triangle.
     Unbounded {

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use preshade_passes::bound::{self, Affine};
-use preshade_passes::evaluate::{self, Environment, Number, Stuck, Value};
+use preshade_passes::bound::{self, Affine, Distance};
+use preshade_passes::evaluate::{self, Environment, Stuck, Value};
 use preshade_passes::hoist::{self, Computed};
 use preshade_passes::pass::Bound;
 use preshade_passes::plan::Plan;
@@ -15,8 +15,6 @@ use crate::scene::bind::{self, DrawBindings};
 
 /// Steps of the interpreter for a value, over all its triangles: where they would be more, fewer triangles are looked at.
 const MOST_STEPS: u64 = 1_500_000;
-/// Steps of the interpreter for one vertex.
-const STEPS: u64 = 200_000;
 /// Squared, the parts that a triangle is looked at in: in one first, and in more where that gives no bound, or the largest of all.
 const PARTS: [u32; 3] = [1, 4, 8];
 /// Triangles that are looked at more closely.
@@ -43,18 +41,20 @@ pub fn bound(scene: &Scene, plans: &[Plan], materials: &[usize], id: &str) -> Op
         }
     }
     match over(&mut drawn) {
-        Ok(Some((max, triangles))) => Some(Bound::Proved {
-            max,
+        Ok(Some((distance, triangles))) => Some(Bound::Proved {
+            max: distance.max,
+            roundings: distance.roundings,
             triangles,
             of: drawn.iter().map(|d| d.triangles).sum(),
+            frames: frames.len() as u64,
         }),
         Ok(None) => None,
         Err(why) => Some(Bound::Unbounded { why }),
     }
 }
 
-/// The largest bound over the triangles of all draws, and how many triangles that is over; `None` where there are none.
-fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
+/// The largest distance over the triangles of all draws, and how many triangles that is over; `None` where there are none.
+fn over(draws: &mut [Drawn]) -> Result<Option<(Distance, u64)>, String> {
     let of: u64 = draws.iter().map(|d| d.triangles).sum();
     let Some(first) = draws.iter_mut().find(|d| d.triangles > 0) else {
         return Ok(None);
@@ -66,7 +66,7 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
         for (draw, drawn) in draws.iter_mut().enumerate() {
             if at < drawn.triangles {
                 // Where it cannot be said in one, the parts may say it.
-                let bound = drawn.bound(at, PARTS[0]).unwrap_or(f64::INFINITY);
+                let bound = drawn.bound(at, PARTS[0]).unwrap_or(Distance::UNBOUNDED);
                 bounds.push((bound, draw, at));
                 break;
             }
@@ -74,26 +74,34 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
         }
     }
     // The largest is looked at in more parts, until it is still the largest or enough is done.
-    bounds.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut max = 0.0_f64;
+    bounds.sort_by(|a, b| b.0.max.total_cmp(&a.0.max));
+    let mut worst = NONE;
     for (i, (coarse, draw, at)) in bounds.iter().enumerate() {
-        if max >= *coarse || (i >= REFINED && coarse.is_finite()) {
-            max = max.max(*coarse);
+        if worst.max >= coarse.max || (i >= REFINED && coarse.max.is_finite()) {
+            let rest = bounds[i..].iter().map(|(bound, ..)| *bound);
+            worst = rest.fold(worst, Distance::or);
             break;
         }
         let drawn = &mut draws[*draw];
         let fine = drawn.bound(*at, PARTS[1]);
         let fine = match fine {
-            Ok(fine) if fine.is_finite() => fine,
+            Ok(fine) if fine.max.is_finite() => fine,
             _ => drawn.bound(*at, PARTS[2])?,
         };
-        if fine.is_infinite() {
+        if fine.max.is_infinite() {
             return Err("an operation may leave every bound within a triangle".to_owned());
         }
-        max = max.max(fine.min(*coarse));
+        // What roundings add belongs to the bound they are added to.
+        worst = worst.or(if fine.max < coarse.max { fine } else { *coarse });
     }
-    Ok(Some((max, triangles)))
+    Ok(Some((worst, triangles)))
 }
+
+/// Of nothing.
+const NONE: Distance = Distance {
+    max: 0.0,
+    roundings: 0.0,
+};
 
 /// A draw in one frame.
 struct Drawn {
@@ -122,7 +130,7 @@ impl Drawn {
         }
     }
 
-    fn bound(&mut self, triangle: u64, parts: u32) -> Result<f64, String> {
+    fn bound(&mut self, triangle: u64, parts: u32) -> Result<Distance, String> {
         let [a, b, c] = self.arguments(triangle)?;
         let Computed {
             module, function, ..
@@ -130,11 +138,11 @@ impl Drawn {
         let function = &module.functions[*function];
         let bounds = bound::over_triangle(module, function, [&a, &b, &c], &self.environment, parts);
         let bounds = bounds.map_err(said)?;
-        Ok(bounds.into_iter().fold(0.0, f64::max))
+        Ok(bounds.into_iter().fold(NONE, Distance::or))
     }
 
     /// What the value's function is called with at the corners of a triangle.
-    fn arguments(&mut self, triangle: u64) -> Result<[Vec<Value>; 3], String> {
+    fn arguments(&mut self, triangle: u64) -> Result<[Vec<Value<Affine>>; 3], String> {
         let each = u64::from(self.corners / 3).max(1);
         let (instance, first) = ((triangle / each) as u32, (triangle % each) as u32 * 3);
         let mut corner = |c: u32| {
@@ -150,12 +158,7 @@ impl Drawn {
         let Computed {
             module, function, ..
         } = &self.computed;
-        let environment = Environment {
-            resources: self.vertices.resources.clone(),
-            texture: &|_: &evaluate::Lookup<'_>| [0.0; 4],
-            steps: STEPS,
-        };
-        let outcome = evaluate::run(module, &module.functions[*function], &a, &environment);
+        let outcome = evaluate::run(module, &module.functions[*function], &a, &self.environment);
         Ok(outcome.map_err(said)?.steps)
     }
 }
@@ -164,7 +167,8 @@ impl Drawn {
 fn said(stuck: Stuck) -> String {
     match stuck {
         Stuck::Undecided(_) => {
-            "what a branch or an index rests on differs within a triangle".to_owned()
+            "what a branch or an index rests on differs within a triangle, or by a rounding"
+                .to_owned()
         }
         Stuck::Steps => "it takes too many steps".to_owned(),
         Stuck::Unsupported(what) => {
@@ -178,17 +182,17 @@ fn said(stuck: Stuck) -> String {
     }
 }
 
-/// The varyings at vertices, as the value's function takes them; each vertex is run once.
+/// The varyings at vertices, as the value's function takes them, and as far off as an adapter may compute them; each vertex is run once.
 struct Vertices {
     bound: DrawBindings,
-    resources: BTreeMap<(u32, u32), Value>,
-    known: HashMap<(u32, u32), Vec<Value>>,
+    environment: Environment<'static, Affine>,
+    known: HashMap<(u32, u32), Vec<Value<Affine>>>,
 }
 
 impl Vertices {
     fn new(computed: &Computed, bound: DrawBindings) -> Self {
         Self {
-            resources: resources(computed, &bound),
+            environment: bound::environment(resources(computed, &bound)),
             bound,
             known: HashMap::new(),
         }
@@ -199,7 +203,7 @@ impl Vertices {
         computed: &Computed,
         vertex: u32,
         instance: u32,
-    ) -> Result<Vec<Value>, String> {
+    ) -> Result<Vec<Value<Affine>>, String> {
         if let Some(known) = self.known.get(&(vertex, instance)) {
             return Ok(known.clone());
         }
@@ -208,23 +212,24 @@ impl Vertices {
         Ok(found)
     }
 
-    fn run(&self, computed: &Computed, vertex: u32, instance: u32) -> Result<Vec<Value>, String> {
+    fn run(
+        &self,
+        computed: &Computed,
+        vertex: u32,
+        instance: u32,
+    ) -> Result<Vec<Value<Affine>>, String> {
         let module = &computed.module;
         let function = &module.entry_points[computed.vertex].function;
         let arguments = function
             .arguments
             .iter()
-            .map(|a| self.input(module, a.ty, a.binding.as_ref(), vertex, instance))
+            .map(|a| {
+                let value = self.input(module, a.ty, a.binding.as_ref(), vertex, instance);
+                value.as_ref().map(bound::exactly)
+            })
             .collect::<Option<Vec<_>>>()
             .ok_or("an input of the vertex stage cannot be read")?;
-        // A texel is not known here; what rests on it has no bound.
-        let texture = |_: &evaluate::Lookup<'_>| [f32::NAN; 4];
-        let environment = Environment {
-            resources: self.resources.clone(),
-            texture: &texture,
-            steps: STEPS,
-        };
-        let outcome = evaluate::entry_point(module, computed.vertex, &arguments, &environment)
+        let outcome = evaluate::entry_point(module, computed.vertex, &arguments, &self.environment)
             .map_err(said)?;
         let outputs = preshade_passes::reflect::outputs(module, function);
         let values = match outcome.result {
@@ -239,7 +244,7 @@ impl Vertices {
             Some(one) => vec![one],
             None => Vec::new(),
         };
-        let by_location: BTreeMap<u32, Value> = outputs
+        let by_location: BTreeMap<u32, Value<Affine>> = outputs
             .iter()
             .zip(values)
             .filter_map(|(output, value)| match output.binding {
@@ -344,10 +349,7 @@ impl Vertices {
 }
 
 /// The uniforms and buffers of a draw that have a value.
-fn resources<F: Number>(
-    computed: &Computed,
-    bound: &DrawBindings,
-) -> BTreeMap<(u32, u32), Value<F>> {
+fn resources(computed: &Computed, bound: &DrawBindings) -> BTreeMap<(u32, u32), Value<Affine>> {
     let module = &computed.module;
     let globals = module.global_variables.iter();
     globals
