@@ -276,7 +276,7 @@ fn lanes_leave_one_by_one_with_gradients_taken_first() {
     for (name, sample) in [("lane-auto", SAMPLE), ("lane-bias", biased)] {
         let scene = layers(name, |text| text.replace(SAMPLE, sample));
         let plans = transformed(&scene, "early-discard:quad=lane,budget=0.02");
-        let Contract::Approximate { metric, budget } = &plans[0].contract else {
+        let Contract::Approximate { metric, budget, .. } = &plans[0].contract else {
             panic!("{:?}", plans[0].contract);
         };
         let error = error(&scene, &plans);

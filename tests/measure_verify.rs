@@ -325,6 +325,7 @@ fn every_budget_is_told_beside_what_was_measured() {
     let within = |metric: &str, budget: f64| Contract::Approximate {
         metric: metric.to_owned(),
         budget,
+        given: Vec::new(),
     };
     let mut plans = measure::originals(&scene);
     plans[0].contract = within("flip_mean", 0.05).and(within("max_abs", 0.02));
@@ -348,21 +349,27 @@ fn contracts_are_held_to_their_own_terms() {
     let approximate = |budget: f64| Contract::Approximate {
         metric: "flip_mean".to_owned(),
         budget,
+        given: Vec::new(),
+    };
+    let rounding = Contract::Rounding {
+        k: 4,
+        given: Vec::new(),
     };
     assert!(broken(&Contract::exact(), &error));
-    assert!(!broken(&Contract::Rounding { k: 4 }, &error));
+    assert!(!broken(&rounding, &error));
     assert!(!broken(&approximate(0.01), &error));
     assert!(broken(&approximate(0.001), &error));
     // Of two budgets each binds.
     let max_abs = |budget: f64| Contract::Approximate {
         metric: "max_abs".to_owned(),
         budget,
+        given: Vec::new(),
     };
     assert!(!broken(&approximate(0.01).and(max_abs(0.01)), &error));
     assert!(broken(&approximate(0.01).and(max_abs(0.001)), &error));
     assert!(broken(&max_abs(0.01).and(approximate(0.001)), &error));
     error.changed_depth = 1;
-    assert!(broken(&Contract::Rounding { k: 4 }, &error));
+    assert!(broken(&rounding, &error));
     error.flip_mean = f64::NAN;
     assert!(broken(&approximate(1.0), &error));
 }

@@ -10,15 +10,16 @@ use std::sync::Arc;
 use glam::{Mat4, Vec3};
 use preshade::measure::{self, Counter};
 use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
+use preshade::passes::contract::Assumption;
+use preshade::passes::plan::{Plan, Role};
 use preshade::passes::state::{CullMode, FrontFace};
 use preshade::recipe::Recipe;
-use preshade::render::{Rendered, SceneInputs, ShaderForm};
+use preshade::render::{Rendered, SceneInputs, SelfTestResult, ShaderForm, self_test};
 use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
 /// The forms that must all draw alike.
-const FORMS: [&str; 7] = [
+const FORMS: [&str; 10] = [
     "visibility-buffer",
     "visibility-buffer:select=id",
     "visibility-buffer:ids=unindexed",
@@ -26,6 +27,9 @@ const FORMS: [&str; 7] = [
     "visibility-buffer:formats=any",
     "visibility-buffer:words=one",
     "visibility-buffer:words=one,ids=unindexed,form=compute",
+    "visibility-buffer:vertex=sliced",
+    "visibility-buffer:vertex=sliced,invariant=as-written,ids=unindexed",
+    "visibility-buffer:invariant=add",
 ];
 
 fn split(plan: &Plan, recipe: &str) -> Plan {
@@ -472,6 +476,62 @@ fn a_neighbour_that_moves_depth_keeps_it_from_being_split() {
     let why: Vec<&str> = variant.kept.iter().map(|k| k.why.as_str()).collect();
     assert!(why[0].contains("compare"), "{why:?}");
     assert!(why[1].contains("neighbour-moves-depth"), "{why:?}");
+}
+
+#[test]
+fn positions_are_the_authors_or_marked() {
+    let mut scene = three_draws();
+    let given = |scene: &Scene, recipe: &str| {
+        let plan = split(&originals(scene)[0], recipe);
+        let given = plan.contract.given().to_vec();
+        let position = given.contains(&Assumption::InvariantPosition);
+        assert!(position && given.contains(&Assumption::SameDrawOrder));
+        let pass = plan.passes.iter().find(|p| p.role == Role::Ids).unwrap();
+        let program = plan.program(pass).unwrap();
+        let (_, entry) = program
+            .entry_point(naga::ShaderStage::Vertex, &pass.vertex)
+            .unwrap();
+        let outputs = preshade::passes::reflect::outputs(program.module(), &entry.function);
+        let marked = naga::Binding::BuiltIn(naga::BuiltIn::Position { invariant: true });
+        (
+            outputs.len(),
+            outputs.iter().any(|o| o.binding == Some(marked.clone())),
+            given.contains(&Assumption::InvariantOriginal),
+        )
+    };
+    // The position, two varyings and the id; or the position and the id, marked.
+    assert_eq!(given(&scene, "visibility-buffer"), (4, false, false));
+    let sliced = "visibility-buffer:vertex=sliced";
+    assert_eq!(given(&scene, sliced), (2, true, true));
+    let as_written = "visibility-buffer:vertex=sliced,invariant=as-written";
+    assert_eq!(given(&scene, as_written), (2, false, false));
+    scene = scene.with_invariant_positions();
+    assert_eq!(given(&scene, "visibility-buffer"), (2, true, false));
+}
+
+#[test]
+fn a_self_test_holds_the_id_pass_against_the_original() {
+    let scene = three_draws();
+    let inputs = SceneInputs::new(gpu(), &scene).unwrap();
+    for form in FORMS {
+        for plan in originals(&scene) {
+            let mut plan = split(&plan, form);
+            let run = |plan: &Plan| self_test(&inputs, plan, ShaderForm::Text).unwrap().unwrap();
+            let result = run(&plan);
+            assert!(
+                matches!(result, SelfTestResult::Held { samples } if samples > 1000),
+                "{form}: {result:?}"
+            );
+            // One step farther away.
+            let ids = plan.passes.iter_mut().find(|p| p.role == Role::Ids);
+            ids.unwrap().depth.as_mut().unwrap().bias.constant = 1;
+            let result = run(&plan);
+            assert!(
+                matches!(result, SelfTestResult::Failed { .. }),
+                "{form}: {result:?}"
+            );
+        }
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A condition an [`Contract::Exact`] promise rests on. The host, or a measurement, has to see to it.
+/// A condition that a promise rests on. The host, or a measurement, has to see to it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Assumption {
@@ -48,6 +48,9 @@ pub enum Contract {
     Rounding {
         /// Number of roundings that may differ.
         k: u32,
+        /// Sorted, each once.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        given: Vec<Assumption>,
     },
     /// Allowed to differ, by at most the user's budget, measured at the output.
     Approximate {
@@ -55,11 +58,17 @@ pub enum Contract {
         metric: String,
         /// Largest value of the metric.
         budget: f64,
+        /// Sorted, each once.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        given: Vec<Assumption>,
     },
     /// Several approximations, each with a budget in a metric of its own: all are kept, each measured at the output of the whole.
     Budgets {
         /// Each metric once.
         budgets: Vec<Budget>,
+        /// Sorted, each once.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        given: Vec<Assumption>,
     },
 }
 
@@ -94,7 +103,7 @@ impl Contract {
         }
     }
 
-    /// The contract of doing both: assumptions gather, weaker kinds win. Budgets are on the output, so that all of them stay; of one metric the narrowest.
+    /// The contract of doing both: assumptions gather, of whatever kind, and weaker kinds win. Budgets are on the output, so that all of them stay; of one metric the narrowest.
     pub fn and(self, other: Self) -> Self {
         use Contract::{Exact, Rounding};
         let budgets = self.budgets().into_iter().chain(other.budgets());
@@ -105,22 +114,39 @@ impl Contract {
                 None => narrowest.push(budget),
             }
         }
+        let mut given = [self.given(), other.given()].concat();
+        given.sort();
+        given.dedup();
         match (self, other) {
-            (Exact { given: mut a }, Exact { given: b }) => {
-                a.extend(b);
-                a.sort();
-                a.dedup();
-                Exact { given: a }
+            (Exact { .. }, Exact { .. }) => Exact { given },
+            (Rounding { k: a, .. }, Rounding { k: b, .. }) => Rounding { k: a + b, given },
+            (Rounding { k, .. }, Exact { .. }) | (Exact { .. }, Rounding { k, .. }) => {
+                Rounding { k, given }
             }
-            (Rounding { k: a }, Rounding { k: b }) => Rounding { k: a + b },
-            (a @ Rounding { .. }, Exact { .. }) | (Exact { .. }, a @ Rounding { .. }) => a,
             _ => match narrowest.len() {
                 1 => {
                     let Budget { metric, budget } = narrowest.remove(0);
-                    Self::Approximate { metric, budget }
+                    Self::Approximate {
+                        metric,
+                        budget,
+                        given,
+                    }
                 }
-                _ => Self::Budgets { budgets: narrowest },
+                _ => Self::Budgets {
+                    budgets: narrowest,
+                    given,
+                },
             },
+        }
+    }
+
+    /// What the promise rests on.
+    pub fn given(&self) -> &[Assumption] {
+        match self {
+            Self::Exact { given }
+            | Self::Rounding { given, .. }
+            | Self::Approximate { given, .. }
+            | Self::Budgets { given, .. } => given,
         }
     }
 
@@ -128,11 +154,11 @@ impl Contract {
     pub fn budgets(&self) -> Vec<Budget> {
         match self {
             Self::Exact { .. } | Self::Rounding { .. } => Vec::new(),
-            Self::Approximate { metric, budget } => vec![Budget {
+            Self::Approximate { metric, budget, .. } => vec![Budget {
                 metric: metric.clone(),
                 budget: *budget,
             }],
-            Self::Budgets { budgets } => budgets.clone(),
+            Self::Budgets { budgets, .. } => budgets.clone(),
         }
     }
 }
@@ -163,13 +189,15 @@ mod tests {
         Contract::Approximate {
             metric: metric.to_owned(),
             budget,
+            given: Vec::new(),
         }
     }
 
     #[test]
     fn budgets_of_different_metrics_are_all_kept() {
-        let exact = Contract::Exact {
-            given: vec![Assumption::NoDepthTies],
+        let rounding = |k| Contract::Rounding {
+            k,
+            given: Vec::new(),
         };
         let mean = approximate("flip_mean", 0.05);
         let both = mean.clone().and(approximate("max_abs", 0.02));
@@ -178,7 +206,7 @@ mod tests {
         let expected = ["flip_mean at most 0.05", "max_abs at most 0.02"];
         assert_eq!(all(&both), expected);
         assert_eq!(both.kind(), "budgets");
-        for stronger in [exact, Contract::Rounding { k: 3 }] {
+        for stronger in [Contract::exact(), rounding(3)] {
             assert_eq!(both.clone().and(stronger.clone()), both);
             assert_eq!(stronger.clone().and(both.clone()), both);
             assert_eq!(stronger.and(mean.clone()), mean);
@@ -190,6 +218,16 @@ mod tests {
             approximate("max_abs", 0.5).and(approximate("max_abs", 0.1)),
             approximate("max_abs", 0.1)
         );
+        // What either rests on, both rest on.
+        let exact = Contract::Exact {
+            given: vec![Assumption::NoDepthTies],
+        };
+        for weaker in [both.clone(), approximate("max_abs", 0.1), rounding(3)] {
+            for under in [weaker.clone().and(exact.clone()), exact.clone().and(weaker)] {
+                assert_eq!(under.given(), [Assumption::NoDepthTies]);
+                assert_eq!(under.clone().and(exact.clone()), under);
+            }
+        }
         let json = serde_json::to_value(&both).unwrap_or_default();
         assert_eq!(serde_json::from_value::<Contract>(json).ok(), Some(both));
     }

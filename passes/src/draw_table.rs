@@ -12,6 +12,9 @@ use crate::geometry::Stream;
 /// Most instances that the ids of a frame can tell apart: `x` has 32 bits, and 0 is nothing.
 pub const MOST_INSTANCES: u64 = u32::MAX as u64 - 1;
 
+/// Most draws that a depth of 16 bits tells apart ([`crate::visibility_buffer::DRAWS`]): 0 is nothing, and the last step is left to rounding.
+pub const MOST_DRAWS: usize = (1 << 16) - 2;
+
 /// One draw's entry, as words of a uniform buffer: what [`crate::plan::GeometryPart::Draw`] holds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {

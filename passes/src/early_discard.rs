@@ -466,15 +466,16 @@ fn transform(
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     given.sort();
-    let max_abs = |budget| Contract::Approximate {
+    let max_abs = |budget, given| Contract::Approximate {
         metric: "max_abs".to_owned(),
         budget,
+        given,
     };
     let contract = match params.mode {
         // A diagnostic picture: every pixel may differ.
-        Mode::Invert => max_abs(1.0),
+        Mode::Invert => max_abs(1.0, Vec::new()),
         // `check` saw to it that there is one.
-        Mode::Cull if !taken.is_empty() => max_abs(params.budget.unwrap_or(0.0)),
+        Mode::Cull if !taken.is_empty() => max_abs(params.budget.unwrap_or(0.0), given),
         Mode::Cull => Contract::Exact { given },
     };
     if params.mode == Mode::Invert {

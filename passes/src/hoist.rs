@@ -401,10 +401,12 @@ impl<'g, 'p> Found<'g, 'p> {
             },
             Some(Class::Affine) => Contract::Rounding {
                 k: self.roundings(),
+                given: Vec::new(),
             },
             Some(Class::Smooth) => Contract::Approximate {
                 metric: params.metric.name().to_owned(),
                 budget: params.budget.unwrap_or_default(),
+                given: Vec::new(),
             },
         };
         next.steps.push(Step {

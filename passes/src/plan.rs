@@ -495,7 +495,7 @@ pub struct SelfTestRun {
 /// One draw of a self-test.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTestDraw {
-    /// The pass to draw as.
+    /// The pass to draw as: the plan's, or the original's where the plan has no pass of that role.
     pub role: Role,
     /// Name of the depth attachment: [`SELF_TEST_DEPTH`], or one of the plan's.
     pub attachment: String,

@@ -29,7 +29,7 @@ pub fn biased(plan: &Plan) -> Option<SelfTest> {
             none_passes(Role::Prepass, hides),
         ],
     };
-    of(plan, vec![run])
+    of(plan, plan, vec![run])
 }
 
 /// Whether the main pass still discards what its pre-pass discards.
@@ -63,7 +63,32 @@ pub fn equal(plan: &Plan, compare: CompareFunction, discards: MainDiscards) -> O
             ],
         });
     }
-    of(plan, runs)
+    of(plan, plan, runs)
+}
+
+/// For a pass of ids that stands for the main pass of `original`, the plan before: as [`equal`], against the original's own main pass.
+pub fn identified(plan: &Plan, original: &Plan) -> Option<SelfTest> {
+    let compare = original.main()?.depth.as_ref()?.compare;
+    let nearer = nearer(compare)?;
+    let runs = vec![
+        SelfTestRun {
+            failure: "the original lies behind what the id pass leaves, or does not cover it"
+                .to_owned(),
+            draws: vec![
+                lays(Role::Main, SELF_TEST_DEPTH, compare),
+                none_passes(Role::Ids, nearer),
+            ],
+        },
+        SelfTestRun {
+            failure: "the original lies in front of what the id pass leaves, or covers more"
+                .to_owned(),
+            draws: vec![
+                lays(Role::Ids, SELF_TEST_DEPTH, compare),
+                none_passes(Role::Main, nearer),
+            ],
+        },
+    ];
+    of(plan, original, runs)
 }
 
 /// For a main pass that reads the depth of its pre-pass, `produced`, while it is tested against it: with that depth bound, what the main pass leaves in an
@@ -79,7 +104,7 @@ pub fn read_only(plan: &Plan, compare: CompareFunction, produced: &str) -> Optio
             none_passes(Role::Prepass, nearer(compare)?),
         ],
     };
-    of(plan, vec![run])
+    of(plan, plan, vec![run])
 }
 
 /// The comparison that only a fragment strictly nearer passes.
@@ -110,8 +135,9 @@ fn none_passes(role: Role, compare: CompareFunction) -> SelfTestDraw {
     }
 }
 
-fn of(plan: &Plan, runs: Vec<SelfTestRun>) -> Option<SelfTest> {
-    let depth = plan.main()?.depth.as_ref()?;
+/// With an attachment like the one that the main pass, which `drawn` has, is drawn to.
+fn of(plan: &Plan, drawn: &Plan, runs: Vec<SelfTestRun>) -> Option<SelfTest> {
+    let depth = drawn.main()?.depth.as_ref()?;
     let mut attachment = plan.attachment(&depth.attachment)?.clone();
     attachment.name = SELF_TEST_DEPTH.to_owned();
     attachment.sampled = false;

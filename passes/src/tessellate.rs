@@ -342,16 +342,8 @@ impl Material<'_> {
         subdivision: &Subdivision,
     ) -> Result<Program, String> {
         let layout = Stored::of(self.program.module(), self.result()?, |_| true)?;
-        let functions = self.functions(&Text {
-            attributes: &self.pass.attributes,
-            widths: &self.outputs.widths(),
-            slots,
-            place: Place::Record {
-                denominator: subdivision.denominator,
-            },
-            points: Some((Points::Stored, &layout.widths())),
-            order: Order::ByPosition,
-        })?;
+        let points = (Points::Stored, layout.widths());
+        let functions = self.recorded(slots, subdivision, points, Order::ByPosition)?;
         let entry = self.compute_entry();
         let compute = stored::stored(&functions, self.vertex, &entry, &layout, Evaluation::Vertex)?;
         let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
@@ -369,16 +361,8 @@ impl Material<'_> {
     ) -> Result<Program, String> {
         let (compute, entry, layout) = self.at_load(slots, subdivision)?;
         self.add_compute(plan, (compute, entry), subdivision, &layout);
-        let functions = self.functions(&Text {
-            attributes: &self.pass.attributes,
-            widths: &self.outputs.widths(),
-            slots,
-            place: Place::Record {
-                denominator: subdivision.denominator,
-            },
-            points: Some((Points::Loaded, &layout.widths())),
-            order: Order::ByPosition,
-        })?;
+        let points = (Points::Loaded, layout.widths());
+        let functions = self.recorded(slots, subdivision, points, Order::ByPosition)?;
         let origins = self.origins()?;
         let main = fixed::read(&functions, self.vertex, &origins, &layout)?;
         self.program(&main, &self.entries())
@@ -393,20 +377,32 @@ impl Material<'_> {
         let origins = self.origins()?;
         let is_hoisted = |index: u32| origins.get(index as usize) == Some(&Origin::Hoisted);
         let layout = Stored::of(self.program.module(), self.result()?, is_hoisted)?;
-        let functions = self.functions(&Text {
+        let points = (Points::Stored, layout.widths());
+        let functions = self.recorded(slots, subdivision, points, Order::AsRecorded)?;
+        let entry = self.compute_entry();
+        let compute = fixed::kept(self.program, &functions, self.vertex, &entry, &layout)?;
+        let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
+        Ok((compute, entry, layout))
+    }
+
+    /// The functions of a new vertex whose place and corners are recorded, and which is stored or loaded.
+    fn recorded(
+        &self,
+        slots: Slots,
+        subdivision: &Subdivision,
+        (points, widths): (Points, Vec<u8>),
+        order: Order,
+    ) -> Result<Functions, String> {
+        self.functions(&Text {
             attributes: &self.pass.attributes,
             widths: &self.outputs.widths(),
             slots,
             place: Place::Record {
                 denominator: subdivision.denominator,
             },
-            points: Some((Points::Stored, &layout.widths())),
-            order: Order::AsRecorded,
-        })?;
-        let entry = self.compute_entry();
-        let compute = fixed::kept(self.program, &functions, self.vertex, &entry, &layout)?;
-        let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
-        Ok((compute, entry, layout))
+            points: Some((points, &widths)),
+            order,
+        })
     }
 
     fn compute_entry(&self) -> String {

@@ -23,18 +23,19 @@ use naga::{Binding, ShaderStage};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::contract::Contract;
-use crate::depth_only::{self, DepthOnly};
+use crate::contract::{Assumption, Contract};
+use crate::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::fetch::Linked;
 use crate::geometry::{Formats, Geometry};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
-use crate::place::{self, PositionInvariance};
+use crate::place;
 use crate::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
     Draws, GeometryPart, GpuPass, Phase, Plan, Role, Step, Visibility, When,
 };
 use crate::reflect;
+use crate::self_test;
 use crate::state::{
     AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, DepthState,
     PrimitiveState, Topology,
@@ -59,7 +60,8 @@ use text::Slots;
 /// Name of the attachment of ids.
 pub const IDS: &str = "visibility-ids";
 
-/// Name of the depth attachment of draws' numbers.
+/// Name of the depth attachment of draws' numbers: `depth16unorm`, so that what a rasteriser makes of three equal depths is the number again, whatever its last bits.
+/// Number `n` of [`crate::draw_table::Entry`] is `(n + 1.25) / 65535`, which any way of rounding makes the same step of.
 pub const DRAWS: &str = "visibility-draws";
 
 /// The pass.
@@ -137,6 +139,12 @@ pub struct Params {
     pub select: Select,
     /// Formats that the attributes of vertices may be stored in.
     pub formats: Formats,
+    /// Vertex stage of the id pass: the author's whole one with the id beside its outputs, or its slice. Default: `sliced` where the author's position is `@invariant`, else `same`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertex: Option<VertexStage>,
+    /// Whether `@invariant` is added to the id pass's position; default: `as-written` with `vertex=same`, `add` with `vertex=sliced`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub invariant: Option<Invariance>,
     /// The largest difference of a channel (`max_abs`) that is allowed, 0 to 1. Without one the promise is that of rounding: a step of 8 bits.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -149,6 +157,20 @@ impl Params {
             Form::Fragment => self.select,
             Form::Compute => Select::Id,
         }
+    }
+
+    /// Two texts of one position are the same bits under `@invariant` alone: without it, the author's stage is left whole, so that as much as can be is alike.
+    fn vertex(&self, opaque: &Opaque<'_>) -> VertexStage {
+        self.vertex
+            .unwrap_or(match opaque.has_invariant_position() {
+                true => VertexStage::Sliced,
+                false => VertexStage::Same,
+            })
+    }
+
+    fn invariant(&self, opaque: &Opaque<'_>) -> Invariance {
+        self.invariant
+            .unwrap_or_else(|| Invariance::default_for(self.vertex(opaque)))
     }
 }
 
@@ -164,7 +186,7 @@ impl Pass for VisibilityBuffer {
 
     fn sites(plan: &Plan, _: &Facts, params: &Params) -> Sites {
         let plan = alone(plan);
-        let examined = Material::examine(&plan).and_then(|material| {
+        let examined = Material::examine(&plan, params).and_then(|material| {
             // What cannot be rebuilt is found by rebuilding it.
             material.apply(&plan, params).map_err(|r| vec![*r])?;
             Ok(material)
@@ -185,7 +207,7 @@ impl Pass for VisibilityBuffer {
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
         let plan = alone(plan);
-        let material = Material::examine(&plan).map_err(depth_only::first)?;
+        let material = Material::examine(&plan, params).map_err(depth_only::first)?;
         material
             .depth
             .expect(&material.opaque, site, Self::INFO.name)?;
@@ -229,7 +251,7 @@ struct Material<'a> {
 }
 
 impl<'a> Material<'a> {
-    fn examine(plan: &'a Plan) -> Result<Self, Vec<Refusal>> {
+    fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Vec<Refusal>> {
         let opaque = Opaque::examine(plan, VisibilityBuffer::INFO.name)?;
         let mut refusals = Vec::new();
         refusals.extend(legal::state(plan, opaque.pass));
@@ -247,7 +269,7 @@ impl<'a> Material<'a> {
             return Err(refusals);
         }
         Ok(Self {
-            depth: depth_only::slice(&opaque, depth_only::VertexStage::Sliced),
+            depth: depth_only::slice(&opaque, params.vertex(&opaque)),
             opaque,
             fragment,
         })
@@ -274,8 +296,12 @@ impl<'a> Material<'a> {
             true => " and what decides coverage",
             false => "",
         };
+        let vertex = match params.vertex(&self.opaque) {
+            VertexStage::Same => "the author's vertex stage",
+            VertexStage::Sliced => "position",
+        };
         format!(
-            "an id pass of position{covers}, triangles {triangles}; a full-screen resolve that runs the vertex stage for three corners and the fragment stage once a pixel"
+            "an id pass of {vertex}{covers}, triangles {triangles}; a full-screen resolve that runs the vertex stage for three corners and the fragment stage once a pixel"
         )
     }
 
@@ -308,29 +334,45 @@ impl<'a> Material<'a> {
             Form::Compute => self.compute(&mut next, params, slots)?,
         }
         let k = self.site(params).cost.slice.ceil() as u32;
+        let given = self.assumptions(params);
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
             site: self.depth.key(&self.opaque),
             params: serde_json::to_value(params).unwrap_or_default(),
             contract: match params.budget {
-                None => Contract::Rounding { k },
+                None => Contract::Rounding { k, given },
                 Some(budget) => Contract::Approximate {
                     metric: "max_abs".to_owned(),
                     budget,
+                    given,
                 },
             },
         });
         next.notes.push(self.describe(params));
+        next.self_test = self_test::identified(&next, plan);
         depth_only::finish(&mut next, "original");
         Ok(next)
+    }
+
+    /// What the promise rests on: that the id pass's depths and positions are those that the author's own pass would have, which the original's picture has and which
+    /// materials that are not split are tested against.
+    fn assumptions(&self, params: &Params) -> Vec<Assumption> {
+        let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
+        given.extend([
+            Assumption::SameViewport,
+            Assumption::SameDrawOrder,
+            Assumption::OrdinaryNeighbours,
+        ]);
+        given.extend(self.opaque.assumptions());
+        given.sort();
+        given
     }
 
     /// Adds the id pass.
     fn ids(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), String> {
         let opaque = &self.opaque;
-        let placed = self
-            .depth
-            .place(opaque, "ids", PositionInvariance::AsWritten, None);
+        let invariance = params.invariant(opaque).position();
+        let placed = self.depth.place(opaque, "ids", invariance, None);
         let vertex = placed
             .module
             .entry_points
@@ -449,7 +491,7 @@ impl<'a> Material<'a> {
         reflect::fill(&mut pass, &program);
         plan.attachments.push(Attachment {
             name: DRAWS.to_owned(),
-            format: AttachmentFormat::Depth(DepthFormat::Depth32float),
+            format: AttachmentFormat::Depth(DepthFormat::Depth16unorm),
             samples: 1,
             sampled: false,
             // No draw's number: they begin at 1.

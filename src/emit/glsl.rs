@@ -110,6 +110,7 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
         contract: Contract::Approximate {
             metric: "max_abs".to_owned(),
             budget: 1.0,
+            given: Vec::new(),
         },
         why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss one of its lanes and spoil that lane's level of detail: nothing is promised. Take \
               early-discard:quad=lane with a budget, or measure"

@@ -104,25 +104,27 @@ pub(super) fn header(plan: &Plan, program: &Program) -> String {
 }
 
 fn contract(contract: &Contract) -> String {
-    match contract {
-        Contract::Exact { given } if given.is_empty() => "exact".to_owned(),
-        Contract::Exact { given } => {
-            let given: Vec<String> = given
-                .iter()
-                .map(|a| {
-                    // The name it has in plan.json.
-                    serde_json::to_value(a)
-                        .ok()
-                        .and_then(|v| v.as_str().map(str::to_owned))
-                        .unwrap_or_default()
-                })
-                .collect();
-            format!("exact, given {}", given.join(", "))
-        }
-        Contract::Rounding { k } => format!("rounding, k = {k}"),
+    let promise = match contract {
+        Contract::Exact { .. } => "exact".to_owned(),
+        Contract::Rounding { k, .. } => format!("rounding, k = {k}"),
         Contract::Approximate { .. } | Contract::Budgets { .. } => {
             let budgets: Vec<String> = contract.budgets().iter().map(Budget::to_string).collect();
             format!("approximate, {}", budgets.join(", "))
         }
+    };
+    let given: Vec<String> = contract
+        .given()
+        .iter()
+        .map(|a| {
+            // The name it has in plan.json.
+            serde_json::to_value(a)
+                .ok()
+                .and_then(|v| v.as_str().map(str::to_owned))
+                .unwrap_or_default()
+        })
+        .collect();
+    match given[..] {
+        [] => promise,
+        _ => format!("{promise}, given {}", given.join(", ")),
     }
 }

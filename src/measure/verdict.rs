@@ -7,7 +7,7 @@ use super::ErrorLadder;
 
 /// Whether the contract is about an original with `@invariant` positions, which the one drawn does not have.
 pub(super) fn needs_invariant_original(contract: &Contract) -> bool {
-    matches!(contract, Contract::Exact { given } if given.contains(&Assumption::InvariantOriginal))
+    contract.given().contains(&Assumption::InvariantOriginal)
 }
 
 /// How a difference breaks a contract; `None` where it does not.
@@ -21,7 +21,7 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
                 error.changed_pixels, error.changed_depth
             ))
         }
-        Contract::Rounding { k } => {
+        Contract::Rounding { k, .. } => {
             // What a rounding can do to a stored 8-bit channel is one step of it; depth is not shaded, so its bits stay.
             let allowed = 1.0 / 255.0 + f64::from(*k) * f64::from(f32::EPSILON) / 2.0;
             let holds = error.max_abs <= allowed + 1e-9

@@ -569,7 +569,7 @@ impl<'a> Subject<'a> {
             (Some(r#where), _) if needs_invariant_original(&self.report.contract) => {
                 self.report.verdict = Verdict::NotMeasured {
                     why: format!(
-                        "it is exact against an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
+                        "its promise is about an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
                     ),
                 };
             }

@@ -4,7 +4,7 @@ use preshade_passes::draw_table::{self, Entry};
 use preshade_passes::geometry::{Formats, Stream, declared_format};
 use preshade_passes::plan::{Attachment, BindingSource, BindingUse, GeometryPart};
 
-use preshade_passes::visibility_buffer::{IDS, Words};
+use preshade_passes::visibility_buffer::{DRAWS, IDS, Words};
 
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, SceneInputs};
@@ -56,8 +56,15 @@ impl DrawTable {
         })
     }
 
-    /// Fails, in words, where the frame's ids are of one word and do not fit.
+    /// Fails, in words, where the frame's ids are of one word and do not fit, or its draws are more than a depth tells apart.
     pub fn check(&self, attachments: &[Attachment]) -> Result<(), String> {
+        let draws = self.first_ids.len();
+        if draws > draw_table::MOST_DRAWS && attachments.iter().any(|a| a.name == DRAWS) {
+            return Err(format!(
+                "it has {draws} draws, and a depth of 16 bits tells {} apart: take select=id",
+                draw_table::MOST_DRAWS
+            ));
+        }
         let one = Words::One.format();
         let is_one = |a: &Attachment| a.name == IDS && a.format == one;
         match (attachments.iter().any(is_one), self.triangle_bits) {

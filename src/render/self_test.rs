@@ -93,6 +93,10 @@ pub fn self_test(
 fn variant(plan: &Plan, test: &SelfTest, form: ShaderForm) -> Result<Variant, Error> {
     let mut drawn = plan.clone();
     drawn.self_test = None;
+    for (key, program) in plan.original.iter().flat_map(|o| &o.programs) {
+        let own = drawn.programs.entry(key.clone());
+        own.or_insert_with(|| program.clone());
+    }
     drawn.attachments.push(test.attachment.clone());
     drawn.passes.clear();
     let mut passes = Vec::new();
@@ -140,9 +144,11 @@ fn pass(plan: &Plan, draw: &SelfTestDraw) -> Result<GpuPass, Error> {
         material: plan.material.clone(),
         message: format!("its self-test draws a {} pass {message}", draw.role.name()),
     };
+    let original = plan.original.iter().flat_map(|o| &o.passes);
     let mut pass = plan
         .passes
         .iter()
+        .chain(original)
         .find(|p| p.role == draw.role)
         .cloned()
         .ok_or_else(|| failed("that it does not have"))?;

@@ -54,6 +54,51 @@ pub fn isolate(
     (module, copies)
 }
 
+/// For each copied context, which of the `wanted` contexts it leads to, itself among them: what is passed into those goes through it.
+pub fn below(
+    values: &Values<'_, '_>,
+    copies: &BTreeMap<ContextId, FunctionId>,
+    wanted: &[ContextId],
+) -> BTreeMap<ContextId, Vec<usize>> {
+    let through = |context: ContextId| {
+        let all = wanted.iter().enumerate();
+        let through = all.filter(|(_, to)| leads_to(values, context, **to));
+        through.map(|(i, _)| i).collect()
+    };
+    copies.keys().map(|c| (*c, through(*c))).collect()
+}
+
+/// The copies that a context calls, each with what is `below` it.
+pub fn callees<'b>(
+    values: &Values<'_, '_>,
+    copies: &BTreeMap<ContextId, FunctionId>,
+    below: &'b BTreeMap<ContextId, Vec<usize>>,
+    context: ContextId,
+) -> Vec<(Handle<Function>, &'b Vec<usize>)> {
+    copies
+        .iter()
+        .filter_map(|(callee, id)| match (values.contexts[*callee].call, id) {
+            (Some((caller, _)), FunctionId::Function(h)) if caller == context => {
+                Some((*h, &below[callee]))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+/// Whether a chain of calls is the beginning of another.
+fn leads_to(values: &Values<'_, '_>, context: ContextId, mut to: ContextId) -> bool {
+    loop {
+        if context == to {
+            return true;
+        }
+        match values.contexts[to].call {
+            Some((caller, _)) => to = caller,
+            None => return false,
+        }
+    }
+}
+
 fn redirect(function: &mut Function, calls: &BTreeMap<StmtId, Handle<Function>>) {
     fn walk(
         block: &mut Block,

@@ -8,7 +8,7 @@ use naga::{
 };
 
 use super::hoisted::{Failed, Wanted};
-use super::isolate::isolate;
+use super::isolate::{self, isolate};
 use super::pack::{self, Slot};
 use super::values::{ContextId, Values};
 use crate::graph::rate::{At, Interpolated};
@@ -41,29 +41,12 @@ pub fn rebuild(
     slots: &[Slot],
 ) -> Result<Remainder, Failed> {
     let entry = values.entry;
-    let contexts: BTreeSet<ContextId> = wanted.iter().map(|w| w.context).collect();
-    let (mut module, copies) = isolate(module, entry, values, &contexts);
+    let contexts: Vec<ContextId> = wanted.iter().map(|w| w.context).collect();
+    let (mut module, copies) = isolate(module, entry, values, &contexts.iter().copied().collect());
     // What is carried into each context: its own values, and those of the contexts it calls on the way.
-    let below: BTreeMap<ContextId, Vec<usize>> = copies
-        .keys()
-        .map(|context| {
-            let through = wanted
-                .iter()
-                .enumerate()
-                .filter(|(_, w)| leads_to(values, *context, w.context));
-            (*context, through.map(|(i, _)| i).collect())
-        })
-        .collect();
+    let below = isolate::below(values, &copies, &contexts);
     for (context, id) in &copies {
-        let children: Vec<(Handle<naga::Function>, &Vec<usize>)> = copies
-            .iter()
-            .filter_map(|(child, id)| match (values.contexts[*child].call, id) {
-                (Some((caller, _)), FunctionId::Function(h)) if caller == *context => {
-                    Some((*h, &below[child]))
-                }
-                _ => None,
-            })
-            .collect();
+        let children = isolate::callees(values, &copies, &below, *context);
         module = place::rewritten(&module, *id, |build| {
             let carried = match id {
                 FunctionId::EntryPoint(_) => from_varyings(build, wanted, slots),
@@ -135,19 +118,6 @@ pub fn rebuild(
 
 /// Where new varyings wait until those whose locations they take are gone.
 const ASIDE: u32 = 1 << 16;
-
-/// Whether a chain of calls is the beginning of another.
-fn leads_to(values: &Values<'_, '_>, context: ContextId, mut to: ContextId) -> bool {
-    loop {
-        if context == to {
-            return true;
-        }
-        match values.contexts[to].call {
-            Some((caller, _)) => to = caller,
-            None => return false,
-        }
-    }
-}
 
 /// Adds the varyings as arguments; the values in them.
 fn from_varyings(

@@ -21,7 +21,7 @@ use naga::{
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::hoist::hoisted::{self, Wanted};
-use crate::hoist::isolate::isolate;
+use crate::hoist::isolate::{self, isolate};
 use crate::hoist::values::{ContextId, Node, ValueId, Values};
 use crate::place::{self, Builder, Replacement, Rewrite};
 use crate::program::Program;
@@ -372,24 +372,10 @@ impl Round {
     fn rewrite(&self, module: &Module, values: &Values<'_, '_>) -> Module {
         let contexts: BTreeSet<ContextId> = self.sites.iter().map(|s| s.context).collect();
         let (mut module, copies) = isolate(module, values.entry, values, &contexts);
-        let below: BTreeMap<ContextId, Vec<usize>> = copies
-            .keys()
-            .map(|context| {
-                let wanted = self.wanted.iter().enumerate();
-                let through = wanted.filter(|(_, w)| leads_to(values, *context, w.context));
-                (*context, through.map(|(i, _)| i).collect())
-            })
-            .collect();
+        let wanted: Vec<ContextId> = self.wanted.iter().map(|w| w.context).collect();
+        let below = isolate::below(values, &copies, &wanted);
         for (context, id) in &copies {
-            let children: Vec<(Handle<naga::Function>, &Vec<usize>)> = copies
-                .iter()
-                .filter_map(|(child, id)| match (values.contexts[*child].call, id) {
-                    (Some((caller, _)), FunctionId::Function(h)) if caller == *context => {
-                        Some((*h, &below[child]))
-                    }
-                    _ => None,
-                })
-                .collect();
+            let children = isolate::callees(values, &copies, &below, *context);
             let own = values.function(*context).function;
             module = place::rewritten(&module, *id, |build| {
                 let mut gradients: BTreeMap<usize, [Handle<Expression>; 2]> = BTreeMap::new();
@@ -497,19 +483,6 @@ fn input(location: u32) -> Binding {
         sampling: Some(Sampling::Center),
         blend_src: None,
         per_primitive: false,
-    }
-}
-
-/// Whether a chain of calls is the beginning of another.
-fn leads_to(values: &Values<'_, '_>, context: ContextId, mut to: ContextId) -> bool {
-    loop {
-        if context == to {
-            return true;
-        }
-        match values.contexts[to].call {
-            Some((caller, _)) => to = caller,
-            None => return false,
-        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The id pass: position, what decides coverage and depth, and which triangle of which instance it is.
 //!
 //! ```text
-//! @vertex   fn vs_visible_ids(..)  -> VertexOutput_ids      the author's position, and `visible_id_of(instance_index)`, flat
+//! @vertex   fn vs_visible_ids(..)  -> VertexOutput_ids      the author's outputs (or position alone), and `visible_id_of(instance_index)`, flat
 //! @fragment fn fs_visible_ids(..)  -> vec2<u32>             discards as the author does; the id, and the triangle
 //! ```
 
@@ -230,16 +230,17 @@ fn vec2(module: &mut Module) -> Handle<Type> {
         .insert(Type { name: None, inner }, Span::UNDEFINED)
 }
 
-/// A location that no output has.
+/// The first location that no output has.
 fn free_location(outputs: &[Io]) -> u32 {
-    let taken = outputs.iter().filter_map(|o| match o.binding {
-        Some(Binding::Location { location, .. }) => Some(location + 1),
-        _ => None,
-    });
-    taken.max().unwrap_or(0)
+    let is_taken = |free: u32| {
+        outputs.iter().any(
+            |o| matches!(o.binding, Some(Binding::Location { location, .. }) if location == free),
+        )
+    };
+    (0..).find(|l| !is_taken(*l)).unwrap_or_default()
 }
 
-/// The depth-only outputs, and the id behind them.
+/// The vertex stage's outputs, and the id behind them.
 fn vertex_result(
     module: &mut Module,
     vertex: &Stage,

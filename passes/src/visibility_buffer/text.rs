@@ -94,6 +94,7 @@ pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> 
 pub fn resolve(slots: Slots, widths: &[u8], words: Words) -> String {
     let bits = "visibility.triangle_bits";
     let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS, words, bits);
+    out.push_str(NUMBER);
     out.push_str(RESOLVE);
     for width in widths {
         let ty = match width {
@@ -175,6 +176,12 @@ fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     out
 }
 
+/// `visible_number(draw)`: the depth that stands for a draw, a quarter of a step of 16 bits past its own, so that truncating and rounding give the same step.
+const NUMBER: &str = "fn visible_number(draw: u32) -> f32 {
+    return (f32(draw) + 1.25) / 65535.0;
+}
+";
+
 /// The ids, and `visible_id(at)`. `bits` is what holds the bits of a triangle, for ids of one word.
 fn texture_of_ids(group: u32, binding: u32, words: Words, bits: &str) -> String {
     let read = match words {
@@ -210,6 +217,7 @@ pub fn classify(words: Words) -> String {
         words,
         "visibility_table[0]",
     ));
+    out.push_str(NUMBER);
     let _ = write!(
         out,
         "@vertex
@@ -233,7 +241,7 @@ fn fs_classify(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {{
             count = half;
         }}
     }}
-    return f32(first + 1u) / 16777216.0;
+    return visible_number(first);
 }}
 "
     );
@@ -283,7 +291,7 @@ fn visible_away(at: vec2<f32>) -> vec2<f32> {
 }
 @vertex
 fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
-    let depth = f32(visibility.number + 1u) / 16777216.0;
+    let depth = visible_number(visibility.number);
     return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
 }
 ";
