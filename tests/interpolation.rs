@@ -27,15 +27,22 @@ fn no_point_of_a_mesh_is_further_off_than_is_proved() {
     assert!(found.len() >= 8, "{found:#?}");
     for f in &found {
         let sampled = f.interpolation.unwrap();
-        let Some(Bound::Proved { max, triangles, of }) = f.bound else {
+        let Some(Bound::Proved {
+            max,
+            roundings,
+            triangles,
+            of,
+            frames,
+        }) = f.bound
+        else {
             panic!("{f:#?}")
         };
-        assert_eq!(triangles, of, "{}", f.name);
+        assert_eq!((triangles, frames), (of, 2), "{}", f.name);
+        assert!(roundings < 0.02, "{}: {roundings}", f.name);
         assert!(sampled.points > 1000 && sampled.not_finite == 0, "{f:#?}");
-        // The adapter's own roundings, on values of tens.
         assert!(
-            sampled.max <= max + 1e-4,
-            "{}: {} above {max}",
+            sampled.max <= max + roundings,
+            "{}: {} above {max} and {roundings}",
             f.name,
             sampled.max
         );
@@ -58,7 +65,9 @@ fn a_lattice_of_noise_has_no_bound_and_says_why() {
         assert!(f.interpolation.unwrap().max > 0.05, "{f:#?}");
         match f.bound.as_ref().unwrap() {
             Bound::Unbounded { why } => assert!(!why.is_empty()),
-            Bound::Proved { max, .. } => assert!(*max >= f.interpolation.unwrap().max),
+            Bound::Proved { max, roundings, .. } => {
+                assert!(max + roundings >= f.interpolation.unwrap().max);
+            }
         }
     }
 }

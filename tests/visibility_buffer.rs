@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use preshade::measure::{self, Counter};
-use preshade::passes::pass::Facts;
 use preshade::passes::contract::Assumption;
+use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role};
 use preshade::passes::state::{CullMode, FrontFace};
 use preshade::recipe::Recipe;

@@ -201,6 +201,13 @@ pub struct Frequency {
     pub location: Option<Location>,
 }
 
+impl Frequency {
+    /// Whether nothing was seen that is NaN or infinite: not the value itself at a vertex or between them, and no pixel drawn with it. A target of fixed point shows no such pixel.
+    pub fn is_finite(&self) -> bool {
+        self.nan_pixels == 0 && self.interpolation.is_none_or(|i| i.not_finite == 0)
+    }
+}
+
 /// How far a value is from its interpolation over the triangles of a scene's meshes, wherever the camera stands: evaluated by the adapter at the corners and at
 /// points between them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -211,7 +218,7 @@ pub struct Interpolation {
     pub mean: f64,
     /// Largest less least of that component over all points: what the differences are to be held against.
     pub range: f64,
-    /// Points at which it or its interpolation is NaN or infinite.
+    /// Points, corners among them, at which it or its interpolation is NaN or infinite: the differences are of the others.
     pub not_finite: u64,
     /// Points between corners that were evaluated, in all frames together.
     pub points: u64,

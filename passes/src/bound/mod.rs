@@ -153,7 +153,8 @@ pub fn over_triangle(
             let of_corners = ends.iter().map(|end| end.error()).fold(0.0, f64::max);
             let [low, high] = number.range();
             let hull = ends.iter().map(|end| end.range());
-            let [low, high] = hull.fold([low, high], |[low, high], [l, h]| [low.min(l), high.max(h)]);
+            let [low, high] =
+                hull.fold([low, high], |[low, high], [l, h]| [low.min(l), high.max(h)]);
             let width = high - low + INTERPOLATION * low.abs().max(high.abs());
             distances[i] =
                 distances[i].or(Distance::new(off, roundings(number, of_corners), width));
@@ -197,10 +198,7 @@ pub fn exactly(value: &Value) -> Value<Affine> {
 }
 
 /// What the rasteriser makes of a value at three corners, over a part of the triangle: floats between them; the rest has to be the same.
-fn between(
-    corners: [&Value<Affine>; 3],
-    part: &[[f64; 3]; 3],
-) -> Result<Value<Affine>, Stuck> {
+fn between(corners: [&Value<Affine>; 3], part: &[[f64; 3]; 3]) -> Result<Value<Affine>, Stuck> {
     Ok(match corners {
         [
             Value::Scalar(Scalar::F32(a)),
@@ -241,7 +239,10 @@ fn interpolated(corners: [Affine; 3], part: &[[f64; 3]; 3]) -> Affine {
     let at = |weights: &[f64; 3]| [a, b, c].iter().zip(weights).map(|(e, w)| e * w).sum();
     let ranges = corners.map(Affine::range);
     let least = ranges.iter().map(|r| r[0]).fold(f64::INFINITY, f64::min);
-    let largest = ranges.iter().map(|r| r[1]).fold(f64::NEG_INFINITY, f64::max);
+    let largest = ranges
+        .iter()
+        .map(|r| r[1])
+        .fold(f64::NEG_INFINITY, f64::max);
     let off = corners.map(Affine::error).into_iter().fold(0.0, f64::max);
     let error = off + INTERPOLATION * least.abs().max(largest.abs());
     Affine::new(part.each_ref().map(at), 0.0, error, [least, largest])

@@ -97,7 +97,11 @@ impl Number for Affine {
                     let [low, high] = x.range();
                     let exponent = y.abs() * low.log2().abs().max(high.log2().abs());
                     // Of 0 it is 0, as the power of two of minus infinity.
-                    let exponent = if low == 0.0 { 150.0 * y.abs() } else { exponent };
+                    let exponent = if low == 0.0 {
+                        150.0 * y.abs()
+                    } else {
+                        exponent
+                    };
                     let largest = low.powf(y).max(high.powf(y));
                     let accuracy = Accuracy::power(y.abs(), exponent, largest);
                     let power = x.through(|x| x.powf(y), accuracy, |r| power(r, y));
@@ -144,9 +148,11 @@ impl Number for Affine {
                 let difference = |a: Self, b: Self| sum(a, b.negated());
                 let t = quotient(difference(*x, *low), difference(*high, *low));
                 // 3 t^2 - 2 t^3: a slope of 3/2 in the middle, a second derivative of 6 at the ends. Two products and a difference are rounded.
-                saturate(t).through(|t| t * t * (3.0 - 2.0 * t), Accuracy::ulps(4.0), |_| {
-                    Some(Shape::smooth(1.5, 6.0, [0.0, 1.0]))
-                })
+                saturate(t).through(
+                    |t| t * t * (3.0 - 2.0 * t),
+                    Accuracy::ulps(4.0),
+                    |_| Some(Shape::smooth(1.5, 6.0, [0.0, 1.0])),
+                )
             }
             // Something else of numbers has some value.
             (M::Atan2 | M::Asinh | M::Acosh | M::Atanh, _) => Self::ANYTHING,
@@ -218,9 +224,11 @@ fn modulo(a: Affine, b: Affine) -> Affine {
     }
     // Of the sign of the dividend and less than the divisor, but for roundings.
     let most = b.magnitude() + Accuracy::ulps(8.0).of(a.magnitude() + b.magnitude());
-    a.through(|x| x % divisor, Accuracy::EXACT, |_| {
-        Some(Shape::jumping([-most, most]))
-    })
+    a.through(
+        |x| x % divisor,
+        Accuracy::EXACT,
+        |_| Some(Shape::jumping([-most, most])),
+    )
 }
 
 /// Its product with a constant that is rounded too.

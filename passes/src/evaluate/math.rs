@@ -291,8 +291,7 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
         }
         M::Normalize => {
             let length = root(dot(arguments[0], arguments[0])?)?;
-            let direction =
-                binary(BinaryOperator::Divide, arguments[0], &Value::number(length))?;
+            let direction = binary(BinaryOperator::Divide, arguments[0], &Value::number(length))?;
             direction.map(&mut |part| match part {
                 Scalar::F32(part) => Ok(Scalar::F32(part.within(-1.0, 1.0))),
                 other => Err(mismatch("a direction", &[other])),

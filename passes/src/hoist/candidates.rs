@@ -51,7 +51,7 @@ pub(super) fn verdicts(
             continue;
         }
         *verdict = match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
-            Some(f) if f.nan_pixels > 0 => Err(Stays::MeasuredNotFinite),
+            Some(f) if !f.is_finite() => Err(Stays::MeasuredNotFinite),
             // A NaN keeps no threshold.
             Some(f) if params.metric.of(f) <= threshold => assumed[v].clone(),
             Some(f) => Err(Stays::Measured {
