@@ -267,7 +267,8 @@ fn print(explained: &Explained, plan: &Plan) -> String {
     if !explained.frequencies.is_empty() {
         lines.push(
             "\nvalues that might be interpolated, by error against saved cost; off by: how far the value itself is from its interpolation on\n\
-             the scene's triangles; at most: the same, proved (*: for a part of the triangles)\n  \
+             the scene's triangles (NaN: somewhere it is NaN or infinite); at most: the same, proved with an adapter's roundings for the frames\n\
+             looked at, two a camera (*: for a part of the triangles)\n  \
              saved ops  FLIP mean   max abs  NaN px  off by  at most    range  value"
                 .to_owned(),
         );
@@ -275,16 +276,26 @@ fn print(explained: &Explained, plan: &Plan) -> String {
             let place = f.location.as_ref().map_or(String::new(), |l| {
                 format!(" ({}:{}:{})", l.file, l.line, l.column)
             });
-            let (off, range) = f
-                .interpolation
-                .as_ref()
-                .map_or(("-".to_owned(), "-".to_owned()), |i| {
-                    (short(i.max), short(i.range))
-                });
+            let (off, range) =
+                f.interpolation
+                    .as_ref()
+                    .map_or(("-".to_owned(), "-".to_owned()), |i| {
+                        let off = match i.not_finite {
+                            0 => short(i.max),
+                            _ => "NaN".to_owned(),
+                        };
+                        (off, short(i.range))
+                    });
             let bound = match &f.bound {
-                Some(Bound::Proved { max, triangles, of }) => {
+                Some(Bound::Proved {
+                    max,
+                    roundings,
+                    triangles,
+                    of,
+                    ..
+                }) => {
                     let part = if triangles < of { "*" } else { "" };
-                    format!("{}{part}", short(*max))
+                    format!("{}{part}", short(max + roundings))
                 }
                 Some(Bound::Unbounded { .. }) => "unbounded".to_owned(),
                 None => "-".to_owned(),

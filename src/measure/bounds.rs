@@ -2,15 +2,15 @@
 
 use std::collections::HashMap;
 
-use preshade_passes::bound::{self, Affine};
-use preshade_passes::evaluate::{self, Environment, Value};
+use preshade_passes::bound::{self, Affine, Distance};
+use preshade_passes::evaluate::{self, Value};
 use preshade_passes::hoist::{self, Computed};
 use preshade_passes::pass::Bound;
 use preshade_passes::plan::Plan;
 use preshade_passes::state::Topology;
 
 use super::frequency::choosing;
-use super::vertices::{self, STEPS, Vertices, said};
+use super::vertices::{self, Vertices, said};
 use crate::scene::Scene;
 use crate::scene::bind::{self, DrawBindings};
 
@@ -42,18 +42,20 @@ pub fn bound(scene: &Scene, plans: &[Plan], materials: &[usize], id: &str) -> Op
         }
     }
     match over(&mut drawn) {
-        Ok(Some((max, triangles))) => Some(Bound::Proved {
-            max,
+        Ok(Some((distance, triangles))) => Some(Bound::Proved {
+            max: distance.max,
+            roundings: distance.roundings,
             triangles,
             of: drawn.iter().map(|d| d.triangles).sum(),
+            frames: frames.len() as u64,
         }),
         Ok(None) => None,
         Err(why) => Some(Bound::Unbounded { why }),
     }
 }
 
-/// The largest bound over the triangles of all draws, and how many triangles that is over; `None` where there are none.
-fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
+/// The largest distance over the triangles of all draws, and how many triangles that is over; `None` where there are none.
+fn over(draws: &mut [Drawn]) -> Result<Option<(Distance, u64)>, String> {
     let of: u64 = draws.iter().map(|d| d.triangles).sum();
     let Some(first) = draws.iter_mut().find(|d| d.triangles > 0) else {
         return Ok(None);
@@ -65,7 +67,7 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
         for (draw, drawn) in draws.iter_mut().enumerate() {
             if at < drawn.triangles {
                 // Where it cannot be said in one, the parts may say it.
-                let bound = drawn.bound(at, PARTS[0]).unwrap_or(f64::INFINITY);
+                let bound = drawn.bound(at, PARTS[0]).unwrap_or(Distance::UNBOUNDED);
                 bounds.push((bound, draw, at));
                 break;
             }
@@ -73,31 +75,38 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
         }
     }
     // The largest is looked at in more parts, until it is still the largest or enough is done.
-    bounds.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut max = 0.0_f64;
+    bounds.sort_by(|a, b| b.0.max.total_cmp(&a.0.max));
+    let mut worst = NONE;
     for (i, (coarse, draw, at)) in bounds.iter().enumerate() {
-        if max >= *coarse || (i >= REFINED && coarse.is_finite()) {
-            max = max.max(*coarse);
+        if worst.max >= coarse.max || (i >= REFINED && coarse.max.is_finite()) {
+            let rest = bounds[i..].iter().map(|(bound, ..)| *bound);
+            worst = rest.fold(worst, Distance::or);
             break;
         }
         let drawn = &mut draws[*draw];
         let fine = drawn.bound(*at, PARTS[1]);
         let fine = match fine {
-            Ok(fine) if fine.is_finite() => fine,
+            Ok(fine) if fine.max.is_finite() => fine,
             _ => drawn.bound(*at, PARTS[2])?,
         };
-        if fine.is_infinite() {
+        if fine.max.is_infinite() {
             return Err("an operation may leave every bound within a triangle".to_owned());
         }
-        max = max.max(fine.min(*coarse));
+        // What roundings add belongs to the bound they are added to.
+        worst = worst.or(if fine.max < coarse.max { fine } else { *coarse });
     }
-    Ok(Some((max, triangles)))
+    Ok(Some((worst, triangles)))
 }
+
+/// Of nothing.
+const NONE: Distance = Distance {
+    max: 0.0,
+    roundings: 0.0,
+};
 
 /// A draw in one frame.
 struct Drawn {
     computed: Computed,
-    environment: Environment<'static, Affine>,
     vertices: Arguments,
     triangles: u64,
     /// Corners of one instance.
@@ -113,7 +122,6 @@ impl Drawn {
             / 3
             * 3;
         Self {
-            environment: bound::environment(vertices::resources(&computed.module, &bound)),
             triangles: u64::from(corners / 3) * u64::from(bound.instances),
             corners,
             vertices: Arguments::new(&computed, bound),
@@ -121,19 +129,25 @@ impl Drawn {
         }
     }
 
-    fn bound(&mut self, triangle: u64, parts: u32) -> Result<f64, String> {
+    fn bound(&mut self, triangle: u64, parts: u32) -> Result<Distance, String> {
         let [a, b, c] = self.arguments(triangle)?;
         let Computed {
             module, function, ..
         } = &self.computed;
         let function = &module.functions[*function];
-        let bounds = bound::over_triangle(module, function, [&a, &b, &c], &self.environment, parts);
+        let bounds = bound::over_triangle(
+            module,
+            function,
+            [&a, &b, &c],
+            &self.vertices.vertices.environment,
+            parts,
+        );
         let bounds = bounds.map_err(said)?;
-        Ok(bounds.into_iter().fold(0.0, f64::max))
+        Ok(bounds.into_iter().fold(NONE, Distance::or))
     }
 
     /// What the value's function is called with at the corners of a triangle.
-    fn arguments(&mut self, triangle: u64) -> Result<[Vec<Value>; 3], String> {
+    fn arguments(&mut self, triangle: u64) -> Result<[Vec<Value<Affine>>; 3], String> {
         let each = u64::from(self.corners / 3).max(1);
         let (instance, first) = ((triangle / each) as u32, (triangle % each) as u32 * 3);
         let mut corner = |c: u32| {
@@ -150,26 +164,30 @@ impl Drawn {
         let Computed {
             module, function, ..
         } = &self.computed;
-        let environment = Environment {
-            resources: self.vertices.vertices.environment.resources.clone(),
-            texture: &|_: &evaluate::Lookup<'_>| [0.0; 4],
-            steps: STEPS,
-        };
-        let outcome = evaluate::run(module, &module.functions[*function], &a, &environment);
+        let outcome = evaluate::run(
+            module,
+            &module.functions[*function],
+            &a,
+            &self.vertices.vertices.environment,
+        );
         Ok(outcome.map_err(said)?.steps)
     }
 }
 
-/// The varyings at vertices, as the value's function takes them; each vertex is run once.
+/// The varyings at vertices, as the value's function takes them, and as far off as an adapter may compute them; each vertex is run once.
 struct Arguments {
-    vertices: Vertices,
-    known: HashMap<(u32, u32), Vec<Value>>,
+    vertices: Vertices<Affine>,
+    known: HashMap<(u32, u32), Vec<Value<Affine>>>,
 }
 
 impl Arguments {
     fn new(computed: &Computed, bound: DrawBindings) -> Self {
+        let resources = vertices::resources(&computed.module, &bound);
         Self {
-            vertices: Vertices::new(&computed.module, bound),
+            vertices: Vertices {
+                bound,
+                environment: bound::environment(resources),
+            },
             known: HashMap::new(),
         }
     }
@@ -179,7 +197,7 @@ impl Arguments {
         computed: &Computed,
         vertex: u32,
         instance: u32,
-    ) -> Result<Vec<Value>, String> {
+    ) -> Result<Vec<Value<Affine>>, String> {
         if let Some(known) = self.known.get(&(vertex, instance)) {
             return Ok(known.clone());
         }
@@ -188,11 +206,15 @@ impl Arguments {
         Ok(found)
     }
 
-    fn run(&self, computed: &Computed, vertex: u32, instance: u32) -> Result<Vec<Value>, String> {
+    fn run(
+        &self,
+        computed: &Computed,
+        vertex: u32,
+        instance: u32,
+    ) -> Result<Vec<Value<Affine>>, String> {
         let module = &computed.module;
-        let (by_location, _) = self
-            .vertices
-            .run(module, computed.vertex, vertex, instance)?;
+        let run = self.vertices.run(module, computed.vertex, vertex, instance);
+        let (by_location, _) = run?;
         let own = &module.functions[computed.function];
         own.arguments
             .iter()

@@ -7,7 +7,7 @@ use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::plan::Plan;
 
 use super::bounds;
-use super::interpolation::interpolation;
+use super::interpolation::{Points, interpolation};
 use super::{Error, ErrorLadder, compare, originals, variant};
 use crate::recipe::Recipe;
 use crate::render::{
@@ -61,12 +61,16 @@ pub fn frequencies(
             continue;
         };
         let worst = worst(&references, &drawn)?;
+        // Whether it is finite is seen by itself: a target of fixed point holds no NaN.
+        let materials: Vec<usize> = carried.iter().map(|(material, _)| **material).collect();
+        let interpolation = interpolation(&inputs, &plans, &materials, id, form, Points::Few);
+        let interpolation = interpolation.unwrap_or_default();
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
             value: id.clone(),
             name: candidate.name.clone(),
             cost: candidate.cost,
-            interpolation: None,
+            interpolation,
             bound: None,
             max_abs: worst.max_abs,
             flip_mean: worst.flip_mean,
@@ -78,7 +82,7 @@ pub fn frequencies(
     Ok(measured)
 }
 
-/// The same, with how far each value itself is from its interpolation, evaluated and proved: what no choice rests on, and takes a while.
+/// The same, with how far each value itself is from its interpolation, evaluated at more points, and proved: what no choice rests on, and takes a while.
 ///
 /// # Errors
 /// As [`SceneInputs::new`].
@@ -102,11 +106,11 @@ pub fn interpolations(
             .filter(|m| of.iter().any(|f| f.material == plans[*m].material))
             .collect();
         // What cannot be evaluated away from a picture is still known by it.
-        let interpolation =
-            interpolation(&inputs, &plans, &materials, value, form).unwrap_or_default();
+        let interpolation = interpolation(&inputs, &plans, &materials, value, form, Points::Many)
+            .unwrap_or_default();
         let bound = bounds::bound(scene, &plans, &materials, value);
         for frequency in &mut of {
-            frequency.interpolation = interpolation;
+            frequency.interpolation = interpolation.or(frequency.interpolation);
             frequency.bound.clone_from(&bound);
         }
     }
@@ -268,7 +272,7 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
         let (Some(threshold), false) = (params.threshold, facts.frequencies.is_empty()) else {
             continue;
         };
-        let keeps = |f: &&Frequency| params.metric.of(f) <= threshold && f.nan_pixels == 0;
+        let keeps = |f: &&Frequency| params.metric.of(f) <= threshold && f.is_finite();
         let ids: BTreeSet<&str> = facts
             .frequencies
             .iter()

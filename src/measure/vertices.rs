@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use naga::{GlobalVariable, Module};
+use preshade_passes::bound;
 use preshade_passes::evaluate::{self, Environment, Number, Outcome, Stuck, Value};
 
 use crate::scene::bind::DrawBindings;
@@ -11,10 +12,10 @@ use crate::scene::bind::DrawBindings;
 pub const STEPS: u64 = 200_000;
 
 /// What a vertex stage reads.
-pub struct Vertices {
+pub struct Vertices<F: 'static = f32> {
     pub bound: DrawBindings,
     /// Its uniforms and buffers. A texel is not known here; nothing is known of what rests on it.
-    pub environment: Environment<'static>,
+    pub environment: Environment<'static, F>,
 }
 
 impl Vertices {
@@ -29,7 +30,9 @@ impl Vertices {
             bound,
         }
     }
+}
 
+impl<F: Number> Vertices<F> {
     /// Vertices of one instance, each as often as it is drawn.
     pub fn of_instance(&self) -> u32 {
         let indices = self.bound.indices.as_ref();
@@ -46,12 +49,15 @@ impl Vertices {
         entry: usize,
         vertex: u32,
         instance: u32,
-    ) -> Result<(BTreeMap<u32, Value>, u64), String> {
+    ) -> Result<(BTreeMap<u32, Value<F>>, u64), String> {
         let function = &module.entry_points[entry].function;
         let arguments = function
             .arguments
             .iter()
-            .map(|a| self.input(module, a.ty, a.binding.as_ref(), vertex, instance))
+            .map(|a| {
+                let value = self.input(module, a.ty, a.binding.as_ref(), vertex, instance);
+                value.as_ref().map(bound::exactly)
+            })
             .collect::<Option<Vec<_>>>()
             .ok_or("an input of the vertex stage cannot be read")?;
         let outcome =
@@ -140,11 +146,11 @@ impl Vertices {
     }
 }
 
-fn by_location(
+fn by_location<F: Number>(
     module: &Module,
     function: &naga::Function,
-    outcome: Outcome,
-) -> BTreeMap<u32, Value> {
+    outcome: Outcome<F>,
+) -> BTreeMap<u32, Value<F>> {
     let outputs = preshade_passes::reflect::outputs(module, function);
     let values = match outcome.result {
         Some(Value::Composite(parts))
@@ -172,7 +178,8 @@ fn by_location(
 pub fn said(stuck: Stuck) -> String {
     match stuck {
         Stuck::Undecided(_) => {
-            "what a branch or an index rests on differs within a triangle".to_owned()
+            "what a branch or an index rests on differs within a triangle, or by a rounding"
+                .to_owned()
         }
         Stuck::Steps => "it takes too many steps".to_owned(),
         Stuck::Unsupported(what) => {

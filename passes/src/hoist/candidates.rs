@@ -82,7 +82,7 @@ fn as_measured(
             continue;
         }
         match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
-            Some(f) if f.nan_pixels > 0 => *verdict = Err(Stays::MeasuredNotFinite),
+            Some(f) if !f.is_finite() => *verdict = Err(Stays::MeasuredNotFinite),
             // A NaN keeps no threshold.
             Some(f) if params.metric.of(f) <= threshold => {}
             Some(f) => {

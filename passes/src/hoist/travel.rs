@@ -79,7 +79,7 @@ pub enum Stays {
         /// By how much, in the budget's metric.
         error: String,
     },
-    /// It was measured: there are pixels that are not finite.
+    /// It was measured: it, or a pixel with it, is not finite.
     MeasuredNotFinite,
     /// It was not measured, though others were.
     NotMeasured,
@@ -112,7 +112,7 @@ impl std::fmt::Display for Stays {
             Self::NotChosen => f.write_str("it is not among the chosen values"),
             Self::Measured { error } => write!(f, "carried alone it makes an error of {error}"),
             Self::MeasuredNotFinite => {
-                f.write_str("carried alone it makes pixels that are not finite")
+                f.write_str("measured, it is NaN or infinite somewhere, or a pixel with it is")
             }
             Self::NotMeasured => f.write_str("carrying it was not measured"),
             Self::MayNotBeFinite { operation } => write!(
