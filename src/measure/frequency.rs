@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::graph::Graph;
-use preshade_passes::hoist::{self, Candidate, Candidates, Hoist, Metric, Stages};
+use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Metric, Stages};
 use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::plan::Plan;
 
 use super::bounds;
-use super::interpolation::interpolation;
+use super::interpolation::{Points, interpolation};
 use super::{Error, ErrorLadder, compare, originals, variant};
 use crate::recipe::Recipe;
 use crate::render::{
@@ -17,13 +17,14 @@ use crate::render::{
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
-/// frames that choices are made on ([`choosing`]). `progress` is told the part done.
+/// frames that choices are made on ([`choosing`]). Of `facts` the ranges count. `progress` is told the part done.
 ///
 /// # Errors
 /// As [`Prepared::new`] and [`Prepared::render`], of the original. A candidate that cannot be drawn is left out.
 pub fn frequencies(
     gpu: &Gpu,
     scene: &Scene,
+    facts: &Facts,
     form: ShaderForm,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Frequency>, Error> {
@@ -32,17 +33,9 @@ pub fn frequencies(
     let plans = originals(scene);
     let frames = choosing(scene);
     let references = pictures(&inputs, &plans, &frames, form)?;
-    // What is found of a stage once is there for all of its candidates. A material that nothing can be hoisted in has none.
-    let stages: Vec<Option<Stages<'_>>> = plans.iter().map(|p| Stages::of(p).ok()).collect();
-    let graphs: Vec<Option<Graph<'_>>> = stages
-        .iter()
-        .map(|s| s.as_ref().map(Stages::graph))
-        .collect();
-    let found: Vec<Option<Candidates<'_, '_>>> = stages
-        .iter()
-        .zip(&graphs)
-        .map(|(stages, graph)| Candidates::new(stages.as_ref()?, graph.as_ref()?).ok())
-        .collect();
+    let stages = stages(&plans);
+    let graphs = graphs(&stages);
+    let found = found(&stages, &graphs, facts);
     // Materials of one shader have the same candidates, and are measured together.
     let mut candidates: BTreeMap<&str, Vec<(usize, &Candidates<'_, '_>, &Candidate)>> =
         BTreeMap::new();
@@ -56,27 +49,34 @@ pub fn frequencies(
     let mut measured = Vec::new();
     for (done, (id, of)) in candidates.iter().enumerate() {
         progress(done as f64 / candidates.len() as f64);
-        let mut changed = plans.clone();
+        let mut alone: BTreeMap<usize, Plan> = BTreeMap::new();
         let carried: Vec<_> = of
             .iter()
             .filter_map(|(material, found, candidate)| {
-                changed[*material] = found.alone(id).ok()?;
+                alone.insert(*material, found.alone(id).ok()?);
                 Some((material, candidate))
             })
             .collect();
         if carried.is_empty() {
             continue;
         }
+        let mut changed = plans.clone();
+        for (material, plan) in &alone {
+            changed[*material].clone_from(plan);
+        }
         let Ok(drawn) = pictures(&inputs, &changed, &frames, form) else {
             continue;
         };
         let worst = worst(&references, &drawn)?;
+        // Whether it is finite is seen by itself: a target of fixed point holds no NaN.
+        let interpolation = interpolation(&inputs, &plans, &alone, form, Points::Few);
+        let interpolation = interpolation.unwrap_or_default();
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
             value: (*id).to_owned(),
             name: candidate.name.clone(),
             cost: candidate.cost,
-            interpolation: None,
+            interpolation,
             bound: None,
             max_abs: worst.max_abs,
             flip_mean: worst.flip_mean,
@@ -88,19 +88,43 @@ pub fn frequencies(
     Ok(measured)
 }
 
-/// The same, with how far each value itself is from its interpolation, evaluated and proved: what no choice rests on, and takes a while.
+/// The stages of each plan; `None` of one that nothing can be hoisted in. With [`graphs`] what [`found`] rests on, which is there for all candidates of a stage.
+fn stages(plans: &[Plan]) -> Vec<Option<Stages<'_>>> {
+    plans.iter().map(|p| Stages::of(p).ok()).collect()
+}
+
+fn graphs<'p>(stages: &[Option<Stages<'p>>]) -> Vec<Option<Graph<'p>>> {
+    let graph = |s: &Option<Stages<'p>>| s.as_ref().map(Stages::graph);
+    stages.iter().map(graph).collect()
+}
+
+fn found<'a, 'p>(
+    stages: &'a [Option<Stages<'p>>],
+    graphs: &'a [Option<Graph<'p>>],
+    facts: &Facts,
+) -> Vec<Option<Candidates<'a, 'p>>> {
+    let each = stages.iter().zip(graphs);
+    each.map(|(s, g)| Candidates::new(s.as_ref()?, g.as_ref()?, facts).ok())
+        .collect()
+}
+
+/// Those of `facts`, with how far each value itself is from its interpolation, evaluated at more points, and proved: what no choice rests on, and takes a while.
 ///
 /// # Errors
 /// As [`SceneInputs::new`].
 pub fn interpolations(
     gpu: &Gpu,
     scene: &Scene,
+    facts: &Facts,
     form: ShaderForm,
-    mut frequencies: Vec<Frequency>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Frequency>, Error> {
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = originals(scene);
+    let stages = stages(&plans);
+    let graphs = graphs(&stages);
+    let found = found(&stages, &graphs, facts);
+    let mut frequencies = facts.frequencies.clone();
     let values: BTreeSet<String> = frequencies.iter().map(|f| f.value.clone()).collect();
     for (done, value) in values.iter().enumerate() {
         progress(done as f64 / values.len() as f64);
@@ -108,15 +132,26 @@ pub fn interpolations(
             .iter_mut()
             .filter(|f| f.value == *value)
             .collect();
-        let materials: Vec<usize> = (0..plans.len())
-            .filter(|m| of.iter().any(|f| f.material == plans[*m].material))
+        let materials: Vec<(usize, &Candidates<'_, '_>)> = found
+            .iter()
+            .enumerate()
+            .filter(|(m, _)| of.iter().any(|f| f.material == plans[*m].material))
+            .filter_map(|(m, found)| Some((m, found.as_ref()?)))
             .collect();
+        let alone = materials
+            .iter()
+            .filter_map(|(m, found)| Some((*m, found.alone(value).ok()?)));
+        let alone: BTreeMap<usize, Plan> = alone.collect();
         // What cannot be evaluated away from a picture is still known by it.
         let interpolation =
-            interpolation(&inputs, &plans, &materials, value, form).unwrap_or_default();
-        let bound = bounds::bound(scene, &plans, &materials, value);
+            interpolation(&inputs, &plans, &alone, form, Points::Many).unwrap_or_default();
+        let computed = materials
+            .iter()
+            .map(|(m, found)| Some((*m, found.computed(value).ok()?)));
+        let computed: Option<BTreeMap<usize, Computed>> = computed.collect();
+        let bound = computed.and_then(|of| bounds::bound(scene, &plans, &of));
         for frequency in &mut of {
-            frequency.interpolation = interpolation;
+            frequency.interpolation = interpolation.or(frequency.interpolation);
             frequency.bound.clone_from(&bound);
         }
     }
@@ -278,7 +313,7 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
         let (Some(threshold), false) = (params.threshold, facts.frequencies.is_empty()) else {
             continue;
         };
-        let keeps = |f: &&Frequency| params.metric.of(f) <= threshold && f.nan_pixels == 0;
+        let keeps = |f: &&Frequency| params.metric.of(f) <= threshold && f.is_finite();
         let ids: BTreeSet<&str> = facts
             .frequencies
             .iter()

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::choose;
 use super::single::{Candidates, Stages};
-use super::travel::{self, Class, Finite, Stays, Verdict};
+use super::travel::{self, Class, Finite, Judged, Stays, Verdict};
 use super::values::{ValueId, Values};
 use super::{Material, Params, name, span};
 use crate::graph::FunctionId;
@@ -14,12 +14,12 @@ use crate::program::{Location, SourceMap};
 use crate::slice::{self, Criterion};
 
 /// How each value may travel, as far as the code shows it and what was measured allows it.
-pub(super) fn verdicts(
+pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &Material<'_>,
     params: &Params,
     facts: &Facts,
-) -> Vec<Verdict> {
+) -> Judged {
     let measured: BTreeMap<&str, &Frequency> = facts
         .frequencies
         .iter()
@@ -27,35 +27,62 @@ pub(super) fn verdicts(
         .map(|f| (f.value.as_str(), f))
         .collect();
     let rests_on_measurement = !measured.is_empty() && params.weakest() == Class::Smooth;
+    let precision = material.precision(facts);
     if params.carry.is_none() && !rests_on_measurement {
-        return travel::judge(values, params.finite);
+        return travel::judge(values, params.finite, &precision);
     }
-    let assumed = travel::judge(values, Finite::Assumed);
-    if let Some(carry) = &params.carry {
-        let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-        let chosen = find(values, &assumed, &carry);
-        let mut verdicts = match params.finite {
-            Finite::Proved => travel::proved(values, assumed.clone()),
-            Finite::Assumed => assumed.clone(),
-        };
-        for (v, verdict) in verdicts.iter_mut().enumerate() {
-            if chosen.contains_key(&v) {
-                *verdict = assumed[v].clone();
-            } else if is_smooth(verdict) {
-                *verdict = Err(Stays::NotChosen);
-            }
+    let assumed = travel::judge(values, Finite::Assumed, &precision);
+    let verdicts = match &params.carry {
+        Some(carry) => {
+            let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
+            as_chosen(values, &assumed.verdicts, &carry, params.finite)
         }
-        return verdicts;
+        None => as_measured(values, &assumed.verdicts, &measured, params),
+    };
+    Judged {
+        verdicts,
+        ..assumed
     }
+}
+
+/// Of values that may travel as approximations those of these ids alone.
+fn as_chosen(
+    values: &Values<'_, '_>,
+    assumed: &[Verdict],
+    carry: &BTreeSet<&str>,
+    finite: Finite,
+) -> Vec<Verdict> {
+    let chosen = find(values, assumed, carry);
+    let mut verdicts = match finite {
+        Finite::Proved => travel::proved(values, assumed.to_vec()),
+        Finite::Assumed => assumed.to_vec(),
+    };
+    for (v, verdict) in verdicts.iter_mut().enumerate() {
+        if chosen.contains_key(&v) {
+            *verdict = assumed[v].clone();
+        } else if is_smooth(verdict) {
+            *verdict = Err(Stays::NotChosen);
+        }
+    }
+    verdicts
+}
+
+/// Of values that may travel as approximations those that were measured to keep the threshold.
+fn as_measured(
+    values: &Values<'_, '_>,
+    assumed: &[Verdict],
+    measured: &BTreeMap<&str, &Frequency>,
+    params: &Params,
+) -> Vec<Verdict> {
     let threshold = params.threshold.or(params.budget).unwrap_or_default();
-    let ids = find(values, &assumed, &measured.keys().copied().collect());
-    let mut verdicts = assumed;
+    let ids = find(values, assumed, &measured.keys().copied().collect());
+    let mut verdicts = assumed.to_vec();
     for (v, verdict) in verdicts.iter_mut().enumerate() {
         if !is_smooth(verdict) {
             continue;
         }
         match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
-            Some(f) if f.nan_pixels > 0 => *verdict = Err(Stays::MeasuredNotFinite),
+            Some(f) if !f.is_finite() => *verdict = Err(Stays::MeasuredNotFinite),
             // A NaN keeps no threshold.
             Some(f) if params.metric.of(f) <= threshold => {}
             Some(f) => {
@@ -89,14 +116,15 @@ pub struct Candidate {
 /// Most candidates that are looked at, the dearest first.
 pub const MOST_CANDIDATES: usize = 48;
 
-/// The values of a plan's fragment stage that might be carried as approximations, the dearest first.
+/// The values of a plan's fragment stage that might be carried as approximations, the dearest first. Of `facts` the ranges count: what is affine travels under a stronger
+/// promise where they show that its roundings stay small.
 ///
 /// # Errors
 /// Where nothing can be hoisted at all.
-pub fn candidates(plan: &Plan) -> Result<Vec<Candidate>, Box<Refusal>> {
+pub fn candidates(plan: &Plan, facts: &Facts) -> Result<Vec<Candidate>, Box<Refusal>> {
     let stages = Stages::of(plan)?;
     let graph = stages.graph();
-    let candidates = Candidates::new(&stages, &graph)?;
+    let candidates = Candidates::new(&stages, &graph, facts)?;
     Ok(candidates.list().cloned().collect())
 }
 

@@ -6,8 +6,8 @@ use naga::{Binding, BuiltIn, TypeInner};
 
 use super::cut::{self, Cut, Item};
 use super::pack::{self, Load, Slot};
-use super::sensitive::with_operands;
-use super::travel::{Carriage, Class, Verdict};
+use super::reach::with_operands;
+use super::travel::{Carriage, Class, Judged, Verdict};
 use super::values::{Node, Value, ValueId, Values};
 use crate::graph::rate::Interpolated;
 
@@ -60,8 +60,14 @@ impl Choice {
     }
 }
 
-/// The cheapest thing to hoist; `None` where nothing pays.
-pub fn choose(values: &Values<'_, '_>, verdicts: &[Verdict], terms: &Terms) -> Option<Choice> {
+/// The cheapest thing to hoist of which the roundings change an output by `most` at most; `None` where nothing pays.
+pub fn choose(
+    values: &Values<'_, '_>,
+    judged: &Judged,
+    most: f64,
+    terms: &Terms,
+) -> Option<Choice> {
+    let verdicts = &judged.verdicts;
     let before = {
         let items = items(values, verdicts, |_| false);
         total(&items, &cut::minimum(&items, &values.roots)?)
@@ -74,6 +80,12 @@ pub fn choose(values: &Values<'_, '_>, verdicts: &[Verdict], terms: &Terms) -> O
         let Some(choice) = cut_at(values, verdicts, &items, cut, before) else {
             continue;
         };
+        let affine = choice.carried.iter();
+        let affine = affine.filter(|(_, c)| c.class == Class::Affine);
+        let roundings: f64 = affine.map(|(id, _)| judged.roundings[*id]).sum();
+        if roundings > most {
+            continue;
+        }
         let whole = choice.after + choice.vertex * terms.vertices_per_fragment;
         if before - whole <= before * terms.worthwhile {
             continue;

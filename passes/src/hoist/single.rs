@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 
 use super::candidates::{self, Candidate};
-use super::travel::{self, Class, Finite, Verdict};
+use super::travel::{self, Class, Finite, Precision, Verdict};
 use super::values::{ValueId, Values};
 use super::{Found, Hoist, Material, Params, choose, hoisted, refuse};
 use crate::graph::Graph;
-use crate::pass::{Pass, Refusal};
+use crate::pass::{Facts, Pass, Refusal};
 use crate::plan::Plan;
 
 /// The stages of a plan that values may be moved between.
@@ -42,13 +42,25 @@ pub struct Candidates<'a, 'p> {
 }
 
 impl<'a, 'p> Candidates<'a, 'p> {
-    /// Finds them.
+    /// Finds them. Of `facts` the ranges count.
     ///
     /// # Errors
     /// Where nothing can be hoisted at all.
-    pub fn new(stages: &'a Stages<'p>, graph: &'a Graph<'p>) -> Result<Self, Box<Refusal>> {
+    pub fn new(
+        stages: &'a Stages<'p>,
+        graph: &'a Graph<'p>,
+        facts: &Facts,
+    ) -> Result<Self, Box<Refusal>> {
+        Self::within(stages, graph, &stages.material.precision(facts))
+    }
+
+    fn within(
+        stages: &'a Stages<'p>,
+        graph: &'a Graph<'p>,
+        precision: &Precision,
+    ) -> Result<Self, Box<Refusal>> {
         let values = stages.material.values(graph)?;
-        let verdicts = travel::judge(&values, Finite::Assumed);
+        let verdicts = travel::judge(&values, Finite::Assumed, precision).verdicts;
         let sources = stages.material.program.sources();
         let found = candidates::describe(&values, &verdicts, sources);
         Ok(Self {
@@ -128,7 +140,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
 pub fn alone(plan: &Plan, id: &str) -> Result<Plan, Box<Refusal>> {
     let stages = Stages::of(plan)?;
     let graph = stages.graph();
-    Candidates::new(&stages, &graph)?.alone(id)
+    Candidates::within(&stages, &graph, &Precision::EXACT)?.alone(id)
 }
 
 /// What computes a value from the author's varyings.
@@ -151,5 +163,5 @@ pub struct Computed {
 pub fn computed(plan: &Plan, id: &str) -> Result<Computed, Box<Refusal>> {
     let stages = Stages::of(plan)?;
     let graph = stages.graph();
-    Candidates::new(&stages, &graph)?.computed(id)
+    Candidates::within(&stages, &graph, &Precision::EXACT)?.computed(id)
 }

@@ -7,13 +7,15 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::form::{Form, forms};
-use super::sensitive::{sensitive, with_operands, with_users};
+use super::reach::{with_operands, with_users};
+use super::rounding;
 use super::sign::Signs;
 use super::turn::turning;
 use super::values::{Node, ValueId, Values};
 use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
 use crate::graph::{FunctionId, StmtId, cost, effect};
+use crate::pass::SourceRange;
 
 /// As what a value may travel. Ordered from the strongest promise to the weakest.
 #[derive(
@@ -77,7 +79,7 @@ pub enum Stays {
         /// By how much, in the budget's metric.
         error: String,
     },
-    /// It was measured: there are pixels that are not finite.
+    /// It was measured: it, or a pixel with it, is not finite.
     MeasuredNotFinite,
     /// It was not measured, though others were.
     NotMeasured,
@@ -110,7 +112,7 @@ impl std::fmt::Display for Stays {
             Self::NotChosen => f.write_str("it is not among the chosen values"),
             Self::Measured { error } => write!(f, "carried alone it makes an error of {error}"),
             Self::MeasuredNotFinite => {
-                f.write_str("carried alone it makes pixels that are not finite")
+                f.write_str("measured, it is NaN or infinite somewhere, or a pixel with it is")
             }
             Self::NotMeasured => f.write_str("carrying it was not measured"),
             Self::MayNotBeFinite { operation } => write!(
@@ -135,11 +137,42 @@ pub enum Finite {
 /// What each value may travel as, or why it stays.
 pub type Verdict = Result<Carriage, Stays>;
 
+/// How each value of a fragment stage may be carried or why it stays.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// For each value.
+    pub verdicts: Vec<Verdict>,
+    /// What the roundings of each may change an output by, where it is carried by itself.
+    pub roundings: Vec<f64>,
+    /// Whether it is affine in varyings.
+    pub affine: Vec<bool>,
+}
+
+/// How exact the outputs have to be, and what is known of the numbers that decides it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Precision {
+    /// Where varyings and constants of the draw lie; empty where no scene tells.
+    pub ranges: Vec<SourceRange>,
+    /// What roundings may change an output by.
+    pub most: f64,
+}
+
+impl Precision {
+    /// No rounding may show.
+    pub const EXACT: Self = Self {
+        ranges: Vec::new(),
+        most: -1.0,
+    };
+}
+
 /// For each value, how it may be carried or why it stays.
-pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Verdict> {
-    let assumed = judge_finite(values);
+pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> Judged {
+    let assumed = judge_finite(values, precision);
     match finite {
-        Finite::Proved => proved(values, assumed),
+        Finite::Proved => Judged {
+            verdicts: proved(values, assumed.verdicts),
+            ..assumed
+        },
         Finite::Assumed => assumed,
     }
 }
@@ -160,14 +193,15 @@ pub(super) fn proved(values: &Values<'_, '_>, assumed: Vec<Verdict>) -> Vec<Verd
 }
 
 /// Verdicts under [`Finite::Assumed`].
-fn judge_finite(values: &Values<'_, '_>) -> Vec<Verdict> {
+fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let forms = forms(values);
     let endless = endless(values);
     let turning = turning(values);
     let pins = pins(values);
-    let sensitive = sensitive(values);
+    let may = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
+    let roundings = rounding::at_outputs(values, &precision.ranges, may);
     let coverage = with_operands(values, values.coverage.clone());
-    (0..values.values.len())
+    let verdicts = (0..values.values.len())
         .map(|id| {
             let scalar = carried_scalar(values, id)?;
             let (context, e, at) = values.expression(id).ok_or(Stays::NotCarried)?;
@@ -211,7 +245,7 @@ fn judge_finite(values: &Values<'_, '_>) -> Vec<Verdict> {
             if coverage[id] {
                 return Err(Stays::Coverage);
             }
-            if forms[id] == Form::Affine && !sensitive[id] {
+            if forms[id] == Form::Affine && roundings[id] <= precision.most {
                 return Ok(carriage(Class::Affine, interpolated, at));
             }
             let expression = &values.function(context).function.expressions[e];
@@ -220,7 +254,12 @@ fn judge_finite(values: &Values<'_, '_>) -> Vec<Verdict> {
             }
             Ok(carriage(Class::Smooth, interpolated, at))
         })
-        .collect()
+        .collect();
+    Judged {
+        verdicts,
+        roundings,
+        affine: forms.iter().map(|f| *f == Form::Affine).collect(),
+    }
 }
 
 /// Kind of the scalars of a value that a varying can hold: 32-bit scalars and vectors.
