@@ -2,6 +2,8 @@
 //!
 //! `cargo bench -p preshade --features glsl,spirv --bench rewrite [-- FILE.wgsl..]`. Without files it takes the WGSL fixtures of one file and a made material of
 //! about 1,500 expressions. Median of 20 runs, in milliseconds; the limit set for `rewrite` in all is 10 ms.
+//!
+//! Without files, then also what `hoist` costs of stages that grow: twice as many statements, or calls, should cost about twice as much.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -9,7 +11,9 @@ use std::time::Instant;
 use preshade::emit::{self, Options, Target};
 use preshade::front::{self, Color, Source};
 use preshade::passes::graph::Graph;
-use preshade::passes::pass::Facts;
+use preshade::passes::hoist::travel::Finite;
+use preshade::passes::hoist::{self, Candidates, Hoist, Stages};
+use preshade::passes::pass::{Facts, Pass, Refusal};
 use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
@@ -32,7 +36,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Source::new("made-8-functions.wgsl", made(8, 7)),
         Source::new("made-1-function.wgsl", made(1, 56)),
     ];
-    for file in if given.is_empty() { fixtures()? } else { given } {
+    let grows = given.is_empty();
+    for file in if grows { fixtures()? } else { given } {
         let name = file.display().to_string();
         sources.push(Source::new(&name, std::fs::read_to_string(&file)?));
     }
@@ -54,7 +59,98 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         println!();
     }
+    if grows {
+        hoist_grows()?;
+    }
     Ok(())
+}
+
+/// Prints what the steps of a hoist cost of straight-line stages, and of trees of calls.
+fn hoist_grows() -> Result<(), Box<dyn std::error::Error>> {
+    print!("\n{:<40}", "stage");
+    for step in ["exact", "budget", "candidates", "each"] {
+        print!(" {step:>10}");
+    }
+    println!();
+    let lines = [50, 100, 200, 400, 800].map(|n| (format!("{n} statements"), straight_line(n)));
+    let trees = [4, 6, 8, 10].map(|n| (format!("{} calls", 2 << n), tree(n)));
+    for (name, text) in lines.into_iter().chain(trees) {
+        let source = Source::new("made.wgsl", text);
+        let parsed = front::parse(&[source], &front::Options::default())
+            .map_err(|e| e.render(Color::Never))?;
+        let fragment = parsed.fragment.as_deref();
+        let state = MaterialState::default();
+        let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+        let facts = Facts::default();
+        let exact = hoist::Params::default();
+        let budget = hoist::Params {
+            budget: Some(0.01),
+            finite: Finite::Assumed,
+            ..exact.clone()
+        };
+        print!("{name:<40}");
+        for params in [exact, budget] {
+            let clock = Instant::now();
+            std::hint::black_box(Hoist::sites(&plan, &facts, &params));
+            print!(" {:>10.2}", ms(clock));
+        }
+        let refused = |r: Box<Refusal>| r.reason;
+        let clock = Instant::now();
+        let stages = Stages::of(&plan).map_err(refused)?;
+        let graph = stages.graph();
+        let candidates = Candidates::new(&stages, &graph, &facts).map_err(refused)?;
+        print!(" {:>10.2}", ms(clock));
+        let clock = Instant::now();
+        for candidate in candidates.list() {
+            std::hint::black_box(candidates.alone(&candidate.id)).map_err(refused)?;
+        }
+        println!(" {:>10.2}", ms(clock) / candidates.list().len() as f64);
+    }
+    Ok(())
+}
+
+/// A fragment stage of `statements` statements, each of which rests on the one before.
+fn straight_line(statements: usize) -> String {
+    let lines: String = (0..statements)
+        .map(|i| format!("    x = x * u.scale + sin(x + {i}.0);\n"))
+        .collect();
+    stage("", &format!("var x = in.uv.x;\n{lines}"))
+}
+
+/// A fragment stage of two calls, each of which makes two calls, and so on `depth` times; the last have a loop.
+fn tree(depth: usize) -> String {
+    let mut functions = "fn t0(x: f32) -> f32 {
+    var a = x;
+    for (var k = 0; k < 3; k++) { a = a + sin(a * u.scale); }
+    return a;
+}\n"
+    .to_owned();
+    for i in 1..=depth {
+        let below = i - 1;
+        functions.push_str(&format!(
+            "fn t{i}(x: f32) -> f32 {{ return t{below}(x * 1.5) + t{below}(x + u.scale); }}\n"
+        ));
+    }
+    let x = format!("let x = t{depth}(in.uv.x) + fwidth(t{depth}(in.uv.y));");
+    stage(&functions, &x)
+}
+
+/// A material whose fragment stage gives `x`.
+fn stage(functions: &str, body: &str) -> String {
+    format!(
+        "struct Uniforms {{ view_proj: mat4x4<f32>, scale: f32 }}
+@group(0) @binding(0) var<uniform> u: Uniforms;
+struct Varyings {{ @builtin(position) clip: vec4<f32>, @location(0) uv: vec2<f32> }}
+{functions}
+@vertex fn vs(@location(0) p: vec3<f32>) -> Varyings {{
+    return Varyings(u.view_proj * vec4<f32>(p, 1.0), p.xy);
+}}
+@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
+    {body}
+    return vec4<f32>(x, 0.0, 0.0, 1.0);
+}}
+"
+    )
 }
 
 fn fixtures() -> std::io::Result<Vec<PathBuf>> {
