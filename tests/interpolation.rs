@@ -22,7 +22,7 @@ fn frequencies(name: &str) -> Vec<Frequency> {
 
 fn measured(scene: &Scene) -> Vec<Frequency> {
     let form = ShaderForm::Text;
-    let found = measure::frequencies(gpu(), scene, form, &mut |_| {}).unwrap();
+    let found = measure::frequencies(gpu(), scene, &Facts::default(), form, &mut |_| {}).unwrap();
     measure::interpolations(gpu(), scene, form, found, &mut |_| {}).unwrap()
 }
 

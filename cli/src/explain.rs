@@ -101,10 +101,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let Materials {
         asked: plans,
         frame,
+        known,
     } = args.shader.plans()?;
     let facts = match args.scene {
         true => measured(args)?,
-        false => Facts::default(),
+        false => known,
     };
     let materials = plans
         .iter()
@@ -140,7 +141,7 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
     let bar = output::bar();
     bar.set_message("measuring what can be interpolated");
     let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
-    facts.frequencies = measure::frequencies(&gpu, &scene, form, &mut progress)?;
+    facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut progress)?;
     bar.set_message("bounding how far it is off");
     facts.frequencies =
         measure::interpolations(&gpu, &scene, form, facts.frequencies, &mut progress)?;

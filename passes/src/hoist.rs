@@ -36,6 +36,7 @@ use crate::plan::{GpuPass, Plan, Role, Step};
 use crate::program::Program;
 use crate::reflect;
 use crate::slice::{self, Criterion};
+use crate::state::ColorTarget;
 
 mod candidates;
 pub mod choose;
@@ -45,8 +46,10 @@ pub(crate) mod hoisted;
 pub(crate) mod isolate;
 pub mod pack;
 mod params;
+mod range;
+mod reach;
 mod remainder;
-mod sensitive;
+mod rounding;
 pub mod sign;
 mod single;
 pub mod travel;
@@ -59,7 +62,7 @@ pub use single::{Computed, alone, computed};
 
 use choose::{Choice, Terms};
 use hoisted::{Failed, Wanted};
-use travel::{Carriage, Class, Stays};
+use travel::{Class, Judged, Precision, Stays};
 use values::{Node, ValueId, Values};
 
 /// The pass.
@@ -176,6 +179,22 @@ impl<'a> Material<'a> {
         })
     }
 
+    /// How exact its targets are, and what is known of its numbers.
+    fn precision(&self, facts: &Facts) -> Precision {
+        let ranges = facts.ranges.iter();
+        let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
+        Precision {
+            ranges: ranges
+                .filter(|r| r.material == self.name)
+                .cloned()
+                .collect(),
+            most: match self.pass.targets.iter().flatten().any(is_srgb) {
+                true => rounding::MOST / rounding::STEEPEST_SRGB,
+                false => rounding::MOST,
+            },
+        }
+    }
+
     fn values<'g>(&self, graph: &'g Graph<'a>) -> Result<Values<'g, 'a>, Box<Refusal>> {
         let name = Hoist::INFO.name;
         let id = FunctionId::EntryPoint(self.fragment);
@@ -238,6 +257,8 @@ struct Found<'g, 'p> {
     choice: Choice,
     wanted: Vec<Wanted>,
     left: Vec<Left>,
+    /// What it rests on that roundings stay small.
+    given: Vec<Assumption>,
     key: SiteKey,
 }
 
@@ -249,9 +270,10 @@ impl<'g, 'p> Found<'g, 'p> {
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let values = material.values(graph).map_err(|r| (r, Vec::new()))?;
-        let verdicts = candidates::verdicts(&values, material, params, facts);
+        let judged = candidates::judge(&values, material, params, facts);
         let terms = params.terms(facts);
-        let found = Self::under(values, &verdicts, &terms, material);
+        let precision = material.precision(facts);
+        let found = Self::under(values, &judged, &precision, &terms, material);
         found.map_err(|(mut refusal, left)| {
             refusal
                 .reason
@@ -260,18 +282,26 @@ impl<'g, 'p> Found<'g, 'p> {
         })
     }
 
-    /// The cut of the values that may travel as `verdicts` say.
+    /// The cut of the values that may travel.
     fn under(
         values: Values<'g, 'p>,
-        verdicts: &[Result<Carriage, Stays>],
+        judged: &Judged,
+        precision: &Precision,
         terms: &Terms,
         material: &Material<'p>,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
-        let left = left(&values, verdicts, terms.weakest);
-        let Some(choice) = choose::choose(&values, verdicts, terms) else {
+        let left = left(&values, judged, terms.weakest);
+        let Some(choice) = choose::choose(&values, judged, precision.most, terms) else {
             return Err((Box::new(nothing_pays(terms.weakest)), left));
         };
-        Ok(Self::of(values, choice, left, material))
+        let given = vec![match precision.ranges.is_empty() {
+            true => Assumption::OrdinaryNumbers,
+            false => Assumption::NumbersOfTheScene,
+        }];
+        Ok(Self {
+            given,
+            ..Self::of(values, choice, left, material)
+        })
     }
 
     fn of(
@@ -296,6 +326,7 @@ impl<'g, 'p> Found<'g, 'p> {
             choice,
             wanted,
             left,
+            given: Vec::new(),
             key,
         }
     }
@@ -401,7 +432,7 @@ impl<'g, 'p> Found<'g, 'p> {
             },
             Some(Class::Affine) => Contract::Rounding {
                 k: self.roundings(),
-                given: Vec::new(),
+                given: self.given.clone(),
             },
             Some(Class::Smooth) => Contract::Approximate {
                 metric: params.metric.name().to_owned(),
@@ -525,17 +556,17 @@ fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
 }
 
 /// Named values and results of calls that stay, the dearest first: those whose users could not take them along either.
-fn left(
-    values: &Values<'_, '_>,
-    verdicts: &[Result<Carriage, Stays>],
-    weakest: Class,
-) -> Vec<Left> {
+fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
     let sources = values.graph.program().sources();
     let mut left: Vec<Left> = (0..values.values.len())
         .filter(|id| matches!(values.values[*id].node, Node::Expression(..)))
         .filter_map(|id| {
-            let reason = match &verdicts[id] {
+            let reason = match &judged.verdicts[id] {
                 Ok(c) if c.class <= weakest => return None,
+                Ok(_) if judged.affine[id] => match judged.roundings[id] {
+                    error if error.is_finite() => format!("carried, it is rounded elsewhere, which may come to {error:.1e} at an output"),
+                    _ => "carried, it is rounded elsewhere, and what that comes to at an output has no bound".to_owned(),
+                },
                 Ok(_) => "interpolating it is an approximation, and no budget is given".to_owned(),
                 Err(Stays::NotCarried | Stays::Varying) => return None,
                 Err(stays) => stays.to_string(),

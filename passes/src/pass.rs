@@ -154,6 +154,9 @@ pub struct Facts {
     /// Uniforms that follow the camera or the time, or change between the scene's frames in another way; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub changing: Option<Vec<Changing>>,
+    /// Between which numbers the varyings and the constants of the draw lie; empty where that was not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ranges: Vec<SourceRange>,
     /// What carrying each value of a fragment stage alone does to the picture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<Frequency>,
@@ -170,6 +173,41 @@ pub struct Changing {
     pub binding: u32,
     /// Name of the member; `None` where the uniform is no struct.
     pub member: Option<String>,
+}
+
+/// Where a fragment stage's numbers come from.
+#[derive(
+    Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Source {
+    /// What the vertex stage writes.
+    Varying {
+        /// `@location`.
+        location: u32,
+    },
+    /// A uniform or a storage buffer, or a member of one.
+    Buffer {
+        /// `@group`.
+        group: u32,
+        /// `@binding`.
+        binding: u32,
+        /// Name of the member; `None` where the variable is no struct.
+        member: Option<String>,
+    },
+}
+
+/// The least and the largest float of a source, all components together, over the frames of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SourceRange {
+    /// Name of the material.
+    pub material: String,
+    /// The source.
+    pub source: Source,
+    /// The least.
+    pub low: f32,
+    /// The largest.
+    pub high: f32,
 }
 
 /// How well one value of a fragment stage is interpolated: the worst of the pictures that were drawn with it, and it alone, carried from the vertices.

@@ -1,15 +1,16 @@
 //! Proved bounds on the interpolation error of a value, over the triangles of a scene.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 use preshade_passes::bound::{self, Affine, Distance};
-use preshade_passes::evaluate::{self, Environment, Stuck, Value};
+use preshade_passes::evaluate::{self, Environment, Value};
 use preshade_passes::hoist::{self, Computed};
 use preshade_passes::pass::Bound;
 use preshade_passes::plan::Plan;
 use preshade_passes::state::Topology;
 
 use super::frequency::choosing;
+use super::vertices::{self, Vertices, said};
 use crate::scene::Scene;
 use crate::scene::bind::{self, DrawBindings};
 
@@ -107,7 +108,7 @@ const NONE: Distance = Distance {
 struct Drawn {
     computed: Computed,
     environment: Environment<'static, Affine>,
-    vertices: Vertices,
+    vertices: Arguments,
     triangles: u64,
     /// Corners of one instance.
     corners: u32,
@@ -122,10 +123,10 @@ impl Drawn {
             / 3
             * 3;
         Self {
-            environment: bound::environment(resources(&computed, &bound)),
+            environment: bound::environment(vertices::resources(&computed.module, &bound)),
             triangles: u64::from(corners / 3) * u64::from(bound.instances),
             corners,
-            vertices: Vertices::new(&computed, bound),
+            vertices: Arguments::new(&computed, bound),
             computed,
         }
     }
@@ -146,8 +147,9 @@ impl Drawn {
         let each = u64::from(self.corners / 3).max(1);
         let (instance, first) = ((triangle / each) as u32, (triangle % each) as u32 * 3);
         let mut corner = |c: u32| {
-            let vertex = index(&self.vertices.bound, first + c).ok_or("the mesh is too short")?;
-            self.vertices.arguments(&self.computed, vertex, instance)
+            let vertex = vertices::index(&self.vertices.vertices.bound, first + c)
+                .ok_or("the mesh is too short")?;
+            self.vertices.at(&self.computed, vertex, instance)
         };
         Ok([corner(0)?, corner(1)?, corner(2)?])
     }
@@ -163,42 +165,21 @@ impl Drawn {
     }
 }
 
-/// Why an evaluation stopped, in a user's words.
-fn said(stuck: Stuck) -> String {
-    match stuck {
-        Stuck::Undecided(_) => {
-            "what a branch or an index rests on differs within a triangle, or by a rounding"
-                .to_owned()
-        }
-        Stuck::Steps => "it takes too many steps".to_owned(),
-        Stuck::Unsupported(what) => {
-            let name: String = what
-                .chars()
-                .take_while(char::is_ascii_alphanumeric)
-                .collect();
-            format!("`{name}` is not bounded")
-        }
-        other => other.to_string(),
-    }
-}
-
 /// The varyings at vertices, as the value's function takes them, and as far off as an adapter may compute them; each vertex is run once.
-struct Vertices {
-    bound: DrawBindings,
-    environment: Environment<'static, Affine>,
+struct Arguments {
+    vertices: Vertices<Affine>,
     known: HashMap<(u32, u32), Vec<Value<Affine>>>,
 }
 
-impl Vertices {
+impl Arguments {
     fn new(computed: &Computed, bound: DrawBindings) -> Self {
         Self {
-            environment: bound::environment(resources(computed, &bound)),
-            bound,
+            vertices: Vertices::new(&computed.module, bound),
             known: HashMap::new(),
         }
     }
 
-    fn arguments(
+    fn at(
         &mut self,
         computed: &Computed,
         vertex: u32,
@@ -219,39 +200,9 @@ impl Vertices {
         instance: u32,
     ) -> Result<Vec<Value<Affine>>, String> {
         let module = &computed.module;
-        let function = &module.entry_points[computed.vertex].function;
-        let arguments = function
-            .arguments
-            .iter()
-            .map(|a| {
-                let value = self.input(module, a.ty, a.binding.as_ref(), vertex, instance);
-                value.as_ref().map(bound::exactly)
-            })
-            .collect::<Option<Vec<_>>>()
-            .ok_or("an input of the vertex stage cannot be read")?;
-        let outcome = evaluate::entry_point(module, computed.vertex, &arguments, &self.environment)
-            .map_err(said)?;
-        let outputs = preshade_passes::reflect::outputs(module, function);
-        let values = match outcome.result {
-            Some(Value::Composite(parts))
-                if function
-                    .result
-                    .as_ref()
-                    .is_some_and(|r| r.binding.is_none()) =>
-            {
-                parts
-            }
-            Some(one) => vec![one],
-            None => Vec::new(),
-        };
-        let by_location: BTreeMap<u32, Value<Affine>> = outputs
-            .iter()
-            .zip(values)
-            .filter_map(|(output, value)| match output.binding {
-                Some(naga::Binding::Location { location, .. }) => Some((location, value)),
-                _ => None,
-            })
-            .collect();
+        let (by_location, _) = self
+            .vertices
+            .run(module, computed.vertex, vertex, instance)?;
         let own = &module.functions[computed.function];
         own.arguments
             .iter()
@@ -266,121 +217,5 @@ impl Vertices {
             })
             .collect::<Option<Vec<_>>>()
             .ok_or_else(|| "a varying is missing".to_owned())
-    }
-
-    fn input(
-        &self,
-        module: &naga::Module,
-        ty: naga::Handle<naga::Type>,
-        binding: Option<&naga::Binding>,
-        vertex: u32,
-        instance: u32,
-    ) -> Option<Value> {
-        match (binding, &module.types[ty].inner) {
-            (None, naga::TypeInner::Struct { members, .. }) => {
-                let members = members.iter();
-                let values =
-                    members.map(|m| self.input(module, m.ty, m.binding.as_ref(), vertex, instance));
-                values.collect::<Option<_>>().map(Value::Composite)
-            }
-            (Some(naga::Binding::BuiltIn(naga::BuiltIn::VertexIndex)), _) => {
-                Some(Value::u32(vertex))
-            }
-            (Some(naga::Binding::BuiltIn(naga::BuiltIn::InstanceIndex)), _) => {
-                Some(Value::u32(instance))
-            }
-            (Some(naga::Binding::Location { location, .. }), inner) => {
-                self.attribute(*location, inner, vertex, instance)
-            }
-            _ => None,
-        }
-    }
-
-    /// An attribute of 32-bit numbers, widened to its type as WebGPU does: by 0, and 1 for the fourth.
-    fn attribute(
-        &self,
-        location: u32,
-        inner: &naga::TypeInner,
-        vertex: u32,
-        instance: u32,
-    ) -> Option<Value> {
-        let (buffer, attribute) = self.bound.vertex_buffers.iter().find_map(|b| {
-            let found = b.attributes.iter().find(|a| a.location == location)?;
-            Some((b, found))
-        })?;
-        let row = match buffer.step {
-            wgpu::VertexStepMode::Instance => instance,
-            _ => vertex,
-        };
-        let (count, scalar) = match inner {
-            naga::TypeInner::Scalar(s) => (1, *s),
-            naga::TypeInner::Vector { size, scalar } => (*size as usize, *scalar),
-            _ => return None,
-        };
-        let name = format!("{:?}", attribute.format);
-        let given = (attribute.format.size() / 4) as usize;
-        if !["Float32", "Uint32", "Sint32"]
-            .iter()
-            .any(|kind| name.starts_with(kind))
-        {
-            return None;
-        }
-        let start = u64::from(row) * buffer.stride + attribute.offset;
-        let bytes = buffer.data.bytes.get(usize::try_from(start).ok()?..)?;
-        let components = (0..count).map(|i| {
-            let missing = if i == 3 { 1.0_f32 } else { 0.0 };
-            let word: [u8; 4] = *bytes.get(4 * i..)?.first_chunk()?;
-            Some(match scalar.kind {
-                naga::ScalarKind::Float if i < given => Value::f32(f32::from_le_bytes(word)),
-                naga::ScalarKind::Float => Value::f32(missing),
-                naga::ScalarKind::Uint if i < given => Value::u32(u32::from_le_bytes(word)),
-                naga::ScalarKind::Sint if i < given => Value::i32(i32::from_le_bytes(word)),
-                naga::ScalarKind::Uint => Value::u32(missing as u32),
-                naga::ScalarKind::Sint => Value::i32(missing as i32),
-                _ => return None,
-            })
-        });
-        let components = components.collect::<Option<Vec<_>>>()?;
-        match components.as_slice() {
-            [one] => Some(one.clone()),
-            _ => Some(Value::Composite(components)),
-        }
-    }
-}
-
-/// The uniforms and buffers of a draw that have a value.
-fn resources(computed: &Computed, bound: &DrawBindings) -> BTreeMap<(u32, u32), Value<Affine>> {
-    let module = &computed.module;
-    let globals = module.global_variables.iter();
-    globals
-        .filter_map(|(_, global)| {
-            let at = global.binding.as_ref()?;
-            let at = (at.group, at.binding);
-            let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
-            Some((
-                at,
-                evaluate::from_bytes(module, global.ty, &buffer.data.bytes)?,
-            ))
-        })
-        .collect()
-}
-
-fn index(bound: &DrawBindings, at: u32) -> Option<u32> {
-    let Some(indices) = &bound.indices else {
-        return Some(at);
-    };
-    let bytes = &indices.data.bytes;
-    let at = at as usize;
-    match indices.format {
-        wgpu::IndexFormat::Uint16 => bytes
-            .as_chunks::<2>()
-            .0
-            .get(at)
-            .map(|b| u32::from(u16::from_le_bytes(*b))),
-        wgpu::IndexFormat::Uint32 => bytes
-            .as_chunks::<4>()
-            .0
-            .get(at)
-            .map(|b| u32::from_le_bytes(*b)),
     }
 }

@@ -16,13 +16,14 @@ use crate::render::{
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
-/// frames that choices are made on ([`choosing`]). `progress` is told the part done.
+/// frames that choices are made on ([`choosing`]). Of `facts` the ranges count. `progress` is told the part done.
 ///
 /// # Errors
 /// As [`Prepared::new`] and [`Prepared::render`], of the original. A candidate that cannot be drawn is left out.
 pub fn frequencies(
     gpu: &Gpu,
     scene: &Scene,
+    facts: &Facts,
     form: ShaderForm,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Frequency>, Error> {
@@ -34,7 +35,7 @@ pub fn frequencies(
     // Materials of one shader have the same candidates, and are measured together.
     let mut candidates: BTreeMap<String, Vec<(usize, hoist::Candidate)>> = BTreeMap::new();
     for (material, plan) in plans.iter().enumerate() {
-        for candidate in hoist::candidates(plan).unwrap_or_default() {
+        for candidate in hoist::candidates(plan, facts).unwrap_or_default() {
             let id = candidate.id.clone();
             candidates
                 .entry(id)

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::choose;
-use super::travel::{self, Carriage, Class, Finite, Stays};
+use super::travel::{self, Carriage, Class, Finite, Judged, Precision, Stays};
 use super::values::{ValueId, Values};
 use super::{Material, Params, name, span};
 use crate::graph::{FunctionId, Graph};
@@ -13,17 +13,19 @@ use crate::program::{Location, SourceMap};
 use crate::slice::{self, Criterion};
 
 /// How each value may travel, as far as the code shows it and what was measured allows it.
-pub(super) fn verdicts(
+pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &Material<'_>,
     params: &Params,
     facts: &Facts,
-) -> Vec<Result<Carriage, Stays>> {
-    let mut verdicts = travel::judge(values, params.finite);
+) -> Judged {
+    let precision = material.precision(facts);
+    let mut judged = travel::judge(values, params.finite, &precision);
+    let verdicts = &mut judged.verdicts;
     let smooth = |v: &Result<Carriage, Stays>| matches!(v, Ok(c) if c.class == Class::Smooth);
     if let Some(carry) = &params.carry {
         let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-        let assumed = travel::judge(values, Finite::Assumed);
+        let assumed = travel::judge(values, Finite::Assumed, &precision).verdicts;
         let ids = ids(values, |v| smooth(&assumed[v]));
         for (v, verdict) in verdicts.iter_mut().enumerate() {
             if ids.get(&v).is_some_and(|id| carry.contains(id.as_str())) {
@@ -32,7 +34,7 @@ pub(super) fn verdicts(
                 *verdict = Err(Stays::NotChosen);
             }
         }
-        return verdicts;
+        return judged;
     }
     let measured: BTreeMap<&str, &Frequency> = facts
         .frequencies
@@ -41,10 +43,10 @@ pub(super) fn verdicts(
         .map(|f| (f.value.as_str(), f))
         .collect();
     if measured.is_empty() || params.weakest() < Class::Smooth {
-        return verdicts;
+        return judged;
     }
     let threshold = params.threshold.or(params.budget).unwrap_or_default();
-    let assumed = travel::judge(values, Finite::Assumed);
+    let assumed = travel::judge(values, Finite::Assumed, &precision).verdicts;
     let ids = ids(values, |v| smooth(&assumed[v]));
     for (v, verdict) in verdicts.iter_mut().enumerate() {
         if !smooth(&assumed[v]) {
@@ -60,7 +62,7 @@ pub(super) fn verdicts(
             None => Err(Stays::NotMeasured),
         };
     }
-    verdicts
+    judged
 }
 
 /// A value that might be carried as an approximation.
@@ -79,15 +81,17 @@ pub struct Candidate {
 /// Most candidates that are looked at, the dearest first.
 pub const MOST_CANDIDATES: usize = 48;
 
-/// The values of a plan's fragment stage that might be carried as approximations, the dearest first.
+/// The values of a plan's fragment stage that might be carried as approximations, the dearest first. Of `facts` the ranges count: what is affine travels under a stronger
+/// promise where they show that its roundings stay small.
 ///
 /// # Errors
 /// Where nothing can be hoisted at all.
-pub fn candidates(plan: &Plan) -> Result<Vec<Candidate>, Box<Refusal>> {
+pub fn candidates(plan: &Plan, facts: &Facts) -> Result<Vec<Candidate>, Box<Refusal>> {
     let material = Material::examine(plan, &Params::default())?;
     let graph = Graph::build(material.program);
     let values = material.values(&graph)?;
-    let verdicts = travel::judge(&values, Finite::Assumed);
+    let precision = material.precision(facts);
+    let verdicts = travel::judge(&values, Finite::Assumed, &precision).verdicts;
     let worth = |v: ValueId| {
         let width = choose::shape(&values, v).map_or(1, |(_, w)| w);
         let (cost, _) = choose::below(&values, std::iter::once(v));
@@ -148,7 +152,7 @@ pub(super) fn only(
     values: &Values<'_, '_>,
     id: &str,
 ) -> (Vec<Result<Carriage, Stays>>, Option<ValueId>) {
-    let verdicts = travel::judge(values, Finite::Assumed);
+    let verdicts = travel::judge(values, Finite::Assumed, &Precision::EXACT).verdicts;
     let is_smooth = |v: ValueId| matches!(&verdicts[v], Ok(c) if c.class == Class::Smooth);
     let ids = ids(values, is_smooth);
     let value = ids.into_iter().find(|(_, own)| own == id).map(|(v, _)| v);

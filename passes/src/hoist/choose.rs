@@ -4,7 +4,7 @@ use naga::{Binding, BuiltIn, TypeInner};
 
 use super::cut::{self, Cut, Item};
 use super::pack::{self, Load, Slot};
-use super::travel::{Carriage, Class, Stays};
+use super::travel::{Carriage, Class, Judged, Stays};
 use super::values::{Node, ValueId, Values};
 use crate::graph::rate::Interpolated;
 use crate::reflect;
@@ -58,12 +58,14 @@ impl Choice {
     }
 }
 
-/// The cheapest thing to hoist; `None` where nothing pays.
+/// The cheapest thing to hoist of which the roundings change an output by `most` at most; `None` where nothing pays.
 pub fn choose(
     values: &Values<'_, '_>,
-    verdicts: &[Result<Carriage, Stays>],
+    judged: &Judged,
+    most: f64,
     terms: &Terms,
 ) -> Option<Choice> {
+    let verdicts = &judged.verdicts;
     let before = {
         let items = items(values, verdicts, 1.0, &|_| false);
         total(&items, &cut::minimum(&items, &values.roots)?)
@@ -79,6 +81,12 @@ pub fn choose(
         let Some(choice) = cut_at(values, verdicts, &unscaled, &cut, before) else {
             continue;
         };
+        let affine = choice.carried.iter();
+        let affine = affine.filter(|(_, c)| c.class == Class::Affine);
+        let roundings: f64 = affine.map(|(id, _)| judged.roundings[*id]).sum();
+        if roundings > most {
+            continue;
+        }
         let whole = choice.after + choice.vertex * terms.vertices_per_fragment;
         if before - whole <= before * terms.worthwhile {
             continue;

@@ -5,12 +5,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::form::{Form, forms};
-use super::sensitive::{sensitive, with_operands, with_users};
+use super::reach::{with_operands, with_users};
+use super::rounding;
 use super::sign::Signs;
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
 use crate::graph::{StmtId, cost, effect};
+use crate::pass::SourceRange;
 use crate::reflect;
 
 /// As what a value may travel. Ordered from the strongest promise to the weakest.
@@ -130,17 +132,46 @@ pub enum Finite {
     Assumed,
 }
 
+/// How each value of a fragment stage may be carried or why it stays.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// For each value.
+    pub verdicts: Vec<Result<Carriage, Stays>>,
+    /// What the roundings of each may change an output by, where it is carried by itself.
+    pub roundings: Vec<f64>,
+    /// Whether it is affine in varyings.
+    pub affine: Vec<bool>,
+}
+
+/// How exact the outputs have to be, and what is known of the numbers that decides it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Precision {
+    /// Where varyings and constants of the draw lie; empty where no scene tells.
+    pub ranges: Vec<SourceRange>,
+    /// What roundings may change an output by.
+    pub most: f64,
+}
+
+impl Precision {
+    /// No rounding may show.
+    pub const EXACT: Self = Self {
+        ranges: Vec::new(),
+        most: -1.0,
+    };
+}
+
 /// For each value, how it may be carried or why it stays.
-pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, Stays>> {
+pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> Judged {
     let forms = forms(values);
     let endless = endless(values);
-    let sensitive = sensitive(values);
+    let affine = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
+    let roundings = rounding::at_outputs(values, &precision.ranges, affine);
     let coverage = with_operands(values, values.coverage.clone());
     let hazards = match finite {
         Finite::Proved => hazards(values),
         Finite::Assumed => vec![None; values.values.len()],
     };
-    (0..values.values.len())
+    let verdicts = (0..values.values.len())
         .map(|id| {
             let scalar = carried_scalar(values, id)?;
             let (context, e, at) = values.expression(id).ok_or(Stays::NotCarried)?;
@@ -184,7 +215,7 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, St
             if coverage[id] {
                 return Err(Stays::Coverage);
             }
-            if forms[id] == Form::Affine && !sensitive[id] {
+            if forms[id] == Form::Affine && roundings[id] <= precision.most {
                 return Ok(carriage(Class::Affine, interpolated, at));
             }
             let expression = &values.function(context).function.expressions[e];
@@ -198,7 +229,12 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, St
             }
             Ok(carriage(Class::Smooth, interpolated, at))
         })
-        .collect()
+        .collect();
+    Judged {
+        verdicts,
+        roundings,
+        affine: forms.iter().map(|f| *f == Form::Affine).collect(),
+    }
 }
 
 /// Kind of the scalars of a value that a varying can hold: 32-bit scalars and vectors.
