@@ -328,6 +328,17 @@ impl AllRanges {
                 expr,
                 convert: Some(_),
             } if is_float(*expr) => of(*expr),
+            // A whole number of 32 bits.
+            Expression::As {
+                kind: ScalarKind::Float,
+                expr,
+                convert: Some(_),
+            } => match f.ty(module, *expr).scalar_kind() {
+                Some(ScalarKind::Uint) => Range::new(0.0, f64::from(u32::MAX)),
+                Some(ScalarKind::Sint) => Range::within(f64::from(i32::MIN).abs()),
+                Some(ScalarKind::Bool) => Range::UNIT,
+                _ => Range::ANYTHING,
+            },
             Expression::Binary { op, left, right } if is_float(e) => {
                 let (a, b) = (of(*left), of(*right));
                 match op {

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::form::{Form, forms};
 use super::reach::{with_operands, with_users};
 use super::rounding;
-use super::sign::Signs;
+use super::range::{AllRanges, circles};
+use super::sign::{self, Signs};
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
@@ -86,6 +87,11 @@ pub enum Stays {
         /// The operation.
         operation: String,
     },
+    /// It may pass the largest `f32` at a vertex, which comes to the same.
+    MayOverflow {
+        /// The operation.
+        operation: String,
+    },
 }
 
 impl std::fmt::Display for Stays {
@@ -116,6 +122,11 @@ impl std::fmt::Display for Stays {
             Self::MayNotBeFinite { operation } => write!(
                 f,
                 "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole triangle"
+            ),
+            Self::MayOverflow { operation } => write!(
+                f,
+                "`{operation}` may pass the largest number there is at a vertex, which would spoil the whole triangle; what comes from outside is taken to be below 2^20 where no scene \
+                 tells"
             ),
         }
     }
@@ -168,7 +179,7 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> 
     let roundings = rounding::at_outputs(values, &precision.ranges, affine);
     let coverage = with_operands(values, values.coverage.clone());
     let hazards = match finite {
-        Finite::Proved => hazards(values),
+        Finite::Proved => hazards(values, &precision.ranges),
         Finite::Assumed => vec![None; values.values.len()],
     };
     let verdicts = (0..values.values.len())
@@ -223,9 +234,7 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> 
                 return Err(Stays::Discontinuous { operation });
             }
             if let Some(hazard) = &hazards[id] {
-                return Err(Stays::MayNotBeFinite {
-                    operation: hazard.clone(),
-                });
+                return Err(hazard.clone());
             }
             Ok(carriage(Class::Smooth, interpolated, at))
         })
@@ -401,24 +410,36 @@ pub(super) fn jump(expression: &Expression) -> Option<String> {
 }
 
 /// For each value, an operation in or below it whose result may be NaN or infinite.
-fn hazards(values: &Values<'_, '_>) -> Vec<Option<String>> {
+fn hazards(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<Option<Stays>> {
     let signs = Signs::new(values);
+    let ranges = AllRanges::new(values, &circles(values), known, sign::LARGEST_INPUT);
     let users = values.users();
-    let mut hazards: Vec<Option<String>> = vec![None; values.values.len()];
-    let mut work: Vec<ValueId> = Vec::new();
-    for (id, value) in values.values.iter().enumerate() {
-        if let Node::Expression(context, e, _) = &value.node
-            && let Some(operation) = signs.hazard(values, *context, *e)
-        {
-            hazards[id] = Some(operation.to_owned());
-            work.push(id);
-        }
-    }
-    while let Some(id) = work.pop() {
-        for user in &users[id] {
-            if hazards[*user].is_none() {
-                hazards[*user] = hazards[id].clone();
-                work.push(*user);
+    let hazard = |id: ValueId| {
+        let (context, e, _) = values.expression(id)?;
+        let undefined = signs.hazard(values, context, e);
+        let undefined = undefined.map(|operation| Stays::MayNotBeFinite {
+            operation: operation.to_owned(),
+        });
+        undefined.or_else(|| {
+            sign::overflow(values, &ranges, id).map(|operation| Stays::MayOverflow {
+                operation: operation.to_owned(),
+            })
+        })
+    };
+    let mut hazards: Vec<Option<Stays>> = (0..values.values.len()).map(hazard).collect();
+    // What is undefined says more than what may overflow for it.
+    let is_undefined = |h: &Option<Stays>| matches!(h, Some(Stays::MayNotBeFinite { .. }));
+    let (undefined, rest): (Vec<ValueId>, Vec<ValueId>) = (0..hazards.len())
+        .filter(|id| hazards[*id].is_some())
+        .partition(|id| is_undefined(&hazards[*id]));
+    for mut work in [undefined, rest] {
+        while let Some(id) = work.pop() {
+            for user in &users[id] {
+                let is_weaker = is_undefined(&hazards[id]) && !is_undefined(&hazards[*user]);
+                if hazards[*user].is_none() || is_weaker {
+                    hazards[*user] = hazards[id].clone();
+                    work.push(*user);
+                }
             }
         }
     }
