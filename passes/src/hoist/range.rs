@@ -5,13 +5,14 @@
 
 use naga::{
     AddressSpace, Arena, BinaryOperator, Binding, Expression, Handle, Literal, MathFunction,
-    Module, ScalarKind, TypeInner, UnaryOperator,
+    Module, ScalarKind, Statement, TypeInner, UnaryOperator,
 };
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::DiGraph;
 
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::cells::Root;
+use crate::graph::cost;
 use crate::graph::memory::{Origin, VersionId};
 use crate::graph::rate::Rate;
 use crate::pass::{Source, SourceRange};
@@ -136,8 +137,43 @@ pub fn circles(values: &Values<'_, '_>) -> Vec<Vec<ValueId>> {
     circles
 }
 
-/// Turns after which a circle's ranges are taken to grow without end.
+/// Turns after which the ranges of a loop that is not counted are taken to grow without end.
 const TURNS: usize = 8;
+/// Most turns that are followed of one that is.
+const MOST_TURNS: usize = 256;
+
+/// Where loops carry the values of a circle on.
+struct Merges {
+    of: Vec<ValueId>,
+    /// How often they do, if the loops are counted: at the header and in `continuing` once a turn, and when it is left.
+    turns: Option<usize>,
+}
+
+impl Merges {
+    fn of(values: &Values<'_, '_>, circle: &[ValueId]) -> Self {
+        let mut loops = std::collections::BTreeMap::new();
+        let mut of = Vec::new();
+        for id in circle {
+            let Node::Version(context, version) = values.values[*id].node else {
+                continue;
+            };
+            let f = values.function(context);
+            let Origin::Phi { at: Some(at), .. } = *f.memory.origin(version) else {
+                continue;
+            };
+            if matches!(f.statements.get(at).statement, Statement::Loop { .. }) {
+                of.push(*id);
+                loops.insert((context, at), cost::trips(values.graph.module(), f, at));
+            }
+        }
+        let turns = loops.values().try_fold(1_usize, |product, trips| {
+            let turns = 2 * usize::try_from((*trips)?).ok()? + 2;
+            product.checked_mul(turns).filter(|t| *t <= MOST_TURNS)
+        });
+        let turns = turns.filter(|_| !of.is_empty());
+        Self { of, turns }
+    }
+}
 
 /// The range of every value.
 #[derive(Debug)]
@@ -167,34 +203,65 @@ impl AllRanges {
                 ranges.of[circle[0]] = ranges.find(values, circle[0], &outside, &[]);
                 continue;
             }
-            // Upwards from nothing: those not reached yet are left out of what is joined.
-            let mut unseen = circle.clone();
-            for turn in 0..=TURNS {
-                let mut settled = true;
+            let merges = Merges::of(values, circle);
+            if !ranges.turn(values, circle, &merges, &outside) {
                 for id in circle {
-                    let found = ranges.find(values, *id, &outside, &unseen);
-                    let joined = match unseen.iter().position(|u| u == id) {
-                        Some(at) if joins(values, *id, &unseen) => {
-                            unseen.swap_remove(at);
-                            found
-                        }
-                        Some(_) => continue,
-                        None => ranges.of[*id].or(found),
-                    };
-                    settled &= ranges.of[*id] == joined;
-                    ranges.of[*id] = joined;
-                }
-                if settled && unseen.is_empty() {
-                    break;
-                }
-                if turn == TURNS {
-                    for id in circle {
-                        ranges.of[*id] = Range::ANYTHING;
-                    }
+                    ranges.of[*id] = Range::ANYTHING;
                 }
             }
         }
         ranges
+    }
+
+    /// The ranges of a circle, upwards from nothing: those not reached yet are left out of what is joined. Turn by turn, what a loop carries on waits until all else is settled.
+    /// `false` where they may grow beyond.
+    fn turn(
+        &mut self,
+        values: &Values<'_, '_>,
+        circle: &[ValueId],
+        merges: &Merges,
+        outside: &Outside<'_>,
+    ) -> bool {
+        let mut unseen = circle.to_vec();
+        for _ in 0..merges.turns.unwrap_or(TURNS) {
+            // Without the merges there is no circle: as many rounds as there are values settle it.
+            for _ in 0..=circle.len() {
+                let rest = circle.iter().filter(|id| !merges.of.contains(id));
+                if !self.join(values, rest, outside, &mut unseen) {
+                    break;
+                }
+            }
+            let carried = merges.of.iter();
+            if !self.join(values, carried, outside, &mut unseen) && unseen.is_empty() {
+                return true;
+            }
+        }
+        merges.turns.is_some() && unseen.is_empty()
+    }
+
+    /// Joins to each range what is found of it now. Whether that changed any.
+    fn join<'v>(
+        &mut self,
+        values: &Values<'_, '_>,
+        ids: impl Iterator<Item = &'v ValueId>,
+        outside: &Outside<'_>,
+        unseen: &mut Vec<ValueId>,
+    ) -> bool {
+        let mut changed = false;
+        for id in ids {
+            let found = self.find(values, *id, outside, unseen);
+            let joined = match unseen.iter().position(|u| u == id) {
+                Some(at) if joins(values, *id, unseen) => {
+                    unseen.swap_remove(at);
+                    found
+                }
+                Some(_) => continue,
+                None => self.of[*id].or(found),
+            };
+            changed |= self.of[*id] != joined;
+            self.of[*id] = joined;
+        }
+        changed
     }
 
     /// Of a value.

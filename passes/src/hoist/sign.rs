@@ -210,11 +210,7 @@ impl Signs {
 pub const LARGEST_INPUT: f64 = (1 << 20) as f64;
 
 /// The name of the operation, if an expression may pass the largest `f32` where its operands do not. An infinite number is one step from NaN: `inf * 0`, `inf - inf`.
-pub fn overflow(
-    values: &Values<'_, '_>,
-    ranges: &AllRanges,
-    id: ValueId,
-) -> Option<&'static str> {
+pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<&'static str> {
     // Ranges are of real numbers: roundings may add to them.
     let fits = |id: ValueId| ranges.of(id).magnitude() < 0.99 * f64::from(f32::MAX);
     let (context, e, _) = values.expression(id)?;

@@ -5,9 +5,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::form::{Form, forms};
+use super::range::{AllRanges, circles};
 use super::reach::{with_operands, with_users};
 use super::rounding;
-use super::range::{AllRanges, circles};
 use super::sign::{self, Signs};
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::memory::Origin;
