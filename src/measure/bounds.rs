@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use preshade_passes::bound::{self, Affine, Distance};
-use preshade_passes::evaluate::{self, Environment, Value};
+use preshade_passes::evaluate::{self, Value};
 use preshade_passes::hoist::{self, Computed};
 use preshade_passes::pass::Bound;
 use preshade_passes::plan::Plan;
@@ -107,7 +107,6 @@ const NONE: Distance = Distance {
 /// A draw in one frame.
 struct Drawn {
     computed: Computed,
-    environment: Environment<'static, Affine>,
     vertices: Arguments,
     triangles: u64,
     /// Corners of one instance.
@@ -123,7 +122,6 @@ impl Drawn {
             / 3
             * 3;
         Self {
-            environment: bound::environment(vertices::resources(&computed.module, &bound)),
             triangles: u64::from(corners / 3) * u64::from(bound.instances),
             corners,
             vertices: Arguments::new(&computed, bound),
@@ -137,7 +135,13 @@ impl Drawn {
             module, function, ..
         } = &self.computed;
         let function = &module.functions[*function];
-        let bounds = bound::over_triangle(module, function, [&a, &b, &c], &self.environment, parts);
+        let bounds = bound::over_triangle(
+            module,
+            function,
+            [&a, &b, &c],
+            &self.vertices.vertices.environment,
+            parts,
+        );
         let bounds = bounds.map_err(said)?;
         Ok(bounds.into_iter().fold(NONE, Distance::or))
     }
@@ -160,7 +164,12 @@ impl Drawn {
         let Computed {
             module, function, ..
         } = &self.computed;
-        let outcome = evaluate::run(module, &module.functions[*function], &a, &self.environment);
+        let outcome = evaluate::run(
+            module,
+            &module.functions[*function],
+            &a,
+            &self.vertices.vertices.environment,
+        );
         Ok(outcome.map_err(said)?.steps)
     }
 }
@@ -173,8 +182,12 @@ struct Arguments {
 
 impl Arguments {
     fn new(computed: &Computed, bound: DrawBindings) -> Self {
+        let resources = vertices::resources(&computed.module, &bound);
         Self {
-            vertices: Vertices::new(&computed.module, bound),
+            vertices: Vertices {
+                bound,
+                environment: bound::environment(resources),
+            },
             known: HashMap::new(),
         }
     }
@@ -200,9 +213,8 @@ impl Arguments {
         instance: u32,
     ) -> Result<Vec<Value<Affine>>, String> {
         let module = &computed.module;
-        let (by_location, _) = self
-            .vertices
-            .run(module, computed.vertex, vertex, instance)?;
+        let run = self.vertices.run(module, computed.vertex, vertex, instance);
+        let (by_location, _) = run?;
         let own = &module.functions[computed.function];
         own.arguments
             .iter()

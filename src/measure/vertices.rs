@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use naga::{GlobalVariable, Module};
+use preshade_passes::bound;
 use preshade_passes::evaluate::{self, Environment, Number, Outcome, Stuck, Value};
 
 use crate::scene::bind::DrawBindings;
@@ -11,25 +12,27 @@ use crate::scene::bind::DrawBindings;
 pub const STEPS: u64 = 200_000;
 
 /// What a vertex stage reads.
-pub struct Vertices<F: 'static> {
+pub struct Vertices<F: 'static = f32> {
     pub bound: DrawBindings,
     /// Its uniforms and buffers. A texel is not known here; nothing is known of what rests on it.
     pub environment: Environment<'static, F>,
 }
 
-impl<F: Number + 'static> Vertices<F> {
+impl Vertices {
     /// Of a draw with a vertex stage of this module.
     pub fn new(module: &Module, bound: DrawBindings) -> Self {
         Self {
             environment: Environment {
                 resources: resources(module, &bound),
-                texture: &|_: &evaluate::Lookup<'_, F>| [F::of(f32::NAN); 4],
+                texture: &|_: &evaluate::Lookup<'_>| [f32::NAN; 4],
                 steps: STEPS,
             },
             bound,
         }
     }
+}
 
+impl<F: Number> Vertices<F> {
     /// Vertices of one instance, each as often as it is drawn.
     pub fn of_instance(&self) -> u32 {
         let indices = self.bound.indices.as_ref();
@@ -51,7 +54,10 @@ impl<F: Number + 'static> Vertices<F> {
         let arguments = function
             .arguments
             .iter()
-            .map(|a| self.input(module, a.ty, a.binding.as_ref(), vertex, instance))
+            .map(|a| {
+                let value = self.input(module, a.ty, a.binding.as_ref(), vertex, instance);
+                value.as_ref().map(bound::exactly)
+            })
             .collect::<Option<Vec<_>>>()
             .ok_or("an input of the vertex stage cannot be read")?;
         let outcome =
@@ -67,7 +73,7 @@ impl<F: Number + 'static> Vertices<F> {
         binding: Option<&naga::Binding>,
         vertex: u32,
         instance: u32,
-    ) -> Option<Value<F>> {
+    ) -> Option<Value> {
         match (binding, &module.types[ty].inner) {
             (None, naga::TypeInner::Struct { members, .. }) => {
                 let members = members.iter();
@@ -95,7 +101,7 @@ impl<F: Number + 'static> Vertices<F> {
         inner: &naga::TypeInner,
         vertex: u32,
         instance: u32,
-    ) -> Option<Value<F>> {
+    ) -> Option<Value> {
         let (buffer, attribute) = self.bound.vertex_buffers.iter().find_map(|b| {
             let found = b.attributes.iter().find(|a| a.location == location)?;
             Some((b, found))
@@ -123,10 +129,8 @@ impl<F: Number + 'static> Vertices<F> {
             let missing = if i == 3 { 1.0_f32 } else { 0.0 };
             let word: [u8; 4] = *bytes.get(4 * i..)?.first_chunk()?;
             Some(match scalar.kind {
-                naga::ScalarKind::Float if i < given => {
-                    Value::number(F::of(f32::from_le_bytes(word)))
-                }
-                naga::ScalarKind::Float => Value::number(F::of(missing)),
+                naga::ScalarKind::Float if i < given => Value::f32(f32::from_le_bytes(word)),
+                naga::ScalarKind::Float => Value::f32(missing),
                 naga::ScalarKind::Uint if i < given => Value::u32(u32::from_le_bytes(word)),
                 naga::ScalarKind::Sint if i < given => Value::i32(i32::from_le_bytes(word)),
                 naga::ScalarKind::Uint => Value::u32(missing as u32),
@@ -142,7 +146,7 @@ impl<F: Number + 'static> Vertices<F> {
     }
 }
 
-fn by_location<F>(
+fn by_location<F: Number>(
     module: &Module,
     function: &naga::Function,
     outcome: Outcome<F>,

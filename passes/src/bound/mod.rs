@@ -180,10 +180,10 @@ fn divided(n: u32) -> impl Iterator<Item = [[f64; 3]; 3]> {
 }
 
 /// A value in which every float is this exactly.
-pub fn exactly(value: &Value) -> Value<Affine> {
+pub fn exactly<F: Number>(value: &Value) -> Value<F> {
     match value {
         Value::Scalar(scalar) => Value::Scalar(match scalar {
-            Scalar::F32(x) => Scalar::F32(Affine::of(*x)),
+            Scalar::F32(x) => Scalar::F32(F::of(*x)),
             Scalar::I32(x) => Scalar::I32(*x),
             Scalar::U32(x) => Scalar::U32(*x),
             Scalar::Bool(x) => Scalar::Bool(*x),

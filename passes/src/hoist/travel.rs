@@ -1,5 +1,7 @@
 //! Which values may travel from the vertex stage, as what, and why the others stay.
 
+use std::collections::{HashMap, VecDeque};
+
 use naga::{BinaryOperator, Expression, MathFunction, ScalarKind, Statement, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,12 +11,12 @@ use super::range::{AllRanges, circles};
 use super::reach::{with_operands, with_users};
 use super::rounding;
 use super::sign::{self, Signs};
-use super::values::{ContextId, Node, ValueId, Values};
+use super::turn::turning;
+use super::values::{Node, ValueId, Values};
 use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
-use crate::graph::{StmtId, cost, effect};
+use crate::graph::{FunctionId, StmtId, cost, effect};
 use crate::pass::SourceRange;
-use crate::reflect;
 
 /// As what a value may travel. Ordered from the strongest promise to the weakest.
 #[derive(
@@ -143,11 +145,14 @@ pub enum Finite {
     Assumed,
 }
 
+/// What each value may travel as, or why it stays.
+pub type Verdict = Result<Carriage, Stays>;
+
 /// How each value of a fragment stage may be carried or why it stays.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// For each value.
-    pub verdicts: Vec<Result<Carriage, Stays>>,
+    pub verdicts: Vec<Verdict>,
     /// What the roundings of each may change an output by, where it is carried by itself.
     pub roundings: Vec<f64>,
     /// Whether it is affine in varyings.
@@ -173,28 +178,54 @@ impl Precision {
 
 /// For each value, how it may be carried or why it stays.
 pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> Judged {
+    let assumed = judge_finite(values, precision);
+    match finite {
+        Finite::Proved => Judged {
+            verdicts: proved(values, precision, assumed.verdicts),
+            ..assumed
+        },
+        Finite::Assumed => assumed,
+    }
+}
+
+/// Verdicts under [`Finite::Proved`], of those under [`Finite::Assumed`].
+pub(super) fn proved(
+    values: &Values<'_, '_>,
+    precision: &Precision,
+    assumed: Vec<Verdict>,
+) -> Vec<Verdict> {
+    let hazards = hazards(values, &precision.ranges).into_iter();
+    let verdicts = assumed.into_iter().zip(hazards);
+    verdicts
+        .map(|(verdict, hazard)| match (verdict, hazard) {
+            (Ok(carriage), Some(hazard)) if carriage.class == Class::Smooth => Err(hazard),
+            (verdict, _) => verdict,
+        })
+        .collect()
+}
+
+/// Verdicts under [`Finite::Assumed`].
+fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let forms = forms(values);
     let endless = endless(values);
-    let affine = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
-    let roundings = rounding::at_outputs(values, &precision.ranges, affine);
+    let turning = turning(values);
+    let pins = pins(values);
+    let may = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
+    let roundings = rounding::at_outputs(values, &precision.ranges, may);
     let coverage = with_operands(values, values.coverage.clone());
-    let hazards = match finite {
-        Finite::Proved => hazards(values, &precision.ranges),
-        Finite::Assumed => vec![None; values.values.len()],
-    };
     let verdicts = (0..values.values.len())
         .map(|id| {
             let scalar = carried_scalar(values, id)?;
             let (context, e, at) = values.expression(id).ok_or(Stays::NotCarried)?;
             let fact = values.values[id].fact;
             if !fact.stages.vertex {
-                let because = what_pins(values, id);
+                let because = what_pins(values, pins[id]);
                 return Err(Stays::Fragment { because });
             }
             if endless[id] {
                 return Err(Stays::MayNotEnd);
             }
-            if turns(values, id, &loops_around(values, context, at)) {
+            if turning[id] {
                 return Err(Stays::InLoop);
             }
             if values.control_rate(context, at) > Rate::Draw {
@@ -233,9 +264,6 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> 
             if let Some(operation) = jump(expression) {
                 return Err(Stays::Discontinuous { operation });
             }
-            if let Some(hazard) = &hazards[id] {
-                return Err(hazard.clone());
-            }
             Ok(carriage(Class::Smooth, interpolated, at))
         })
         .collect();
@@ -264,94 +292,67 @@ fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, St
     }
 }
 
-/// The loops a statement stands in, those around the calls that lead to it included.
-fn loops_around(
-    values: &Values<'_, '_>,
-    context: ContextId,
-    at: StmtId,
-) -> Vec<(ContextId, StmtId)> {
-    let mut loops = Vec::new();
-    let mut place = Some((context, at));
-    while let Some((context, at)) = place {
-        let statements = &values.function(context).statements;
-        loops.extend(
-            statements
-                .ancestors(at)
-                .filter(|a| matches!(statements.get(*a).statement, Statement::Loop { .. }))
-                .map(|a| (context, a)),
-        );
-        place = values.contexts[context].call;
+/// For each value, the nearest among itself and those it rests on that is tied to the fragment stage by itself.
+fn pins(values: &Values<'_, '_>) -> Vec<Option<ValueId>> {
+    // Distances, from all of them at once.
+    let users = values.users();
+    let mut distance = vec![usize::MAX; values.values.len()];
+    let mut queue: VecDeque<ValueId> = (0..values.values.len())
+        .filter(|id| values.is_pinned(*id))
+        .collect();
+    for id in &queue {
+        distance[*id] = 0;
     }
-    loops
-}
-
-/// Whether a value may differ from turn to turn of these loops: it rests on what they carry from one to the next.
-fn turns(values: &Values<'_, '_>, id: ValueId, loops: &[(ContextId, StmtId)]) -> bool {
-    if loops.is_empty() {
-        return false;
-    }
-    let mut seen = vec![false; values.values.len()];
-    let mut stack = vec![id];
-    while let Some(at) = stack.pop() {
-        if std::mem::replace(&mut seen[at], true) {
-            continue;
+    let mut pins: Vec<Option<ValueId>> = vec![None; values.values.len()];
+    while let Some(id) = queue.pop_front() {
+        // Of several as near, the one by way of the first operand.
+        let operands = &values.values[id].operands;
+        pins[id] = match distance[id] {
+            0 => Some(id),
+            here => operands
+                .iter()
+                .find(|o| distance[**o] == here - 1)
+                .and_then(|o| pins[*o]),
+        };
+        for user in &users[id] {
+            if distance[*user] == usize::MAX {
+                distance[*user] = distance[id] + 1;
+                queue.push_back(*user);
+            }
         }
-        if let Node::Version(context, version) = values.values[at].node
-            && let Origin::Phi {
-                at: Some(merge), ..
-            } = values.function(context).memory.origin(version)
-            && loops.contains(&(context, *merge))
-        {
-            return true;
-        }
-        stack.extend(&values.values[at].operands);
     }
-    false
+    pins
 }
 
 /// In words, what ties a value to the fragment stage.
-fn what_pins(values: &Values<'_, '_>, id: ValueId) -> String {
-    let mut seen = vec![false; values.values.len()];
-    let mut queue = std::collections::VecDeque::from([id]);
-    while let Some(at) = queue.pop_front() {
-        if std::mem::replace(&mut seen[at], true) {
-            continue;
+fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
+    let Some(pin) = pin else {
+        return "it rests on what only a fragment has".to_owned();
+    };
+    match &values.values[pin].node {
+        Node::Input(i) => {
+            let name = values.inputs.get(*i).and_then(|io| io.name.as_deref());
+            format!("it rests on the input `{}`", name.unwrap_or_default())
         }
-        if values.is_pinned(at) {
-            let module = values.graph.module();
-            return match &values.values[at].node {
-                Node::Input(i) => {
-                    let inputs = reflect::inputs(module, values.function(0).function);
-                    let name = inputs.get(*i).and_then(|io| io.name.clone());
-                    format!("it rests on the input `{}`", name.unwrap_or_default())
-                }
-                Node::Expression(context, e, _) => {
-                    let expression = &values.function(*context).function.expressions[*e];
-                    match effect::of_expression(expression) {
-                        Some(effect::Effect::Derivative) => "it rests on a derivative".to_owned(),
-                        Some(effect::Effect::ImplicitLod) => {
-                            "it rests on a texture sample at an implicit level of detail".to_owned()
-                        }
-                        _ => "it rests on memory that invocations write".to_owned(),
-                    }
+        Node::Expression(context, e, _) => {
+            let expression = &values.function(*context).function.expressions[*e];
+            match effect::of_expression(expression) {
+                Some(effect::Effect::Derivative) => "it rests on a derivative".to_owned(),
+                Some(effect::Effect::ImplicitLod) => {
+                    "it rests on a texture sample at an implicit level of detail".to_owned()
                 }
                 _ => "it rests on memory that invocations write".to_owned(),
-            };
+            }
         }
-        queue.extend(
-            values.values[at]
-                .operands
-                .iter()
-                .filter(|o| !values.values[**o].fact.stages.vertex),
-        );
+        _ => "it rests on memory that invocations write".to_owned(),
     }
-    "it rests on what only a fragment has".to_owned()
 }
 
 /// Values that rest on a loop of which it is not seen how many turns it makes.
 fn endless(values: &Values<'_, '_>) -> Vec<bool> {
     let module = values.graph.module();
-    let ends_unseen = |id: ValueId| {
+    let mut seen: HashMap<(FunctionId, StmtId), bool> = HashMap::new();
+    let mut ends_unseen = |id: ValueId| {
         let (context, at) = match values.values[id].node {
             Node::Version(context, v) => match values.function(context).memory.origin(v) {
                 Origin::Phi { at: Some(at), .. } => (context, *at),
@@ -365,11 +366,14 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
             .chain(f.statements.ancestors(at))
             .any(|s| {
                 matches!(f.statements.get(s).statement, Statement::Loop { .. })
-                    && cost::trips(module, f, s).is_none()
+                    && *seen
+                        .entry((f.id, s))
+                        .or_insert_with(|| cost::trips(module, f, s).is_none())
             })
     };
-    let loops = (0..values.values.len()).filter(|id| ends_unseen(*id));
-    with_users(values, loops.collect())
+    let all = 0..values.values.len();
+    let loops: Vec<ValueId> = all.filter(|id| ends_unseen(*id)).collect();
+    with_users(values, loops)
 }
 
 /// The name of an operation whose result jumps.
