@@ -5,14 +5,12 @@
 
 use naga::{
     AddressSpace, Arena, BinaryOperator, Binding, Expression, Handle, Literal, MathFunction,
-    Module, ScalarKind, Statement, TypeInner, UnaryOperator,
+    Module, ScalarKind, TypeInner, UnaryOperator,
 };
-use petgraph::algo::kosaraju_scc;
-use petgraph::graph::DiGraph;
 
+use super::circle::{Merges, UNCOUNTED_TURNS};
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::cells::Root;
-use crate::graph::cost;
 use crate::graph::memory::{Origin, VersionId};
 use crate::graph::rate::Rate;
 use crate::pass::{Source, SourceRange};
@@ -119,62 +117,6 @@ fn product(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 { 0.0 } else { a * b }
 }
 
-/// The values so that each comes after all that rest on it, those in a circle together.
-pub fn circles(values: &Values<'_, '_>) -> Vec<Vec<ValueId>> {
-    let mut graph = DiGraph::<(), ()>::with_capacity(values.values.len(), 0);
-    let nodes: Vec<_> = values.values.iter().map(|_| graph.add_node(())).collect();
-    for (id, value) in values.values.iter().enumerate() {
-        for operand in &value.operands {
-            graph.add_edge(nodes[id], nodes[*operand], ());
-        }
-    }
-    // From the operands up.
-    let mut circles: Vec<Vec<ValueId>> = kosaraju_scc(&graph)
-        .into_iter()
-        .map(|circle| circle.into_iter().map(|node| node.index()).collect())
-        .collect();
-    circles.reverse();
-    circles
-}
-
-/// Turns after which the ranges of a loop that is not counted are taken to grow without end.
-const TURNS: usize = 8;
-/// Most turns that are followed of one that is.
-const MOST_TURNS: usize = 256;
-
-/// Where loops carry the values of a circle on.
-struct Merges {
-    of: Vec<ValueId>,
-    /// How often they do, if the loops are counted: at the header and in `continuing` once a turn, and when it is left.
-    turns: Option<usize>,
-}
-
-impl Merges {
-    fn of(values: &Values<'_, '_>, circle: &[ValueId]) -> Self {
-        let mut loops = std::collections::BTreeMap::new();
-        let mut of = Vec::new();
-        for id in circle {
-            let Node::Version(context, version) = values.values[*id].node else {
-                continue;
-            };
-            let f = values.function(context);
-            let Origin::Phi { at: Some(at), .. } = *f.memory.origin(version) else {
-                continue;
-            };
-            if matches!(f.statements.get(at).statement, Statement::Loop { .. }) {
-                of.push(*id);
-                loops.insert((context, at), cost::trips(values.graph.module(), f, at));
-            }
-        }
-        let turns = loops.values().try_fold(1_usize, |product, trips| {
-            let turns = 2 * usize::try_from((*trips)?).ok()? + 2;
-            product.checked_mul(turns).filter(|t| *t <= MOST_TURNS)
-        });
-        let turns = turns.filter(|_| !of.is_empty());
-        Self { of, turns }
-    }
-}
-
 /// The range of every value.
 #[derive(Debug)]
 pub struct AllRanges {
@@ -223,7 +165,7 @@ impl AllRanges {
         outside: &Outside<'_>,
     ) -> bool {
         let mut unseen = circle.to_vec();
-        for _ in 0..merges.turns.unwrap_or(TURNS) {
+        for _ in 0..merges.turns.unwrap_or(UNCOUNTED_TURNS) {
             // Without the merges there is no circle: as many rounds as there are values settle it.
             for _ in 0..=circle.len() {
                 let rest = circle.iter().filter(|id| !merges.of.contains(id));

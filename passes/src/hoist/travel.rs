@@ -6,8 +6,9 @@ use naga::{BinaryOperator, Expression, MathFunction, ScalarKind, Statement, Type
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::circle::circles;
 use super::form::{Form, forms};
-use super::range::{AllRanges, circles};
+use super::range::AllRanges;
 use super::reach::{with_operands, with_users};
 use super::rounding;
 use super::sign::{self, Signs};
