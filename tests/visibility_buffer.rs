@@ -199,6 +199,43 @@ fn pattern() -> Arc<Image> {
     Arc::new(recipe.generate())
 }
 
+#[test]
+fn snapped_corners_are_where_the_rasteriser_puts_them() {
+    let size = 128.0;
+    let corners = [[-0.9, -0.8, 0.5], [0.95, -0.7, 0.5], [0.1, 0.9, 0.5]];
+    // Each a third of a step of 1/256 pixel off the grid, in clip space.
+    let at = |steps: f32| {
+        corners.map(|corner| {
+            let on_grid = |x: f32, by: f32| {
+                let pixel = ((x * 0.5 + 0.5) * size * 256.0).round() + by;
+                pixel / (size * 256.0) * 2.0 - 1.0
+            };
+            [on_grid(corner[0], steps), on_grid(corner[1], -steps), corner[2]]
+        })
+    };
+    // A step of 1/256 pixel is some steps of 255.
+    let body = "return vec4(0.5 + 0.4 * sin(in.uv * 6000.0), 0.5, 1.0) * object.tint;";
+    let draw_at = |steps: f32, recipe: &str| {
+        let mut scene = scene(
+            [size as u32; 2],
+            vec![shader("ramp", "", "", "", body)],
+            vec![draw("triangle", Mat4::IDENTITY, [1.0; 4])],
+        );
+        scene.meshes = vec![mesh(&at(steps), None)];
+        // The same at each corner, wherever it is put.
+        let uv = corners.iter().flat_map(|p| [p[0] * 0.5, p[1] * 0.5]);
+        let uv = floats(2, uv.collect());
+        scene.meshes[0].streams.insert("uv".to_owned(), uv);
+        let plans: Vec<Plan> = originals(&scene).iter().map(|p| split(p, recipe)).collect();
+        render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text)
+    };
+    let on_grid = draw_at(0.0, "visibility-buffer");
+    let snapped = difference(&on_grid, &draw_at(0.33, "visibility-buffer:corners=snapped"));
+    let given = difference(&on_grid, &draw_at(0.33, "visibility-buffer"));
+    assert!(snapped.most <= 2, "{snapped:?}");
+    assert!(given.most > 5 && given.colors > 1000, "{given:?}");
+}
+
 /// A floor that reaches behind the viewer.
 fn floor(material: Material) -> Scene {
     let mut scene = scene(

@@ -125,6 +125,18 @@ pub enum Form {
     Compute,
 }
 
+/// Where the corners of a triangle lie when a resolve interpolates between them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Corners {
+    /// Where the vertex stage puts them: nearest to what the author means, and to rasterisers that interpolate from unsnapped positions.
+    #[default]
+    AsGiven,
+    /// On the nearest 1/256 of a pixel, where rasterisers put them (Direct3D asks for 8 bits; Vulkan reports `subPixelPrecisionBits`), if the triangle is not clipped: for those that
+    /// interpolate from there.
+    Snapped,
+}
+
 /// Parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
@@ -139,6 +151,8 @@ pub struct Params {
     pub select: Select,
     /// Formats that the attributes of vertices may be stored in.
     pub formats: Formats,
+    /// Where the corners of a triangle lie when the resolve interpolates between them.
+    pub corners: Corners,
     /// Vertex stage of the id pass: the author's whole one with the id beside its outputs, or its slice. Default: `sliced` where the author's position is `@invariant`, else `same`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
@@ -541,6 +555,7 @@ impl<'a> Material<'a> {
             runs,
             formats: params.formats,
             words: params.words,
+            corners: params.corners,
         }
         .build(slots)
         .map_err(bug)

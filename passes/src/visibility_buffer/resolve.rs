@@ -18,7 +18,7 @@ use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::new_entry;
 use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
-use super::{Select, Words};
+use super::{Corners, Select, Words};
 use crate::fetch::{Author, Linked, corner, ours};
 use crate::geometry::Formats;
 use crate::graph::{FunctionId, Graph};
@@ -57,6 +57,8 @@ pub struct Resolve<'a> {
     pub formats: Formats,
     /// Words of an id.
     pub words: Words,
+    /// Where corners lie.
+    pub corners: Corners,
 }
 
 /// Where the resolve is run.
@@ -129,6 +131,7 @@ impl Resolve<'_> {
             runs,
             formats,
             words,
+            corners,
         } = self;
         let mut module = explicit.program.module().clone();
         let shaded = module.entry_points.remove(fragment);
@@ -184,7 +187,7 @@ impl Resolve<'_> {
         let widths = author.widths(&module);
         let mut wgsl = text::entry(slots, used.len());
         wgsl.push_str(&text::vertices(slots, &used, formats));
-        wgsl.push_str(&text::resolve(slots, &widths, words));
+        wgsl.push_str(&text::resolve(slots, &widths, words, corners));
         if let Runs::Compute(targets) = &runs {
             let first = slots.first + Slots::STREAMS + used.len() as u32;
             wgsl.push_str(&text::compute(slots.group, first, targets));

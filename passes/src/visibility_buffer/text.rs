@@ -2,11 +2,13 @@
 //!
 //! Barycentrics come from homogeneous edge functions (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997): with corners `(x, y, w)` and a
 //! pixel at `(X, Y)`, the edge function of corner `i` is proportional to the weight that the perspective-correct interpolation gives it, also where a `w` is negative or 0.
-//! The pixel is subtracted first, so that what cancels is small.
+//! The pixel is subtracted first, and products are fused with their differences where the device fuses (Kahan's determinant of two by two), so that what cancels is small.
+//! With edges of twice the precision hardly a pixel of the fixtures is another one: what is left is the rasteriser's own, which snaps vertices before it interpolates
+//! ([`Corners`]).
 
 use std::fmt::Write;
 
-use super::Words;
+use super::{Corners, Words};
 use crate::fetch::{self, Names};
 use crate::geometry::Formats;
 use crate::plan::AttributeUse;
@@ -91,11 +93,15 @@ pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> 
 }
 
 /// What a resolve pass has beside: what a pixel shows, and where in its triangle it is. `widths` are those of the varyings to interpolate.
-pub fn resolve(slots: Slots, widths: &[u8], words: Words) -> String {
+pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> String {
     let bits = "visibility.triangle_bits";
     let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS, words, bits);
     out.push_str(NUMBER);
     out.push_str(RESOLVE);
+    out.push_str(match corners {
+        Corners::AsGiven => EDGES,
+        Corners::Snapped => EDGES_SNAPPED,
+    });
     for width in widths {
         let ty = match width {
             1 => "f32".to_owned(),
@@ -162,7 +168,7 @@ fn fs_clear() -> VisibleCleared {{
 pub fn count(words: Words) -> String {
     let slots = Slots { group: 0, first: 0 };
     let mut out = entry(slots, 0);
-    out.push_str(&resolve(slots, &[], words));
+    out.push_str(&resolve(slots, &[], words, Corners::AsGiven));
     out.push_str(
         "@fragment
 fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
@@ -254,13 +260,18 @@ const RESOLVE: &str = "fn visible_is_ours(id: vec2<u32>) -> bool {
 fn visible_instance(id: vec2<u32>) -> u32 {
     return visibility.first_instance + id.x - 1u - visibility.first_id;
 }
-fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+fn visible_cross(a: vec2<f32>, b: vec2<f32>) -> f32 {
+    let second = a.y * b.x;
+    let lost = fma(-a.y, b.x, second);
+    return fma(a.x, b.y, -second) + lost;
+}
+fn visible_homogeneous(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
     let inside = (at - visibility.viewport.xy) / visibility.viewport.zw;
     let clip = vec2<f32>(inside.x * 2.0 - 1.0, 1.0 - inside.y * 2.0);
-    let p = a.xy - clip * a.w;
-    let q = b.xy - clip * b.w;
-    let r = c.xy - clip * c.w;
-    return vec3<f32>(q.x * r.y - q.y * r.x, r.x * p.y - r.y * p.x, p.x * q.y - p.y * q.x);
+    let p = fma(-clip, vec2<f32>(a.w), a.xy);
+    let q = fma(-clip, vec2<f32>(b.w), b.xy);
+    let r = fma(-clip, vec2<f32>(c.w), c.xy);
+    return vec3<f32>(visible_cross(q, r), visible_cross(r, p), visible_cross(p, q));
 }
 fn visible_inside(edges: vec3<f32>) -> vec3<f32> {
     let turned = select(edges, -edges, edges.x + edges.y + edges.z < 0.0);
@@ -293,5 +304,34 @@ fn visible_away(at: vec2<f32>) -> vec2<f32> {
 fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
     let depth = visible_number(visibility.number);
     return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
+}
+";
+
+const EDGES: &str = "fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+    return visible_homogeneous(at, a, b, c);
+}
+";
+
+/// A triangle that is clipped has other corners, and one far out of the viewport is clipped too: those are taken as they are. The sign is that of the homogeneous edges.
+const EDGES_SNAPPED: &str = "fn visible_snapped(at: vec2<f32>, corner: vec4<f32>) -> vec2<f32> {
+    let half = visibility.viewport.zw * vec2<f32>(0.5, -0.5);
+    let middle = visibility.viewport.xy + 0.5 * visibility.viewport.zw;
+    return floor((corner.xy / corner.w * half + middle) * 256.0 + 0.5) / 256.0 - at;
+}
+fn visible_is_whole(corner: vec4<f32>) -> bool {
+    return corner.w > 0.0 && corner.z >= 0.0 && corner.z <= corner.w;
+}
+fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+    if (!visible_is_whole(a) || !visible_is_whole(b) || !visible_is_whole(c)) {
+        return visible_homogeneous(at, a, b, c);
+    }
+    let p = visible_snapped(at, a);
+    let q = visible_snapped(at, b);
+    let r = visible_snapped(at, c);
+    let farthest = max(max(abs(p), abs(q)), abs(r));
+    if (max(farthest.x, farthest.y) > 16384.0) {
+        return visible_homogeneous(at, a, b, c);
+    }
+    return vec3<f32>(visible_cross(r, q), visible_cross(p, r), visible_cross(q, p)) / vec3<f32>(a.w, b.w, c.w);
 }
 ";
