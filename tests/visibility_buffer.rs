@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use preshade::measure::{self, Counter};
-use preshade::passes::pass::Facts;
 use preshade::passes::contract::Assumption;
+use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role};
 use preshade::passes::state::{CullMode, FrontFace};
 use preshade::recipe::Recipe;
@@ -210,7 +210,11 @@ fn snapped_corners_are_where_the_rasteriser_puts_them() {
                 let pixel = ((x * 0.5 + 0.5) * size * 256.0).round() + by;
                 pixel / (size * 256.0) * 2.0 - 1.0
             };
-            [on_grid(corner[0], steps), on_grid(corner[1], -steps), corner[2]]
+            [
+                on_grid(corner[0], steps),
+                on_grid(corner[1], -steps),
+                corner[2],
+            ]
         })
     };
     // A step of 1/256 pixel is some steps of 255.
@@ -230,7 +234,10 @@ fn snapped_corners_are_where_the_rasteriser_puts_them() {
         render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text)
     };
     let on_grid = draw_at(0.0, "visibility-buffer");
-    let snapped = difference(&on_grid, &draw_at(0.33, "visibility-buffer:corners=snapped"));
+    let snapped = difference(
+        &on_grid,
+        &draw_at(0.33, "visibility-buffer:corners=snapped"),
+    );
     let given = difference(&on_grid, &draw_at(0.33, "visibility-buffer"));
     assert!(snapped.most <= 2, "{snapped:?}");
     assert!(given.most > 5 && given.colors > 1000, "{given:?}");
@@ -288,9 +295,14 @@ fn builtins_are_made_again() {
     return vec4(side, in.at.x / 128.0, in.at.z * 0.9, 0.5 + 0.05 * in.at.w) * 0.9;
 }";
     let text = format!("{}{stage}", &text[..text.find("@fragment").unwrap()]);
-    for winding in [FrontFace::Ccw, FrontFace::Cw] {
+    for (winding, cull) in [
+        (FrontFace::Ccw, CullMode::None),
+        (FrontFace::Cw, CullMode::None),
+        (FrontFace::Ccw, CullMode::Back),
+        (FrontFace::Cw, CullMode::Front),
+    ] {
         let mut material = material("builtins", &text);
-        material.state.primitive.cull = CullMode::None;
+        material.state.primitive.cull = cull;
         material.state.primitive.front_face = winding;
         let mut scene = floor(material);
         let mut turned = scene.draws[0].clone();

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! What a fragment took from the rasteriser is made again: barycentrics from homogeneous edge functions, right for triangles that reach behind the viewer; each varying by its
-//! own interpolation; gradients as differences between pixels of the quad on the same triangle; facing from the sign of a determinant.
+//! own interpolation; gradients as differences between pixels of the quad on the same triangle; facing from a bit of the id.
 //!
 //! It hurts where little is hidden, where vertices are dear (each pixel runs three), and where neighbouring pixels show far-apart instances, whose data no cache holds.
 
@@ -418,7 +418,7 @@ impl<'a> Material<'a> {
             placed.fragment.as_deref(),
             &triangles,
             slots,
-            params.words,
+            (params.words, legal::facing(opaque, self.fragment)),
         )?;
         let entries = [
             (ShaderStage::Vertex, ids::VERTEX),
@@ -550,7 +550,7 @@ impl<'a> Material<'a> {
             fragment,
             vertex: opaque.vertex,
             attributes: &opaque.pass.attributes,
-            front_face: opaque.pass.primitive.front_face,
+            facing: legal::facing(opaque, self.fragment),
             select: params.select(),
             runs,
             formats: params.formats,

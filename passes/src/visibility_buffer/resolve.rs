@@ -15,7 +15,7 @@ use naga::{
 };
 
 use super::gradients::{Explicit, GRADIENTS, Level};
-use super::ids::new_entry;
+use super::ids::{Facing, new_entry};
 use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
 use super::{Corners, Select, Words};
@@ -28,7 +28,6 @@ use crate::plan::AttributeUse;
 use crate::program::Program;
 use crate::reflect::{self, Io};
 use crate::slice::{self, Criterion, OutputFilter};
-use crate::state::FrontFace;
 
 /// Names of the entry points.
 pub const VERTEX: &str = "vs_visible";
@@ -47,8 +46,8 @@ pub struct Resolve<'a> {
     pub vertex: usize,
     /// Attributes to fetch: those of the author's.
     pub attributes: &'a [AttributeUse],
-    /// Winding of front faces.
-    pub front_face: FrontFace,
+    /// How the side that a pixel shows is known.
+    pub facing: Facing,
     /// How pixels of other draws are passed over.
     pub select: Select,
     /// Where it is run.
@@ -126,7 +125,7 @@ impl Resolve<'_> {
             fragment,
             vertex,
             attributes,
-            front_face,
+            facing,
             select,
             runs,
             formats,
@@ -215,7 +214,7 @@ impl Resolve<'_> {
             shade: &shade,
             levels: &levels,
             ours: &by_name,
-            front_face,
+            facing,
             select,
             colors: colors(&module, &result),
             position: author

@@ -9,10 +9,10 @@ use naga::{
 
 use super::Select;
 use super::gradients::{GRADIENTS, Level, Neighbours};
+use super::ids::Facing;
 use super::resolve::{Runs, VertexStage, width};
 use crate::place::Builder;
 use crate::reflect::Io;
-use crate::state::FrontFace;
 
 /// An input of the fragment stage.
 type Input = (Handle<Type>, Binding);
@@ -79,7 +79,7 @@ pub struct Stage<'a> {
     pub shade: &'a Shader,
     pub levels: &'a [(Level, Shader)],
     pub ours: &'a BTreeMap<String, Handle<Function>>,
-    pub front_face: FrontFace,
+    pub facing: Facing,
     pub select: Select,
     pub colors: Colors,
     /// Which output of the author's the position is.
@@ -236,7 +236,8 @@ impl Stage<'_> {
         }
         let instance = self.our(build, "visible_instance", vec![id])?;
         build.name(instance, "instance");
-        let number = build.named("triangle", Expression::AccessIndex { base: id, index: 1 });
+        let number = self.our(build, "visible_triangle", vec![id])?;
+        build.name(number, "triangle");
         let mut corners = Vec::new();
         for (corner, name) in ["a", "b", "c"].into_iter().enumerate() {
             let corner = build.literal(Literal::U32(corner as u32));
@@ -347,18 +348,11 @@ impl Stage<'_> {
                 "visible_position",
                 vec![lane.at, lane.perspective, a, b, c],
             ),
-            Binding::BuiltIn(BuiltIn::FrontFacing) => {
-                let winding = self.our(build, "visible_winding", vec![a, b, c])?;
-                let zero = build.literal(Literal::F32(0.0));
-                Some(build.expression(Expression::Binary {
-                    op: match self.front_face {
-                        FrontFace::Ccw => BinaryOperator::Greater,
-                        FrontFace::Cw => BinaryOperator::Less,
-                    },
-                    left: winding,
-                    right: zero,
-                }))
-            }
+            Binding::BuiltIn(BuiltIn::FrontFacing) => match self.facing {
+                Facing::Front => Some(build.literal(Literal::Bool(true))),
+                Facing::Back => Some(build.literal(Literal::Bool(false))),
+                Facing::Written => self.our(build, "visible_is_front", vec![triangle.id]),
+            },
             Binding::BuiltIn(BuiltIn::PrimitiveIndex) => Some(triangle.number),
             Binding::BuiltIn(_) => None,
         }

@@ -8,6 +8,7 @@
 
 use std::fmt::Write;
 
+use super::ids::Facing;
 use super::{Corners, Words};
 use crate::fetch::{self, Names};
 use crate::geometry::Formats;
@@ -62,17 +63,29 @@ pub fn entry(slots: Slots, attributes: usize) -> String {
     )
 }
 
-/// What an id pass has: `visible_id_of(instance)`, and `visible_written(id)`, which is what is written of an id.
-pub fn ids(words: Words) -> String {
+/// What an id pass has: `visible_id_of(instance)`, and `visible_written(id)`, which is what is written of an id; with the side, `visible_written(id, front)`.
+pub fn ids(words: Words, facing: Facing) -> String {
+    let bits = "visibility.triangle_bits";
     let (ty, written) = match words {
-        Words::Two => ("vec2<u32>", "id"),
-        Words::One => ("u32", "(id.x << visibility.triangle_bits) | id.y"),
+        Words::Two => ("vec2<u32>", "id".to_owned()),
+        Words::One => ("u32", format!("(id.x << {bits}) | id.y")),
+    };
+    let (argument, written) = match (facing, words) {
+        (Facing::Written, Words::Two) => (
+            ", front: bool",
+            "vec2<u32>(id.x, id.y | select(0x80000000u, 0u, front))".to_owned(),
+        ),
+        (Facing::Written, Words::One) => (
+            ", front: bool",
+            format!("{written} | select(1u << ({bits} - 1u), 0u, front)"),
+        ),
+        _ => ("", written),
     };
     format!(
         "fn visible_id_of(instance: u32) -> u32 {{
     return 1u + visibility.first_id + instance - visibility.first_instance;
 }}
-fn visible_written(id: vec2<u32>) -> {ty} {{
+fn visible_written(id: vec2<u32>{argument}) -> {ty} {{
     return {written};
 }}
 "
@@ -193,8 +206,10 @@ fn texture_of_ids(group: u32, binding: u32, words: Words, bits: &str) -> String 
     let read = match words {
         Words::Two => "return texel.xy;".to_owned(),
         Words::One => format!(
-            "let bits = {bits};
-    return vec2<u32>(texel.x >> bits, texel.x & ((1u << bits) - 1u));"
+            "let bits = {bits} - 1u;
+    let triangle = texel.x & ((1u << bits) - 1u);
+    let side = ((texel.x >> bits) & 1u) << 31u;
+    return vec2<u32>(texel.x >> (bits + 1u), triangle | side);"
         ),
     };
     format!(
@@ -257,6 +272,12 @@ fn fs_classify(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {{
 const RESOLVE: &str = "fn visible_is_ours(id: vec2<u32>) -> bool {
     return id.x - 1u - visibility.first_id < visibility.instances;
 }
+fn visible_triangle(id: vec2<u32>) -> u32 {
+    return id.y & 0x7fffffffu;
+}
+fn visible_is_front(id: vec2<u32>) -> bool {
+    return (id.y >> 31u) == 0u;
+}
 fn visible_instance(id: vec2<u32>) -> u32 {
     return visibility.first_instance + id.x - 1u - visibility.first_id;
 }
@@ -288,9 +309,6 @@ fn visible_position(at: vec2<f32>, weights: vec3<f32>, a: vec4<f32>, b: vec4<f32
     let w = dot(weights, vec3<f32>(a.w, b.w, c.w));
     return vec4<f32>(at, dot(weights, vec3<f32>(a.z, b.z, c.z)) / w, 1.0 / w);
 }
-fn visible_winding(a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> f32 {
-    return dot(a.xyw, cross(b.xyw, c.xyw));
-}
 fn visible_in_quad(at: vec2<f32>, x: u32, y: u32) -> vec2<f32> {
     return vec2<f32>((vec2<u32>(at) & vec2<u32>(0xfffffffeu)) + vec2<u32>(x, y)) + 0.5;
 }
@@ -307,7 +325,8 @@ fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32
 }
 ";
 
-const EDGES: &str = "fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+const EDGES: &str =
+    "fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
     return visible_homogeneous(at, a, b, c);
 }
 ";
