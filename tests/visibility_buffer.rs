@@ -19,7 +19,7 @@ use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
 /// The forms that must all draw alike.
-const FORMS: [&str; 10] = [
+const FORMS: [&str; 14] = [
     "visibility-buffer",
     "visibility-buffer:select=id",
     "visibility-buffer:ids=unindexed",
@@ -30,6 +30,10 @@ const FORMS: [&str; 10] = [
     "visibility-buffer:vertex=sliced",
     "visibility-buffer:vertex=sliced,invariant=as-written,ids=unindexed",
     "visibility-buffer:invariant=add",
+    "visibility-buffer:select=tiles",
+    "visibility-buffer:select=tiles,form=compute",
+    "visibility-buffer:form=binned",
+    "visibility-buffer:form=binned,words=one,ids=unindexed",
 ];
 
 fn split(plan: &Plan, recipe: &str) -> Plan {

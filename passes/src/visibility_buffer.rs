@@ -45,6 +45,7 @@ mod count;
 mod gradients;
 mod ids;
 mod legal;
+mod lists;
 mod parts;
 mod resolve;
 mod stage;
@@ -53,6 +54,7 @@ mod text;
 pub use count::counted;
 use gradients::Failed;
 use ids::Triangles;
+use lists::Lists;
 use parts::{parts, slots};
 use resolve::{Built, Resolve, Runs};
 use text::Slots;
@@ -112,6 +114,8 @@ pub enum Select {
     Depth,
     /// By looking at the id, in the fragment stage: no further pass, for frames of one draw or few.
     Id,
+    /// By a list of the tiles that show the draw, which a compute pass makes; within a tile by looking at the id.
+    Tiles,
 }
 
 /// Where pixels are shaded.
@@ -123,6 +127,8 @@ pub enum Form {
     Fragment,
     /// In a compute pass over the screen, which writes the colour as a storage texture.
     Compute,
+    /// As `compute`, over pixels that compute passes have sorted by instance: neighbouring invocations fetch the same instance's data.
+    Binned,
 }
 
 /// Where the corners of a triangle lie when a resolve interpolates between them.
@@ -147,7 +153,7 @@ pub struct Params {
     pub ids: Ids,
     /// Words of an id.
     pub words: Words,
-    /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id.
+    /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id unless it has tiles; `form=binned` has a list of the draw's own pixels.
     pub select: Select,
     /// Formats that the attributes of vertices may be stored in.
     pub formats: Formats,
@@ -169,7 +175,10 @@ impl Params {
     fn select(&self) -> Select {
         match self.form {
             Form::Fragment => self.select,
+            Form::Compute if self.select == Select::Tiles => Select::Tiles,
             Form::Compute => Select::Id,
+            // Pixels of other draws are not listed.
+            Form::Binned => Select::Depth,
         }
     }
 
@@ -340,12 +349,16 @@ impl<'a> Material<'a> {
             clear: ClearValue::Color([0.0; 4]),
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
-        if params.select() == Select::Depth {
+        if (params.form, params.select) == (Form::Fragment, Select::Depth) {
             self.classify(&mut next, params).map_err(bug)?;
         }
+        let lists = Lists::of(params);
+        lists
+            .add(&mut next, self.opaque.program, params.words)
+            .map_err(bug)?;
         match params.form {
             Form::Fragment => self.resolve(&mut next, params, slots)?,
-            Form::Compute => self.compute(&mut next, params, slots)?,
+            Form::Compute | Form::Binned => self.compute(&mut next, params, slots)?,
         }
         let k = self.site(params).cost.slice.ceil() as u32;
         let given = self.assumptions(params);
@@ -556,6 +569,7 @@ impl<'a> Material<'a> {
             formats: params.formats,
             words: params.words,
             corners: params.corners,
+            lists: Lists::of(params),
         }
         .build(slots)
         .map_err(bug)
@@ -591,6 +605,8 @@ impl<'a> Material<'a> {
                     layout: None,
                 }),
         );
+        let lists = Lists::of(params);
+        known.extend(lists.bindings(slots.group, first + targets.len() as u32));
         known.extend(pass.bindings.iter().cloned());
         let mut resolve = ComputePass {
             program: Role::Resolve.name().to_owned(),
@@ -599,7 +615,8 @@ impl<'a> Material<'a> {
                 phase: Phase::Resolve,
             },
             workgroup: resolve::WORKGROUP,
-            geometry: Geometry::FullScreen,
+            geometry: lists.geometry(),
+            draws: Draws::Opaque,
             bindings: known,
             features: Vec::new(),
             limits: BTreeMap::new(),
@@ -648,7 +665,10 @@ impl<'a> Material<'a> {
             .program
             .with_module(place::retain(&built.module, &entries))
             .map_err(|e| bug(e.to_string()))?;
+        let lists = Lists::of(params);
         let mut bindings = parts(slots, &built.attributes, params.formats);
+        let first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
+        bindings.extend(lists.bindings(slots.group, first));
         bindings.extend(opaque.pass.bindings.iter().cloned());
         let mut pass = GpuPass {
             role: Role::Resolve,
@@ -667,6 +687,7 @@ impl<'a> Material<'a> {
             }),
             bindings,
             draws: Draws::Opaque,
+            geometry: lists.geometry(),
             ..self.full_screen()
         };
         for target in pass.targets.iter_mut().flatten() {

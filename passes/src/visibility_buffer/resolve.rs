@@ -16,6 +16,7 @@ use naga::{
 
 use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::{Facing, new_entry};
+use super::lists::Lists;
 use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
 use super::{Corners, Select, Words};
@@ -58,6 +59,8 @@ pub struct Resolve<'a> {
     pub words: Words,
     /// Where corners lie.
     pub corners: Corners,
+    /// What it goes through.
+    pub lists: Lists,
 }
 
 /// Where the resolve is run.
@@ -131,6 +134,7 @@ impl Resolve<'_> {
             formats,
             words,
             corners,
+            lists,
         } = self;
         let mut module = explicit.program.module().clone();
         let shaded = module.entry_points.remove(fragment);
@@ -187,9 +191,14 @@ impl Resolve<'_> {
         let mut wgsl = text::entry(slots, used.len());
         wgsl.push_str(&text::vertices(slots, &used, formats));
         wgsl.push_str(&text::resolve(slots, &widths, words, corners));
+        let mut first = slots.first + Slots::STREAMS + used.len() as u32;
         if let Runs::Compute(targets) = &runs {
-            let first = slots.first + Slots::STREAMS + used.len() as u32;
             wgsl.push_str(&text::compute(slots.group, first, targets));
+            first += targets.len() as u32;
+        }
+        match (&runs, lists) {
+            (Runs::Fragment, Lists::None) => wgsl.push_str(text::SCREEN),
+            _ => wgsl.push_str(&lists.read(slots.group, first)),
         }
         let Linked {
             module,

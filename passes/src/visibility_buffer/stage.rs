@@ -170,8 +170,14 @@ impl Stage<'_> {
             size: VectorSize::Tri,
             scalar: Scalar::U32,
         });
-        let number = Binding::BuiltIn(BuiltIn::GlobalInvocationId);
-        let number = build.argument("number", vec3, Some(number));
+        let inputs = [
+            ("group", BuiltIn::WorkGroupId),
+            ("local", BuiltIn::LocalInvocationId),
+        ];
+        let passed = inputs
+            .map(|(name, builtin)| build.argument(name, vec3, Some(Binding::BuiltIn(builtin))));
+        let number = self.our(build, "visible_place", passed.to_vec())?;
+        build.name(number, "number");
         let leave = Statement::Return { value: None };
         let outside = self.our(build, "visible_outside", vec![number])?;
         build.if_then(outside, |build| build.statement(leave.clone()));
@@ -226,7 +232,7 @@ impl Stage<'_> {
     ) -> Option<Triangle> {
         let id = self.our(build, "visible_id", vec![at])?;
         build.name(id, "id");
-        if self.select == Select::Id {
+        if matches!(self.select, Select::Id | Select::Tiles) {
             let is_ours = self.our(build, "visible_is_ours", vec![id])?;
             let other = build.expression(Expression::Unary {
                 op: naga::UnaryOperator::LogicalNot,

@@ -132,6 +132,14 @@ pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> S
     out
 }
 
+/// The vertex stage of a pass over the screen, at the depth of its draw.
+pub const SCREEN: &str = "@vertex
+fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
+    let depth = visible_number(visibility.number);
+    return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
+}
+";
+
 /// What a compute resolve has beside: pixels, and the colours to write by location and format, bound from `first` on.
 pub fn compute(group: u32, first: u32, targets: &[(u32, String)]) -> String {
     let mut out = "fn visible_outside(id: vec3<u32>) -> bool {
@@ -182,6 +190,7 @@ pub fn count(words: Words) -> String {
     let slots = Slots { group: 0, first: 0 };
     let mut out = entry(slots, 0);
     out.push_str(&resolve(slots, &[], words, Corners::AsGiven));
+    out.push_str(SCREEN);
     out.push_str(
         "@fragment
 fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
@@ -227,8 +236,8 @@ pub const CLASSIFY_IDS: u32 = 0;
 /// Bindings of the pass that tells draws apart: the ids, and the draw table.
 pub const CLASSIFY_TABLE: u32 = 1;
 
-/// The pass that tells draws apart: the number of the draw that a pixel shows, as a depth. It is the last draw whose first id is not past the pixel's.
-pub fn classify(words: Words) -> String {
+/// The ids, the draw table, and `visible_draw(id)`: the number of the last draw whose first id is not past the pixel's.
+pub fn drawn(words: Words) -> String {
     let mut out = format!(
         "@group(0) @binding({CLASSIFY_TABLE}) var<storage, read> visibility_table: array<u32>;\n"
     );
@@ -238,6 +247,29 @@ pub fn classify(words: Words) -> String {
         words,
         "visibility_table[0]",
     ));
+    out.push_str(
+        "fn visible_draw(id: u32) -> u32 {
+    var first = 0u;
+    var count = arrayLength(&visibility_table) - 1u;
+    while (count > 1u) {
+        let half = count / 2u;
+        if (visibility_table[1u + first + half] < id) {
+            first += half;
+            count -= half;
+        } else {
+            count = half;
+        }
+    }
+    return first;
+}
+",
+    );
+    out
+}
+
+/// The pass that tells draws apart: the number of the draw that a pixel shows, as a depth.
+pub fn classify(words: Words) -> String {
+    let mut out = drawn(words);
     out.push_str(NUMBER);
     let _ = write!(
         out,
@@ -251,18 +283,7 @@ fn fs_classify(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {{
     if (id == 0u) {{
         discard;
     }}
-    var first = 0u;
-    var count = arrayLength(&visibility_table) - 1u;
-    while (count > 1u) {{
-        let half = count / 2u;
-        if (visibility_table[1u + first + half] < id) {{
-            first += half;
-            count -= half;
-        }} else {{
-            count = half;
-        }}
-    }}
-    return visible_number(first);
+    return visible_number(visible_draw(id));
 }}
 "
     );
@@ -317,11 +338,6 @@ fn visible_beside(at: vec2<f32>, x: u32, y: u32) -> vec2<f32> {
 }
 fn visible_away(at: vec2<f32>) -> vec2<f32> {
     return 1.0 - 2.0 * vec2<f32>(vec2<u32>(at) & vec2<u32>(1u));
-}
-@vertex
-fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
-    let depth = visible_number(visibility.number);
-    return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
 }
 ";
 
