@@ -395,6 +395,37 @@ fn draws_of_several_materials_and_index_formats() {
     assert_rounds(&three_draws());
 }
 
+/// Two draws of some hundred instances each, which their numbers place: more than one workgroup sorts.
+#[test]
+fn instances_by_the_hundred() {
+    let source = "
+struct Camera { view_proj: mat4x4<f32> }
+struct Object { model: mat4x4<f32>, tint: vec4<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+struct Out { @builtin(position) at: vec4<f32>, @location(0) world: vec3<f32>, @location(1) @interpolate(flat) shade: f32 }
+@vertex fn vs(@location(0) position: vec3<f32>, @builtin(instance_index) instance: u32) -> Out {
+    let place = vec3(f32(instance % 30u) - 14.5, f32(instance / 30u) - 14.5, f32(instance % 7u) * 0.3);
+    let world = object.model * vec4(position * 0.8 + place, 1.0);
+    return Out(camera.view_proj * world, world.xyz, f32(instance % 11u) * 0.05);
+}
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> {
+    return vec4(0.3 + in.shade + 0.1 * sin(in.world), 1.0) * object.tint;
+}";
+    let mut crowd = material("crowd", source);
+    crowd.state.primitive.cull = CullMode::None;
+    let behind = Mat4::from_translation(Vec3::new(3.0, 2.0, -4.0));
+    let mut draws = vec![
+        draw("near", Mat4::IDENTITY, [0.9, 0.8, 0.7, 1.0]),
+        draw("far", behind, [0.5, 0.8, 0.9, 1.0]),
+    ];
+    (draws[0].instances, draws[1].instances) = (900, 610);
+    let mut scene = scene([203, 149], vec![crowd], draws);
+    let triangle = [[-0.5, -0.5, 0.0], [0.5, -0.4, 0.1], [0.0, 0.5, 0.0]];
+    scene.meshes = vec![mesh(&triangle, None)];
+    assert_rounds(&perspective(scene, Vec3::new(2.0, 3.0, 30.0), Vec3::ZERO));
+}
+
 #[test]
 fn each_pixel_is_shaded_once() {
     let scene = three_draws();
