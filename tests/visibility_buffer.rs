@@ -669,6 +669,61 @@ fn what_cannot_be_split_is_refused() {
 }
 
 #[test]
+fn a_jump_of_what_is_interpolated_needs_a_budget() {
+    let with = |declared: &str, varyings: &str, given: &str, body: &str| {
+        shader("jump", declared, varyings, given, body)
+    };
+    let nowhere = "let jumps = 0.0;";
+    let corner = "@location(2) @interpolate(flat) corner: f32,";
+    let jumping = [
+        "let jumps = step(0.3, in.uv.x);",
+        "let jumps = fract(in.world.x);",
+        "var jumps = 0.1; if sin(in.world.x) > 0.5 { jumps = 0.4; }",
+        "let jumps = f32(i32(in.uv.x * 4.0));",
+        "let jumps = floor(in.at.z * 9.0);",
+        "let jumps = textureGather(1, albedo, smooth_sampler, in.uv).x;",
+        "let jumps = step(0.2, fwidth(in.uv.x));",
+    ];
+    let steady = [
+        nowhere,
+        "let jumps = step(64.0, in.at.x);",
+        "let jumps = floor(in.at.yx).y * 0.001;",
+        "let jumps = floor(in.corner);",
+        "let jumps = max(normalize(in.world).x, 0.1);",
+        // Decided by the id pass.
+        "let jumps = 0.0; if in.uv.x > 0.7 { discard; }",
+    ];
+    let body =
+        |what: &str| format!("{what} return object.tint * (0.5 + 0.3 * jumps) + 0.1 * in.uv.x;");
+    let plan = |what: &str, recipe: &str| {
+        let material = with(TEXTURES, corner, "f32(index)", &body(what));
+        let recipe = Recipe::parse([recipe]).unwrap();
+        recipe.apply(&originals(&floor(material))[0], &Facts::default())
+    };
+    for what in jumping {
+        let refusal = plan(what, "visibility-buffer").unwrap_err();
+        assert_eq!(refusal.code, "discontinuous", "{what}");
+        assert!(refusal.location.is_some(), "{what}");
+        let kept = plan(what, "visibility-buffer:budget=0.02").unwrap();
+        assert_eq!(kept.contract.kind(), "approximate", "{what}");
+    }
+    for what in steady {
+        let split = plan(what, "visibility-buffer").unwrap();
+        assert_eq!(split.contract.kind(), "rounding", "{what}");
+        let filtered = Assumption::FilteredTextures;
+        assert!(!split.contract.given().contains(&filtered), "{what}");
+    }
+    let sampled = "let jumps = textureSample(albedo, smooth_sampler, in.uv).x;";
+    let split = plan(sampled, "visibility-buffer").unwrap();
+    assert!(
+        split
+            .contract
+            .given()
+            .contains(&Assumption::FilteredTextures)
+    );
+}
+
+#[test]
 fn the_emitted_text_and_the_ir_draw_alike() {
     let scene = three_draws();
     let plans: Vec<Plan> = originals(&scene)

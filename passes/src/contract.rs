@@ -30,6 +30,8 @@ pub enum Assumption {
     SameDrawOrder,
     /// The vertex and the fragment stage compute the same bits from the same inputs.
     StagesAgree,
+    /// Textures that are sampled at interpolated coordinates are filtered, within a level and between levels: a nearest sampler jumps.
+    FilteredTextures,
     /// Positions computed by two pipelines from one source differ by less than the pass's bias or tolerance.
     PositionWithinBias,
 }

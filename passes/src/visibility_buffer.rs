@@ -44,6 +44,7 @@ use crate::state::{
 mod count;
 mod gradients;
 mod ids;
+mod jumps;
 mod legal;
 mod lists;
 mod parts;
@@ -54,6 +55,7 @@ mod text;
 pub use count::counted;
 use gradients::Failed;
 use ids::Triangles;
+use jumps::Reached;
 use lists::Lists;
 use parts::{parts, slots};
 use resolve::{Built, Resolve, Runs};
@@ -323,8 +325,13 @@ impl<'a> Material<'a> {
             VertexStage::Same => "the author's vertex stage",
             VertexStage::Sliced => "position",
         };
+        let over = match Lists::of(params) {
+            Lists::None => "a full-screen resolve",
+            Lists::Quads | Lists::Groups => "a resolve of the tiles that show the draw",
+            Lists::Bins => "a resolve of the draw's pixels, sorted by instance,",
+        };
         format!(
-            "an id pass of {vertex}{covers}, triangles {triangles}; a full-screen resolve that runs the vertex stage for three corners and the fragment stage once a pixel"
+            "an id pass of {vertex}{covers}, triangles {triangles}; {over} that runs the vertex stage for three corners and the fragment stage once a pixel"
         )
     }
 
@@ -361,7 +368,8 @@ impl<'a> Material<'a> {
             Form::Compute | Form::Binned => self.compute(&mut next, params, slots)?,
         }
         let k = self.site(params).cost.slice.ceil() as u32;
-        let given = self.assumptions(params);
+        let reached = self.reached(params)?;
+        let given = self.assumptions(params, &reached);
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
             site: self.depth.key(&self.opaque),
@@ -381,11 +389,36 @@ impl<'a> Material<'a> {
         Ok(next)
     }
 
+    /// What the roundings of interpolated values reach; refused where it is a jump, and no budget allows for one.
+    fn reached(&self, params: &Params) -> Result<Reached, Box<Refusal>> {
+        let program = self.opaque.program;
+        let (shaded, fragment) = resolve::shaded(program, self.fragment)
+            .map_err(|why| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why)))?;
+        let reached = jumps::reached(&shaded, fragment)
+            .map_err(|why| refuse("too-large", why.to_string(), "leave it as it is"))?;
+        match &reached.jump {
+            Some((operation, span)) if params.budget.is_none() => Err(Box::new(
+                refuse(
+                    "discontinuous",
+                    format!(
+                        "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
+                    ),
+                    "give budget=0.02, say, and let `verify` measure it",
+                )
+                .at(program.sources(), *span),
+            )),
+            _ => Ok(reached),
+        }
+    }
+
     /// What the promise rests on: that the id pass's depths and positions are those that the author's own pass would have, which the original's picture has and which
     /// materials that are not split are tested against.
-    fn assumptions(&self, params: &Params) -> Vec<Assumption> {
+    fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
         let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
+        given.extend(reached.samples.then_some(Assumption::FilteredTextures));
         given.extend([
+            // The resolve runs the vertex stage in another stage.
+            Assumption::StagesAgree,
             Assumption::SameViewport,
             Assumption::SameDrawOrder,
             Assumption::OrdinaryNeighbours,
