@@ -45,7 +45,12 @@ fn without_a_budget_at_most_the_last_bit_changes() {
     let recipe = Recipe::parse(["hoist"]).unwrap();
     let mut rounded = 0;
     for name in UNBUDGETED {
-        let report = verified(&scene(name), &recipe, &Facts::default());
+        let scene = scene(name);
+        let facts = Facts {
+            ranges: measure::ranges(&scene).unwrap(),
+            ..Facts::default()
+        };
+        let report = verified(&scene, &recipe, &facts);
         assert_eq!(report.verdict, Verdict::Holds, "{name}");
         let error = report.error.unwrap();
         assert!(error.max_abs <= 1.0 / 255.0 + 1e-9, "{name}");
@@ -82,7 +87,7 @@ fn a_budget_is_kept_on_frames_the_choice_was_not_made_on() {
     scene.cameras = vec![path];
     let form = ShaderForm::Text;
     let mut facts = measure::facts(gpu(), &scene, form, measure::counting).unwrap();
-    facts.frequencies = measure::frequencies(gpu(), &scene, form, &mut |_| {}).unwrap();
+    facts.frequencies = measure::frequencies(gpu(), &scene, &facts, form, &mut |_| {}).unwrap();
     assert!(!facts.frequencies.is_empty(), "{name}");
     // A picture as small as the test's has hardly more fragments than vertices; choose as for a large one.
     facts.vertices_per_fragment = Some(0.01);
@@ -101,7 +106,8 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
     let scene = scene("noise-grid-16");
     let form = ShaderForm::Text;
     let facts = Facts {
-        frequencies: measure::frequencies(gpu(), &scene, form, &mut |_| {}).unwrap(),
+        frequencies: measure::frequencies(gpu(), &scene, &Facts::default(), form, &mut |_| {})
+            .unwrap(),
         ..Facts::default()
     };
     let open = Recipe::parse(["hoist:budget=0.02"]).unwrap();

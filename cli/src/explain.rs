@@ -101,10 +101,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let Materials {
         asked: plans,
         frame,
+        known,
     } = args.shader.plans()?;
     let facts = match args.scene {
         true => measured(args)?,
-        false => Facts::default(),
+        false => known,
     };
     let materials = plans
         .iter()
@@ -140,7 +141,7 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
     let bar = output::bar();
     bar.set_message("measuring what can be interpolated");
     let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
-    facts.frequencies = measure::frequencies(&gpu, &scene, form, &mut progress)?;
+    facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut progress)?;
     bar.set_message("bounding how far it is off");
     facts.frequencies =
         measure::interpolations(&gpu, &scene, form, facts.frequencies, &mut progress)?;
@@ -266,7 +267,8 @@ fn print(explained: &Explained, plan: &Plan) -> String {
     if !explained.frequencies.is_empty() {
         lines.push(
             "\nvalues that might be interpolated, by error against saved cost; off by: how far the value itself is from its interpolation on\n\
-             the scene's triangles; at most: the same, proved (*: for a part of the triangles)\n  \
+             the scene's triangles (NaN: somewhere it is NaN or infinite); at most: the same, proved with an adapter's roundings for the frames\n\
+             looked at, two a camera (*: for a part of the triangles)\n  \
              saved ops  FLIP mean   max abs  NaN px  off by  at most    range  value"
                 .to_owned(),
         );
@@ -274,16 +276,26 @@ fn print(explained: &Explained, plan: &Plan) -> String {
             let place = f.location.as_ref().map_or(String::new(), |l| {
                 format!(" ({}:{}:{})", l.file, l.line, l.column)
             });
-            let (off, range) = f
-                .interpolation
-                .as_ref()
-                .map_or(("-".to_owned(), "-".to_owned()), |i| {
-                    (short(i.max), short(i.range))
-                });
+            let (off, range) =
+                f.interpolation
+                    .as_ref()
+                    .map_or(("-".to_owned(), "-".to_owned()), |i| {
+                        let off = match i.not_finite {
+                            0 => short(i.max),
+                            _ => "NaN".to_owned(),
+                        };
+                        (off, short(i.range))
+                    });
             let bound = match &f.bound {
-                Some(Bound::Proved { max, triangles, of }) => {
+                Some(Bound::Proved {
+                    max,
+                    roundings,
+                    triangles,
+                    of,
+                    ..
+                }) => {
                     let part = if triangles < of { "*" } else { "" };
-                    format!("{}{part}", short(*max))
+                    format!("{}{part}", short(max + roundings))
                 }
                 Some(Bound::Unbounded { .. }) => "unbounded".to_owned(),
                 None => "-".to_owned(),

@@ -7,6 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use preshade::front::{self, Source};
 use preshade::measure;
 use preshade::passes::naga::ShaderStage;
+use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::program::Language;
 use preshade::passes::state::{
@@ -270,33 +271,41 @@ pub struct Materials {
     pub asked: Vec<Plan>,
     /// All that are drawn in one frame with them, themselves among them.
     pub frame: Vec<Plan>,
+    /// What a scene tells of them without being drawn.
+    pub known: Facts,
 }
 
 impl ShaderArgs {
     /// The original plan of each material.
     pub fn plans(&self) -> Result<Materials, Failure> {
-        let all = |plans: Vec<Plan>| Materials {
+        let all = |plans: Vec<Plan>, known: Facts| Materials {
             asked: plans.clone(),
             frame: plans,
+            known,
         };
         match self.input()? {
-            Input::Shader(parsed, state) => Ok(all(vec![Plan::original(
-                &self.material_name(),
-                parsed.program,
-                &parsed.vertex,
-                parsed.fragment.as_deref(),
-                &state,
-            )])),
+            Input::Shader(parsed, state) => {
+                let plan = Plan::original(
+                    &self.material_name(),
+                    parsed.program,
+                    &parsed.vertex,
+                    parsed.fragment.as_deref(),
+                    &state,
+                );
+                Ok(all(vec![plan], Facts::default()))
+            }
             Input::Scene(scene) => {
                 let plans = measure::originals(&scene);
+                let known = measure::known(&scene);
                 let Some(name) = &self.name else {
-                    return Ok(all(plans));
+                    return Ok(all(plans, known));
                 };
                 let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
                 match plans.iter().find(|p| p.material == *name).cloned() {
                     Some(plan) => Ok(Materials {
                         asked: vec![plan],
                         frame: plans,
+                        known,
                     }),
                     None => Err(Failure::unknown("material", name, &names)),
                 }

@@ -83,11 +83,12 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let Materials {
         asked: originals,
         frame,
+        known,
     } = args.shader.plans()?;
     let (mut files, mut errors) = (Vec::new(), Vec::new());
     for original in &originals {
         check_name(&original.material)?;
-        let plan = apply(original, &recipe, &frame);
+        let plan = apply(original, &recipe, &known, &frame);
         let budgets = plan.contract.budgets();
         if !budgets.is_empty() {
             let off: Vec<String> = budgets
@@ -194,19 +195,18 @@ fn nothing_asked_for(original: &Plan) -> String {
 }
 
 /// The steps of `recipe` that apply to a material drawn in one frame with `frame`; what is refused is told on stderr and left out.
-fn apply(original: &Plan, recipe: &Recipe, frame: &[Plan]) -> Plan {
+fn apply(original: &Plan, recipe: &Recipe, facts: &Facts, frame: &[Plan]) -> Plan {
     let mut plan = original.clone();
     for step in &recipe.steps {
         let one = Recipe {
             steps: vec![step.clone()],
         };
         let applied =
-            one.apply(&plan, &Facts::default()).and_then(|next| {
-                match neighbours::conflict(&next, frame) {
+            one.apply(&plan, facts)
+                .and_then(|next| match neighbours::conflict(&next, frame) {
                     None => Ok(next),
                     Some(refusal) => Err(Box::new(refusal)),
-                }
-            });
+                });
         match applied {
             Ok(next) => plan = next,
             Err(refusal) => output::message(&crate::explain::refusal(&refusal, &plan)),

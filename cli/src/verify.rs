@@ -353,7 +353,7 @@ fn choose(
         return Ok(recipes);
     }
     bar.set_message("measuring what can be interpolated");
-    facts.frequencies = measure::frequencies(gpu, scene, form, &mut |done| {
+    facts.frequencies = measure::frequencies(gpu, scene, facts, form, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
     })?;
     recipes

@@ -36,30 +36,35 @@ use crate::plan::{GpuPass, Plan, Role, Step};
 use crate::program::Program;
 use crate::reflect;
 use crate::slice::{self, Criterion};
+use crate::state::ColorTarget;
 
 mod candidates;
 pub mod choose;
 pub mod cut;
+mod flow;
 mod form;
 pub(crate) mod hoisted;
 pub(crate) mod isolate;
 pub mod pack;
 mod params;
+mod range;
+mod reach;
 mod remainder;
-mod sensitive;
+mod rounding;
 pub mod sign;
 mod single;
 pub mod travel;
+mod turn;
 pub mod values;
 mod vertex;
 
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Metric, Params};
-pub use single::{Computed, alone, computed};
+pub use single::{Candidates, Computed, Stages, alone, computed};
 
-use choose::{Choice, Terms};
+use choose::Choice;
 use hoisted::{Failed, Wanted};
-use travel::{Carriage, Class, Stays};
+use travel::{Class, Judged, Precision, Stays};
 use values::{Node, ValueId, Values};
 
 /// The pass.
@@ -86,7 +91,11 @@ impl Pass for Hoist {
             Err(refusal) => return refused(refusal, Vec::new()),
         };
         let graph = Graph::build(material.program);
-        match Found::new(&graph, &material, params, facts) {
+        let values = match material.values(&graph) {
+            Ok(values) => values,
+            Err(refusal) => return refused(refusal, Vec::new()),
+        };
+        match Found::new(&values, &material, params, facts) {
             Ok(found) => match found.rebuild(&material) {
                 Ok(_) => Sites {
                     sites: vec![found.site(&material)],
@@ -107,7 +116,9 @@ impl Pass for Hoist {
     ) -> Result<Plan, Box<Refusal>> {
         let material = Material::examine(plan, params)?;
         let graph = Graph::build(material.program);
-        let found = Found::new(&graph, &material, params, facts).map_err(|(refusal, _)| refusal)?;
+        let values = material.values(&graph)?;
+        let found =
+            Found::new(&values, &material, params, facts).map_err(|(refusal, _)| refusal)?;
         if *site != found.key {
             return Err(Box::new(Refusal::new(
                 Self::INFO.name,
@@ -176,6 +187,22 @@ impl<'a> Material<'a> {
         })
     }
 
+    /// How exact its targets are, and what is known of its numbers.
+    fn precision(&self, facts: &Facts) -> Precision {
+        let ranges = facts.ranges.iter();
+        let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
+        Precision {
+            ranges: ranges
+                .filter(|r| r.material == self.name)
+                .cloned()
+                .collect(),
+            most: match self.pass.targets.iter().flatten().any(is_srgb) {
+                true => rounding::MOST / rounding::STEEPEST_SRGB,
+                false => rounding::MOST,
+            },
+        }
+    }
+
     fn values<'g>(&self, graph: &'g Graph<'a>) -> Result<Values<'g, 'a>, Box<Refusal>> {
         let name = Hoist::INFO.name;
         let id = FunctionId::EntryPoint(self.fragment);
@@ -233,58 +260,55 @@ fn nothing_pays(weakest: Class) -> Refusal {
 }
 
 /// A cut that pays.
-struct Found<'g, 'p> {
-    values: Values<'g, 'p>,
+struct Found<'v, 'g, 'p> {
+    values: &'v Values<'g, 'p>,
     choice: Choice,
     wanted: Vec<Wanted>,
     left: Vec<Left>,
+    /// What it rests on that roundings stay small.
+    given: Vec<Assumption>,
     key: SiteKey,
 }
 
-impl<'g, 'p> Found<'g, 'p> {
+impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn new(
-        graph: &'g Graph<'p>,
+        values: &'v Values<'g, 'p>,
         material: &Material<'p>,
         params: &Params,
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
-        let values = material.values(graph).map_err(|r| (r, Vec::new()))?;
-        let verdicts = candidates::verdicts(&values, material, params, facts);
+        let judged = candidates::judge(values, material, params, facts);
         let terms = params.terms(facts);
-        let found = Self::under(values, &verdicts, &terms, material);
-        found.map_err(|(mut refusal, left)| {
-            refusal
-                .reason
-                .push_str(&params.best_measured(material.name, facts));
-            (refusal, left)
-        })
-    }
-
-    /// The cut of the values that may travel as `verdicts` say.
-    fn under(
-        values: Values<'g, 'p>,
-        verdicts: &[Result<Carriage, Stays>],
-        terms: &Terms,
-        material: &Material<'p>,
-    ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
-        let left = left(&values, verdicts, terms.weakest);
-        let Some(choice) = choose::choose(&values, verdicts, terms) else {
-            return Err((Box::new(nothing_pays(terms.weakest)), left));
-        };
-        Ok(Self::of(values, choice, left, material))
+        let precision = material.precision(facts);
+        let left = left(values, &judged, terms.weakest);
+        match choose::choose(values, &judged, precision.most, &terms) {
+            Some(choice) => Ok(Self {
+                given: vec![match precision.ranges.is_empty() {
+                    true => Assumption::OrdinaryNumbers,
+                    false => Assumption::NumbersOfTheScene,
+                }],
+                ..Self::of(values, choice, left, material)
+            }),
+            None => {
+                let mut refusal = Box::new(nothing_pays(terms.weakest));
+                let best = params.best_measured(material.name, facts);
+                refusal.reason.push_str(&best);
+                Err((refusal, left))
+            }
+        }
     }
 
     fn of(
-        values: Values<'g, 'p>,
+        values: &'v Values<'g, 'p>,
         choice: Choice,
         left: Vec<Left>,
         material: &Material<'p>,
     ) -> Self {
-        let wanted = name_all(&values, &choice);
+        let wanted = name_all(values, &choice);
         let key = SiteKey {
             role: Role::Main,
             entry_point: material.pass.fragment.clone().unwrap_or_default(),
-            slice: hash(&values, &choice),
+            slice: hash(values, &choice),
             ordinal: 0,
         };
         let left = left
@@ -296,6 +320,7 @@ impl<'g, 'p> Found<'g, 'p> {
             choice,
             wanted,
             left,
+            given: Vec::new(),
             key,
         }
     }
@@ -305,7 +330,7 @@ impl<'g, 'p> Found<'g, 'p> {
             .choice
             .carried
             .iter()
-            .filter_map(|(id, _)| span(&self.values, *id))
+            .filter_map(|(id, _)| span(self.values, *id))
             .find_map(|s| material.program.sources().locate(s));
         Site {
             key: self.key.clone(),
@@ -326,7 +351,7 @@ impl<'g, 'p> Found<'g, 'p> {
             .iter()
             .zip(&self.wanted)
             .map(|((id, carriage), wanted)| {
-                let width = choose::shape(&self.values, *id).map_or(1, |(_, w)| w);
+                let width = choose::shape(self.values, *id).map_or(1, |(_, w)| w);
                 let class = match carriage.class {
                     Class::Exact => "exact",
                     Class::Affine => "affine, rounding",
@@ -345,11 +370,11 @@ impl<'g, 'p> Found<'g, 'p> {
     }
 
     fn rebuild(&self, material: &Material<'_>) -> Result<Program, Failed> {
-        let hoisted = hoisted::add(material.program, &self.values, &self.wanted)?;
+        let hoisted = hoisted::add(material.program, self.values, &self.wanted)?;
         let remainder = remainder::rebuild(
             material.program,
             &hoisted.module,
-            &self.values,
+            self.values,
             &self.wanted,
             &self.choice.slots,
         )?;
@@ -401,7 +426,7 @@ impl<'g, 'p> Found<'g, 'p> {
             },
             Some(Class::Affine) => Contract::Rounding {
                 k: self.roundings(),
-                given: Vec::new(),
+                given: self.given.clone(),
             },
             Some(Class::Smooth) => Contract::Approximate {
                 metric: params.metric.name().to_owned(),
@@ -424,7 +449,7 @@ impl<'g, 'p> Found<'g, 'p> {
     /// Operations that the carried values are made of: each may round another way than it did.
     fn roundings(&self) -> u32 {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
-        choose::below(&self.values, of).0.ceil() as u32
+        choose::below(self.values, of).0.ceil() as u32
     }
 }
 
@@ -472,10 +497,7 @@ fn name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
 /// The author's name for an input, or for a value.
 fn own_name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
     match values.values[id].node {
-        Node::Input(i) => {
-            let inputs = reflect::inputs(values.graph.module(), values.function(0).function);
-            inputs.get(i)?.name.clone()
-        }
+        Node::Input(i) => values.inputs.get(i)?.name.clone(),
         _ => name(values, id),
     }
 }
@@ -489,13 +511,14 @@ fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
         .filter_map(|(id, _)| {
             let (context, expression, _) = values.expression(*id)?;
             let base = name(values, *id).unwrap_or_else(|| "carried".to_owned());
-            // Letters: a writer that keeps names apart by numbers would add its own to a digit.
-            let letters = ('b'..='z').map(|l| format!("{base}_{l}"));
-            let name = std::iter::once(base.clone())
-                .chain(letters)
-                .find(|n| !taken.contains(n))
-                .unwrap_or(base);
-            taken.insert(name.clone());
+            let mut name = base.clone();
+            // The first of a name has it as it is.
+            for i in 1.. {
+                if taken.insert(name.clone()) {
+                    break;
+                }
+                name = format!("{base}_{}", pack::letters(i));
+            }
             let f = values.function(context);
             let inner = f.ty(values.graph.module(), expression).clone();
             Some(Wanted {
@@ -525,29 +548,35 @@ fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
 }
 
 /// Named values and results of calls that stay, the dearest first: those whose users could not take them along either.
-fn left(
-    values: &Values<'_, '_>,
-    verdicts: &[Result<Carriage, Stays>],
-    weakest: Class,
-) -> Vec<Left> {
+fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
     let sources = values.graph.program().sources();
-    let mut left: Vec<Left> = (0..values.values.len())
+    let staying = (0..values.values.len())
         .filter(|id| matches!(values.values[*id].node, Node::Expression(..)))
         .filter_map(|id| {
-            let reason = match &verdicts[id] {
+            let reason = match &judged.verdicts[id] {
                 Ok(c) if c.class <= weakest => return None,
+                Ok(_) if judged.affine[id] => match judged.roundings[id] {
+                    error if error.is_finite() => format!("carried, it is rounded elsewhere, which may come to {error:.1e} at an output"),
+                    _ => "carried, it is rounded elsewhere, and what that comes to at an output has no bound".to_owned(),
+                },
                 Ok(_) => "interpolating it is an approximation, and no budget is given".to_owned(),
                 Err(Stays::NotCarried | Stays::Varying) => return None,
                 Err(stays) => stays.to_string(),
             };
-            let name = name(values, id)?;
-            let (cost, _) = choose::below(values, std::iter::once(id));
-            (cost > 0.0).then(|| Left {
-                name,
-                reason,
-                cost: cost.round(),
-                location: span(values, id).and_then(|s| sources.locate(s)),
-            })
+            Some((id, name(values, id)?, reason))
+        });
+    let staying: Vec<(ValueId, String, String)> = staying.collect();
+    let ids: Vec<ValueId> = staying.iter().map(|(id, ..)| *id).collect();
+    let costs = choose::below_each(values, &ids);
+    let mut left: Vec<Left> = staying
+        .into_iter()
+        .zip(costs)
+        .filter(|(_, cost)| *cost > 0.0)
+        .map(|((id, name, reason), cost)| Left {
+            name,
+            reason,
+            cost: cost.round(),
+            location: span(values, id).and_then(|s| sources.locate(s)),
         })
         .collect();
     left.sort_by(|a, b| b.cost.total_cmp(&a.cost).then_with(|| a.name.cmp(&b.name)));

@@ -154,6 +154,9 @@ pub struct Facts {
     /// Uniforms that follow the camera or the time, or change between the scene's frames in another way; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub changing: Option<Vec<Changing>>,
+    /// Between which numbers the varyings and the constants of the draw lie; empty where that was not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ranges: Vec<SourceRange>,
     /// What carrying each value of a fragment stage alone does to the picture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<Frequency>,
@@ -170,6 +173,41 @@ pub struct Changing {
     pub binding: u32,
     /// Name of the member; `None` where the uniform is no struct.
     pub member: Option<String>,
+}
+
+/// Where a fragment stage's numbers come from.
+#[derive(
+    Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Source {
+    /// What the vertex stage writes.
+    Varying {
+        /// `@location`.
+        location: u32,
+    },
+    /// A uniform or a storage buffer, or a member of one.
+    Buffer {
+        /// `@group`.
+        group: u32,
+        /// `@binding`.
+        binding: u32,
+        /// Name of the member; `None` where the variable is no struct.
+        member: Option<String>,
+    },
+}
+
+/// The least and the largest float of a source, all components together, over the frames of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SourceRange {
+    /// Name of the material.
+    pub material: String,
+    /// The source.
+    pub source: Source,
+    /// The least.
+    pub low: f32,
+    /// The largest.
+    pub high: f32,
 }
 
 /// How well one value of a fragment stage is interpolated: the worst of the pictures that were drawn with it, and it alone, carried from the vertices.
@@ -201,6 +239,13 @@ pub struct Frequency {
     pub location: Option<Location>,
 }
 
+impl Frequency {
+    /// Whether nothing was seen that is NaN or infinite: not the value itself at a vertex or between them, and no pixel drawn with it. A target of fixed point shows no such pixel.
+    pub fn is_finite(&self) -> bool {
+        self.nan_pixels == 0 && self.interpolation.is_none_or(|i| i.not_finite == 0)
+    }
+}
+
 /// How far a value is from its interpolation over the triangles of a scene's meshes, wherever the camera stands: evaluated by the adapter at the corners and at
 /// points between them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -211,7 +256,7 @@ pub struct Interpolation {
     pub mean: f64,
     /// Largest less least of that component over all points: what the differences are to be held against.
     pub range: f64,
-    /// Points at which it or its interpolation is NaN or infinite.
+    /// Points, corners among them, at which it or its interpolation is NaN or infinite: the differences are of the others.
     pub not_finite: u64,
     /// Points between corners that were evaluated, in all frames together.
     pub points: u64,
@@ -221,14 +266,20 @@ pub struct Interpolation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Bound {
-    /// By this much at most, in the value's own unit, roundings apart.
+    /// By `max` and `roundings` together at most, in the value's own unit, in the frames that were looked at.
     Proved {
-        /// The bound.
+        /// The bound in real numbers.
         max: f64,
+        /// What an adapter's roundings, as WGSL allows them, make it more by at most.
+        #[serde(default)]
+        roundings: f64,
         /// Triangles that it was proved for, in all frames together.
         triangles: u64,
         /// Triangles there are in those frames: where they are more, they were taken evenly.
         of: u64,
+        /// Frames it was proved for: the first and the middle one of every camera's path.
+        #[serde(default)]
+        frames: u64,
     },
     /// No bound was found for some triangle.
     Unbounded {

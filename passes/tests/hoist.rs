@@ -219,7 +219,7 @@ fn affine_work_is_carried_under_rounding() {
     let source = material(
         "",
         "let local = scene.view * vec4(in.world, 1.0);
-    return vec4(exp(-local.z * 0.1)) * scene.tint;",
+    return vec4(saturate(1.0 + local.z * 0.1)) * scene.tint;",
     );
     let (plan, text) = hoisted(&source, &Params::default());
     insta::assert_snapshot!(text);

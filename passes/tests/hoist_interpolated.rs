@@ -6,11 +6,11 @@ mod common;
 use std::collections::BTreeMap;
 
 use common::random;
-use common::stages::{VERTEX, attributes, run};
+use common::stages::{Ran, VERTEX, attributes, run};
 use naga::{Binding, Interpolation, ShaderStage};
 use preshade_passes::evaluate::{Scalar, Stuck, Value};
 use preshade_passes::hoist::{Allow, Hoist, Params};
-use preshade_passes::pass::{Facts, Pass};
+use preshade_passes::pass::{Facts, Pass, Source, SourceRange};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -59,7 +59,46 @@ fn inside(
         at.insert(2, Value::i32((seed % 7) as i32 - 2));
         run(program, ShaderStage::Vertex, "vs", &at, true)
     };
-    let corners = [corner(0)?, corner(1)?, corner(2)?];
+    between(program, seed, [corner(0)?, corner(1)?, corner(2)?], weights)
+}
+
+/// The same of a material with [`affine`] work: its numbers fill the range that ordinary ones have.
+fn inside_of_ordinary(
+    program: &Program,
+    seed: u32,
+    weights: Weights,
+) -> (BTreeMap<String, Value>, bool) {
+    let corner = |i: u32| {
+        let own = attributes(seed.wrapping_add(i * 7919));
+        let doubled = |v: &Value| match v {
+            Value::Composite(parts) => Value::Composite(parts.iter().map(twice).collect()),
+            other => twice(other),
+        };
+        let Value::Composite(p) = doubled(&own[&0]) else {
+            panic!("a position is a vector");
+        };
+        let at = BTreeMap::from([
+            (0, Value::Composite(p[..3].to_vec())),
+            (1, doubled(&own[&1])),
+        ]);
+        run(program, ShaderStage::Vertex, "vs", &at, true).unwrap()
+    };
+    between(program, seed, [corner(0), corner(1), corner(2)], weights).unwrap()
+}
+
+fn twice(value: &Value) -> Value {
+    match value {
+        Value::Scalar(Scalar::F32(x)) => Value::f32(x * 2.0),
+        other => other.clone(),
+    }
+}
+
+fn between(
+    program: &Program,
+    seed: u32,
+    corners: [Ran; 3],
+    weights: Weights,
+) -> Result<(BTreeMap<String, Value>, bool), Stuck> {
     let (_, fragment) = program.entry_point(ShaderStage::Fragment, "fs").unwrap();
     let mut varyings = BTreeMap::new();
     for input in reflect::inputs(program.module(), &fragment.function) {
@@ -94,6 +133,10 @@ fn material(bytes: &[u8]) -> String {
 
 /// The material before and after what is hoisted without a budget; `None` where nothing is.
 fn hoisted(source: &str, allow: Allow) -> Option<(Program, Program, String)> {
+    hoisted_given(source, allow, &Facts::default())
+}
+
+fn hoisted_given(source: &str, allow: Allow, facts: &Facts) -> Option<(Program, Program, String)> {
     let program = common::program(source);
     let plan = Plan::original("test", program, "vs", Some("fs"), &MaterialState::default());
     let params = Params {
@@ -101,10 +144,9 @@ fn hoisted(source: &str, allow: Allow) -> Option<(Program, Program, String)> {
         vertices_per_fragment: Some(0.0),
         ..Params::default()
     };
-    let facts = Facts::default();
-    let found = Hoist::sites(&plan, &facts, &params);
+    let found = Hoist::sites(&plan, facts, &params);
     let site = found.sites.first()?;
-    let next = match Hoist::apply(&plan, &facts, &site.key, &params) {
+    let next = match Hoist::apply(&plan, facts, &site.key, &params) {
         Ok(next) => next,
         Err(refusal) if refusal.code == "not-separable" => return None,
         Err(refusal) => panic!("{refusal}\n{source}"),
@@ -230,13 +272,13 @@ fn affine(body: &str) -> String {
 struct Varyings {{ @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, @location(1) uv: vec2<f32> }}
 @vertex fn vs(@location(0) p: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings {{ return Varyings(vec4(p, 1.0), p, uv); }}
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
-    let p = (draw.m * (draw.m * vec4(in.world, 1.0))).xyz;
+    let p = (draw.m * vec4(in.world, 1.0)).xyz;
     {body}
 }}"
     )
 }
 
-/// After a cancellation nothing is left but last bits: what has no bounded slope there makes any number of them.
+/// After a cancellation nothing is left but last bits, and a large factor makes any number of them: one after the other, in a vector, in a matrix, in a function.
 #[test]
 fn rounding_does_not_reach_what_amplifies_it() {
     for body in [
@@ -255,18 +297,116 @@ fn rounding_does_not_reach_what_amplifies_it() {
         "return vec4(refract(p, in.world, 0.7), 1.0);",
         "return vec4(faceForward(p, in.world, p), 1.0);",
         "return vec4(tan(p), 1.0);",
+        "return vec4(sin(p * 60.0 * 70.0), 1.0);",
+        "return vec4(sin(p * vec3(3000.0, 4000.0, 5000.0)), 1.0);",
+        "return vec4(sin(dot(p, vec3(3000.0, 4000.0, 5000.0))));",
+        "return vec4(sin(fma(p, vec3(4000.0), p)), 1.0);",
+        "return vec4(mix(p, in.world, 4000.0), 1.0);",
+        "return vec4(cross(p, vec3(4000.0, 0.0, 0.0)), 1.0);",
+        "return vec4(mat3x3<f32>(4000.0, 0.0, 0.0, 0.0, 4000.0, 0.0, 0.0, 0.0, 4000.0) * p, 1.0);",
+        "return vec4(sin(exp(p * 0.5 + 8.0)), 1.0);",
+        "return vec4(sinh(p), 1.0);",
+        "return vec4(sin(p * (draw.v.x * 4000.0)), 1.0);",
+        "return vec4(sin((p * 40.0) * draw.v.x * draw.v.y * draw.v.z), 1.0);",
+        "let far = p + vec3(draw.v.x * 1e5); return vec4(abs(far - vec3(draw.v.x * 1e5)), 1.0);",
+        "var x = p; for (var i = 0; i < 8; i++) { x = x * 4.0 - in.world; } return vec4(sin(x), 1.0);",
+        "return vec4(pow(abs(p.x), 8.0));",
     ] {
         assert!(hoisted(&affine(body), Allow::Rounding).is_none(), "{body}");
     }
-    for body in [
-        "return vec4(length(p) * 0.1);",
-        "return vec4(sin(p) * in.uv.x, 1.0);",
-        "return vec4(exp(-length(p)));",
-        "return vec4(pow(abs(p.x), 8.0));",
-        "return vec4(p / draw.v.x + p / 3.0, 1.0);",
-        "return vec4(smoothstep(0.25, 0.75, p.x));",
-        "return vec4(normalize(in.world) + p, 1.0);",
-    ] {
-        assert!(hoisted(&affine(body), Allow::Rounding).is_some(), "{body}");
+}
+
+const CARRIED: [&str; 9] = [
+    "return vec4(length(p) * 0.1);",
+    "return vec4(sin(p) * in.uv.x, 1.0);",
+    "return vec4(exp(-length(p)));",
+    "return vec4(pow(saturate(p.x), 8.0));",
+    "return vec4(p / draw.v.x + p / 3.0, 1.0);",
+    "return vec4(smoothstep(0.25, 0.75, p.x));",
+    "return vec4(normalize(in.world) + p, 1.0);",
+    "return vec4(sin((draw.m * vec4(p, 1.0)).xyz) * 0.25, 1.0);",
+    "return vec4(1.0 / (1.0 + abs(p)), 1.0);",
+];
+
+/// Half a step of 8 bits, where no number from outside is further from 0 than 4.
+#[test]
+fn what_is_carried_under_rounding_changes_outputs_by_half_a_step_at_most() {
+    let numbers = |value: &Value, out: &mut Vec<f32>| {
+        fn walk(value: &Value, out: &mut Vec<f32>) {
+            match value {
+                Value::Scalar(Scalar::F32(x)) => out.push(*x),
+                Value::Composite(parts) => parts.iter().for_each(|p| walk(p, out)),
+                _ => {}
+            }
+        }
+        walk(value, out);
+    };
+    let mut largest = 0.0_f64;
+    for body in CARRIED {
+        let (before, after, what) =
+            hoisted(&affine(body), Allow::Rounding).unwrap_or_else(|| panic!("{body}"));
+        for seed in 0..200 {
+            for weights in WEIGHTS {
+                let a = inside_of_ordinary(&before, seed, weights);
+                let b = inside_of_ordinary(&after, seed, weights);
+                let (mut of_a, mut of_b) = (Vec::new(), Vec::new());
+                a.0.values().for_each(|v| numbers(v, &mut of_a));
+                b.0.values().for_each(|v| numbers(v, &mut of_b));
+                assert_eq!(of_a.len(), 4);
+                for (x, y) in of_a.iter().zip(&of_b) {
+                    let off = f64::from((x - y).abs());
+                    assert!(off <= 0.5 / 255.0, "{body} ({what}): {x} {y}, seed {seed}");
+                    largest = largest.max(off);
+                }
+            }
+        }
+    }
+    assert!(largest > 0.0, "nothing was rounded elsewhere");
+}
+
+/// The ranges of a scene decide where they are known: large numbers refuse what ordinary ones allow, small ones allow what those refuse.
+#[test]
+fn the_numbers_of_a_scene_decide() {
+    let ranges = |world: f32, draw: f32| Facts {
+        ranges: vec![
+            range(Source::Varying { location: 0 }, [-world, world]),
+            range(Source::Varying { location: 1 }, [0.0, 1.0]),
+            range(member("m"), [-1.0, 1.0]),
+            range(member("v"), [draw, 2.0 * draw]),
+        ],
+        ..Facts::default()
+    };
+    let sine = affine("return vec4(sin(p * draw.v.x), 1.0);");
+    let allowed =
+        |source: &str, facts: &Facts| hoisted_given(source, Allow::Rounding, facts).is_some();
+    assert!(allowed(&sine, &ranges(1.0, 0.5)));
+    assert!(!allowed(&sine, &ranges(1e5, 0.5)));
+    assert!(!allowed(&sine, &ranges(1.0, 4000.0)));
+    let steep = affine("return vec4(sin(p * 200.0), 1.0);");
+    assert!(!allowed(&steep, &Facts::default()));
+    assert!(allowed(&steep, &ranges(1.0, 0.5)));
+    let quotient = affine("return vec4(p / draw.v.x, 1.0);");
+    assert!(allowed(&quotient, &ranges(1.0, 0.5)));
+    assert!(!allowed(&quotient, &ranges(1.0, 1e-6)));
+    // As wide as a scene's that crosses 0.
+    let mut crossing = ranges(1.0, 0.5);
+    crossing.ranges[3].low = -1.0;
+    assert!(!allowed(&quotient, &crossing));
+}
+
+fn range(source: Source, [low, high]: [f32; 2]) -> SourceRange {
+    SourceRange {
+        material: "test".to_owned(),
+        source,
+        low,
+        high,
+    }
+}
+
+fn member(name: &str) -> Source {
+    Source::Buffer {
+        group: 0,
+        binding: 0,
+        member: Some(name.to_owned()),
     }
 }

@@ -1,22 +1,21 @@
 //! Proved bounds on the interpolation error of a value, over the triangles of a scene.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
-use preshade_passes::bound::{self, Affine};
-use preshade_passes::evaluate::{self, Environment, Number, Stuck, Value};
+use preshade_passes::bound::{self, Affine, Distance};
+use preshade_passes::evaluate::{self, Value};
 use preshade_passes::hoist::{self, Computed};
 use preshade_passes::pass::Bound;
 use preshade_passes::plan::Plan;
 use preshade_passes::state::Topology;
 
 use super::frequency::choosing;
+use super::vertices::{self, Vertices, said};
 use crate::scene::Scene;
 use crate::scene::bind::{self, DrawBindings};
 
 /// Steps of the interpreter for a value, over all its triangles: where they would be more, fewer triangles are looked at.
 const MOST_STEPS: u64 = 1_500_000;
-/// Steps of the interpreter for one vertex.
-const STEPS: u64 = 200_000;
 /// Squared, the parts that a triangle is looked at in: in one first, and in more where that gives no bound, or the largest of all.
 const PARTS: [u32; 3] = [1, 4, 8];
 /// Triangles that are looked at more closely.
@@ -43,18 +42,20 @@ pub fn bound(scene: &Scene, plans: &[Plan], materials: &[usize], id: &str) -> Op
         }
     }
     match over(&mut drawn) {
-        Ok(Some((max, triangles))) => Some(Bound::Proved {
-            max,
+        Ok(Some((distance, triangles))) => Some(Bound::Proved {
+            max: distance.max,
+            roundings: distance.roundings,
             triangles,
             of: drawn.iter().map(|d| d.triangles).sum(),
+            frames: frames.len() as u64,
         }),
         Ok(None) => None,
         Err(why) => Some(Bound::Unbounded { why }),
     }
 }
 
-/// The largest bound over the triangles of all draws, and how many triangles that is over; `None` where there are none.
-fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
+/// The largest distance over the triangles of all draws, and how many triangles that is over; `None` where there are none.
+fn over(draws: &mut [Drawn]) -> Result<Option<(Distance, u64)>, String> {
     let of: u64 = draws.iter().map(|d| d.triangles).sum();
     let Some(first) = draws.iter_mut().find(|d| d.triangles > 0) else {
         return Ok(None);
@@ -66,7 +67,7 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
         for (draw, drawn) in draws.iter_mut().enumerate() {
             if at < drawn.triangles {
                 // Where it cannot be said in one, the parts may say it.
-                let bound = drawn.bound(at, PARTS[0]).unwrap_or(f64::INFINITY);
+                let bound = drawn.bound(at, PARTS[0]).unwrap_or(Distance::UNBOUNDED);
                 bounds.push((bound, draw, at));
                 break;
             }
@@ -74,32 +75,39 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(f64, u64)>, String> {
         }
     }
     // The largest is looked at in more parts, until it is still the largest or enough is done.
-    bounds.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut max = 0.0_f64;
+    bounds.sort_by(|a, b| b.0.max.total_cmp(&a.0.max));
+    let mut worst = NONE;
     for (i, (coarse, draw, at)) in bounds.iter().enumerate() {
-        if max >= *coarse || (i >= REFINED && coarse.is_finite()) {
-            max = max.max(*coarse);
+        if worst.max >= coarse.max || (i >= REFINED && coarse.max.is_finite()) {
+            let rest = bounds[i..].iter().map(|(bound, ..)| *bound);
+            worst = rest.fold(worst, Distance::or);
             break;
         }
         let drawn = &mut draws[*draw];
         let fine = drawn.bound(*at, PARTS[1]);
         let fine = match fine {
-            Ok(fine) if fine.is_finite() => fine,
+            Ok(fine) if fine.max.is_finite() => fine,
             _ => drawn.bound(*at, PARTS[2])?,
         };
-        if fine.is_infinite() {
+        if fine.max.is_infinite() {
             return Err("an operation may leave every bound within a triangle".to_owned());
         }
-        max = max.max(fine.min(*coarse));
+        // What roundings add belongs to the bound they are added to.
+        worst = worst.or(if fine.max < coarse.max { fine } else { *coarse });
     }
-    Ok(Some((max, triangles)))
+    Ok(Some((worst, triangles)))
 }
+
+/// Of nothing.
+const NONE: Distance = Distance {
+    max: 0.0,
+    roundings: 0.0,
+};
 
 /// A draw in one frame.
 struct Drawn {
     computed: Computed,
-    environment: Environment<'static, Affine>,
-    vertices: Vertices,
+    vertices: Arguments,
     triangles: u64,
     /// Corners of one instance.
     corners: u32,
@@ -114,32 +122,38 @@ impl Drawn {
             / 3
             * 3;
         Self {
-            environment: bound::environment(resources(&computed, &bound)),
             triangles: u64::from(corners / 3) * u64::from(bound.instances),
             corners,
-            vertices: Vertices::new(&computed, bound),
+            vertices: Arguments::new(&computed, bound),
             computed,
         }
     }
 
-    fn bound(&mut self, triangle: u64, parts: u32) -> Result<f64, String> {
+    fn bound(&mut self, triangle: u64, parts: u32) -> Result<Distance, String> {
         let [a, b, c] = self.arguments(triangle)?;
         let Computed {
             module, function, ..
         } = &self.computed;
         let function = &module.functions[*function];
-        let bounds = bound::over_triangle(module, function, [&a, &b, &c], &self.environment, parts);
+        let bounds = bound::over_triangle(
+            module,
+            function,
+            [&a, &b, &c],
+            &self.vertices.vertices.environment,
+            parts,
+        );
         let bounds = bounds.map_err(said)?;
-        Ok(bounds.into_iter().fold(0.0, f64::max))
+        Ok(bounds.into_iter().fold(NONE, Distance::or))
     }
 
     /// What the value's function is called with at the corners of a triangle.
-    fn arguments(&mut self, triangle: u64) -> Result<[Vec<Value>; 3], String> {
+    fn arguments(&mut self, triangle: u64) -> Result<[Vec<Value<Affine>>; 3], String> {
         let each = u64::from(self.corners / 3).max(1);
         let (instance, first) = ((triangle / each) as u32, (triangle % each) as u32 * 3);
         let mut corner = |c: u32| {
-            let vertex = index(&self.vertices.bound, first + c).ok_or("the mesh is too short")?;
-            self.vertices.arguments(&self.computed, vertex, instance)
+            let vertex = vertices::index(&self.vertices.vertices.bound, first + c)
+                .ok_or("the mesh is too short")?;
+            self.vertices.at(&self.computed, vertex, instance)
         };
         Ok([corner(0)?, corner(1)?, corner(2)?])
     }
@@ -150,56 +164,40 @@ impl Drawn {
         let Computed {
             module, function, ..
         } = &self.computed;
-        let environment = Environment {
-            resources: self.vertices.resources.clone(),
-            texture: &|_: &evaluate::Lookup<'_>| [0.0; 4],
-            steps: STEPS,
-        };
-        let outcome = evaluate::run(module, &module.functions[*function], &a, &environment);
+        let outcome = evaluate::run(
+            module,
+            &module.functions[*function],
+            &a,
+            &self.vertices.vertices.environment,
+        );
         Ok(outcome.map_err(said)?.steps)
     }
 }
 
-/// Why an evaluation stopped, in a user's words.
-fn said(stuck: Stuck) -> String {
-    match stuck {
-        Stuck::Undecided(_) => {
-            "what a branch or an index rests on differs within a triangle".to_owned()
-        }
-        Stuck::Steps => "it takes too many steps".to_owned(),
-        Stuck::Unsupported(what) => {
-            let name: String = what
-                .chars()
-                .take_while(char::is_ascii_alphanumeric)
-                .collect();
-            format!("`{name}` is not bounded")
-        }
-        other => other.to_string(),
-    }
+/// The varyings at vertices, as the value's function takes them, and as far off as an adapter may compute them; each vertex is run once.
+struct Arguments {
+    vertices: Vertices<Affine>,
+    known: HashMap<(u32, u32), Vec<Value<Affine>>>,
 }
 
-/// The varyings at vertices, as the value's function takes them; each vertex is run once.
-struct Vertices {
-    bound: DrawBindings,
-    resources: BTreeMap<(u32, u32), Value>,
-    known: HashMap<(u32, u32), Vec<Value>>,
-}
-
-impl Vertices {
+impl Arguments {
     fn new(computed: &Computed, bound: DrawBindings) -> Self {
+        let resources = vertices::resources(&computed.module, &bound);
         Self {
-            resources: resources(computed, &bound),
-            bound,
+            vertices: Vertices {
+                bound,
+                environment: bound::environment(resources),
+            },
             known: HashMap::new(),
         }
     }
 
-    fn arguments(
+    fn at(
         &mut self,
         computed: &Computed,
         vertex: u32,
         instance: u32,
-    ) -> Result<Vec<Value>, String> {
+    ) -> Result<Vec<Value<Affine>>, String> {
         if let Some(known) = self.known.get(&(vertex, instance)) {
             return Ok(known.clone());
         }
@@ -208,45 +206,15 @@ impl Vertices {
         Ok(found)
     }
 
-    fn run(&self, computed: &Computed, vertex: u32, instance: u32) -> Result<Vec<Value>, String> {
+    fn run(
+        &self,
+        computed: &Computed,
+        vertex: u32,
+        instance: u32,
+    ) -> Result<Vec<Value<Affine>>, String> {
         let module = &computed.module;
-        let function = &module.entry_points[computed.vertex].function;
-        let arguments = function
-            .arguments
-            .iter()
-            .map(|a| self.input(module, a.ty, a.binding.as_ref(), vertex, instance))
-            .collect::<Option<Vec<_>>>()
-            .ok_or("an input of the vertex stage cannot be read")?;
-        // A texel is not known here; what rests on it has no bound.
-        let texture = |_: &evaluate::Lookup<'_>| [f32::NAN; 4];
-        let environment = Environment {
-            resources: self.resources.clone(),
-            texture: &texture,
-            steps: STEPS,
-        };
-        let outcome = evaluate::entry_point(module, computed.vertex, &arguments, &environment)
-            .map_err(said)?;
-        let outputs = preshade_passes::reflect::outputs(module, function);
-        let values = match outcome.result {
-            Some(Value::Composite(parts))
-                if function
-                    .result
-                    .as_ref()
-                    .is_some_and(|r| r.binding.is_none()) =>
-            {
-                parts
-            }
-            Some(one) => vec![one],
-            None => Vec::new(),
-        };
-        let by_location: BTreeMap<u32, Value> = outputs
-            .iter()
-            .zip(values)
-            .filter_map(|(output, value)| match output.binding {
-                Some(naga::Binding::Location { location, .. }) => Some((location, value)),
-                _ => None,
-            })
-            .collect();
+        let run = self.vertices.run(module, computed.vertex, vertex, instance);
+        let (by_location, _) = run?;
         let own = &module.functions[computed.function];
         own.arguments
             .iter()
@@ -261,124 +229,5 @@ impl Vertices {
             })
             .collect::<Option<Vec<_>>>()
             .ok_or_else(|| "a varying is missing".to_owned())
-    }
-
-    fn input(
-        &self,
-        module: &naga::Module,
-        ty: naga::Handle<naga::Type>,
-        binding: Option<&naga::Binding>,
-        vertex: u32,
-        instance: u32,
-    ) -> Option<Value> {
-        match (binding, &module.types[ty].inner) {
-            (None, naga::TypeInner::Struct { members, .. }) => {
-                let members = members.iter();
-                let values =
-                    members.map(|m| self.input(module, m.ty, m.binding.as_ref(), vertex, instance));
-                values.collect::<Option<_>>().map(Value::Composite)
-            }
-            (Some(naga::Binding::BuiltIn(naga::BuiltIn::VertexIndex)), _) => {
-                Some(Value::u32(vertex))
-            }
-            (Some(naga::Binding::BuiltIn(naga::BuiltIn::InstanceIndex)), _) => {
-                Some(Value::u32(instance))
-            }
-            (Some(naga::Binding::Location { location, .. }), inner) => {
-                self.attribute(*location, inner, vertex, instance)
-            }
-            _ => None,
-        }
-    }
-
-    /// An attribute of 32-bit numbers, widened to its type as WebGPU does: by 0, and 1 for the fourth.
-    fn attribute(
-        &self,
-        location: u32,
-        inner: &naga::TypeInner,
-        vertex: u32,
-        instance: u32,
-    ) -> Option<Value> {
-        let (buffer, attribute) = self.bound.vertex_buffers.iter().find_map(|b| {
-            let found = b.attributes.iter().find(|a| a.location == location)?;
-            Some((b, found))
-        })?;
-        let row = match buffer.step {
-            wgpu::VertexStepMode::Instance => instance,
-            _ => vertex,
-        };
-        let (count, scalar) = match inner {
-            naga::TypeInner::Scalar(s) => (1, *s),
-            naga::TypeInner::Vector { size, scalar } => (*size as usize, *scalar),
-            _ => return None,
-        };
-        let name = format!("{:?}", attribute.format);
-        let given = (attribute.format.size() / 4) as usize;
-        if !["Float32", "Uint32", "Sint32"]
-            .iter()
-            .any(|kind| name.starts_with(kind))
-        {
-            return None;
-        }
-        let start = u64::from(row) * buffer.stride + attribute.offset;
-        let bytes = buffer.data.bytes.get(usize::try_from(start).ok()?..)?;
-        let components = (0..count).map(|i| {
-            let missing = if i == 3 { 1.0_f32 } else { 0.0 };
-            let word: [u8; 4] = *bytes.get(4 * i..)?.first_chunk()?;
-            Some(match scalar.kind {
-                naga::ScalarKind::Float if i < given => Value::f32(f32::from_le_bytes(word)),
-                naga::ScalarKind::Float => Value::f32(missing),
-                naga::ScalarKind::Uint if i < given => Value::u32(u32::from_le_bytes(word)),
-                naga::ScalarKind::Sint if i < given => Value::i32(i32::from_le_bytes(word)),
-                naga::ScalarKind::Uint => Value::u32(missing as u32),
-                naga::ScalarKind::Sint => Value::i32(missing as i32),
-                _ => return None,
-            })
-        });
-        let components = components.collect::<Option<Vec<_>>>()?;
-        match components.as_slice() {
-            [one] => Some(one.clone()),
-            _ => Some(Value::Composite(components)),
-        }
-    }
-}
-
-/// The uniforms and buffers of a draw that have a value.
-fn resources<F: Number>(
-    computed: &Computed,
-    bound: &DrawBindings,
-) -> BTreeMap<(u32, u32), Value<F>> {
-    let module = &computed.module;
-    let globals = module.global_variables.iter();
-    globals
-        .filter_map(|(_, global)| {
-            let at = global.binding.as_ref()?;
-            let at = (at.group, at.binding);
-            let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
-            Some((
-                at,
-                evaluate::from_bytes(module, global.ty, &buffer.data.bytes)?,
-            ))
-        })
-        .collect()
-}
-
-fn index(bound: &DrawBindings, at: u32) -> Option<u32> {
-    let Some(indices) = &bound.indices else {
-        return Some(at);
-    };
-    let bytes = &indices.data.bytes;
-    let at = at as usize;
-    match indices.format {
-        wgpu::IndexFormat::Uint16 => bytes
-            .as_chunks::<2>()
-            .0
-            .get(at)
-            .map(|b| u32::from(u16::from_le_bytes(*b))),
-        wgpu::IndexFormat::Uint32 => bytes
-            .as_chunks::<4>()
-            .0
-            .get(at)
-            .map(|b| u32::from_le_bytes(*b)),
     }
 }

@@ -7,7 +7,7 @@ use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::plan::Plan;
 
 use super::bounds;
-use super::interpolation::interpolation;
+use super::interpolation::{Points, interpolation};
 use super::{Error, ErrorLadder, compare, originals, variant};
 use crate::recipe::Recipe;
 use crate::render::{
@@ -16,13 +16,14 @@ use crate::render::{
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
-/// frames that choices are made on ([`choosing`]). `progress` is told the part done.
+/// frames that choices are made on ([`choosing`]). Of `facts` the ranges count. `progress` is told the part done.
 ///
 /// # Errors
 /// As [`Prepared::new`] and [`Prepared::render`], of the original. A candidate that cannot be drawn is left out.
 pub fn frequencies(
     gpu: &Gpu,
     scene: &Scene,
+    facts: &Facts,
     form: ShaderForm,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Frequency>, Error> {
@@ -34,7 +35,7 @@ pub fn frequencies(
     // Materials of one shader have the same candidates, and are measured together.
     let mut candidates: BTreeMap<String, Vec<(usize, hoist::Candidate)>> = BTreeMap::new();
     for (material, plan) in plans.iter().enumerate() {
-        for candidate in hoist::candidates(plan).unwrap_or_default() {
+        for candidate in hoist::candidates(plan, facts).unwrap_or_default() {
             let id = candidate.id.clone();
             candidates
                 .entry(id)
@@ -60,12 +61,16 @@ pub fn frequencies(
             continue;
         };
         let worst = worst(&references, &drawn)?;
+        // Whether it is finite is seen by itself: a target of fixed point holds no NaN.
+        let materials: Vec<usize> = carried.iter().map(|(material, _)| **material).collect();
+        let interpolation = interpolation(&inputs, &plans, &materials, id, form, Points::Few);
+        let interpolation = interpolation.unwrap_or_default();
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
             value: id.clone(),
             name: candidate.name.clone(),
             cost: candidate.cost,
-            interpolation: None,
+            interpolation,
             bound: None,
             max_abs: worst.max_abs,
             flip_mean: worst.flip_mean,
@@ -77,7 +82,7 @@ pub fn frequencies(
     Ok(measured)
 }
 
-/// The same, with how far each value itself is from its interpolation, evaluated and proved: what no choice rests on, and takes a while.
+/// The same, with how far each value itself is from its interpolation, evaluated at more points, and proved: what no choice rests on, and takes a while.
 ///
 /// # Errors
 /// As [`SceneInputs::new`].
@@ -101,11 +106,11 @@ pub fn interpolations(
             .filter(|m| of.iter().any(|f| f.material == plans[*m].material))
             .collect();
         // What cannot be evaluated away from a picture is still known by it.
-        let interpolation =
-            interpolation(&inputs, &plans, &materials, value, form).unwrap_or_default();
+        let interpolation = interpolation(&inputs, &plans, &materials, value, form, Points::Many)
+            .unwrap_or_default();
         let bound = bounds::bound(scene, &plans, &materials, value);
         for frequency in &mut of {
-            frequency.interpolation = interpolation;
+            frequency.interpolation = interpolation.or(frequency.interpolation);
             frequency.bound.clone_from(&bound);
         }
     }
@@ -267,7 +272,7 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
         let (Some(threshold), false) = (params.threshold, facts.frequencies.is_empty()) else {
             continue;
         };
-        let keeps = |f: &&Frequency| params.metric.of(f) <= threshold && f.nan_pixels == 0;
+        let keeps = |f: &&Frequency| params.metric.of(f) <= threshold && f.is_finite();
         let ids: BTreeSet<&str> = facts
             .frequencies
             .iter()

@@ -16,8 +16,24 @@ use super::Error;
 use super::frequency::choosing;
 use crate::render::{ComputedVertices, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
 
-/// Segments of an edge, by triangles at most: 12 points between the corners, or 3 where there are many triangles.
-const LEVELS: [(u32, u64); 2] = [(4, 250_000), (2, 2_000_000)];
+/// How many points between the corners are evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Points {
+    /// 3 a triangle, for a choice that has many values to look at.
+    Few,
+    /// 12, or 3 where there are many triangles, for a table.
+    Many,
+}
+
+impl Points {
+    /// Segments of an edge, by triangles at most.
+    fn levels(self) -> &'static [(u32, u64)] {
+        match self {
+            Self::Few => &[(2, 500_000)],
+            Self::Many => &[(4, 250_000), (2, 2_000_000)],
+        }
+    }
+}
 
 /// Measures the value of that id in the materials of these indices; `None` where a material cannot be tessellated with it (a flat varying, say), or has more triangles than are
 /// evaluated.
@@ -30,6 +46,7 @@ pub fn interpolation(
     materials: &[usize],
     id: &str,
     form: ShaderForm,
+    points: Points,
 ) -> Result<Option<Interpolation>, Error> {
     let scene = inputs.scene();
     let draws = scene.draws.iter().enumerate();
@@ -37,7 +54,8 @@ pub fn interpolation(
         .filter(|(_, draw)| materials.contains(&draw.material))
         .map(|(index, _)| inputs.triangles(index))
         .sum();
-    let Some((level, _)) = LEVELS.into_iter().find(|(_, most)| triangles <= *most) else {
+    let levels = points.levels();
+    let Some(&(level, _)) = levels.iter().find(|(_, most)| triangles <= *most) else {
         return Ok(None);
     };
     let mut changed = plans.to_vec();
@@ -73,13 +91,13 @@ pub fn interpolation(
     Ok(measured.and_then(Measured::worst))
 }
 
-/// Which words of a vertex are floats that are interpolated.
+/// Which words of a vertex are floats of the value, which are interpolated.
 type Components = Vec<bool>;
 
-/// The plan that computes the value at new vertices, and what of a new vertex is interpolated.
+/// The plan that computes the value at new vertices, and which words of a new vertex are the value's.
 fn tessellated(plan: &Plan, id: &str, level: u32) -> Option<(Plan, Components, u32)> {
     let alone = hoist::alone(plan, id).ok()?;
-    let components = components(&alone)?;
+    let components = components(plan, &alone)?;
     let params = tessellate::Params {
         level,
         pattern: Pattern::Uniform,
@@ -93,13 +111,21 @@ fn tessellated(plan: &Plan, id: &str, level: u32) -> Option<(Plan, Components, u
     Some((plan, components, denominator))
 }
 
-fn components(plan: &Plan) -> Option<Components> {
+/// What the vertex stage gives.
+fn outputs(plan: &Plan) -> Option<(&naga::Module, Vec<reflect::Io>)> {
     let main = plan.main()?;
     let program = plan.program(main)?;
     let (_, entry) = program.entry_point(naga::ShaderStage::Vertex, &main.vertex)?;
     let module = program.module();
+    Some((module, reflect::outputs(module, &entry.function)))
+}
+
+/// The author's own varyings may be what they like: no choice changes them.
+fn components(original: &Plan, alone: &Plan) -> Option<Components> {
+    let (_, own) = outputs(original)?;
+    let (module, outputs) = outputs(alone)?;
     let mut components = Vec::new();
-    for output in reflect::outputs(module, &entry.function) {
+    for output in outputs {
         let (count, kind) = match module.types[output.ty].inner {
             naga::TypeInner::Scalar(s) => (1, s.kind),
             naga::TypeInner::Vector { size, scalar } => (size as usize, scalar.kind),
@@ -110,8 +136,11 @@ fn components(plan: &Plan) -> Option<Components> {
             Some(naga::Binding::Location { interpolation, .. })
                 if interpolation != Some(naga::Interpolation::Flat)
         );
-        let is_smooth = smooth && kind == naga::ScalarKind::Float;
-        components.extend(std::iter::repeat_n(is_smooth, count));
+        let is_own = own
+            .iter()
+            .any(|o| (&o.name, &o.binding) == (&output.name, &output.binding));
+        let is_value = smooth && kind == naga::ScalarKind::Float && !is_own;
+        components.extend(std::iter::repeat_n(is_value, count));
     }
     Some(components)
 }
@@ -134,7 +163,7 @@ struct Measured {
 
 impl Measured {
     fn add(&mut self, vertices: &ComputedVertices, wide: &Components, denominator: u32) {
-        let count = wide.iter().filter(|is_smooth| **is_smooth).count();
+        let count = wide.iter().filter(|is_value| **is_value).count();
         let unseen = Component {
             max: 0.0,
             sum: 0.0,
@@ -156,8 +185,8 @@ impl Measured {
         for words in vertices.words.chunks_exact(instance.max(1)) {
             let values = |at: usize| {
                 let vertex = &words[at * wide.len()..][..wide.len()];
-                let smooth = vertex.iter().zip(wide).filter(|(_, smooth)| **smooth);
-                smooth.map(|(word, _)| f64::from(f32::from_bits(*word)))
+                let of_value = vertex.iter().zip(wide).filter(|(_, of_value)| **of_value);
+                of_value.map(|(word, _)| f64::from(f32::from_bits(*word)))
             };
             for (at, point) in vertices.points.iter().enumerate() {
                 let of = made_of(point);

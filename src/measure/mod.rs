@@ -12,6 +12,7 @@ pub mod error;
 pub mod frequency;
 pub mod interpolation;
 pub mod junctions;
+pub mod ranges;
 pub mod shading;
 pub mod shadow;
 pub mod statistics;
@@ -19,12 +20,14 @@ pub mod timing;
 pub mod variant;
 pub mod verdict;
 pub mod verify;
+mod vertices;
 
 pub use changing::changing;
 pub use error::{ErrorLadder, compare};
 pub use frequency::{frequencies, interpolations, leaves_a_choice, within_budget, written_out};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
+pub use ranges::ranges;
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
@@ -43,6 +46,15 @@ pub enum Error {
     /// The adapter's clock gave no positive time.
     #[error("the adapter's clock gave only zero or negative times")]
     Clock,
+}
+
+/// What a scene tells without being drawn. What its files do not fit is left out.
+pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
+    preshade_passes::pass::Facts {
+        changing: changing(scene).ok(),
+        ranges: ranges(scene).unwrap_or_default(),
+        ..preshade_passes::pass::Facts::default()
+    }
 }
 
 /// The plans that draw a scene's materials as their authors wrote them.

@@ -222,8 +222,7 @@ pub fn facts(
         undiscarded_depth_ties: ties(Discarded::Counted)?,
         near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
         vertices_per_fragment: vertices_per_fragment(&inputs, &plans, form, &count)?,
-        changing: super::changing(scene).ok(),
-        frequencies: Vec::new(),
+        ..super::known(scene)
     })
 }
 

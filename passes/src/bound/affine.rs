@@ -1,72 +1,113 @@
-//! A number that is affine over a triangle, up to a remainder.
+//! A number that is affine over a triangle, up to a remainder and to roundings.
 
-/// The value at each corner, how far it is at most from what lies between them, and an interval that holds it all the same.
+use super::accuracy::{Accuracy, LARGEST, SMALLEST};
+
+/// The value at each corner, how far it is at most from what lies between them, how far from that an adapter's number is, and an interval that holds both all the same.
+///
+/// The first two are of the exact function over real numbers. An adapter computes another number, and not the same one in every stage: it is `error` away at most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
     corners: [f64; 3],
     remainder: f64,
-    /// A square is not below 0, a sine not above 1, whatever the remainder would allow.
+    error: f64,
+    /// A square is not below 0, a sine hardly above 1, whatever the remainder would allow.
     interval: [f64; 2],
 }
 
 const EVERYWHERE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 impl Affine {
-    /// Nothing is known.
+    /// Nothing is known, not even that it is a number.
     pub const ANYTHING: Self = Self {
         corners: [0.0; 3],
         remainder: f64::INFINITY,
+        error: f64::INFINITY,
         interval: EVERYWHERE,
     };
 
-    /// The same number everywhere.
+    /// The same number everywhere, exactly.
     pub const fn constant(number: f64) -> Self {
         Self {
             corners: [number; 3],
             remainder: 0.0,
+            error: 0.0,
             interval: EVERYWHERE,
         }
     }
 
-    /// Interpolated between the corners.
+    /// Interpolated between the corners, exactly.
     pub const fn between(corners: [f64; 3]) -> Self {
         Self {
             corners,
             remainder: 0.0,
+            error: 0.0,
             interval: EVERYWHERE,
         }
     }
 
-    /// The number with these values at the corners, `remainder` at most from what lies between them and within `interval`. Nothing is known of one that is NaN or infinite
-    /// at a corner.
-    pub fn new(corners: [f64; 3], remainder: f64, interval: [f64; 2]) -> Self {
-        let interval = interval.map(|end| if end.is_nan() { None } else { Some(end) });
-        let interval = match interval {
-            [Some(least), Some(largest)] => [least, largest],
-            _ => EVERYWHERE,
+    /// The number with these values at the corners, `remainder` at most from what lies between them; an adapter's is `error` at most from it, and both lie within `interval`. Nothing is
+    /// known of one that is NaN or infinite at a corner, or may be beyond the range of `f32`.
+    pub fn new(corners: [f64; 3], remainder: f64, error: f64, interval: [f64; 2]) -> Self {
+        let interval = match interval.iter().any(|end| end.is_nan()) {
+            true => EVERYWHERE,
+            false => interval,
         };
-        if !corners.iter().all(|c| c.is_finite()) || remainder.is_nan() {
+        if !corners.iter().all(|c| c.is_finite()) || remainder.is_nan() || error.is_nan() {
             return Self::ANYTHING;
         }
-        // Nor is anything further from what lies between two points of an interval than these are from one another.
-        Self {
+        // Nothing is further from what lies between two points of an interval than these are from one another.
+        let width = (interval[1] - interval[0]).max(0.0);
+        let number = Self {
             corners,
-            remainder: remainder.min(interval[1] - interval[0]),
+            remainder: remainder.min(width),
+            error: error.min(width),
             interval,
-        }
+        };
+        let is_finite = number.range().iter().all(|end| end.abs() <= LARGEST);
+        if is_finite { number } else { Self::ANYTHING }
+    }
+
+    /// Whether anything is known of it.
+    pub fn is_known(self) -> bool {
+        self.remainder.is_finite()
     }
 
     /// Itself, which lies in this interval too.
     #[must_use]
     pub fn intersected(self, [least, largest]: [f64; 2]) -> Self {
-        match self.remainder.is_finite() {
+        match self.is_known() {
             true => {
                 let [a, b] = self.interval;
-                Self::new(self.corners, self.remainder, [a.max(least), b.min(largest)])
+                let interval = [a.max(least), b.min(largest)];
+                Self::new(self.corners, self.remainder, self.error, interval)
             }
             // Of what is not known it is not known either that it is a number.
             false => self,
         }
+    }
+
+    /// Itself as an adapter gives it that is as accurate as this.
+    #[must_use]
+    pub fn rounded(self, accuracy: Accuracy) -> Self {
+        if !self.is_known() {
+            return self;
+        }
+        let [low, high] = self.range();
+        let interval = [accuracy.below(low), accuracy.above(high)];
+        let error = self.error + accuracy.of(self.magnitude());
+        Self::new(self.corners, self.remainder, error, interval)
+    }
+
+    /// Itself, of which an adapter's number is this far away at most.
+    #[must_use]
+    pub fn off_by(self, error: f64) -> Self {
+        if !self.is_known() {
+            return self;
+        }
+        let [low, high] = self.range();
+        let more = (error - self.error).max(0.0);
+        let interval = [low - more, high + more];
+        Self::new(self.corners, self.remainder, error, interval)
     }
 
     /// The values at the corners.
@@ -79,13 +120,25 @@ impl Affine {
         self.remainder
     }
 
-    /// Least and largest value that it may have.
+    /// How far an adapter's number is at most from the exact one; infinite where there is no bound.
+    pub fn error(self) -> f64 {
+        self.error
+    }
+
+    /// Least and largest value that it may have on an adapter.
     pub fn range(self) -> [f64; 2] {
         let [least, largest] = self.ends();
+        let off = self.remainder + self.error;
         [
-            (least - self.remainder).max(self.interval[0]),
-            (largest + self.remainder).min(self.interval[1]),
+            (least - off).max(self.interval[0]),
+            (largest + off).min(self.interval[1]),
         ]
+    }
+
+    /// Largest absolute value that it may have.
+    pub fn magnitude(self) -> f64 {
+        let [low, high] = self.range();
+        low.abs().max(high.abs())
     }
 
     /// Least and largest corner.
@@ -101,86 +154,112 @@ impl Affine {
         largest - least
     }
 
-    /// The number it is everywhere, if it is one.
+    /// The number it is everywhere, roundings apart, if it is one.
     pub fn single(self) -> Option<f64> {
         let [a, b, c] = self.corners;
         (a == b && b == c && self.remainder == 0.0).then_some(a)
     }
 
-    /// `a x + b y`, exactly affine.
+    /// The number it is everywhere and on every adapter, if it is one.
+    pub fn exact(self) -> Option<f64> {
+        self.single().filter(|_| self.error == 0.0)
+    }
+
+    /// `a x + b y`, exactly affine, before it is rounded.
     pub fn combined(a: f64, x: Self, b: f64, y: Self) -> Self {
+        if !(x.is_known() && y.is_known()) {
+            return Self::ANYTHING;
+        }
         let corners = [0, 1, 2].map(|i| a * x.corners[i] + b * y.corners[i]);
         let scaled = |a: f64, x: Self| {
             let [low, high] = x.range();
             [(a * low).min(a * high), (a * low).max(a * high)]
         };
         let ([low, high], [other_low, other_high]) = (scaled(a, x), scaled(b, y));
-        let remainder = a.abs() * x.remainder + b.abs() * y.remainder;
-        Self::new(corners, remainder, [low + other_low, high + other_high])
+        let sum = |of: fn(Self) -> f64| a.abs() * of(x) + b.abs() * of(y);
+        Self::new(
+            corners,
+            sum(Self::remainder),
+            sum(Self::error),
+            [low + other_low, high + other_high],
+        )
     }
 
-    /// Its product with another.
+    /// Its product with another, before it is rounded.
     ///
     /// With `f` and `g` affine, `f g` is off the interpolation of its corners by the sum of `b_i b_j (f_i - f_j)(g_i - g_j)` over the three edges, `b` being the
     /// barycentric coordinates: the products of two of them are at most a quarter, and a third together.
     pub fn times(self, other: Self) -> Self {
-        if let (Some(a), _) | (_, Some(a)) = (self.single(), other.single()) {
-            let varying = if self.single().is_some() { other } else { self };
-            // Nothing times nothing known is still nothing.
-            return match a == 0.0 && varying.remainder.is_finite() {
-                true => Self::constant(0.0),
-                false => Self::combined(a, varying, 0.0, Self::constant(0.0)),
-            };
+        if !(self.is_known() && other.is_known()) {
+            return Self::ANYTHING;
         }
         let (f, g) = (self.corners, other.corners);
+        let corners = [0, 1, 2].map(|i| f[i] * g[i]);
         let edges = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| ((f[i] - f[j]) * (g[i] - g[j])).abs());
         let bend =
             (edges.iter().sum::<f64>() / 4.0).min(edges.into_iter().fold(0.0, f64::max) / 3.0);
         let largest = |x: Self| x.corners.into_iter().fold(0.0, |m: f64, c| m.max(c.abs()));
         let (r, s) = (self.remainder, other.remainder);
         let remainder = bend + largest(self) * s + largest(other) * r + r * s;
+        // One factor's error times what the other is on the adapter, and the reverse with what it is exactly.
+        let error = self.error * other.magnitude() + other.error * self.magnitude();
         let [low, high] = self.range();
         let ends = other.range().map(|end| [low * end, high * end]);
         let ends = ends.as_flattened();
-        // Without a remainder two that are the same at the corners are the same everywhere.
+        // Two that are the same in all that is known are the same number, where nothing is left to differ but a rounding.
         let is_square = self == other && r == 0.0;
         let least = ends.iter().copied().fold(f64::INFINITY, f64::min);
         let largest = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let interval = match ends.iter().any(|e| e.is_nan()) {
-            true => EVERYWHERE,
-            false => [if is_square { least.max(0.0) } else { least }, largest],
-        };
-        Self::new([0, 1, 2].map(|i| f[i] * g[i]), remainder, interval)
+        let least = if is_square { least.max(0.0) } else { least };
+        Self::new(corners, remainder, error, [least, largest])
     }
 
-    /// A function of it, of which `shape` tells over a range of arguments how it bends there; nothing is known where that is `None`.
+    /// A function of it as accurate as this, of which `shape` tells over a range of arguments how it bends there; nothing is known where that is `None`.
     pub fn through(
         self,
         function: impl Fn(f64) -> f64,
+        accuracy: Accuracy,
         shape: impl Fn([f64; 2]) -> Option<Shape>,
     ) -> Self {
-        if let Some(number) = self.single() {
-            return Self::new([function(number); 3], 0.0, EVERYWHERE);
+        if !self.is_known() {
+            return Self::ANYTHING;
         }
-        let range = self.range();
-        let Some(shape) = shape(range).filter(|_| range.iter().all(|x| x.is_finite())) else {
+        let Some(shape) = shape(self.range()) else {
             return Self::ANYTHING;
         };
+        let times = |factor: f64, by: f64| if by == 0.0 { 0.0 } else { factor * by };
         let width = self.width();
         // Half the width is the largest mean distance of two corners from a point between them, a quarter of its square their largest variance.
-        let bend = (shape.curvature * width * width / 8.0).min(shape.slope * width / 2.0);
-        let smooth = match self.remainder {
-            0.0 => bend,
-            r => bend + shape.slope * r,
-        };
-        let corners = self.corners.map(function);
-        let remainder = if smooth.is_nan() {
-            f64::INFINITY
-        } else {
-            smooth
-        };
-        Self::new(corners, remainder, shape.values)
+        let bend = times(shape.curvature, width * width / 8.0).min(times(shape.slope, width / 2.0));
+        Self::new(
+            self.corners.map(function),
+            bend + times(shape.slope, self.remainder),
+            times(shape.slope, self.error),
+            shape.values,
+        )
+        .rounded(accuracy)
     }
+
+    /// The sum of exact numbers that is an `f32`, where no adapter has anything to round: sums and products of such are the same however they are fused.
+    pub(super) fn exact_sum(self, other: Self) -> Option<f64> {
+        let (a, b) = (self.exact()?, other.exact()?);
+        let sum = a + b;
+        // What the sum lost (Knuth's two-sum).
+        let rest = sum - a;
+        let lost = (a - (sum - rest)) + (b - rest);
+        (lost == 0.0 && is_f32(sum)).then_some(sum)
+    }
+
+    /// The product, likewise: two of 24 bits have 48, which an `f64` holds.
+    pub(super) fn exact_product(self, other: Self) -> Option<f64> {
+        let (a, b) = (self.exact()?, other.exact()?);
+        (is_f32(a) && is_f32(b) && is_f32(a * b)).then_some(a * b)
+    }
+}
+
+/// Whether an `f32` is this number, and a normal one or 0.
+fn is_f32(number: f64) -> bool {
+    f64::from(number as f32) == number && (number == 0.0 || number.abs() >= SMALLEST)
 }
 
 /// How a function bends over a range of its argument.

@@ -3,7 +3,7 @@
 use naga::{BinaryOperator, MathFunction, RelationalFunction, ScalarKind, UnaryOperator};
 
 use super::Stuck;
-use super::number::{Number, single};
+use super::number::{Number, single, truncated};
 use super::value::{Scalar, Value};
 
 fn mismatch<F: Number>(what: &str, scalars: &[Scalar<F>]) -> Stuck {
@@ -196,18 +196,20 @@ pub fn cast<F: Number>(
             (None, ScalarKind::Sint, F32(v)) => I32(single(v)?.to_bits() as i32),
             (None, ScalarKind::Uint, F32(v)) => U32(single(v)?.to_bits()),
             (_, ScalarKind::Float, F32(v)) => F32(v),
-            (_, ScalarKind::Float, I32(v)) => F32(F::of(v as f32)),
-            (_, ScalarKind::Float, U32(v)) => F32(F::of(v as f32)),
+            (_, ScalarKind::Float, I32(v)) => F32(rounded(f32::from((v >> 16) as i16), v as u32)?),
+            (_, ScalarKind::Float, U32(v)) => F32(rounded(f32::from((v >> 16) as u16), v)?),
             (_, ScalarKind::Float, Bool(v)) => F32(F::of(f32::from(u8::from(v)))),
-            (_, ScalarKind::Sint, F32(v)) => I32(single(v)? as i32),
+            (_, ScalarKind::Sint, F32(v)) => I32(truncated(v)? as i32),
             (_, ScalarKind::Sint, I32(v)) => I32(v),
             (_, ScalarKind::Sint, U32(v)) => I32(v as i32),
             (_, ScalarKind::Sint, Bool(v)) => I32(i32::from(v)),
-            (_, ScalarKind::Uint, F32(v)) => U32(single(v)? as u32),
+            (_, ScalarKind::Uint, F32(v)) => U32(truncated(v)? as u32),
             (_, ScalarKind::Uint, I32(v)) => U32(v as u32),
             (_, ScalarKind::Uint, U32(v)) => U32(v),
             (_, ScalarKind::Uint, Bool(v)) => U32(u32::from(v)),
-            (_, ScalarKind::Bool, F32(v)) => Bool(single(v)? != 0.0),
+            (_, ScalarKind::Bool, F32(_)) => {
+                return compare(BinaryOperator::NotEqual, s, F32(F::of(0.0)));
+            }
             (_, ScalarKind::Bool, I32(v)) => Bool(v != 0),
             (_, ScalarKind::Bool, U32(v)) => Bool(v != 0),
             (_, ScalarKind::Bool, Bool(v)) => Bool(v),
@@ -216,18 +218,31 @@ pub fn cast<F: Number>(
     })
 }
 
+/// An integer whose upper half is `upper` as a float: two halves that are exact, and a sum that is rounded.
+fn rounded<F: Number>(upper: f32, word: u32) -> Result<F, Stuck> {
+    let lower = F::of((word & 0xffff) as f32);
+    plus(F::of(upper * 65536.0), lower)
+}
+
+/// A field out of a whole range, as part of it, -1 at least.
+fn normalized<F: Number>(field: f32, of: f32) -> Result<F, Stuck> {
+    let part = float_binary(BinaryOperator::Divide, F::of(field), F::of(of))?;
+    F::call(MathFunction::Max, &[part, F::of(-1.0)])
+        .ok_or_else(|| Stuck::Unsupported("the larger of two".to_owned()))
+}
+
 /// The fields of a word, `width` bits each from the lowest, each through `decode`.
 fn unpack<F: Number>(
     arguments: &[&Value<F>],
     width: u32,
-    decode: &dyn Fn(u32) -> f32,
+    decode: &dyn Fn(u32) -> Result<F, Stuck>,
 ) -> Result<Value<F>, Stuck> {
     let Value::Scalar(Scalar::U32(word)) = arguments[0] else {
         return Err(Stuck::Type("unpacking no u32".to_owned()));
     };
     let fields = (0..32).step_by(width as usize);
-    let fields = fields.map(|shift| F::of(decode((word >> shift) & ((1 << width) - 1))));
-    Ok(Value::composite(&fields.collect::<Vec<_>>()))
+    let fields = fields.map(|shift| decode((word >> shift) & ((1 << width) - 1)));
+    Ok(Value::composite(&fields.collect::<Result<Vec<_>, _>>()?))
 }
 
 /// A 16-bit float (IEEE 754 binary16).
@@ -257,13 +272,15 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
                 parts.try_fold(first, |sum, p| binary(BinaryOperator::Add, &sum, &p))
             }
         },
-        M::Unpack4x8unorm => unpack(arguments, 8, &|bits| bits as f32 / 255.0),
-        M::Unpack4x8snorm => unpack(arguments, 8, &|bits| (bits as i8 as f32 / 127.0).max(-1.0)),
-        M::Unpack2x16unorm => unpack(arguments, 16, &|bits| bits as f32 / 65535.0),
-        M::Unpack2x16snorm => unpack(arguments, 16, &|bits| {
-            (bits as i16 as f32 / 32767.0).max(-1.0)
+        M::Unpack4x8unorm => unpack(arguments, 8, &|bits| normalized(bits as f32, 255.0)),
+        M::Unpack4x8snorm => unpack(arguments, 8, &|bits| {
+            normalized(f32::from(bits as i8), 127.0)
         }),
-        M::Unpack2x16float => unpack(arguments, 16, &half),
+        M::Unpack2x16unorm => unpack(arguments, 16, &|bits| normalized(bits as f32, 65535.0)),
+        M::Unpack2x16snorm => unpack(arguments, 16, &|bits| {
+            normalized(f32::from(bits as i16), 32767.0)
+        }),
+        M::Unpack2x16float => unpack(arguments, 16, &|bits| Ok(F::of(half(bits)))),
         M::Length => match arguments[0] {
             Value::Scalar(_) => call(M::Abs, arguments),
             vector => root(dot(vector, vector)?).map(Value::number),
@@ -274,7 +291,11 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
         }
         M::Normalize => {
             let length = root(dot(arguments[0], arguments[0])?)?;
-            binary(BinaryOperator::Divide, arguments[0], &Value::number(length))
+            let direction = binary(BinaryOperator::Divide, arguments[0], &Value::number(length))?;
+            direction.map(&mut |part| match part {
+                Scalar::F32(part) => Ok(Scalar::F32(part.within(-1.0, 1.0))),
+                other => Err(mismatch("a direction", &[other])),
+            })
         }
         M::Cross => {
             let (a, b) = (arguments[0].floats()?, arguments[1].floats()?);

@@ -34,6 +34,9 @@ pub trait Number: Copy + Debug {
 
     /// Itself as one `f32`; `None` where it stands for several.
     fn single(self) -> Option<f32>;
+
+    /// Itself as far as its whole part goes, which a conversion to an integer takes; `None` where that is several.
+    fn truncated(self) -> Option<f32>;
 }
 
 /// [`Number::single`] where there has to be one.
@@ -43,6 +46,16 @@ pub trait Number: Copy + Debug {
 pub fn single<F: Number>(number: F) -> Result<f32, Stuck> {
     number
         .single()
+        .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))
+}
+
+/// [`Number::truncated`] where there has to be one.
+///
+/// # Errors
+/// There is none.
+pub fn truncated<F: Number>(number: F) -> Result<f32, Stuck> {
+    number
+        .truncated()
         .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))
 }
 
@@ -124,6 +137,10 @@ impl Number for f32 {
     }
 
     fn single(self) -> Option<f32> {
+        Some(self)
+    }
+
+    fn truncated(self) -> Option<f32> {
         Some(self)
     }
 }

@@ -3,64 +3,101 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::choose;
-use super::travel::{self, Carriage, Class, Finite, Stays};
+use super::single::{Candidates, Stages};
+use super::travel::{self, Class, Finite, Judged, Stays, Verdict};
 use super::values::{ValueId, Values};
 use super::{Material, Params, name, span};
-use crate::graph::{FunctionId, Graph};
+use crate::graph::FunctionId;
 use crate::pass::{Facts, Frequency, Refusal};
 use crate::plan::Plan;
 use crate::program::{Location, SourceMap};
 use crate::slice::{self, Criterion};
 
 /// How each value may travel, as far as the code shows it and what was measured allows it.
-pub(super) fn verdicts(
+pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &Material<'_>,
     params: &Params,
     facts: &Facts,
-) -> Vec<Result<Carriage, Stays>> {
-    let mut verdicts = travel::judge(values, params.finite);
-    let smooth = |v: &Result<Carriage, Stays>| matches!(v, Ok(c) if c.class == Class::Smooth);
-    if let Some(carry) = &params.carry {
-        let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-        let assumed = travel::judge(values, Finite::Assumed);
-        let ids = ids(values, |v| smooth(&assumed[v]));
-        for (v, verdict) in verdicts.iter_mut().enumerate() {
-            if ids.get(&v).is_some_and(|id| carry.contains(id.as_str())) {
-                *verdict = assumed[v].clone();
-            } else if smooth(verdict) {
-                *verdict = Err(Stays::NotChosen);
-            }
-        }
-        return verdicts;
-    }
+) -> Judged {
     let measured: BTreeMap<&str, &Frequency> = facts
         .frequencies
         .iter()
         .filter(|f| f.material == material.name)
         .map(|f| (f.value.as_str(), f))
         .collect();
-    if measured.is_empty() || params.weakest() < Class::Smooth {
-        return verdicts;
+    let rests_on_measurement = !measured.is_empty() && params.weakest() == Class::Smooth;
+    let precision = material.precision(facts);
+    if params.carry.is_none() && !rests_on_measurement {
+        return travel::judge(values, params.finite, &precision);
     }
-    let threshold = params.threshold.or(params.budget).unwrap_or_default();
-    let assumed = travel::judge(values, Finite::Assumed);
-    let ids = ids(values, |v| smooth(&assumed[v]));
-    for (v, verdict) in verdicts.iter_mut().enumerate() {
-        if !smooth(&assumed[v]) {
-            continue;
+    let assumed = travel::judge(values, Finite::Assumed, &precision);
+    let verdicts = match &params.carry {
+        Some(carry) => {
+            let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
+            as_chosen(values, &assumed.verdicts, &carry, params.finite)
         }
-        *verdict = match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
-            Some(f) if f.nan_pixels > 0 => Err(Stays::MeasuredNotFinite),
-            // A NaN keeps no threshold.
-            Some(f) if params.metric.of(f) <= threshold => assumed[v].clone(),
-            Some(f) => Err(Stays::Measured {
-                error: format!("{:.4}", params.metric.of(f)),
-            }),
-            None => Err(Stays::NotMeasured),
-        };
+        None => as_measured(values, &assumed.verdicts, &measured, params),
+    };
+    Judged {
+        verdicts,
+        ..assumed
+    }
+}
+
+/// Of values that may travel as approximations those of these ids alone.
+fn as_chosen(
+    values: &Values<'_, '_>,
+    assumed: &[Verdict],
+    carry: &BTreeSet<&str>,
+    finite: Finite,
+) -> Vec<Verdict> {
+    let chosen = find(values, assumed, carry);
+    let mut verdicts = match finite {
+        Finite::Proved => travel::proved(values, assumed.to_vec()),
+        Finite::Assumed => assumed.to_vec(),
+    };
+    for (v, verdict) in verdicts.iter_mut().enumerate() {
+        if chosen.contains_key(&v) {
+            *verdict = assumed[v].clone();
+        } else if is_smooth(verdict) {
+            *verdict = Err(Stays::NotChosen);
+        }
     }
     verdicts
+}
+
+/// Of values that may travel as approximations those that were measured to keep the threshold.
+fn as_measured(
+    values: &Values<'_, '_>,
+    assumed: &[Verdict],
+    measured: &BTreeMap<&str, &Frequency>,
+    params: &Params,
+) -> Vec<Verdict> {
+    let threshold = params.threshold.or(params.budget).unwrap_or_default();
+    let ids = find(values, assumed, &measured.keys().copied().collect());
+    let mut verdicts = assumed.to_vec();
+    for (v, verdict) in verdicts.iter_mut().enumerate() {
+        if !is_smooth(verdict) {
+            continue;
+        }
+        match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
+            Some(f) if !f.is_finite() => *verdict = Err(Stays::MeasuredNotFinite),
+            // A NaN keeps no threshold.
+            Some(f) if params.metric.of(f) <= threshold => {}
+            Some(f) => {
+                *verdict = Err(Stays::Measured {
+                    error: format!("{:.4}", params.metric.of(f)),
+                });
+            }
+            None => *verdict = Err(Stays::NotMeasured),
+        }
+    }
+    verdicts
+}
+
+fn is_smooth(verdict: &Verdict) -> bool {
+    matches!(verdict, Ok(c) if c.class == Class::Smooth)
 }
 
 /// A value that might be carried as an approximation.
@@ -79,51 +116,67 @@ pub struct Candidate {
 /// Most candidates that are looked at, the dearest first.
 pub const MOST_CANDIDATES: usize = 48;
 
-/// The values of a plan's fragment stage that might be carried as approximations, the dearest first.
+/// The values of a plan's fragment stage that might be carried as approximations, the dearest first. Of `facts` the ranges count: what is affine travels under a stronger
+/// promise where they show that its roundings stay small.
 ///
 /// # Errors
 /// Where nothing can be hoisted at all.
-pub fn candidates(plan: &Plan) -> Result<Vec<Candidate>, Box<Refusal>> {
-    let material = Material::examine(plan, &Params::default())?;
-    let graph = Graph::build(material.program);
-    let values = material.values(&graph)?;
-    let verdicts = travel::judge(&values, Finite::Assumed);
-    let worth = |v: ValueId| {
-        let width = choose::shape(&values, v).map_or(1, |(_, w)| w);
-        let (cost, _) = choose::below(&values, std::iter::once(v));
-        (cost > choose::SMOOTH_PRICE * f64::from(width)).then_some(cost)
-    };
-    let users = values.users();
-    let mut found: Vec<(ValueId, f64)> = (0..values.values.len())
-        .filter(|v| matches!(&verdicts[*v], Ok(c) if c.class == Class::Smooth))
-        .filter_map(|v| Some((v, worth(v)?)))
-        .collect();
-    let costs: BTreeMap<ValueId, f64> = found.iter().copied().collect();
-    // Of the names of one value the last: a call's result rather than what the callee returns.
-    found.retain(|(v, cost)| {
-        let width = |v| choose::shape(&values, v).map(|(_, w)| w);
-        !users[*v]
-            .iter()
-            .any(|u| costs.get(u) == Some(cost) && width(*u) == width(*v))
-    });
-    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    found.truncate(MOST_CANDIDATES);
-    let chosen: BTreeSet<ValueId> = found.iter().map(|(v, _)| *v).collect();
-    let ids = ids(&values, |v| chosen.contains(&v));
-    let sources = material.program.sources();
-    Ok(found
+pub fn candidates(plan: &Plan, facts: &Facts) -> Result<Vec<Candidate>, Box<Refusal>> {
+    let stages = Stages::of(plan)?;
+    let graph = stages.graph();
+    let candidates = Candidates::new(&stages, &graph, facts)?;
+    Ok(candidates.list().cloned().collect())
+}
+
+/// What each candidate is, as shown.
+pub(super) fn describe(
+    values: &Values<'_, '_>,
+    verdicts: &[Verdict],
+    sources: &SourceMap,
+) -> Vec<(ValueId, Candidate)> {
+    let found = dearest(values, verdicts);
+    let ids = ids(values, found.iter().map(|(v, _)| *v));
+    found
         .into_iter()
         .filter_map(|(v, cost)| {
-            let location = span(&values, v).and_then(|s| sources.locate(s));
+            let location = span(values, v).and_then(|s| sources.locate(s));
             let text = || location.as_ref().and_then(|l| snippet(sources, l));
-            Some(Candidate {
+            let candidate = Candidate {
                 id: ids.get(&v)?.clone(),
-                name: name(&values, v).or_else(text).unwrap_or_default(),
+                name: name(values, v).or_else(text).unwrap_or_default(),
                 cost,
                 location,
-            })
+            };
+            Some((v, candidate))
         })
-        .collect())
+        .collect()
+}
+
+/// The candidates and what each costs, the dearest first.
+fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict]) -> Vec<(ValueId, f64)> {
+    let width = |v| choose::shape(values, v).map(|(_, w)| w);
+    let users = values.users();
+    let smooth: Vec<ValueId> = (0..values.values.len())
+        .filter(|v| is_smooth(&verdicts[*v]))
+        .collect();
+    let costs = choose::below_each(values, &smooth);
+    let price = |v| choose::SMOOTH_PRICE * f64::from(width(v).unwrap_or(1));
+    let costs: BTreeMap<ValueId, f64> = smooth
+        .into_iter()
+        .zip(costs)
+        .filter(|(v, cost)| *cost > price(*v))
+        .collect();
+    // Of the names of one value the last: a call's result rather than what the callee returns.
+    let is_last = |v: ValueId, cost: f64| {
+        !users[v]
+            .iter()
+            .any(|u| costs.get(u) == Some(&cost) && width(*u) == width(v))
+    };
+    let all = costs.iter().map(|(v, cost)| (*v, *cost));
+    let mut found: Vec<(ValueId, f64)> = all.filter(|(v, cost)| is_last(*v, *cost)).collect();
+    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    found.truncate(MOST_CANDIDATES);
+    found
 }
 
 /// Longest piece of source that names a value, in characters.
@@ -143,42 +196,50 @@ fn snippet(sources: &SourceMap, at: &Location) -> Option<String> {
     })
 }
 
-/// How values may travel where everything is finite, and the value of that id among those that may as approximations.
-pub(super) fn only(
+/// The values of these ids among those that may travel as approximations.
+///
+/// An id is a hash of all that computes a value, so that it is only computed for candidates, and for the others where some id is none of theirs: a choice
+/// that was made ahead of another pass.
+pub(super) fn find(
     values: &Values<'_, '_>,
-    id: &str,
-) -> (Vec<Result<Carriage, Stays>>, Option<ValueId>) {
-    let verdicts = travel::judge(values, Finite::Assumed);
-    let is_smooth = |v: ValueId| matches!(&verdicts[v], Ok(c) if c.class == Class::Smooth);
-    let ids = ids(values, is_smooth);
-    let value = ids.into_iter().find(|(_, own)| own == id).map(|(v, _)| v);
-    (verdicts, value)
+    verdicts: &[Verdict],
+    wanted: &BTreeSet<&str>,
+) -> BTreeMap<ValueId, String> {
+    let found = dearest(values, verdicts);
+    let mut ids_of = ids(values, found.iter().map(|(v, _)| *v));
+    ids_of.retain(|_, id| wanted.contains(id.as_str()));
+    let known: BTreeSet<&str> = ids_of.values().map(String::as_str).collect();
+    if wanted.iter().all(|id| known.contains(id)) {
+        return ids_of;
+    }
+    let smooth = (0..values.values.len()).filter(|v| is_smooth(&verdicts[*v]));
+    let mut ids_of = ids(values, smooth);
+    ids_of.retain(|_, id| wanted.contains(id.as_str()));
+    ids_of
 }
 
-/// Stable names of the values of which `of` holds.
-fn ids(values: &Values<'_, '_>, of: impl Fn(ValueId) -> bool) -> BTreeMap<ValueId, String> {
+/// Stable names of values.
+fn ids(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> BTreeMap<ValueId, String> {
     let graph = values.graph;
     let mut hashes: BTreeMap<(FunctionId, naga::Handle<naga::Expression>), String> =
         BTreeMap::new();
-    (0..values.values.len())
-        .filter(|v| of(*v))
-        .filter_map(|v| {
-            let (context, expression, _) = values.expression(v)?;
-            let function = values.contexts[context].function;
-            let hash = hashes.entry((function, expression)).or_insert_with(|| {
-                let value = Criterion::Value {
-                    function,
-                    expression,
-                };
-                slice::backward(graph, values.entry, &[value]).hash
-            });
-            let mut id = hash.clone();
-            let mut at = context;
-            while let Some((caller, call)) = values.contexts[at].call {
-                id.push_str(&format!(".{}", call.index()));
-                at = caller;
-            }
-            Some((v, id))
-        })
-        .collect()
+    of.filter_map(|v| {
+        let (context, expression, _) = values.expression(v)?;
+        let function = values.contexts[context].function;
+        let hash = hashes.entry((function, expression)).or_insert_with(|| {
+            let value = Criterion::Value {
+                function,
+                expression,
+            };
+            slice::backward(graph, values.entry, &[value]).hash
+        });
+        let mut id = hash.clone();
+        let mut at = context;
+        while let Some((caller, call)) = values.contexts[at].call {
+            id.push_str(&format!(".{}", call.index()));
+            at = caller;
+        }
+        Some((v, id))
+    })
+    .collect()
 }

@@ -1,13 +1,15 @@
 //! The choice of what to hoist: minimum cuts over a sweep of what transport costs, the best of those that fit.
 
+use std::collections::BTreeMap;
+
 use naga::{Binding, BuiltIn, TypeInner};
 
 use super::cut::{self, Cut, Item};
 use super::pack::{self, Load, Slot};
-use super::travel::{Carriage, Class, Stays};
-use super::values::{Node, ValueId, Values};
+use super::reach::with_operands;
+use super::travel::{Carriage, Class, Judged, Verdict};
+use super::values::{Node, Value, ValueId, Values};
 use crate::graph::rate::Interpolated;
-use crate::reflect;
 
 /// What interpolating a component costs a fragment, in the units of [`crate::graph::cost`]: NVIDIA's interpolators run at a quarter of the rate of
 /// multiply-adds, others spend two of these and a load.
@@ -39,7 +41,7 @@ pub struct Choice {
     pub carried: Vec<(ValueId, Carriage)>,
     /// Where they travel; parts index `carried`.
     pub slots: Vec<Slot>,
-    /// Varyings of the author's that the fragment stage still reads, by index in the order of [`reflect::inputs`].
+    /// Varyings of the author's that the fragment stage still reads, by index in the order of [`Values::inputs`].
     pub kept: Vec<usize>,
     /// Varyings that what is hoisted reads.
     pub read: Vec<usize>,
@@ -58,27 +60,32 @@ impl Choice {
     }
 }
 
-/// The cheapest thing to hoist; `None` where nothing pays.
+/// The cheapest thing to hoist of which the roundings change an output by `most` at most; `None` where nothing pays.
 pub fn choose(
     values: &Values<'_, '_>,
-    verdicts: &[Result<Carriage, Stays>],
+    judged: &Judged,
+    most: f64,
     terms: &Terms,
 ) -> Option<Choice> {
+    let verdicts = &judged.verdicts;
     let before = {
-        let items = items(values, verdicts, 1.0, &|_| false);
+        let items = items(values, verdicts, |_| false);
         total(&items, &cut::minimum(&items, &values.roots)?)
     };
-    let allowed = |c: &Carriage| c.class <= terms.weakest;
-    let unscaled = items(values, verdicts, 1.0, &allowed);
+    let items = items(values, verdicts, |c| c.class <= terms.weakest);
+    let mut cuts = cut::sweep(&items, &values.roots, &SWEEP)?;
+    cuts.dedup_by(|a, b| a.computed == b.computed && a.carried == b.carried);
     let mut best: Option<(f64, Choice)> = None;
-    for scale in SWEEP {
-        let scaled = items(values, verdicts, scale, &allowed);
-        let Some(cut) = cut::minimum(&scaled, &values.roots) else {
+    for cut in &cuts {
+        let Some(choice) = cut_at(values, verdicts, &items, cut, before) else {
             continue;
         };
-        let Some(choice) = cut_at(values, verdicts, &unscaled, &cut, before) else {
+        let affine = choice.carried.iter();
+        let affine = affine.filter(|(_, c)| c.class == Class::Affine);
+        let roundings: f64 = affine.map(|(id, _)| judged.roundings[*id]).sum();
+        if roundings > most {
             continue;
-        };
+        }
         let whole = choice.after + choice.vertex * terms.vertices_per_fragment;
         if before - whole <= before * terms.worthwhile {
             continue;
@@ -91,12 +98,8 @@ pub fn choose(
 }
 
 /// One value carried, whether that pays or not; `None` where it does not fit.
-pub fn one(
-    values: &Values<'_, '_>,
-    verdicts: &[Result<Carriage, Stays>],
-    id: ValueId,
-) -> Option<Choice> {
-    let mut items = items(values, verdicts, 1.0, &|_| false);
+pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option<Choice> {
+    let mut items = items(values, verdicts, |_| false);
     let before = total(&items, &cut::minimum(&items, &values.roots)?);
     // It cannot be computed in the fragment stage, like an incoming varying.
     items[id] = Item {
@@ -111,13 +114,12 @@ pub fn one(
 /// What a cut carries, packed; `None` where that is nothing, or does not fit.
 fn cut_at(
     values: &Values<'_, '_>,
-    verdicts: &[Result<Carriage, Stays>],
+    verdicts: &[Verdict],
     items: &[Item],
     cut: &Cut,
     before: f64,
 ) -> Option<Choice> {
-    let inputs = reflect::inputs(values.graph.module(), values.function(0).function);
-    let reserved = inputs.iter().filter(|io| {
+    let reserved = values.inputs.iter().filter(|io| {
         matches!(
             io.binding,
             Some(Binding::BuiltIn(
@@ -169,47 +171,42 @@ fn total(items: &[Item], cut: &Cut) -> f64 {
     transport + computed.filter_map(|i| items[i].cost).sum::<f64>()
 }
 
-/// The values as what a cut chooses from, where transport costs `scale` times what it does.
+/// The values as what a cut chooses from.
 fn items(
     values: &Values<'_, '_>,
-    verdicts: &[Result<Carriage, Stays>],
-    scale: f64,
-    allowed: &dyn Fn(&Carriage) -> bool,
+    verdicts: &[Verdict],
+    allowed: impl Fn(&Carriage) -> bool,
 ) -> Vec<Item> {
-    let inputs = reflect::inputs(values.graph.module(), values.function(0).function);
-    values
-        .values
-        .iter()
-        .enumerate()
-        .map(|(id, value)| {
-            let (cost, price) = match &value.node {
-                Node::Input(i) => match inputs.get(*i).map(|io| (&io.binding, io.ty)) {
-                    Some((Some(Binding::Location { .. }), ty)) => {
-                        let width = components(&values.graph.module().types[ty].inner);
-                        let flat = value.fact.rate.is_flat();
-                        (None, Some(scale * price(width, flat)))
-                    }
-                    _ => (Some(0.0), None),
-                },
-                _ => {
-                    let carriage = verdicts[id].as_ref().ok().filter(|c| allowed(c));
-                    let price = carriage.and_then(|c| {
-                        let (_, width) = shape(values, id)?;
-                        let flat = c.interpolated == Interpolated::Flat;
-                        // Of two names for one value, the one in the outermost function: it is carried without a copy of the callee.
-                        let depth = depth(values, id);
-                        Some(scale * price(f64::from(width), flat) * (1.0 + 0.002 * depth))
-                    });
-                    (Some(value.cost), price)
+    let item = |id: ValueId, value: &Value| {
+        let (cost, price) = match &value.node {
+            Node::Input(i) => match values.inputs.get(*i).map(|io| (&io.binding, io.ty)) {
+                Some((Some(Binding::Location { .. }), ty)) => {
+                    let width = components(&values.graph.module().types[ty].inner);
+                    let flat = value.fact.rate.is_flat();
+                    (None, Some(price(width, flat)))
                 }
-            };
-            Item {
-                cost,
-                price,
-                operands: value.operands.clone(),
+                _ => (Some(0.0), None),
+            },
+            _ => {
+                let carriage = verdicts[id].as_ref().ok().filter(|c| allowed(c));
+                let price = carriage.and_then(|c| {
+                    let (_, width) = shape(values, id)?;
+                    let flat = c.interpolated == Interpolated::Flat;
+                    // Of two names for one value, the one in the outermost function: it is carried without a copy of the callee.
+                    let depth = depth(values, id);
+                    Some(price(f64::from(width), flat) * (1.0 + 0.002 * depth))
+                });
+                (Some(value.cost), price)
             }
-        })
-        .collect()
+        };
+        Item {
+            cost,
+            price,
+            operands: value.operands.clone(),
+        }
+    };
+    let all = values.values.iter().enumerate();
+    all.map(|(id, value)| item(id, value)).collect()
 }
 
 fn price(components: f64, flat: bool) -> f64 {
@@ -247,19 +244,66 @@ fn depth(values: &Values<'_, '_>, id: ValueId) -> f64 {
 
 /// Cost of computing values and all they rest on, each once, and the inputs among that.
 pub fn below(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> (f64, Vec<usize>) {
-    let mut seen = vec![false; values.values.len()];
-    let mut stack: Vec<ValueId> = of.collect();
+    let held = with_operands(values, of.collect());
     let (mut cost, mut inputs) = (0.0, Vec::new());
-    while let Some(id) = stack.pop() {
-        if std::mem::replace(&mut seen[id], true) {
-            continue;
-        }
-        cost += values.values[id].cost;
-        if let Node::Input(i) = values.values[id].node {
+    for (value, _) in values.values.iter().zip(held).filter(|(_, held)| *held) {
+        cost += value.cost;
+        if let Node::Input(i) = value.node {
             inputs.push(i);
         }
-        stack.extend(&values.values[id].operands);
     }
     inputs.sort_unstable();
     (cost, inputs)
+}
+
+/// Cost of computing each of several values by itself, with all it rests on: [`below`] of each.
+///
+/// What values share is counted once for each, so that this cannot be had from the costs of their operands. The walk is shared by as many of them as a word
+/// has bits, and parts of the graph that the same ones rest on are added up before they are counted.
+pub fn below_each(values: &Values<'_, '_>, of: &[ValueId]) -> Vec<f64> {
+    let operands = |id: ValueId| values.values[id].operands.as_slice();
+    let order = cut::users_first(0..values.values.len(), values.values.len(), operands);
+    let mut place = vec![0; order.len()];
+    for (at, id) in order.iter().enumerate() {
+        place[*id] = at;
+    }
+    let mut sorted: Vec<usize> = (0..of.len()).collect();
+    sorted.sort_by_key(|i| place[of[*i]]);
+    let mut costs = vec![0.0; of.len()];
+    let mut resting = vec![0_u64; values.values.len()];
+    for word in sorted.chunks(u64::BITS as usize) {
+        resting.fill(0);
+        for (bit, i) in word.iter().enumerate() {
+            resting[of[*i]] |= 1 << bit;
+        }
+        // A circle is passed again until nothing changes: as often as loops are nested.
+        let mut changed = true;
+        while std::mem::take(&mut changed) {
+            for (at, id) in order.iter().enumerate() {
+                let above = resting[*id];
+                if above == 0 {
+                    continue;
+                }
+                for operand in operands(*id) {
+                    let more = above & !resting[*operand] != 0;
+                    resting[*operand] |= above;
+                    changed |= more && place[*operand] <= at;
+                }
+            }
+        }
+        let mut shared: BTreeMap<u64, f64> = BTreeMap::new();
+        for (value, above) in values.values.iter().zip(&resting) {
+            if *above != 0 && value.cost > 0.0 {
+                *shared.entry(*above).or_default() += value.cost;
+            }
+        }
+        for (above, cost) in shared {
+            for (bit, i) in word.iter().enumerate() {
+                if above >> bit & 1 == 1 {
+                    costs[*i] += cost;
+                }
+            }
+        }
+    }
+    costs
 }

@@ -14,11 +14,14 @@
 //! Mesa's `nir_opt_varyings`: three inputs of which two sums are needed are carried as the two sums.
 //!
 //! Operands may be circular, as in a loop: then none of the circle is computed without all of it.
+//!
+//! Of a shader's values most may not travel. What they do to the choice is known ahead of any flow: from a root down to the first values that may, all is
+//! computed in any case; whoever needs a value that may not computes it, and where that is one value only, the two are one node; and what rests on an
+//! input that is not there cannot be computed at all. The flow is left with the values that may travel, and what several of them share.
 
-use petgraph::Direction;
-use petgraph::algo::dinics;
-use petgraph::graph::{DiGraph, NodeIndex};
-use petgraph::visit::EdgeRef;
+use std::collections::HashSet;
+
+use super::flow::{ArcId, Network};
 
 /// A value in the cut problem.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,58 +55,213 @@ fn capacity(cost: f64) -> u64 {
 /// The cheapest way to have every one of `roots`; `None` where there is none: a root may not travel and rests on what no fragment can compute.
 /// Among equally cheap ways the one that computes least is taken.
 pub fn minimum(items: &[Item], roots: &[usize]) -> Option<Cut> {
-    let finite: u64 = items
-        .iter()
-        .flat_map(|i| [i.cost, i.price])
-        .flatten()
-        .map(capacity)
-        .sum();
-    let infinite = finite + 1;
-    let mut network = DiGraph::<(), u64>::with_capacity(2 * items.len() + 2, 4 * items.len());
-    let needed: Vec<NodeIndex> = items.iter().map(|_| network.add_node(())).collect();
-    let computed: Vec<NodeIndex> = items.iter().map(|_| network.add_node(())).collect();
-    let (source, sink) = (network.add_node(()), network.add_node(()));
-    for root in roots {
-        network.add_edge(source, needed[*root], infinite);
-    }
-    for (i, item) in items.iter().enumerate() {
-        let or_infinite = |c: Option<f64>| c.map_or(infinite, capacity);
-        network.add_edge(needed[i], computed[i], or_infinite(item.price));
-        network.add_edge(computed[i], sink, or_infinite(item.cost));
-        for operand in &item.operands {
-            network.add_edge(computed[i], needed[*operand], infinite);
+    sweep(items, roots, &[1.0])?.pop()
+}
+
+/// The cheapest ways, one for each multiple of the prices; these in ascending order. `None` as of [`minimum`]: what there is to choose from is the same at
+/// any price.
+pub fn sweep(items: &[Item], roots: &[usize], multiples: &[f64]) -> Option<Vec<Cut>> {
+    let mut network = Contracted::new(items, roots)?;
+    Some(multiples.iter().map(|m| network.cut(items, *m)).collect())
+}
+
+const SOURCE: usize = 0;
+const SINK: usize = 1;
+
+/// The network of a problem, in which nodes that no finite cut parts are one: of a shader most values may not travel, and go with whoever needs them.
+struct Contracted {
+    network: Network,
+    /// The node of `N(item)`; `None` where nobody may need it.
+    needed: Vec<Option<usize>>,
+    /// The node of `F(item)`.
+    computed: Vec<Option<usize>>,
+    /// Items with a price that may be cut: its arc, and the capacity that it has so far.
+    prices: Vec<(usize, ArcId, u64)>,
+    /// What is computed in any case costs this.
+    base: u64,
+    flow: u64,
+}
+
+/// More than all that may flow.
+const INFINITE: u64 = u64::MAX / 4;
+
+impl Contracted {
+    fn new(items: &[Item], roots: &[usize]) -> Option<Self> {
+        let order = users_first(roots.iter().copied(), items.len(), |i| &items[i].operands);
+        let users = users(items, &order);
+        let impossible = impossible(items, &users);
+        let forced = forced(items, roots);
+        if (0..items.len()).any(|i| forced[i] && impossible[i]) {
+            return None;
         }
+        let mut of_source = vec![false; items.len()];
+        let operands_of_forced = (0..items.len())
+            .filter(|i| forced[*i])
+            .flat_map(|i| &items[i].operands);
+        for item in operands_of_forced.chain(roots) {
+            of_source[*item] = true;
+        }
+        let mut needed: Vec<Option<usize>> = vec![None; items.len()];
+        let mut computed: Vec<Option<usize>> = vec![None; items.len()];
+        let mut nodes = 2;
+        for item in order {
+            let mut above = users[item]
+                .iter()
+                .map(|u| computed[*u])
+                .filter(|node| *node != Some(SINK));
+            let mut fresh = || {
+                nodes += 1;
+                nodes - 1
+            };
+            let need = match above.next() {
+                _ if of_source[item] => SOURCE,
+                _ if impossible[item] && items[item].price.is_none() => SINK,
+                // It is needed where its only user is computed, or all of its users are one.
+                Some(Some(first)) if above.all(|node| node == Some(first)) => first,
+                _ => fresh(),
+            };
+            needed[item] = Some(need);
+            computed[item] = Some(match items[item].price {
+                _ if forced[item] => SOURCE,
+                _ if impossible[item] => SINK,
+                Some(_) => fresh(),
+                None => need,
+            });
+        }
+        let mut this = Self {
+            network: Network::new(nodes),
+            needed,
+            computed,
+            prices: Vec::new(),
+            base: 0,
+            flow: 0,
+        };
+        this.connect(items);
+        Some(this)
     }
-    let (flow, flows) = dinics(&network, source, sink);
-    if flow >= infinite {
-        return None;
-    }
-    // What the source still reaches in the residual network: the smallest source side of all minimum cuts.
-    let mut reached = vec![false; network.node_count()];
-    let mut stack = vec![source];
-    reached[source.index()] = true;
-    while let Some(node) = stack.pop() {
-        let onward = network
-            .edges(node)
-            .filter(|e| flows[e.id().index()] < *e.weight())
-            .map(|e| e.target());
-        let back = network
-            .edges_directed(node, Direction::Incoming)
-            .filter(|e| flows[e.id().index()] > 0)
-            .map(|e| e.source());
-        for next in onward.chain(back) {
-            if !std::mem::replace(&mut reached[next.index()], true) {
-                stack.push(next);
+
+    fn connect(&mut self, items: &[Item]) {
+        let mut costs = vec![0; self.network.nodes()];
+        let mut joined: HashSet<(usize, usize)> = HashSet::new();
+        for (i, item) in items.iter().enumerate() {
+            let (Some(needed), Some(computed)) = (self.needed[i], self.computed[i]) else {
+                continue;
+            };
+            if item.price.is_some() && needed != computed {
+                let arc = self.network.arc(needed, computed, 0);
+                self.prices.push((i, arc, 0));
+            }
+            if computed == SINK {
+                continue;
+            }
+            costs[computed] += item.cost.map_or(0, capacity);
+            for operand in &item.operands {
+                let Some(operand) = self.needed[*operand] else {
+                    continue;
+                };
+                if computed != operand && operand != SOURCE && joined.insert((computed, operand)) {
+                    self.network.arc(computed, operand, INFINITE);
+                }
+            }
+        }
+        self.base = costs[SOURCE];
+        for (node, cost) in costs.iter().enumerate() {
+            if node != SOURCE && *cost > 0 {
+                self.network.arc(node, SINK, *cost);
             }
         }
     }
-    Some(Cut {
-        carried: (0..items.len())
-            .filter(|i| reached[needed[*i].index()] && !reached[computed[*i].index()])
-            .collect(),
-        computed: computed.iter().map(|c| reached[c.index()]).collect(),
-        cost: flow as f64 / RESOLUTION,
-    })
+
+    fn cut(&mut self, items: &[Item], multiple: f64) -> Cut {
+        for (item, arc, before) in &mut self.prices {
+            let price = capacity(items[*item].price.unwrap_or_default() * multiple);
+            self.network.widen(*arc, price.saturating_sub(*before));
+            *before = price.max(*before);
+        }
+        self.flow += self.network.augment(SOURCE, SINK);
+        let reached = self.network.reached(SOURCE);
+        let is_reached = |node: &Option<usize>| node.is_some_and(|n| reached[n]);
+        let computed: Vec<bool> = self.computed.iter().map(is_reached).collect();
+        let carried = self.needed.iter().zip(&computed).enumerate();
+        Cut {
+            carried: carried
+                .filter(|(_, (needed, computed))| is_reached(needed) && !**computed)
+                .map(|(i, _)| i)
+                .collect(),
+            computed,
+            cost: (self.base + self.flow) as f64 / RESOLUTION,
+        }
+    }
+}
+
+/// The items that each is an operand of, among some.
+fn users(items: &[Item], among: &[usize]) -> Vec<Vec<usize>> {
+    let mut users = vec![Vec::new(); items.len()];
+    for item in among {
+        for operand in &items[*item].operands {
+            users[*operand].push(*item);
+        }
+    }
+    users
+}
+
+/// Items that no fragment can compute: not by themselves, or they rest on such that may not travel either.
+fn impossible(items: &[Item], users: &[Vec<usize>]) -> Vec<bool> {
+    let mut impossible = vec![false; items.len()];
+    let mut stack: Vec<usize> = (0..items.len())
+        .filter(|i| items[*i].cost.is_none())
+        .collect();
+    while let Some(item) = stack.pop() {
+        if !std::mem::replace(&mut impossible[item], true) && items[item].price.is_none() {
+            stack.extend(&users[item]);
+        }
+    }
+    impossible
+}
+
+/// Items that are computed whatever is carried: a way to them from a root leads over none that may travel.
+fn forced(items: &[Item], roots: &[usize]) -> Vec<bool> {
+    let mut forced = vec![false; items.len()];
+    let mut stack = roots.to_vec();
+    while let Some(item) = stack.pop() {
+        if items[item].price.is_none() && !std::mem::replace(&mut forced[item], true) {
+            stack.extend(&items[item].operands);
+        }
+    }
+    forced
+}
+
+/// What `roots` rest on, users before operands. Where they are circular, what a walk comes to first is before the rest.
+pub(super) fn users_first<'a>(
+    roots: impl IntoIterator<Item = usize>,
+    count: usize,
+    operands: impl Fn(usize) -> &'a [usize],
+) -> Vec<usize> {
+    let mut seen = vec![false; count];
+    let mut order = Vec::with_capacity(count);
+    let mut stack: Vec<(usize, usize)> = Vec::new();
+    for root in roots {
+        if !std::mem::replace(&mut seen[root], true) {
+            stack.push((root, 0));
+        }
+        // One is placed once all its operands are: the reverse of what is wanted.
+        while let Some((item, next)) = stack.last_mut() {
+            match operands(*item).get(*next).copied() {
+                Some(operand) => {
+                    *next += 1;
+                    if !std::mem::replace(&mut seen[operand], true) {
+                        stack.push((operand, 0));
+                    }
+                }
+                None => {
+                    order.push(*item);
+                    stack.pop();
+                }
+            }
+        }
+    }
+    order.reverse();
+    order
 }
 
 #[cfg(test)]
@@ -218,6 +376,72 @@ mod tests {
                 }
             }
             assert_eq!(cost, cut.cost, "seed {seed}");
+        }
+    }
+
+    /// What is cut at a multiple does not depend on the cheaper ones before it, ties included.
+    #[test]
+    fn a_sweep_cuts_at_each_multiple_as_if_it_were_the_only_one() {
+        let multiples = [1.0, 1.5, 2.0, 4.0, 64.0];
+        for seed in 600..800 {
+            let (items, roots) = random(seed);
+            let Some(swept) = sweep(&items, &roots, &multiples) else {
+                assert_eq!(minimum(&items, &roots), None);
+                continue;
+            };
+            for (multiple, cut) in multiples.iter().zip(swept) {
+                let scaled: Vec<Item> = items
+                    .iter()
+                    .map(|item| Item {
+                        price: item.price.map(|p| p * multiple),
+                        ..item.clone()
+                    })
+                    .collect();
+                assert_eq!(minimum(&scaled, &roots), Some(cut), "seed {seed}");
+            }
+        }
+    }
+
+    /// A stage of `count` statements `x = x * a + sin(x + b)` one after another, of which every `stays`-th value may not travel.
+    fn straight_line(count: usize, stays: usize) -> Vec<Item> {
+        let mut items = vec![Item {
+            price: Some(4.0),
+            ..Item::default()
+        }];
+        for _ in 0..count {
+            let x = items.len() - 1;
+            let at = items.len();
+            for (cost, operands) in [
+                (1.0, vec![x]),
+                (1.0, vec![x]),
+                (4.0, vec![at + 1]),
+                (1.0, vec![at, at + 2]),
+            ] {
+                items.push(Item {
+                    cost: Some(cost),
+                    price: (items.len() % stays > 0).then_some(4.0),
+                    operands,
+                });
+            }
+        }
+        items
+    }
+
+    #[test]
+    fn the_flow_looks_at_no_more_of_a_longer_stage() {
+        let multiples = [1.0, 4.0, 16.0, 64.0];
+        for stays in [1, 2, 3, 5, 97] {
+            let work = |count| {
+                let items = straight_line(count, stays);
+                let mut network = Contracted::new(&items, &[items.len() - 1]).unwrap();
+                for multiple in multiples {
+                    network.cut(&items, multiple);
+                }
+                network.network.work()
+            };
+            let (short, long) = (work(200), work(800));
+            // What is dear to carry is carried from farther below, but not from ever farther.
+            assert!(long <= short + short / 4, "{stays}: {short}, then {long}");
         }
     }
 

@@ -84,6 +84,15 @@ pub fn free_locations(slots: &[Slot], taken: &BTreeSet<u32>) -> Vec<u32> {
         .collect()
 }
 
+/// Tells names apart by letters: `a` to `z`, `aa` and so on. A writer that keeps names apart by numbers would add its own to a digit.
+pub fn letters(index: usize) -> String {
+    let last = char::from(b'a' + (index % 26) as u8);
+    match index / 26 {
+        0 => last.to_string(),
+        rest => format!("{}{last}", letters(rest - 1)),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -101,6 +110,14 @@ mod tests {
                 at: At::Center,
             },
         }
+    }
+
+    #[test]
+    fn letters_differ() {
+        let few = [0, 1, 25, 26, 51, 52, 701, 702].map(letters);
+        assert_eq!(few, ["a", "b", "z", "aa", "az", "ba", "zz", "aaa"]);
+        let all: BTreeSet<String> = (0..1000).map(letters).collect();
+        assert_eq!(all.len(), 1000);
     }
 
     #[test]

@@ -196,8 +196,7 @@ pub fn slot_type(slot: &Slot) -> TypeInner {
 pub fn slot_name(index: usize, slot: &Slot, wanted: &[Wanted]) -> String {
     match slot.parts[..] {
         [(one, _)] => wanted[one].name.clone(),
-        // Letters: a writer that keeps names apart by numbers would add its own to a digit.
-        _ => format!("packed_{}", char::from(b'a' + (index % 26) as u8)),
+        _ => format!("packed_{}", pack::letters(index)),
     }
 }
 

@@ -230,7 +230,7 @@ fn of_constant(module: &naga::Module, e: Handle<Expression>) -> Sign {
 }
 
 /// Whether two operands are one value.
-fn same_value(
+pub(super) fn same_value(
     values: &Values<'_, '_>,
     context: usize,
     a: Handle<Expression>,

@@ -1,17 +1,21 @@
 //! Which values may travel from the vertex stage, as what, and why the others stay.
 
+use std::collections::{HashMap, VecDeque};
+
 use naga::{BinaryOperator, Expression, MathFunction, ScalarKind, Statement, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::form::{Form, forms};
-use super::sensitive::{sensitive, with_operands, with_users};
+use super::reach::{with_operands, with_users};
+use super::rounding;
 use super::sign::Signs;
-use super::values::{ContextId, Node, ValueId, Values};
+use super::turn::turning;
+use super::values::{Node, ValueId, Values};
 use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
-use crate::graph::{StmtId, cost, effect};
-use crate::reflect;
+use crate::graph::{FunctionId, StmtId, cost, effect};
+use crate::pass::SourceRange;
 
 /// As what a value may travel. Ordered from the strongest promise to the weakest.
 #[derive(
@@ -75,7 +79,7 @@ pub enum Stays {
         /// By how much, in the budget's metric.
         error: String,
     },
-    /// It was measured: there are pixels that are not finite.
+    /// It was measured: it, or a pixel with it, is not finite.
     MeasuredNotFinite,
     /// It was not measured, though others were.
     NotMeasured,
@@ -108,7 +112,7 @@ impl std::fmt::Display for Stays {
             Self::NotChosen => f.write_str("it is not among the chosen values"),
             Self::Measured { error } => write!(f, "carried alone it makes an error of {error}"),
             Self::MeasuredNotFinite => {
-                f.write_str("carried alone it makes pixels that are not finite")
+                f.write_str("measured, it is NaN or infinite somewhere, or a pixel with it is")
             }
             Self::NotMeasured => f.write_str("carrying it was not measured"),
             Self::MayNotBeFinite { operation } => write!(
@@ -130,29 +134,86 @@ pub enum Finite {
     Assumed,
 }
 
+/// What each value may travel as, or why it stays.
+pub type Verdict = Result<Carriage, Stays>;
+
+/// How each value of a fragment stage may be carried or why it stays.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// For each value.
+    pub verdicts: Vec<Verdict>,
+    /// What the roundings of each may change an output by, where it is carried by itself.
+    pub roundings: Vec<f64>,
+    /// Whether it is affine in varyings.
+    pub affine: Vec<bool>,
+}
+
+/// How exact the outputs have to be, and what is known of the numbers that decides it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Precision {
+    /// Where varyings and constants of the draw lie; empty where no scene tells.
+    pub ranges: Vec<SourceRange>,
+    /// What roundings may change an output by.
+    pub most: f64,
+}
+
+impl Precision {
+    /// No rounding may show.
+    pub const EXACT: Self = Self {
+        ranges: Vec::new(),
+        most: -1.0,
+    };
+}
+
 /// For each value, how it may be carried or why it stays.
-pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, Stays>> {
+pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> Judged {
+    let assumed = judge_finite(values, precision);
+    match finite {
+        Finite::Proved => Judged {
+            verdicts: proved(values, assumed.verdicts),
+            ..assumed
+        },
+        Finite::Assumed => assumed,
+    }
+}
+
+/// Verdicts under [`Finite::Proved`], of those under [`Finite::Assumed`].
+pub(super) fn proved(values: &Values<'_, '_>, assumed: Vec<Verdict>) -> Vec<Verdict> {
+    let hazards = hazards(values).into_iter();
+    let verdicts = assumed.into_iter().zip(hazards);
+    verdicts
+        .map(|(verdict, hazard)| match (verdict, hazard) {
+            (Ok(carriage), Some(operation)) if carriage.class == Class::Smooth => {
+                let operation = operation.to_owned();
+                Err(Stays::MayNotBeFinite { operation })
+            }
+            (verdict, _) => verdict,
+        })
+        .collect()
+}
+
+/// Verdicts under [`Finite::Assumed`].
+fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let forms = forms(values);
     let endless = endless(values);
-    let sensitive = sensitive(values);
+    let turning = turning(values);
+    let pins = pins(values);
+    let may = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
+    let roundings = rounding::at_outputs(values, &precision.ranges, may);
     let coverage = with_operands(values, values.coverage.clone());
-    let hazards = match finite {
-        Finite::Proved => hazards(values),
-        Finite::Assumed => vec![None; values.values.len()],
-    };
-    (0..values.values.len())
+    let verdicts = (0..values.values.len())
         .map(|id| {
             let scalar = carried_scalar(values, id)?;
             let (context, e, at) = values.expression(id).ok_or(Stays::NotCarried)?;
             let fact = values.values[id].fact;
             if !fact.stages.vertex {
-                let because = what_pins(values, id);
+                let because = what_pins(values, pins[id]);
                 return Err(Stays::Fragment { because });
             }
             if endless[id] {
                 return Err(Stays::MayNotEnd);
             }
-            if turns(values, id, &loops_around(values, context, at)) {
+            if turning[id] {
                 return Err(Stays::InLoop);
             }
             if values.control_rate(context, at) > Rate::Draw {
@@ -184,21 +245,21 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite) -> Vec<Result<Carriage, St
             if coverage[id] {
                 return Err(Stays::Coverage);
             }
-            if forms[id] == Form::Affine && !sensitive[id] {
+            if forms[id] == Form::Affine && roundings[id] <= precision.most {
                 return Ok(carriage(Class::Affine, interpolated, at));
             }
             let expression = &values.function(context).function.expressions[e];
             if let Some(operation) = jump(expression) {
                 return Err(Stays::Discontinuous { operation });
             }
-            if let Some(hazard) = &hazards[id] {
-                return Err(Stays::MayNotBeFinite {
-                    operation: hazard.clone(),
-                });
-            }
             Ok(carriage(Class::Smooth, interpolated, at))
         })
-        .collect()
+        .collect();
+    Judged {
+        verdicts,
+        roundings,
+        affine: forms.iter().map(|f| *f == Form::Affine).collect(),
+    }
 }
 
 /// Kind of the scalars of a value that a varying can hold: 32-bit scalars and vectors.
@@ -219,94 +280,67 @@ fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, St
     }
 }
 
-/// The loops a statement stands in, those around the calls that lead to it included.
-fn loops_around(
-    values: &Values<'_, '_>,
-    context: ContextId,
-    at: StmtId,
-) -> Vec<(ContextId, StmtId)> {
-    let mut loops = Vec::new();
-    let mut place = Some((context, at));
-    while let Some((context, at)) = place {
-        let statements = &values.function(context).statements;
-        loops.extend(
-            statements
-                .ancestors(at)
-                .filter(|a| matches!(statements.get(*a).statement, Statement::Loop { .. }))
-                .map(|a| (context, a)),
-        );
-        place = values.contexts[context].call;
+/// For each value, the nearest among itself and those it rests on that is tied to the fragment stage by itself.
+fn pins(values: &Values<'_, '_>) -> Vec<Option<ValueId>> {
+    // Distances, from all of them at once.
+    let users = values.users();
+    let mut distance = vec![usize::MAX; values.values.len()];
+    let mut queue: VecDeque<ValueId> = (0..values.values.len())
+        .filter(|id| values.is_pinned(*id))
+        .collect();
+    for id in &queue {
+        distance[*id] = 0;
     }
-    loops
-}
-
-/// Whether a value may differ from turn to turn of these loops: it rests on what they carry from one to the next.
-fn turns(values: &Values<'_, '_>, id: ValueId, loops: &[(ContextId, StmtId)]) -> bool {
-    if loops.is_empty() {
-        return false;
-    }
-    let mut seen = vec![false; values.values.len()];
-    let mut stack = vec![id];
-    while let Some(at) = stack.pop() {
-        if std::mem::replace(&mut seen[at], true) {
-            continue;
+    let mut pins: Vec<Option<ValueId>> = vec![None; values.values.len()];
+    while let Some(id) = queue.pop_front() {
+        // Of several as near, the one by way of the first operand.
+        let operands = &values.values[id].operands;
+        pins[id] = match distance[id] {
+            0 => Some(id),
+            here => operands
+                .iter()
+                .find(|o| distance[**o] == here - 1)
+                .and_then(|o| pins[*o]),
+        };
+        for user in &users[id] {
+            if distance[*user] == usize::MAX {
+                distance[*user] = distance[id] + 1;
+                queue.push_back(*user);
+            }
         }
-        if let Node::Version(context, version) = values.values[at].node
-            && let Origin::Phi {
-                at: Some(merge), ..
-            } = values.function(context).memory.origin(version)
-            && loops.contains(&(context, *merge))
-        {
-            return true;
-        }
-        stack.extend(&values.values[at].operands);
     }
-    false
+    pins
 }
 
 /// In words, what ties a value to the fragment stage.
-fn what_pins(values: &Values<'_, '_>, id: ValueId) -> String {
-    let mut seen = vec![false; values.values.len()];
-    let mut queue = std::collections::VecDeque::from([id]);
-    while let Some(at) = queue.pop_front() {
-        if std::mem::replace(&mut seen[at], true) {
-            continue;
+fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
+    let Some(pin) = pin else {
+        return "it rests on what only a fragment has".to_owned();
+    };
+    match &values.values[pin].node {
+        Node::Input(i) => {
+            let name = values.inputs.get(*i).and_then(|io| io.name.as_deref());
+            format!("it rests on the input `{}`", name.unwrap_or_default())
         }
-        if values.is_pinned(at) {
-            let module = values.graph.module();
-            return match &values.values[at].node {
-                Node::Input(i) => {
-                    let inputs = reflect::inputs(module, values.function(0).function);
-                    let name = inputs.get(*i).and_then(|io| io.name.clone());
-                    format!("it rests on the input `{}`", name.unwrap_or_default())
-                }
-                Node::Expression(context, e, _) => {
-                    let expression = &values.function(*context).function.expressions[*e];
-                    match effect::of_expression(expression) {
-                        Some(effect::Effect::Derivative) => "it rests on a derivative".to_owned(),
-                        Some(effect::Effect::ImplicitLod) => {
-                            "it rests on a texture sample at an implicit level of detail".to_owned()
-                        }
-                        _ => "it rests on memory that invocations write".to_owned(),
-                    }
+        Node::Expression(context, e, _) => {
+            let expression = &values.function(*context).function.expressions[*e];
+            match effect::of_expression(expression) {
+                Some(effect::Effect::Derivative) => "it rests on a derivative".to_owned(),
+                Some(effect::Effect::ImplicitLod) => {
+                    "it rests on a texture sample at an implicit level of detail".to_owned()
                 }
                 _ => "it rests on memory that invocations write".to_owned(),
-            };
+            }
         }
-        queue.extend(
-            values.values[at]
-                .operands
-                .iter()
-                .filter(|o| !values.values[**o].fact.stages.vertex),
-        );
+        _ => "it rests on memory that invocations write".to_owned(),
     }
-    "it rests on what only a fragment has".to_owned()
 }
 
 /// Values that rest on a loop of which it is not seen how many turns it makes.
 fn endless(values: &Values<'_, '_>) -> Vec<bool> {
     let module = values.graph.module();
-    let ends_unseen = |id: ValueId| {
+    let mut seen: HashMap<(FunctionId, StmtId), bool> = HashMap::new();
+    let mut ends_unseen = |id: ValueId| {
         let (context, at) = match values.values[id].node {
             Node::Version(context, v) => match values.function(context).memory.origin(v) {
                 Origin::Phi { at: Some(at), .. } => (context, *at),
@@ -320,11 +354,14 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
             .chain(f.statements.ancestors(at))
             .any(|s| {
                 matches!(f.statements.get(s).statement, Statement::Loop { .. })
-                    && cost::trips(module, f, s).is_none()
+                    && *seen
+                        .entry((f.id, s))
+                        .or_insert_with(|| cost::trips(module, f, s).is_none())
             })
     };
-    let loops = (0..values.values.len()).filter(|id| ends_unseen(*id));
-    with_users(values, loops.collect())
+    let all = 0..values.values.len();
+    let loops: Vec<ValueId> = all.filter(|id| ends_unseen(*id)).collect();
+    with_users(values, loops)
 }
 
 /// The name of an operation whose result jumps.
@@ -365,23 +402,23 @@ pub(crate) fn jump(expression: &Expression) -> Option<String> {
 }
 
 /// For each value, an operation in or below it whose result may be NaN or infinite.
-fn hazards(values: &Values<'_, '_>) -> Vec<Option<String>> {
+fn hazards(values: &Values<'_, '_>) -> Vec<Option<&'static str>> {
     let signs = Signs::new(values);
     let users = values.users();
-    let mut hazards: Vec<Option<String>> = vec![None; values.values.len()];
+    let mut hazards: Vec<Option<&'static str>> = vec![None; values.values.len()];
     let mut work: Vec<ValueId> = Vec::new();
     for (id, value) in values.values.iter().enumerate() {
         if let Node::Expression(context, e, _) = &value.node
             && let Some(operation) = signs.hazard(values, *context, *e)
         {
-            hazards[id] = Some(operation.to_owned());
+            hazards[id] = Some(operation);
             work.push(id);
         }
     }
     while let Some(id) = work.pop() {
         for user in &users[id] {
             if hazards[*user].is_none() {
-                hazards[*user] = hazards[id].clone();
+                hazards[*user] = hazards[id];
                 work.push(*user);
             }
         }

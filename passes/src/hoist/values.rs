@@ -11,7 +11,7 @@ use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
-use crate::reflect;
+use crate::reflect::{self, Io};
 
 mod expand;
 
@@ -35,7 +35,7 @@ pub type ValueId = usize;
 /// What a value is.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Node {
-    /// An input of the entry point, by index in the order of [`reflect::inputs`].
+    /// An input of the entry point, by index in [`Values::inputs`].
     Input(usize),
     /// An expression, or the part of a struct expression at a path of members.
     Expression(ContextId, Handle<Expression>, Vec<u32>),
@@ -65,6 +65,8 @@ pub struct Values<'g, 'p> {
     pub graph: &'g Graph<'p>,
     /// Index of the fragment entry point.
     pub entry: usize,
+    /// Inputs of the entry point.
+    pub inputs: Vec<Io>,
     /// Chains of calls.
     pub contexts: Vec<Context>,
     /// The values.
@@ -96,6 +98,10 @@ impl<'g, 'p> Values<'g, 'p> {
         let mut this = Self {
             graph,
             entry,
+            inputs: {
+                let module = graph.module();
+                reflect::inputs(module, &module.entry_points[entry].function)
+            },
             contexts: vec![Context {
                 function: FunctionId::EntryPoint(entry),
                 call: None,

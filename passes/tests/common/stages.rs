@@ -107,14 +107,53 @@ pub fn attributes(seed: u32) -> BTreeMap<u32, Value> {
     ])
 }
 
-/// A uniform of a float and an integer, where the program has one.
+/// The uniforms: floats and integers other than 0, no further from it than 4.
 fn draw_constants(module: &Module) -> BTreeMap<(u32, u32), Value> {
-    let bindings = module
-        .global_variables
-        .iter()
-        .filter_map(|(_, g)| g.binding);
-    let value = Value::Composite(vec![Value::f32(1.372_549), Value::i32(1)]);
-    bindings
-        .map(|b| ((b.group, b.binding), value.clone()))
+    let variables = module.global_variables.iter();
+    variables
+        .filter_map(|(_, g)| {
+            let at = g.binding?;
+            let mut next = 0;
+            Some((
+                (at.group, at.binding),
+                constant(module, &module.types[g.ty].inner, &mut next),
+            ))
+        })
         .collect()
+}
+
+fn constant(module: &Module, ty: &TypeInner, next: &mut u32) -> Value {
+    let number = |next: &mut u32| {
+        *next += 1;
+        // The first is one that is no short fraction.
+        match *next {
+            1 => 1.372_549,
+            n => (n as f32 * 0.754_877_7).fract() * 3.75 + 0.25,
+        }
+    };
+    let mut times = |n: u32, ty: &TypeInner| {
+        Value::Composite((0..n).map(|_| constant(module, ty, next)).collect())
+    };
+    match ty {
+        TypeInner::Scalar(s) if s.kind == naga::ScalarKind::Float => Value::f32(number(next)),
+        TypeInner::Scalar(_) => Value::i32(1),
+        TypeInner::Vector { size, scalar } => times(*size as u32, &TypeInner::Scalar(*scalar)),
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar,
+        } => times(
+            *columns as u32,
+            &TypeInner::Vector {
+                size: *rows,
+                scalar: *scalar,
+            },
+        ),
+        TypeInner::Struct { members, .. } => {
+            let members = members.iter();
+            let values = members.map(|m| constant(module, &module.types[m.ty].inner, next));
+            Value::Composite(values.collect())
+        }
+        _ => panic!("a uniform of a type that no test has"),
+    }
 }

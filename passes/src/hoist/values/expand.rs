@@ -8,7 +8,6 @@ use crate::graph::effect;
 use crate::graph::memory::{self, Origin, VersionId};
 use crate::graph::rate::{self, Fact, Rate, Stages};
 use crate::graph::{FunctionId, cost, operands};
-use crate::reflect;
 
 impl Values<'_, '_> {
     /// Finds a value's operands, its own cost and its own fact.
@@ -52,8 +51,7 @@ impl Values<'_, '_> {
 
     fn of_input(&self, input: usize) -> Fact {
         let module = self.graph.module();
-        let inputs = reflect::inputs(module, self.function(0).function);
-        let Some(io) = inputs.get(input) else {
+        let Some(io) = self.inputs.get(input) else {
             return PINNED;
         };
         io.binding.as_ref().map_or(PINNED, |b| {

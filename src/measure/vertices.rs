@@ -1,0 +1,241 @@
+//! The vertex stage of a draw, run by the interpreter.
+
+use std::collections::BTreeMap;
+
+use naga::{GlobalVariable, Module};
+use preshade_passes::bound;
+use preshade_passes::evaluate::{self, Environment, Number, Outcome, Stuck, Value};
+
+use crate::scene::bind::DrawBindings;
+
+/// Steps of the interpreter for one vertex.
+pub const STEPS: u64 = 200_000;
+
+/// What a vertex stage reads.
+pub struct Vertices<F: 'static = f32> {
+    pub bound: DrawBindings,
+    /// Its uniforms and buffers. A texel is not known here; nothing is known of what rests on it.
+    pub environment: Environment<'static, F>,
+}
+
+impl Vertices {
+    /// Of a draw with a vertex stage of this module.
+    pub fn new(module: &Module, bound: DrawBindings) -> Self {
+        Self {
+            environment: Environment {
+                resources: resources(module, &bound),
+                texture: &|_: &evaluate::Lookup<'_>| [f32::NAN; 4],
+                steps: STEPS,
+            },
+            bound,
+        }
+    }
+}
+
+impl<F: Number> Vertices<F> {
+    /// Vertices of one instance, each as often as it is drawn.
+    pub fn of_instance(&self) -> u32 {
+        let indices = self.bound.indices.as_ref();
+        indices.map_or(self.bound.vertex_count, |i| i.count)
+    }
+
+    /// The varyings at a vertex, by location, and the steps that took.
+    ///
+    /// # Errors
+    /// Why the vertex stage cannot be run, in a user's words.
+    pub fn run(
+        &self,
+        module: &Module,
+        entry: usize,
+        vertex: u32,
+        instance: u32,
+    ) -> Result<(BTreeMap<u32, Value<F>>, u64), String> {
+        let function = &module.entry_points[entry].function;
+        let arguments = function
+            .arguments
+            .iter()
+            .map(|a| {
+                let value = self.input(module, a.ty, a.binding.as_ref(), vertex, instance);
+                value.as_ref().map(bound::exactly)
+            })
+            .collect::<Option<Vec<_>>>()
+            .ok_or("an input of the vertex stage cannot be read")?;
+        let outcome =
+            evaluate::entry_point(module, entry, &arguments, &self.environment).map_err(said)?;
+        let steps = outcome.steps;
+        Ok((by_location(module, function, outcome), steps))
+    }
+
+    fn input(
+        &self,
+        module: &naga::Module,
+        ty: naga::Handle<naga::Type>,
+        binding: Option<&naga::Binding>,
+        vertex: u32,
+        instance: u32,
+    ) -> Option<Value> {
+        match (binding, &module.types[ty].inner) {
+            (None, naga::TypeInner::Struct { members, .. }) => {
+                let members = members.iter();
+                let values =
+                    members.map(|m| self.input(module, m.ty, m.binding.as_ref(), vertex, instance));
+                values.collect::<Option<_>>().map(Value::Composite)
+            }
+            (Some(naga::Binding::BuiltIn(naga::BuiltIn::VertexIndex)), _) => {
+                Some(Value::u32(vertex))
+            }
+            (Some(naga::Binding::BuiltIn(naga::BuiltIn::InstanceIndex)), _) => {
+                Some(Value::u32(instance))
+            }
+            (Some(naga::Binding::Location { location, .. }), inner) => {
+                self.attribute(*location, inner, vertex, instance)
+            }
+            _ => None,
+        }
+    }
+
+    /// An attribute of 32-bit numbers, widened to its type as WebGPU does: by 0, and 1 for the fourth.
+    fn attribute(
+        &self,
+        location: u32,
+        inner: &naga::TypeInner,
+        vertex: u32,
+        instance: u32,
+    ) -> Option<Value> {
+        let (buffer, attribute) = self.bound.vertex_buffers.iter().find_map(|b| {
+            let found = b.attributes.iter().find(|a| a.location == location)?;
+            Some((b, found))
+        })?;
+        let row = match buffer.step {
+            wgpu::VertexStepMode::Instance => instance,
+            _ => vertex,
+        };
+        let (count, scalar) = match inner {
+            naga::TypeInner::Scalar(s) => (1, *s),
+            naga::TypeInner::Vector { size, scalar } => (*size as usize, *scalar),
+            _ => return None,
+        };
+        let name = format!("{:?}", attribute.format);
+        let given = (attribute.format.size() / 4) as usize;
+        if !["Float32", "Uint32", "Sint32"]
+            .iter()
+            .any(|kind| name.starts_with(kind))
+        {
+            return None;
+        }
+        let start = u64::from(row) * buffer.stride + attribute.offset;
+        let bytes = buffer.data.bytes.get(usize::try_from(start).ok()?..)?;
+        let components = (0..count).map(|i| {
+            let missing = if i == 3 { 1.0_f32 } else { 0.0 };
+            let word: [u8; 4] = *bytes.get(4 * i..)?.first_chunk()?;
+            Some(match scalar.kind {
+                naga::ScalarKind::Float if i < given => Value::f32(f32::from_le_bytes(word)),
+                naga::ScalarKind::Float => Value::f32(missing),
+                naga::ScalarKind::Uint if i < given => Value::u32(u32::from_le_bytes(word)),
+                naga::ScalarKind::Sint if i < given => Value::i32(i32::from_le_bytes(word)),
+                naga::ScalarKind::Uint => Value::u32(missing as u32),
+                naga::ScalarKind::Sint => Value::i32(missing as i32),
+                _ => return None,
+            })
+        });
+        let components = components.collect::<Option<Vec<_>>>()?;
+        match components.as_slice() {
+            [one] => Some(one.clone()),
+            _ => Some(Value::Composite(components)),
+        }
+    }
+}
+
+fn by_location<F: Number>(
+    module: &Module,
+    function: &naga::Function,
+    outcome: Outcome<F>,
+) -> BTreeMap<u32, Value<F>> {
+    let outputs = preshade_passes::reflect::outputs(module, function);
+    let values = match outcome.result {
+        Some(Value::Composite(parts))
+            if function
+                .result
+                .as_ref()
+                .is_some_and(|r| r.binding.is_none()) =>
+        {
+            parts
+        }
+        Some(one) => vec![one],
+        None => Vec::new(),
+    };
+    outputs
+        .iter()
+        .zip(values)
+        .filter_map(|(output, value)| match output.binding {
+            Some(naga::Binding::Location { location, .. }) => Some((location, value)),
+            _ => None,
+        })
+        .collect()
+}
+
+/// Why an evaluation stopped, in a user's words.
+pub fn said(stuck: Stuck) -> String {
+    match stuck {
+        Stuck::Undecided(_) => {
+            "what a branch or an index rests on differs within a triangle, or by a rounding"
+                .to_owned()
+        }
+        Stuck::Steps => "it takes too many steps".to_owned(),
+        Stuck::Unsupported(what) => {
+            let name: String = what
+                .chars()
+                .take_while(char::is_ascii_alphanumeric)
+                .collect();
+            format!("`{name}` is not bounded")
+        }
+        other => other.to_string(),
+    }
+}
+
+/// The uniforms and buffers of a draw that have a value.
+pub fn resources<F: Number>(
+    module: &Module,
+    bound: &DrawBindings,
+) -> BTreeMap<(u32, u32), Value<F>> {
+    let globals = module.global_variables.iter();
+    globals
+        .filter_map(|(_, global)| {
+            let at = global.binding.as_ref()?;
+            Some(((at.group, at.binding), resource(module, global, bound)?))
+        })
+        .collect()
+}
+
+/// What a variable holds in a draw, where that is a buffer.
+pub fn resource<F: Number>(
+    module: &Module,
+    global: &GlobalVariable,
+    bound: &DrawBindings,
+) -> Option<Value<F>> {
+    let at = global.binding.as_ref()?;
+    let at = (at.group, at.binding);
+    let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
+    evaluate::from_bytes(module, global.ty, &buffer.data.bytes)
+}
+
+/// The vertex that the draw's `at`-th corner is.
+pub fn index(bound: &DrawBindings, at: u32) -> Option<u32> {
+    let Some(indices) = &bound.indices else {
+        return Some(at);
+    };
+    let bytes = &indices.data.bytes;
+    let at = at as usize;
+    match indices.format {
+        wgpu::IndexFormat::Uint16 => bytes
+            .as_chunks::<2>()
+            .0
+            .get(at)
+            .map(|b| u32::from(u16::from_le_bytes(*b))),
+        wgpu::IndexFormat::Uint32 => bytes
+            .as_chunks::<4>()
+            .0
+            .get(at)
+            .map(|b| u32::from_le_bytes(*b)),
+    }
+}
