@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
+use preshade::emit::{self, Target};
 use preshade::measure::{self, Counter};
 use preshade::passes::contract::Assumption;
 use preshade::passes::pass::Facts;
@@ -721,6 +722,38 @@ fn a_jump_of_what_is_interpolated_needs_a_budget() {
             .given()
             .contains(&Assumption::FilteredTextures)
     );
+}
+
+#[test]
+fn texts() {
+    let body = "return vec4(in.uv, 0.5, 1.0) * object.tint;";
+    let scene = floor(shader("texts", "", "", "", body));
+    let mut out = String::new();
+    for recipe in [
+        "visibility-buffer:select=tiles,corners=snapped",
+        "visibility-buffer:form=binned,words=one",
+    ] {
+        let plan = split(&originals(&scene)[0], recipe);
+        let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+        for file in files {
+            if file.name.ends_with(".wgsl") && !file.name.contains("original") {
+                let text = String::from_utf8(file.bytes).unwrap();
+                out.push_str(&format!("---- {}\n{text}\n", file.name));
+            }
+        }
+        for compute in &plan.compute {
+            let bound: Vec<&str> = compute.bindings.iter().map(|b| b.name.as_str()).collect();
+            out.push_str(&format!(
+                "compute {} {:?} {:?} {:?}: {}\n",
+                compute.entry_point,
+                compute.when,
+                compute.draws,
+                compute.geometry,
+                bound.join(", ")
+            ));
+        }
+    }
+    insta::assert_snapshot!(out);
 }
 
 #[test]
