@@ -14,6 +14,7 @@ use crate::recipe::Recipe;
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant,
 };
+use crate::report::Budget;
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
@@ -334,6 +335,27 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
         changed = true;
     }
     changed.then_some(recipe)
+}
+
+/// The recipe with its hoists under a promise of `budget`, and what they chose written out: what a host is given of a variant that was found to be within it. `None` if nothing is hoisted as an
+/// approximation.
+pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe> {
+    let mut recipe = recipe.clone();
+    let mut changed = false;
+    for step in &mut recipe.steps {
+        if step.pass != Hoist::INFO.name || !step.params.contains_key("budget") {
+            continue;
+        }
+        step.params.insert("budget".to_owned(), budget.most.into());
+        step.params.remove("metric");
+        if budget.metric != hoist::Metric::default() {
+            step.params
+                .insert("metric".to_owned(), budget.name().into());
+        }
+        changed = true;
+    }
+    let written = written_out(&recipe, facts).unwrap_or(recipe);
+    changed.then_some(written)
 }
 
 /// The threshold with the fewest digits that chooses what the one at `index` does.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::choose;
 use super::single::{Candidates, Stages};
-use super::travel::{self, Class, Finite, Judged, Stays, Verdict};
+use super::travel::{self, Class, Finite, Judged, Precision, Stays, Verdict};
 use super::values::{ValueId, Values};
 use super::{Material, Params, name, span};
 use crate::graph::FunctionId;
@@ -35,7 +35,7 @@ pub(super) fn judge(
     let verdicts = match &params.carry {
         Some(carry) => {
             let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-            as_chosen(values, &assumed.verdicts, &carry, params.finite)
+            as_chosen(values, &assumed.verdicts, &carry, params.finite, &precision)
         }
         None => as_measured(values, &assumed.verdicts, &measured, params),
     };
@@ -51,10 +51,11 @@ fn as_chosen(
     assumed: &[Verdict],
     carry: &BTreeSet<&str>,
     finite: Finite,
+    precision: &Precision,
 ) -> Vec<Verdict> {
     let chosen = find(values, assumed, carry);
     let mut verdicts = match finite {
-        Finite::Proved => travel::proved(values, assumed.to_vec()),
+        Finite::Proved => travel::proved(values, precision, assumed.to_vec()),
         Finite::Assumed => assumed.to_vec(),
     };
     for (v, verdict) in verdicts.iter_mut().enumerate() {
