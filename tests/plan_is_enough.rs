@@ -60,6 +60,10 @@ enum Case {
     Unindexed,
     /// Shaded from ids in a compute pass.
     Computed,
+    /// Shaded from ids in tiles.
+    Tiled,
+    /// Shaded from ids in a compute pass, sorted by instance.
+    Binned,
 }
 
 /// Fields that a renderer does not act on, each with what stands for it instead.
@@ -190,7 +194,7 @@ const INFORMATIVE: &[(&str, &str)] = &[
 /// One mutation a field: the case, a JSON pointer into its `plan.json`, the value to put there, and what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
-    use Case::{Adaptive, Alone, Computed, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Unindexed};
+    use Case::{Adaptive, Alone, Binned, Computed, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Tiled, Unindexed};
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
@@ -296,6 +300,13 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Computed, "/compute/0/when/phase", json!("depth"), Redrawn),
         (Computed, "/compute/0/workgroup", json!(16), Redrawn),
         (Computed, "/compute/0/bindings/9/source/location", json!(1), Refused("which no pass draws to")),
+        (Tiled, "/frame_buffers/0/name", json!("elsewhere"), Refused("has no buffer `visibility-quads`")),
+        (Tiled, "/frame_buffers/0/holds", json!("pixels"), Refused("and no arguments")),
+        (Tiled, "/passes/1/geometry/buffer", json!("visibility-quad-tiles"), Refused("and no arguments")),
+        (Tiled, "/passes/1/geometry/kind", json!("full-screen"), Redrawn),
+        (Tiled, "/passes/1/bindings/9/source/part/frame/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
+        (Tiled, "/compute/0/draws", json!("all"), Redrawn),
+        (Binned, "/compute/3/geometry/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
         (Unindexed, "/passes/0/geometry/kind", json!("as-given"), Redrawn),
         (Lit, "/files/0/role", json!("prepass"), Refused("not those of its passes")),
         (Lit, "/files/0/vertex/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
@@ -461,7 +472,7 @@ fn scene_of(case: Case) -> Scene {
             scene.draws[0].values.insert("object.tint".to_owned(), half);
             scene
         }
-        Case::Ids | Case::Unindexed | Case::Computed => {
+        Case::Ids | Case::Unindexed | Case::Computed | Case::Tiled | Case::Binned => {
             let mut scene = lit();
             let mut smaller = scene.draws[0].clone();
             smaller.name = "smaller".to_owned();
@@ -494,6 +505,8 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
         Case::Ids => Some("visibility-buffer"),
         Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id"),
         Case::Computed => Some("visibility-buffer:form=compute"),
+        Case::Tiled => Some("visibility-buffer:select=tiles"),
+        Case::Binned => Some("visibility-buffer:form=binned"),
         Case::Lit | Case::Sampled | Case::Glass | Case::Mask | Case::Alone => None,
     };
     let plans: Vec<Plan> = originals(scene)

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
+use preshade::emit::{self, Target};
 use preshade::measure::{self, Counter};
 use preshade::passes::contract::Assumption;
 use preshade::passes::pass::Facts;
@@ -19,7 +20,7 @@ use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
 /// The forms that must all draw alike.
-const FORMS: [&str; 10] = [
+const FORMS: [&str; 14] = [
     "visibility-buffer",
     "visibility-buffer:select=id",
     "visibility-buffer:ids=unindexed",
@@ -30,6 +31,10 @@ const FORMS: [&str; 10] = [
     "visibility-buffer:vertex=sliced",
     "visibility-buffer:vertex=sliced,invariant=as-written,ids=unindexed",
     "visibility-buffer:invariant=add",
+    "visibility-buffer:select=tiles",
+    "visibility-buffer:select=tiles,form=compute",
+    "visibility-buffer:form=binned",
+    "visibility-buffer:form=binned,words=one,ids=unindexed",
 ];
 
 fn split(plan: &Plan, recipe: &str) -> Plan {
@@ -199,6 +204,50 @@ fn pattern() -> Arc<Image> {
     Arc::new(recipe.generate())
 }
 
+#[test]
+fn snapped_corners_are_where_the_rasteriser_puts_them() {
+    let size = 128.0;
+    let corners = [[-0.9, -0.8, 0.5], [0.95, -0.7, 0.5], [0.1, 0.9, 0.5]];
+    // Each a third of a step of 1/256 pixel off the grid, in clip space.
+    let at = |steps: f32| {
+        corners.map(|corner| {
+            let on_grid = |x: f32, by: f32| {
+                let pixel = ((x * 0.5 + 0.5) * size * 256.0).round() + by;
+                pixel / (size * 256.0) * 2.0 - 1.0
+            };
+            [
+                on_grid(corner[0], steps),
+                on_grid(corner[1], -steps),
+                corner[2],
+            ]
+        })
+    };
+    // A step of 1/256 pixel is some steps of 255.
+    let body = "return vec4(0.5 + 0.4 * sin(in.uv * 6000.0), 0.5, 1.0) * object.tint;";
+    let draw_at = |steps: f32, recipe: &str| {
+        let mut scene = scene(
+            [size as u32; 2],
+            vec![shader("ramp", "", "", "", body)],
+            vec![draw("triangle", Mat4::IDENTITY, [1.0; 4])],
+        );
+        scene.meshes = vec![mesh(&at(steps), None)];
+        // The same at each corner, wherever it is put.
+        let uv = corners.iter().flat_map(|p| [p[0] * 0.5, p[1] * 0.5]);
+        let uv = floats(2, uv.collect());
+        scene.meshes[0].streams.insert("uv".to_owned(), uv);
+        let plans: Vec<Plan> = originals(&scene).iter().map(|p| split(p, recipe)).collect();
+        render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text)
+    };
+    let on_grid = draw_at(0.0, "visibility-buffer");
+    let snapped = difference(
+        &on_grid,
+        &draw_at(0.33, "visibility-buffer:corners=snapped"),
+    );
+    let given = difference(&on_grid, &draw_at(0.33, "visibility-buffer"));
+    assert!(snapped.most <= 2, "{snapped:?}");
+    assert!(given.most > 5 && given.colors > 1000, "{given:?}");
+}
+
 /// A floor that reaches behind the viewer.
 fn floor(material: Material) -> Scene {
     let mut scene = scene(
@@ -251,9 +300,14 @@ fn builtins_are_made_again() {
     return vec4(side, in.at.x / 128.0, in.at.z * 0.9, 0.5 + 0.05 * in.at.w) * 0.9;
 }";
     let text = format!("{}{stage}", &text[..text.find("@fragment").unwrap()]);
-    for winding in [FrontFace::Ccw, FrontFace::Cw] {
+    for (winding, cull) in [
+        (FrontFace::Ccw, CullMode::None),
+        (FrontFace::Cw, CullMode::None),
+        (FrontFace::Ccw, CullMode::Back),
+        (FrontFace::Cw, CullMode::Front),
+    ] {
         let mut material = material("builtins", &text);
-        material.state.primitive.cull = CullMode::None;
+        material.state.primitive.cull = cull;
         material.state.primitive.front_face = winding;
         let mut scene = floor(material);
         let mut turned = scene.draws[0].clone();
@@ -340,6 +394,37 @@ fn three_draws() -> Scene {
 #[test]
 fn draws_of_several_materials_and_index_formats() {
     assert_rounds(&three_draws());
+}
+
+/// Two draws of some hundred instances each, which their numbers place: more than one workgroup sorts.
+#[test]
+fn instances_by_the_hundred() {
+    let source = "
+struct Camera { view_proj: mat4x4<f32> }
+struct Object { model: mat4x4<f32>, tint: vec4<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+struct Out { @builtin(position) at: vec4<f32>, @location(0) world: vec3<f32>, @location(1) @interpolate(flat) shade: f32 }
+@vertex fn vs(@location(0) position: vec3<f32>, @builtin(instance_index) instance: u32) -> Out {
+    let place = vec3(f32(instance % 30u) - 14.5, f32(instance / 30u) - 14.5, f32(instance % 7u) * 0.3);
+    let world = object.model * vec4(position * 0.8 + place, 1.0);
+    return Out(camera.view_proj * world, world.xyz, f32(instance % 11u) * 0.05);
+}
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> {
+    return vec4(0.3 + in.shade + 0.1 * sin(in.world), 1.0) * object.tint;
+}";
+    let mut crowd = material("crowd", source);
+    crowd.state.primitive.cull = CullMode::None;
+    let behind = Mat4::from_translation(Vec3::new(3.0, 2.0, -4.0));
+    let mut draws = vec![
+        draw("near", Mat4::IDENTITY, [0.9, 0.8, 0.7, 1.0]),
+        draw("far", behind, [0.5, 0.8, 0.9, 1.0]),
+    ];
+    (draws[0].instances, draws[1].instances) = (900, 610);
+    let mut scene = scene([203, 149], vec![crowd], draws);
+    let triangle = [[-0.5, -0.5, 0.0], [0.5, -0.4, 0.1], [0.0, 0.5, 0.0]];
+    scene.meshes = vec![mesh(&triangle, None)];
+    assert_rounds(&perspective(scene, Vec3::new(2.0, 3.0, 30.0), Vec3::ZERO));
 }
 
 #[test]
@@ -582,6 +667,93 @@ fn what_cannot_be_split_is_refused() {
         refused(&floor(shader("state", state, "", "", body))),
         "fragment-state"
     );
+}
+
+#[test]
+fn a_jump_of_what_is_interpolated_needs_a_budget() {
+    let with = |declared: &str, varyings: &str, given: &str, body: &str| {
+        shader("jump", declared, varyings, given, body)
+    };
+    let nowhere = "let jumps = 0.0;";
+    let corner = "@location(2) @interpolate(flat) corner: f32,";
+    let jumping = [
+        "let jumps = step(0.3, in.uv.x);",
+        "let jumps = fract(in.world.x);",
+        "var jumps = 0.1; if sin(in.world.x) > 0.5 { jumps = 0.4; }",
+        "let jumps = f32(i32(in.uv.x * 4.0));",
+        "let jumps = floor(in.at.z * 9.0);",
+        "let jumps = textureGather(1, albedo, smooth_sampler, in.uv).x;",
+        "let jumps = step(0.2, fwidth(in.uv.x));",
+    ];
+    let steady = [
+        nowhere,
+        "let jumps = step(64.0, in.at.x);",
+        "let jumps = floor(in.at.yx).y * 0.001;",
+        "let jumps = floor(in.corner);",
+        "let jumps = max(normalize(in.world).x, 0.1);",
+        // Decided by the id pass.
+        "let jumps = 0.0; if in.uv.x > 0.7 { discard; }",
+    ];
+    let body =
+        |what: &str| format!("{what} return object.tint * (0.5 + 0.3 * jumps) + 0.1 * in.uv.x;");
+    let plan = |what: &str, recipe: &str| {
+        let material = with(TEXTURES, corner, "f32(index)", &body(what));
+        let recipe = Recipe::parse([recipe]).unwrap();
+        recipe.apply(&originals(&floor(material))[0], &Facts::default())
+    };
+    for what in jumping {
+        let refusal = plan(what, "visibility-buffer").unwrap_err();
+        assert_eq!(refusal.code, "discontinuous", "{what}");
+        assert!(refusal.location.is_some(), "{what}");
+        let kept = plan(what, "visibility-buffer:budget=0.02").unwrap();
+        assert_eq!(kept.contract.kind(), "approximate", "{what}");
+    }
+    for what in steady {
+        let split = plan(what, "visibility-buffer").unwrap();
+        assert_eq!(split.contract.kind(), "rounding", "{what}");
+        let filtered = Assumption::FilteredTextures;
+        assert!(!split.contract.given().contains(&filtered), "{what}");
+    }
+    let sampled = "let jumps = textureSample(albedo, smooth_sampler, in.uv).x;";
+    let split = plan(sampled, "visibility-buffer").unwrap();
+    assert!(
+        split
+            .contract
+            .given()
+            .contains(&Assumption::FilteredTextures)
+    );
+}
+
+#[test]
+fn texts() {
+    let body = "return vec4(in.uv, 0.5, 1.0) * object.tint;";
+    let scene = floor(shader("texts", "", "", "", body));
+    let mut out = String::new();
+    for recipe in [
+        "visibility-buffer:select=tiles,corners=snapped",
+        "visibility-buffer:form=binned,words=one",
+    ] {
+        let plan = split(&originals(&scene)[0], recipe);
+        let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+        for file in files {
+            if file.name.ends_with(".wgsl") && !file.name.contains("original") {
+                let text = String::from_utf8(file.bytes).unwrap();
+                out.push_str(&format!("---- {}\n{text}\n", file.name));
+            }
+        }
+        for compute in &plan.compute {
+            let bound: Vec<&str> = compute.bindings.iter().map(|b| b.name.as_str()).collect();
+            out.push_str(&format!(
+                "compute {} {:?} {:?} {:?}: {}\n",
+                compute.entry_point,
+                compute.when,
+                compute.draws,
+                compute.geometry,
+                bound.join(", ")
+            ));
+        }
+    }
+    insta::assert_snapshot!(out);
 }
 
 #[test]

@@ -30,6 +30,8 @@ pub enum Assumption {
     SameDrawOrder,
     /// The vertex and the fragment stage compute the same bits from the same inputs: whichever of its products a compiler fuses with a sum, it fuses in both.
     StagesAgree,
+    /// Textures that are sampled at interpolated coordinates are filtered, within a level and between levels: a nearest sampler jumps.
+    FilteredTextures,
     /// Varyings, constants of the draw and texels are no further from 0 than 4, and what is divided by of the draw no nearer than a quarter: a rounding meets no larger factor.
     OrdinaryNumbers,
     /// Varyings and constants of the draw lie where they lay in the frames of the scene the variant was made for, and texels no further from 0 than 4.

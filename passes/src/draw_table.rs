@@ -1,10 +1,10 @@
 //! The draw table: what a host must know of each draw of a frame whose pixels are shaded from ids.
 //!
 //! An id names an instance of a draw and a triangle of it. `x` is 0 where nothing was drawn, else `1 + first_id + instance_index - first_instance`; `y` is the
-//! triangle, counted from 0 in each instance. The first ids of a frame's draws follow each other: that of the first is 0, and each draw takes as many ids as it has
+//! triangle, counted from 0 in each instance, its highest bit set where a material that asks for its side shows its back. The first ids of a frame's draws follow each other: that of the first is 0, and each draw takes as many ids as it has
 //! instances. All draws of all materials of the frame share the one numbering, in any order that stays the same within the frame.
 //!
-//! Ids of one word are `x << bits | y`. How many bits a triangle takes follows from the draws of the frame ([`triangle_bits`]), so that it is the host's to say: in each draw's
+//! Ids of one word are `x << bits | y`, the highest of these bits being that of the side. How many bits a triangle takes follows from the draws of the frame ([`triangle_bits`]), so that it is the host's to say: in each draw's
 //! entry, and in the first word of the table.
 
 use crate::geometry::Stream;
@@ -32,7 +32,7 @@ pub struct Entry {
     pub index_bytes: u32,
     /// `baseVertex` of the author's draw.
     pub base_vertex: i32,
-    /// Ids of one word: bits that hold the triangle, the same for all draws of the frame; else 0.
+    /// Ids of one word: bits that hold the triangle and its side, the same for all draws of the frame; else 0.
     pub triangle_bits: u32,
     /// The viewport in pixels: x, y, width, height.
     pub viewport: [f32; 4],
@@ -78,14 +78,14 @@ pub fn first_ids(instances: impl IntoIterator<Item = u32>) -> Result<Vec<u32>, u
     }
 }
 
-/// Bits that a triangle takes in ids of one word, of draws with so many instances and triangles an instance. `None` where they do not fit.
+/// Bits that a triangle and its side take in ids of one word, of draws with so many instances and triangles an instance. `None` where they do not fit.
 pub fn triangle_bits(draws: impl IntoIterator<Item = (u32, u32)>) -> Option<u32> {
     let (instances, triangles) = draws
         .into_iter()
         .fold((0_u64, 1_u32), |(sum, most), (instances, triangles)| {
             (sum + u64::from(instances), most.max(triangles))
         });
-    let bits = u32::BITS - (triangles - 1).leading_zeros();
+    let bits = u32::BITS - (triangles - 1).leading_zeros() + 1;
     // 0 is nothing.
     let fits = bits < u32::BITS && (instances + 1) << bits <= 1 << u32::BITS;
     fits.then_some(bits)
@@ -104,12 +104,12 @@ mod tests {
 
     #[test]
     fn bits_are_split_by_the_counts() {
-        assert_eq!(triangle_bits([(1, 1)]), Some(0));
-        assert_eq!(triangle_bits([(10, 4), (3, 5)]), Some(3));
-        // 4 triangles take 2 bits, which leaves 30 for the instances and for nothing.
-        assert_eq!(triangle_bits([((1 << 30) - 1, 4)]), Some(2));
-        assert_eq!(triangle_bits([(1 << 30, 4)]), None);
-        assert_eq!(triangle_bits([(400_000, 4)]), Some(2));
+        assert_eq!(triangle_bits([(1, 1)]), Some(1));
+        assert_eq!(triangle_bits([(10, 4), (3, 5)]), Some(4));
+        // 4 triangles and their sides take 3 bits, which leaves 29 for the instances and for nothing.
+        assert_eq!(triangle_bits([((1 << 29) - 1, 4)]), Some(3));
+        assert_eq!(triangle_bits([(1 << 29, 4)]), None);
+        assert_eq!(triangle_bits([(400_000, 4)]), Some(3));
         assert_eq!(triangle_bits([(2, u32::MAX)]), None);
     }
 

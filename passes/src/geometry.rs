@@ -19,6 +19,13 @@ pub enum Geometry {
     Unindexed,
     /// Three vertices that cover the screen, once for each draw: `draw(3, 1)`.
     FullScreen,
+    /// What the draw's entry in a buffer of the frame says, whose first words are the arguments: `drawIndirect` or `dispatchWorkgroupsIndirect` at 32 times the draw's number.
+    Indirect {
+        /// Name of the buffer, which holds `draws`.
+        buffer: String,
+    },
+    /// The draw's instances, in a compute pass.
+    Instances,
 }
 
 impl Geometry {
@@ -30,7 +37,11 @@ impl Geometry {
     /// The subdivision, if there is one.
     pub fn subdivision(&self) -> Option<&Subdivision> {
         match self {
-            Self::AsGiven | Self::Unindexed | Self::FullScreen => None,
+            Self::AsGiven
+            | Self::Unindexed
+            | Self::FullScreen
+            | Self::Indirect { .. }
+            | Self::Instances => None,
             Self::Subdivided(subdivision) => Some(subdivision),
         }
     }

@@ -44,7 +44,7 @@ pub fn of_compute(pass: &ComputePass) -> BTreeMap<String, u64> {
     let mut needed = of_bindings(&pass.bindings, &count);
     let side = u64::from(pass.workgroup);
     let invocations = match pass.geometry {
-        Geometry::FullScreen => side * side,
+        Geometry::FullScreen | Geometry::Indirect { .. } => side * side,
         _ => side,
     };
     needed.extend([

@@ -210,6 +210,11 @@ pub enum GeometryPart {
         /// Formats that these attributes may be stored in.
         formats: Formats,
     },
+    /// A buffer of the frame, one of the plan's [`FrameBuffer`]s.
+    Frame {
+        /// Name of the buffer.
+        buffer: String,
+    },
     /// The frame's draw table: the bits of a triangle, then the first id of each draw, ascending, four bytes each ([`crate::draw_table::table`]).
     DrawTable,
 }
@@ -313,15 +318,23 @@ pub struct AttributeUse {
 }
 
 /// Which draws of the material a pass draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Draws {
     /// All of them.
+    #[default]
     All,
     /// The opaque ones only.
     Opaque,
     /// None: once for the frame. Where several plans have the same such pass, one of them stands for all.
     Once,
+}
+
+impl Draws {
+    /// Whether all are included.
+    pub fn is_all(&self) -> bool {
+        *self == Self::All
+    }
 }
 
 /// One GPU pass of a plan.
@@ -375,6 +388,42 @@ pub struct VertexBuffer {
     pub stride: u32,
 }
 
+/// A buffer that the compute passes of a frame fill, and which later passes read: one for the frame, which all plans that name it share. Its words are 0 at the start of a frame.
+/// It needs the usage `STORAGE`, and `INDIRECT` where a pass is drawn or run by it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct FrameBuffer {
+    /// The name passes refer to.
+    pub name: String,
+    /// What its words are of.
+    pub holds: FrameWords,
+}
+
+/// What the words of a frame's buffer are of. Draws, instances and their order are those of the draw table ([`crate::draw_table`]); pixels those of the scene's colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrameWords {
+    /// Eight for each draw, the first four being arguments of an indirect call, and eight more behind them.
+    Draws,
+    /// For each draw one for each square of 8x8 pixels.
+    Tiles,
+    /// One for each instance.
+    Instances,
+    /// One for each pixel.
+    Pixels,
+}
+
+impl FrameWords {
+    /// How many words a frame of so many draws, instances and pixels (width and height) has.
+    pub fn count(self, draws: u64, instances: u64, [width, height]: [u32; 2]) -> u64 {
+        match self {
+            Self::Draws => (draws + 1) * 8,
+            Self::Tiles => draws * u64::from(width.div_ceil(8)) * u64::from(height.div_ceil(8)),
+            Self::Instances => instances,
+            Self::Pixels => u64::from(width) * u64::from(height),
+        }
+    }
+}
+
 /// When a compute pass runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
@@ -417,10 +466,14 @@ pub struct ComputePass {
     /// Entry point.
     pub entry_point: String,
     /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
-    /// `x`, they go on in `y`. Of `full-screen` geometry the side of a square workgroup: a draw needs one invocation for each pixel of the scene's colour.
+    /// `x`, they go on in `y`. Of `full-screen` and `indirect` geometry the side of a square workgroup: a draw needs one invocation for each pixel of the
+    /// scene's colour, or as many workgroups as its entry says. Of `instances` a draw needs one invocation for each of its instances, in rows as new vertices.
     pub workgroup: u32,
-    /// What it is run over: new vertices, or the pixels of the screen.
+    /// What it is run over: new vertices, the pixels of the screen, instances, or what a frame's buffer says.
     pub geometry: Geometry,
+    /// Draws that it is run for.
+    #[serde(default, skip_serializing_if = "Draws::is_all")]
+    pub draws: Draws,
     /// Bindings its entry point uses; their stage is the compute stage.
     pub bindings: Vec<BindingUse>,
     /// When it runs.
@@ -532,7 +585,10 @@ pub struct Plan {
     /// Buffers of computed vertices.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub vertex_buffers: Vec<VertexBuffer>,
-    /// Compute work ahead of all passes, for each draw of the material.
+    /// Buffers of the frame.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frame_buffers: Vec<FrameBuffer>,
+    /// Compute work, for each draw of the material.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub compute: Vec<ComputePass>,
     /// GPU passes in the order they run.
@@ -618,6 +674,7 @@ impl Plan {
                 state.multisample.count,
             )],
             vertex_buffers: Vec::new(),
+            frame_buffers: Vec::new(),
             compute: Vec::new(),
             passes: vec![pass],
             steps: Vec::new(),

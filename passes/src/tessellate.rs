@@ -34,7 +34,7 @@ use crate::geometry::{Form, Geometry, Subdivision};
 use crate::graph::{FunctionId, Graph};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
-use crate::plan::{BindingKind, BindingSource, BindingUse, ComputePass, GeometryPart};
+use crate::plan::{BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart};
 use crate::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
 use crate::program::Program;
 use crate::reflect;
@@ -433,6 +433,7 @@ impl Material<'_> {
             program: COMPUTE.to_owned(),
             entry_point,
             workgroup: text::WORKGROUP,
+            draws: Draws::All,
             geometry: Geometry::Subdivided(subdivision.clone()),
             bindings,
             when: match form {

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! What a fragment took from the rasteriser is made again: barycentrics from homogeneous edge functions, right for triangles that reach behind the viewer; each varying by its
-//! own interpolation; gradients as differences between pixels of the quad on the same triangle; facing from the sign of a determinant.
+//! own interpolation; gradients as differences between pixels of the quad on the same triangle; facing from a bit of the id.
 //!
 //! It hurts where little is hidden, where vertices are dear (each pixel runs three), and where neighbouring pixels show far-apart instances, whose data no cache holds.
 
@@ -44,7 +44,9 @@ use crate::state::{
 mod count;
 mod gradients;
 mod ids;
+mod jumps;
 mod legal;
+mod lists;
 mod parts;
 mod resolve;
 mod stage;
@@ -53,6 +55,8 @@ mod text;
 pub use count::counted;
 use gradients::Failed;
 use ids::Triangles;
+use jumps::Reached;
+use lists::Lists;
 use parts::{parts, slots};
 use resolve::{Built, Resolve, Runs};
 use text::Slots;
@@ -112,6 +116,8 @@ pub enum Select {
     Depth,
     /// By looking at the id, in the fragment stage: no further pass, for frames of one draw or few.
     Id,
+    /// By a list of the tiles that show the draw, which a compute pass makes; within a tile by looking at the id.
+    Tiles,
 }
 
 /// Where pixels are shaded.
@@ -123,6 +129,20 @@ pub enum Form {
     Fragment,
     /// In a compute pass over the screen, which writes the colour as a storage texture.
     Compute,
+    /// As `compute`, over pixels that compute passes have sorted by instance: neighbouring invocations fetch the same instance's data.
+    Binned,
+}
+
+/// Where the corners of a triangle lie when a resolve interpolates between them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Corners {
+    /// Where the vertex stage puts them: nearest to what the author means, and to rasterisers that interpolate from unsnapped positions.
+    #[default]
+    AsGiven,
+    /// On the nearest 1/256 of a pixel, where rasterisers put them (Direct3D asks for 8 bits; Vulkan reports `subPixelPrecisionBits`), if the triangle is not clipped: for those that
+    /// interpolate from there.
+    Snapped,
 }
 
 /// Parameters.
@@ -135,10 +155,12 @@ pub struct Params {
     pub ids: Ids,
     /// Words of an id.
     pub words: Words,
-    /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id.
+    /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id unless it has tiles; `form=binned` has a list of the draw's own pixels.
     pub select: Select,
     /// Formats that the attributes of vertices may be stored in.
     pub formats: Formats,
+    /// Where the corners of a triangle lie when the resolve interpolates between them.
+    pub corners: Corners,
     /// Vertex stage of the id pass: the author's whole one with the id beside its outputs, or its slice. Default: `sliced` where the author's position is `@invariant`, else `same`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
@@ -155,7 +177,10 @@ impl Params {
     fn select(&self) -> Select {
         match self.form {
             Form::Fragment => self.select,
+            Form::Compute if self.select == Select::Tiles => Select::Tiles,
             Form::Compute => Select::Id,
+            // Pixels of other draws are not listed.
+            Form::Binned => Select::Depth,
         }
     }
 
@@ -300,8 +325,13 @@ impl<'a> Material<'a> {
             VertexStage::Same => "the author's vertex stage",
             VertexStage::Sliced => "position",
         };
+        let over = match Lists::of(params) {
+            Lists::None => "a full-screen resolve",
+            Lists::Quads | Lists::Groups => "a resolve of the tiles that show the draw",
+            Lists::Bins => "a resolve of the draw's pixels, sorted by instance,",
+        };
         format!(
-            "an id pass of {vertex}{covers}, triangles {triangles}; a full-screen resolve that runs the vertex stage for three corners and the fragment stage once a pixel"
+            "an id pass of {vertex}{covers}, triangles {triangles}; {over} that runs the vertex stage for three corners and the fragment stage once a pixel"
         )
     }
 
@@ -326,15 +356,20 @@ impl<'a> Material<'a> {
             clear: ClearValue::Color([0.0; 4]),
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
-        if params.select() == Select::Depth {
+        if (params.form, params.select) == (Form::Fragment, Select::Depth) {
             self.classify(&mut next, params).map_err(bug)?;
         }
+        let lists = Lists::of(params);
+        lists
+            .add(&mut next, self.opaque.program, params.words)
+            .map_err(bug)?;
         match params.form {
             Form::Fragment => self.resolve(&mut next, params, slots)?,
-            Form::Compute => self.compute(&mut next, params, slots)?,
+            Form::Compute | Form::Binned => self.compute(&mut next, params, slots)?,
         }
         let k = self.site(params).cost.slice.ceil() as u32;
-        let given = self.assumptions(params);
+        let reached = self.reached(params)?;
+        let given = self.assumptions(params, &reached);
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
             site: self.depth.key(&self.opaque),
@@ -354,11 +389,36 @@ impl<'a> Material<'a> {
         Ok(next)
     }
 
+    /// What the roundings of interpolated values reach; refused where it is a jump, and no budget allows for one.
+    fn reached(&self, params: &Params) -> Result<Reached, Box<Refusal>> {
+        let program = self.opaque.program;
+        let (shaded, fragment) = resolve::shaded(program, self.fragment)
+            .map_err(|why| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why)))?;
+        let reached = jumps::reached(&shaded, fragment)
+            .map_err(|why| refuse("too-large", why.to_string(), "leave it as it is"))?;
+        match &reached.jump {
+            Some((operation, span)) if params.budget.is_none() => Err(Box::new(
+                refuse(
+                    "discontinuous",
+                    format!(
+                        "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
+                    ),
+                    "give budget=0.02, say, and let `verify` measure it",
+                )
+                .at(program.sources(), *span),
+            )),
+            _ => Ok(reached),
+        }
+    }
+
     /// What the promise rests on: that the id pass's depths and positions are those that the author's own pass would have, which the original's picture has and which
     /// materials that are not split are tested against.
-    fn assumptions(&self, params: &Params) -> Vec<Assumption> {
+    fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
         let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
+        given.extend(reached.samples.then_some(Assumption::FilteredTextures));
         given.extend([
+            // The resolve runs the vertex stage in another stage.
+            Assumption::StagesAgree,
             Assumption::SameViewport,
             Assumption::SameDrawOrder,
             Assumption::OrdinaryNeighbours,
@@ -404,7 +464,7 @@ impl<'a> Material<'a> {
             placed.fragment.as_deref(),
             &triangles,
             slots,
-            params.words,
+            (params.words, legal::facing(opaque, self.fragment)),
         )?;
         let entries = [
             (ShaderStage::Vertex, ids::VERTEX),
@@ -536,11 +596,13 @@ impl<'a> Material<'a> {
             fragment,
             vertex: opaque.vertex,
             attributes: &opaque.pass.attributes,
-            front_face: opaque.pass.primitive.front_face,
+            facing: legal::facing(opaque, self.fragment),
             select: params.select(),
             runs,
             formats: params.formats,
             words: params.words,
+            corners: params.corners,
+            lists: Lists::of(params),
         }
         .build(slots)
         .map_err(bug)
@@ -576,6 +638,8 @@ impl<'a> Material<'a> {
                     layout: None,
                 }),
         );
+        let lists = Lists::of(params);
+        known.extend(lists.bindings(slots.group, first + targets.len() as u32));
         known.extend(pass.bindings.iter().cloned());
         let mut resolve = ComputePass {
             program: Role::Resolve.name().to_owned(),
@@ -584,7 +648,8 @@ impl<'a> Material<'a> {
                 phase: Phase::Resolve,
             },
             workgroup: resolve::WORKGROUP,
-            geometry: Geometry::FullScreen,
+            geometry: lists.geometry(),
+            draws: Draws::Opaque,
             bindings: known,
             features: Vec::new(),
             limits: BTreeMap::new(),
@@ -633,7 +698,10 @@ impl<'a> Material<'a> {
             .program
             .with_module(place::retain(&built.module, &entries))
             .map_err(|e| bug(e.to_string()))?;
+        let lists = Lists::of(params);
         let mut bindings = parts(slots, &built.attributes, params.formats);
+        let first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
+        bindings.extend(lists.bindings(slots.group, first));
         bindings.extend(opaque.pass.bindings.iter().cloned());
         let mut pass = GpuPass {
             role: Role::Resolve,
@@ -652,6 +720,7 @@ impl<'a> Material<'a> {
             }),
             bindings,
             draws: Draws::Opaque,
+            geometry: lists.geometry(),
             ..self.full_screen()
         };
         for target in pass.targets.iter_mut().flatten() {

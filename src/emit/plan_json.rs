@@ -59,6 +59,7 @@ impl PlanFile {
                 attachments: original.attachments,
                 passes: original.passes,
                 vertex_buffers: Vec::new(),
+                frame_buffers: Vec::new(),
                 compute: Vec::new(),
                 steps: Vec::new(),
                 contract: Contract::exact(),

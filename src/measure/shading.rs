@@ -5,7 +5,7 @@
 
 use naga::{Literal, ShaderStage};
 use preshade_passes::pass::Facts;
-use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
+use preshade_passes::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
@@ -391,7 +391,8 @@ fn counting_plan(
     }
     // What a compute pass shades is counted by a pass over the same pixels.
     for compute in std::mem::take(&mut out.compute) {
-        if compute.when.phase().is_none() {
+        let shades = |b: &BindingUse| matches!(b.source, BindingSource::SceneColor { .. });
+        if !compute.bindings.iter().any(shades) {
             out.compute.push(compute);
             continue;
         }

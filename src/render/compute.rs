@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::geometry::Geometry;
-use preshade_passes::plan::{Plan, When};
+use preshade_passes::plan::{ComputePass, Draws, Plan, When};
 
 use super::Error;
-use super::drawn::DrawTable;
+use super::drawn::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
 use super::layout::{self, Made, Stages};
@@ -24,7 +24,12 @@ pub(super) struct PreparedCompute {
 
 struct Dispatch {
     groups: Vec<(u32, wgpu::BindGroup)>,
-    workgroups: [u32; 2],
+    workgroups: Workgroups,
+}
+
+enum Workgroups {
+    Of([u32; 2]),
+    Indirect(Arguments),
 }
 
 /// The compute passes of all plans, in order.
@@ -41,8 +46,15 @@ pub(super) fn prepare(
 ) -> Result<Vec<PreparedCompute>, Error> {
     let (gpu, scene) = (inputs.gpu(), inputs.scene());
     let mut prepared = Vec::new();
+    // Those that stand for the same ones of all plans.
+    let mut once: Vec<&ComputePass> = Vec::new();
     for (plan, stages) in variant.compute() {
         for (pass, stage) in plan.compute.iter().zip(stages) {
+            let is_once = pass.draws == Draws::Once;
+            if is_once && once.contains(&pass) {
+                continue;
+            }
+            once.extend(is_once.then_some(pass));
             let failed = |message: String| failed(plan, message);
             let what = format!("the compute pass of material `{}`", plan.material);
             for feature in &pass.features {
@@ -55,9 +67,14 @@ pub(super) fn prepare(
             let mut pipeline = None;
             let mut dispatches = Vec::new();
             for (index, draw) in scene.draws.iter().enumerate() {
-                let name = scene.materials.get(draw.material).map(|m| &m.name);
-                let Some(bound) = inputs.draw(index).filter(|_| name == Some(&plan.material))
-                else {
+                let material = scene.materials.get(draw.material);
+                let Some(material) = material.filter(|m| m.name == plan.material) else {
+                    continue;
+                };
+                if pass.draws == Draws::Opaque && material.state.is_blended() {
+                    continue;
+                }
+                let Some(bound) = inputs.draw(index) else {
                     continue;
                 };
                 let subdivided = meshes
@@ -69,11 +86,19 @@ pub(super) fn prepare(
                 let (made, workgroups) = match (&subdivided, &pass.geometry) {
                     (Some(subdivided), _) => (
                         Made::Subdivided(subdivided),
-                        subdivided.mesh.workgroups(pass.workgroup),
+                        Workgroups::Of(subdivided.mesh.workgroups(pass.workgroup)),
                     ),
                     (None, Geometry::FullScreen) => (
                         Made::Drawn(&drawn),
-                        scene.size.map(|s| s.div_ceil(pass.workgroup.max(1))),
+                        Workgroups::Of(scene.size.map(|s| s.div_ceil(pass.workgroup.max(1)))),
+                    ),
+                    (None, Geometry::Instances) => (
+                        Made::Drawn(&drawn),
+                        Workgroups::Of(rows(bound.instances, pass.workgroup)),
+                    ),
+                    (None, Geometry::Indirect { buffer }) => (
+                        Made::Drawn(&drawn),
+                        Workgroups::Indirect(table.arguments(buffer, &drawn).map_err(failed)?),
                     ),
                     (None, _) => return Err(failed("it computes no geometry".to_owned())),
                 };
@@ -95,6 +120,9 @@ pub(super) fn prepare(
                     groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
                     workgroups,
                 });
+                if is_once {
+                    break;
+                }
             }
             prepared.extend(pipeline.map(|pipeline| PreparedCompute {
                 pipeline,
@@ -103,7 +131,16 @@ pub(super) fn prepare(
             }));
         }
     }
+    // What runs behind one phase, over all materials, comes before what runs behind the next.
+    prepared.sort_by_key(|p| p.when.phase());
     Ok(prepared)
+}
+
+/// The workgroups that so many invocations take, in rows of the most that WebGPU runs in a dimension.
+pub(super) fn rows(invocations: u32, workgroup: u32) -> [u32; 2] {
+    let groups = invocations.div_ceil(workgroup.max(1));
+    let x = groups.min(65_535);
+    [x, groups.div_ceil(x.max(1))]
 }
 
 fn failed(plan: &Plan, message: String) -> Error {
@@ -181,8 +218,12 @@ fn encode_those<'p>(
             for (group, bindings) in &dispatch.groups {
                 compute.set_bind_group(*group, bindings, &[]);
             }
-            let [x, y] = dispatch.workgroups;
-            compute.dispatch_workgroups(x, y, 1);
+            match &dispatch.workgroups {
+                Workgroups::Of([x, y]) => compute.dispatch_workgroups(*x, *y, 1),
+                Workgroups::Indirect(Arguments { buffer, offset }) => {
+                    compute.dispatch_workgroups_indirect(buffer, *offset);
+                }
+            }
         }
     }
 }

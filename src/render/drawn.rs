@@ -1,8 +1,12 @@
 //! The draw table of a frame: what passes that work with ids, or draw without vertex buffers, bind of a draw.
 
+use std::collections::BTreeMap;
+
 use preshade_passes::draw_table::{self, Entry};
 use preshade_passes::geometry::{Formats, Stream, declared_format};
-use preshade_passes::plan::{Attachment, BindingSource, BindingUse, GeometryPart};
+use preshade_passes::plan::{
+    Attachment, BindingKind, BindingSource, BindingUse, FrameBuffer, FrameWords, GeometryPart, Plan,
+};
 
 use preshade_passes::visibility_buffer::{DRAWS, IDS, Words};
 
@@ -18,21 +22,33 @@ pub(super) struct DrawTable {
     viewport: [f32; 4],
     /// All first ids, for shaders.
     table: wgpu::Buffer,
+    /// The buffers of the frame, by name.
+    frame: BTreeMap<String, (FrameWords, wgpu::Buffer)>,
 }
 
 /// What one pass binds of a draw.
 pub(super) struct Drawn {
     entry: wgpu::Buffer,
     table: wgpu::Buffer,
+    /// The frame's buffers that it binds.
+    frame: BTreeMap<String, wgpu::Buffer>,
+    number: u64,
     pub triangles: u32,
 }
 
+/// An indirect call: the buffer with its arguments, and where they begin.
+#[derive(Clone, Debug)]
+pub(super) struct Arguments {
+    pub buffer: wgpu::Buffer,
+    pub offset: u64,
+}
+
 impl DrawTable {
-    /// Of all draws of a scene.
+    /// Of all draws of a scene, with the buffers that `plans` share.
     ///
     /// # Errors
-    /// In words: the draws have more instances than ids tell apart.
-    pub fn new(inputs: &SceneInputs<'_>) -> Result<Self, String> {
+    /// In words: the draws have more instances than ids tell apart, a buffer is larger than the adapter binds, or two plans say different things of one.
+    pub fn new(inputs: &SceneInputs<'_>, plans: &[Plan]) -> Result<Self, String> {
         let scene = inputs.scene();
         let draws = || (0..scene.draws.len()).map(|i| inputs.draw(i));
         let instances = draws().map(|d| d.map_or(0, |d| d.instances));
@@ -48,7 +64,26 @@ impl DrawTable {
         let triangle_bits = draw_table::triangle_bits(counts);
         let words = draw_table::table(triangle_bits.unwrap_or_default(), &first_ids);
         let table = buffer(inputs.gpu(), &words, wgpu::BufferUsages::STORAGE);
+        let instances = draws().flatten().map(|d| u64::from(d.instances)).sum();
+        let counts = (first_ids.len() as u64, instances, scene.size);
+        let mut frame = BTreeMap::new();
+        for planned in plans.iter().flat_map(|p| &p.frame_buffers) {
+            match frame.get(&planned.name) {
+                None => {
+                    let made = frame_buffer(inputs.gpu(), planned, counts)?;
+                    frame.insert(planned.name.clone(), (planned.holds, made));
+                }
+                Some((holds, _)) if *holds == planned.holds => {}
+                Some(_) => {
+                    return Err(format!(
+                        "two of its materials' plans say different things of the buffer `{}`",
+                        planned.name
+                    ));
+                }
+            }
+        }
         Ok(Self {
+            frame,
             viewport: viewport.map(|v| v as f32),
             first_ids,
             triangle_bits,
@@ -113,12 +148,81 @@ impl DrawTable {
         let words = entry
             .words()
             .ok_or("a vertex format is not one of WebGPU's")?;
+        let mut frame = BTreeMap::new();
+        for binding in bindings {
+            if let BindingSource::Geometry {
+                part: GeometryPart::Frame { buffer },
+            } = &binding.source
+            {
+                let (_, bound) = self.frame_buffer(buffer)?;
+                frame.insert(buffer.clone(), bound.clone());
+            }
+        }
         Ok(Drawn {
+            frame,
+            number: index as u64,
             entry: buffer(gpu, &words, wgpu::BufferUsages::UNIFORM),
             table: self.table.clone(),
             triangles: vertices(draw) / 3,
         })
     }
+
+    /// The arguments of an indirect call for a draw.
+    ///
+    /// # Errors
+    /// In words: there is no such buffer, or it has no entries of draws.
+    pub fn arguments(&self, buffer: &str, draw: &Drawn) -> Result<Arguments, String> {
+        match self.frame_buffer(buffer)? {
+            (FrameWords::Draws, found) => Ok(Arguments {
+                buffer: found.clone(),
+                offset: draw.number * 32,
+            }),
+            (other, _) => Err(format!(
+                "the buffer `{buffer}` holds {other:?}, and no arguments"
+            )),
+        }
+    }
+
+    fn frame_buffer(&self, name: &str) -> Result<&(FrameWords, wgpu::Buffer), String> {
+        let found = self.frame.get(name);
+        found.ok_or_else(|| format!("the frame has no buffer `{name}`"))
+    }
+
+    /// Clears the frame's buffers.
+    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
+        for (_, buffer) in self.frame.values() {
+            encoder.clear_buffer(buffer, 0, None);
+        }
+    }
+}
+
+/// A buffer of the frame, of so many draws, instances and pixels.
+fn frame_buffer(
+    gpu: &Gpu,
+    planned: &FrameBuffer,
+    (draws, instances, size): (u64, u64, [u32; 2]),
+) -> Result<wgpu::Buffer, String> {
+    let bytes = planned.holds.count(draws, instances, size).max(1) * 4;
+    let most = gpu.device.limits().max_storage_buffer_binding_size;
+    if bytes > most {
+        return Err(format!(
+            "the buffer `{}` would have {bytes} bytes, and the adapter binds {most} at most (maxStorageBufferBindingSize)",
+            planned.name
+        ));
+    }
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let indirect = match planned.holds {
+        FrameWords::Draws => wgpu::BufferUsages::INDIRECT,
+        FrameWords::Tiles | FrameWords::Instances | FrameWords::Pixels => {
+            wgpu::BufferUsages::empty()
+        }
+    };
+    Ok(gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(&planned.name),
+        size: bytes,
+        usage: usage | indirect,
+        mapped_at_creation: false,
+    }))
 }
 
 /// Vertices that an instance draws, each index one.
@@ -158,8 +262,17 @@ fn check_formats(
 
 impl Drawn {
     /// What a part of the geometry is bound to; `None` where it is a part of the draw itself.
-    pub fn part(&self, part: &GeometryPart) -> Option<(&wgpu::Buffer, wgpu::BufferBindingType)> {
+    pub fn part(
+        &self,
+        binding: &BindingUse,
+        part: &GeometryPart,
+    ) -> Option<(&wgpu::Buffer, wgpu::BufferBindingType)> {
+        let read_only = binding.kind == BindingKind::StorageRead;
         match part {
+            GeometryPart::Frame { buffer } => Some((
+                self.frame.get(buffer)?,
+                wgpu::BufferBindingType::Storage { read_only },
+            )),
             GeometryPart::Draw { .. } => Some((&self.entry, wgpu::BufferBindingType::Uniform)),
             GeometryPart::DrawTable => Some((
                 &self.table,

@@ -7,7 +7,7 @@ use preshade_passes::geometry::Geometry;
 use preshade_passes::plan::{Draws, Phase, When};
 use preshade_passes::state::StoreOp;
 
-use super::drawn::DrawTable;
+use super::drawn::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
 use super::layout::Made;
@@ -62,6 +62,7 @@ pub struct Prepared<'a> {
     targets: Targets,
     compute: Vec<compute::PreparedCompute>,
     meshes: Meshes,
+    table: DrawTable,
     passes: Vec<PreparedPass>,
     clear_color: [f64; 4],
     /// What becomes of the samples of a colour target once it is resolved.
@@ -106,6 +107,8 @@ enum Call {
     Unindexed(u32),
     /// The whole screen.
     FullScreen,
+    /// What a buffer of the frame says.
+    Indirect(Arguments),
 }
 
 impl std::fmt::Debug for Prepared<'_> {
@@ -135,7 +138,7 @@ impl<'a> Prepared<'a> {
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
         let mut meshes = Meshes::new(scene.size);
-        let table = DrawTable::new(inputs)
+        let table = DrawTable::new(inputs, variant.plans())
             .and_then(|table| {
                 table.check(&variant.frame().attachments)?;
                 Ok(table)
@@ -223,6 +226,14 @@ impl<'a> Prepared<'a> {
                             (Some(subdivided), _) => Call::Subdivided(subdivided),
                             (None, Geometry::Unindexed) => Call::Unindexed(drawn.triangles * 3),
                             (None, Geometry::FullScreen) => Call::FullScreen,
+                            (None, Geometry::Indirect { buffer }) => {
+                                let arguments = table.arguments(buffer, &drawn);
+                                Call::Indirect(arguments.map_err(|m| found.failed(m))?)
+                            }
+                            (None, Geometry::Instances) => {
+                                let message = "instances are computed, not drawn".to_owned();
+                                return Err(found.failed(message));
+                            }
                             (None, _) => Call::AsGiven,
                         },
                     });
@@ -240,6 +251,7 @@ impl<'a> Prepared<'a> {
             pipelines: compute.len() + passes.iter().map(|p| p.pipelines.len()).sum::<usize>(),
             compute,
             meshes,
+            table,
             passes,
             clear_color: settings.clear_color,
             // What resolves is shown resolved: a host throws the samples away.
@@ -319,6 +331,7 @@ impl<'a> Prepared<'a> {
     /// Encodes the frame; each render pass is one query.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
         let mut done: Option<Phase> = None;
+        self.table.clear(encoder);
         compute::encode(&self.compute, When::is_frame, encoder);
         let last_color = self
             .passes
@@ -599,6 +612,10 @@ impl<'a> Prepared<'a> {
                 }
                 Call::FullScreen => {
                     render.draw(0..3, 0..1);
+                    continue;
+                }
+                Call::Indirect(Arguments { buffer, offset }) => {
+                    render.draw_indirect(buffer, *offset);
                     continue;
                 }
             }

@@ -70,7 +70,7 @@ impl<'a> Made<'a> {
             Self::Subdivided(subdivided) => return subdivided.part(b, part, draw),
             Self::Drawn(drawn) => drawn,
         };
-        if let Some(found) = drawn.part(part) {
+        if let Some(found) = drawn.part(b, part) {
             return Ok(found);
         }
         let buffer = match part {

@@ -10,6 +10,7 @@ use preshade_passes::tessellate::mesh::{self, Mesh};
 use serde::Serialize;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
+use super::compute::rows;
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, VertexInput};
 use crate::scene::bind::VertexAttribute;
@@ -303,11 +304,10 @@ impl SubdividedMesh {
 
     /// Workgroups of a compute pass over all new vertices.
     pub fn workgroups(&self, workgroup: u32) -> [u32; 2] {
-        let vertices = self.constants.vertices * self.constants.instances;
-        let groups = vertices.div_ceil(workgroup.max(1));
-        // WebGPU's limit for a dimension.
-        let x = groups.min(65_535);
-        [x, groups.div_ceil(x.max(1))]
+        rows(
+            self.constants.vertices * self.constants.instances,
+            workgroup,
+        )
     }
 
     /// Draws it; pipeline and bind groups are set.
@@ -345,7 +345,7 @@ impl Subdivided {
                 (None, None) => &mesh.pattern,
             },
             GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
-            GeometryPart::Draw { .. } | GeometryPart::DrawTable => {
+            GeometryPart::Draw { .. } | GeometryPart::DrawTable | GeometryPart::Frame { .. } => {
                 return Err("a pass that subdivides its geometry has no draw table".to_owned());
             }
         };

@@ -24,12 +24,14 @@ pub const RECIPES: [&str; 12] = [
 ];
 
 /// Recipes of several steps, separated by commas, shown to other compilers only: most of their text is the same for every material.
-pub const COMPOSED: [&str; 5] = [
+pub const COMPOSED: [&str; 7] = [
     "hoist:budget=0.02,finite=assumed,tessellate:level=3",
     "hoist:budget=0.02,finite=assumed,tessellate:level=2,pattern=uniform,form=shared",
     "hoist:budget=0.02,finite=assumed,tessellate:level=2,depth-prepass",
-    "visibility-buffer:formats=any",
-    "visibility-buffer:ids=unindexed,form=compute",
+    "visibility-buffer:formats=any,budget=1",
+    "visibility-buffer:ids=unindexed,form=compute,budget=1",
+    "visibility-buffer:select=tiles,budget=1",
+    "visibility-buffer:form=binned,words=one,corners=snapped,budget=1",
 ];
 
 /// A material of one file or two, with the default state.

@@ -239,6 +239,7 @@ fn compute(plan: &mut Plan, program: &Program, known: &[BindingUse]) {
             phase: Phase::Resolve,
         },
         workgroup: 8,
+        draws: Draws::All,
         geometry: Geometry::FullScreen,
         bindings: known.to_vec(),
         features: Vec::new(),

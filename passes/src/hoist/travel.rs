@@ -378,7 +378,7 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
 }
 
 /// The name of an operation whose result jumps.
-pub(super) fn jump(expression: &Expression) -> Option<String> {
+pub(crate) fn jump(expression: &Expression) -> Option<String> {
     use BinaryOperator as B;
     let name = match expression {
         Expression::Math { fun, .. } => match fun {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! @vertex   fn vs_visible_ids(..)  -> VertexOutput_ids      the author's outputs (or position alone), and `visible_id_of(instance_index)`, flat
-//! @fragment fn fs_visible_ids(..)  -> vec2<u32>             discards as the author does; the id, and the triangle
+//! @fragment fn fs_visible_ids(..)  -> vec2<u32>             discards as the author does; the id, and the triangle with its side
 //! ```
 
 use naga::{
@@ -25,6 +25,17 @@ use crate::reflect::{self, Io};
 pub const VERTEX: &str = "vs_visible_ids";
 /// Names of the entry points.
 pub const FRAGMENT: &str = "fs_visible_ids";
+
+/// How a resolve knows which side of a triangle a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Facing {
+    /// It does not ask, or shows the front alone.
+    Front,
+    /// The back alone.
+    Back,
+    /// The id says so: no sum of corners has the rasteriser's sign, whose vertices are snapped.
+    Written,
+}
 
 /// How a fragment knows its triangle.
 pub enum Triangles<'a> {
@@ -98,7 +109,7 @@ pub fn add(
     fragment: Option<&str>,
     triangles: &Triangles<'_>,
     slots: Slots,
-    words: Words,
+    (words, facing): (Words, Facing),
 ) -> Result<Module, String> {
     let mut wgsl = text::entry(
         slots,
@@ -107,7 +118,7 @@ pub fn add(
             Triangles::Unindexed(attributes, _) => attributes.len(),
         },
     );
-    wgsl.push_str(&text::ids(words));
+    wgsl.push_str(&text::ids(words, facing));
     if let Triangles::Unindexed(attributes, formats) = triangles {
         wgsl.push_str(&text::vertices(slots, attributes, *formats));
     }
@@ -215,8 +226,8 @@ pub fn add(
         module,
         fragment.as_ref(),
         (id_type, &flat),
-        word,
-        written,
+        (word, written),
+        facing,
     ))
 }
 
@@ -296,8 +307,8 @@ fn fragment_entry(
     mut module: Module,
     decides: Option<&Stage>,
     (id_type, flat): (Handle<Type>, &Binding),
-    word: Handle<Type>,
-    written: Handle<Function>,
+    (word, written): (Handle<Type>, Handle<Function>),
+    facing: Facing,
 ) -> Module {
     let pair = vec2(&mut module);
     let stored = module.functions[written].result.as_ref();
@@ -346,7 +357,13 @@ fn fragment_entry(
                 })
             }
         };
-        let id = build.call(written, vec![id]).unwrap_or(id);
+        let mut passed = vec![id];
+        if facing == Facing::Written {
+            let ty = build.ty(TypeInner::Scalar(Scalar::BOOL));
+            let side = Binding::BuiltIn(BuiltIn::FrontFacing);
+            passed.push(build.input("front", ty, &side));
+        }
+        let id = build.call(written, passed).unwrap_or(id);
         let value = match depth {
             None => id,
             Some(depth) => build.expression(Expression::Compose {

@@ -3,6 +3,7 @@
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn};
 
+use super::ids::Facing;
 use super::{refuse, resolve};
 use crate::graph::{Effect, FunctionId};
 use crate::opaque::Opaque;
@@ -10,7 +11,7 @@ use crate::pass::Refusal;
 use crate::plan::{GpuPass, Plan};
 use crate::reflect;
 use crate::slice;
-use crate::state::{DepthBias, Topology};
+use crate::state::{CullMode, DepthBias, Topology};
 
 /// The state of a pass that can be split.
 pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
@@ -157,6 +158,25 @@ pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
         ));
     }
     refusals
+}
+
+/// How the side that a pixel shows is known.
+pub fn facing(opaque: &Opaque<'_>, fragment: usize) -> Facing {
+    let module = opaque.program.module();
+    let entry = &module.entry_points[fragment];
+    let colors = resolve::colors_of(module, &entry.function);
+    let slice = slice::backward(&opaque.graph, fragment, &colors);
+    let all = reflect::inputs(module, &entry.function);
+    let asks = slice
+        .inputs
+        .iter()
+        .filter_map(|i| all.get(*i))
+        .any(|i| matches!(i.binding, Some(Binding::BuiltIn(BuiltIn::FrontFacing))));
+    match opaque.pass.primitive.cull {
+        CullMode::None if asks => Facing::Written,
+        CullMode::Front => Facing::Back,
+        CullMode::None | CullMode::Back => Facing::Front,
+    }
 }
 
 /// The colours that a compute stage would write, by location, with their formats as WGSL spells them.

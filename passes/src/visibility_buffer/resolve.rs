@@ -15,10 +15,11 @@ use naga::{
 };
 
 use super::gradients::{Explicit, GRADIENTS, Level};
-use super::ids::new_entry;
+use super::ids::{Facing, new_entry};
+use super::lists::Lists;
 use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
-use super::{Select, Words};
+use super::{Corners, Select, Words};
 use crate::fetch::{Author, Linked, corner, ours};
 use crate::geometry::Formats;
 use crate::graph::{FunctionId, Graph};
@@ -28,7 +29,6 @@ use crate::plan::AttributeUse;
 use crate::program::Program;
 use crate::reflect::{self, Io};
 use crate::slice::{self, Criterion, OutputFilter};
-use crate::state::FrontFace;
 
 /// Names of the entry points.
 pub const VERTEX: &str = "vs_visible";
@@ -47,8 +47,8 @@ pub struct Resolve<'a> {
     pub vertex: usize,
     /// Attributes to fetch: those of the author's.
     pub attributes: &'a [AttributeUse],
-    /// Winding of front faces.
-    pub front_face: FrontFace,
+    /// How the side that a pixel shows is known.
+    pub facing: Facing,
     /// How pixels of other draws are passed over.
     pub select: Select,
     /// Where it is run.
@@ -57,6 +57,10 @@ pub struct Resolve<'a> {
     pub formats: Formats,
     /// Words of an id.
     pub words: Words,
+    /// Where corners lie.
+    pub corners: Corners,
+    /// What it goes through.
+    pub lists: Lists,
 }
 
 /// Where the resolve is run.
@@ -124,11 +128,13 @@ impl Resolve<'_> {
             fragment,
             vertex,
             attributes,
-            front_face,
+            facing,
             select,
             runs,
             formats,
             words,
+            corners,
+            lists,
         } = self;
         let mut module = explicit.program.module().clone();
         let shaded = module.entry_points.remove(fragment);
@@ -184,10 +190,15 @@ impl Resolve<'_> {
         let widths = author.widths(&module);
         let mut wgsl = text::entry(slots, used.len());
         wgsl.push_str(&text::vertices(slots, &used, formats));
-        wgsl.push_str(&text::resolve(slots, &widths, words));
+        wgsl.push_str(&text::resolve(slots, &widths, words, corners));
+        let mut first = slots.first + Slots::STREAMS + used.len() as u32;
         if let Runs::Compute(targets) = &runs {
-            let first = slots.first + Slots::STREAMS + used.len() as u32;
             wgsl.push_str(&text::compute(slots.group, first, targets));
+            first += targets.len() as u32;
+        }
+        match (&runs, lists) {
+            (Runs::Fragment, Lists::None) => wgsl.push_str(text::SCREEN),
+            _ => wgsl.push_str(&lists.read(slots.group, first)),
         }
         let Linked {
             module,
@@ -212,7 +223,7 @@ impl Resolve<'_> {
             shade: &shade,
             levels: &levels,
             ours: &by_name,
-            front_face,
+            facing,
             select,
             colors: colors(&module, &result),
             position: author

@@ -9,10 +9,10 @@ use naga::{
 
 use super::Select;
 use super::gradients::{GRADIENTS, Level, Neighbours};
+use super::ids::Facing;
 use super::resolve::{Runs, VertexStage, width};
 use crate::place::Builder;
 use crate::reflect::Io;
-use crate::state::FrontFace;
 
 /// An input of the fragment stage.
 type Input = (Handle<Type>, Binding);
@@ -79,7 +79,7 @@ pub struct Stage<'a> {
     pub shade: &'a Shader,
     pub levels: &'a [(Level, Shader)],
     pub ours: &'a BTreeMap<String, Handle<Function>>,
-    pub front_face: FrontFace,
+    pub facing: Facing,
     pub select: Select,
     pub colors: Colors,
     /// Which output of the author's the position is.
@@ -170,8 +170,14 @@ impl Stage<'_> {
             size: VectorSize::Tri,
             scalar: Scalar::U32,
         });
-        let number = Binding::BuiltIn(BuiltIn::GlobalInvocationId);
-        let number = build.argument("number", vec3, Some(number));
+        let inputs = [
+            ("group", BuiltIn::WorkGroupId),
+            ("local", BuiltIn::LocalInvocationId),
+        ];
+        let passed = inputs
+            .map(|(name, builtin)| build.argument(name, vec3, Some(Binding::BuiltIn(builtin))));
+        let number = self.our(build, "visible_place", passed.to_vec())?;
+        build.name(number, "number");
         let leave = Statement::Return { value: None };
         let outside = self.our(build, "visible_outside", vec![number])?;
         build.if_then(outside, |build| build.statement(leave.clone()));
@@ -226,7 +232,7 @@ impl Stage<'_> {
     ) -> Option<Triangle> {
         let id = self.our(build, "visible_id", vec![at])?;
         build.name(id, "id");
-        if self.select == Select::Id {
+        if matches!(self.select, Select::Id | Select::Tiles) {
             let is_ours = self.our(build, "visible_is_ours", vec![id])?;
             let other = build.expression(Expression::Unary {
                 op: naga::UnaryOperator::LogicalNot,
@@ -236,7 +242,8 @@ impl Stage<'_> {
         }
         let instance = self.our(build, "visible_instance", vec![id])?;
         build.name(instance, "instance");
-        let number = build.named("triangle", Expression::AccessIndex { base: id, index: 1 });
+        let number = self.our(build, "visible_triangle", vec![id])?;
+        build.name(number, "triangle");
         let mut corners = Vec::new();
         for (corner, name) in ["a", "b", "c"].into_iter().enumerate() {
             let corner = build.literal(Literal::U32(corner as u32));
@@ -347,18 +354,11 @@ impl Stage<'_> {
                 "visible_position",
                 vec![lane.at, lane.perspective, a, b, c],
             ),
-            Binding::BuiltIn(BuiltIn::FrontFacing) => {
-                let winding = self.our(build, "visible_winding", vec![a, b, c])?;
-                let zero = build.literal(Literal::F32(0.0));
-                Some(build.expression(Expression::Binary {
-                    op: match self.front_face {
-                        FrontFace::Ccw => BinaryOperator::Greater,
-                        FrontFace::Cw => BinaryOperator::Less,
-                    },
-                    left: winding,
-                    right: zero,
-                }))
-            }
+            Binding::BuiltIn(BuiltIn::FrontFacing) => match self.facing {
+                Facing::Front => Some(build.literal(Literal::Bool(true))),
+                Facing::Back => Some(build.literal(Literal::Bool(false))),
+                Facing::Written => self.our(build, "visible_is_front", vec![triangle.id]),
+            },
             Binding::BuiltIn(BuiltIn::PrimitiveIndex) => Some(triangle.number),
             Binding::BuiltIn(_) => None,
         }

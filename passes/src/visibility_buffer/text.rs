@@ -2,11 +2,14 @@
 //!
 //! Barycentrics come from homogeneous edge functions (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997): with corners `(x, y, w)` and a
 //! pixel at `(X, Y)`, the edge function of corner `i` is proportional to the weight that the perspective-correct interpolation gives it, also where a `w` is negative or 0.
-//! The pixel is subtracted first, so that what cancels is small.
+//! The pixel is subtracted first, and products are fused with their differences where the device fuses (Kahan's determinant of two by two), so that what cancels is small.
+//! With edges of twice the precision hardly a pixel of the fixtures is another one: what is left is the rasteriser's own, which snaps vertices before it interpolates
+//! ([`Corners`]).
 
 use std::fmt::Write;
 
-use super::Words;
+use super::ids::Facing;
+use super::{Corners, Words};
 use crate::fetch::{self, Names};
 use crate::geometry::Formats;
 use crate::plan::AttributeUse;
@@ -60,17 +63,29 @@ pub fn entry(slots: Slots, attributes: usize) -> String {
     )
 }
 
-/// What an id pass has: `visible_id_of(instance)`, and `visible_written(id)`, which is what is written of an id.
-pub fn ids(words: Words) -> String {
+/// What an id pass has: `visible_id_of(instance)`, and `visible_written(id)`, which is what is written of an id; with the side, `visible_written(id, front)`.
+pub fn ids(words: Words, facing: Facing) -> String {
+    let bits = "visibility.triangle_bits";
     let (ty, written) = match words {
-        Words::Two => ("vec2<u32>", "id"),
-        Words::One => ("u32", "(id.x << visibility.triangle_bits) | id.y"),
+        Words::Two => ("vec2<u32>", "id".to_owned()),
+        Words::One => ("u32", format!("(id.x << {bits}) | id.y")),
+    };
+    let (argument, written) = match (facing, words) {
+        (Facing::Written, Words::Two) => (
+            ", front: bool",
+            "vec2<u32>(id.x, id.y | select(0x80000000u, 0u, front))".to_owned(),
+        ),
+        (Facing::Written, Words::One) => (
+            ", front: bool",
+            format!("{written} | select(1u << ({bits} - 1u), 0u, front)"),
+        ),
+        _ => ("", written),
     };
     format!(
         "fn visible_id_of(instance: u32) -> u32 {{
     return 1u + visibility.first_id + instance - visibility.first_instance;
 }}
-fn visible_written(id: vec2<u32>) -> {ty} {{
+fn visible_written(id: vec2<u32>{argument}) -> {ty} {{
     return {written};
 }}
 "
@@ -91,11 +106,15 @@ pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> 
 }
 
 /// What a resolve pass has beside: what a pixel shows, and where in its triangle it is. `widths` are those of the varyings to interpolate.
-pub fn resolve(slots: Slots, widths: &[u8], words: Words) -> String {
+pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> String {
     let bits = "visibility.triangle_bits";
     let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS, words, bits);
     out.push_str(NUMBER);
     out.push_str(RESOLVE);
+    out.push_str(match corners {
+        Corners::AsGiven => EDGES,
+        Corners::Snapped => EDGES_SNAPPED,
+    });
     for width in widths {
         let ty = match width {
             1 => "f32".to_owned(),
@@ -112,6 +131,14 @@ pub fn resolve(slots: Slots, widths: &[u8], words: Words) -> String {
     }
     out
 }
+
+/// The vertex stage of a pass over the screen, at the depth of its draw.
+pub const SCREEN: &str = "@vertex
+fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
+    let depth = visible_number(visibility.number);
+    return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
+}
+";
 
 /// What a compute resolve has beside: pixels, and the colours to write by location and format, bound from `first` on.
 pub fn compute(group: u32, first: u32, targets: &[(u32, String)]) -> String {
@@ -162,7 +189,8 @@ fn fs_clear() -> VisibleCleared {{
 pub fn count(words: Words) -> String {
     let slots = Slots { group: 0, first: 0 };
     let mut out = entry(slots, 0);
-    out.push_str(&resolve(slots, &[], words));
+    out.push_str(&resolve(slots, &[], words, Corners::AsGiven));
+    out.push_str(SCREEN);
     out.push_str(
         "@fragment
 fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
@@ -187,8 +215,10 @@ fn texture_of_ids(group: u32, binding: u32, words: Words, bits: &str) -> String 
     let read = match words {
         Words::Two => "return texel.xy;".to_owned(),
         Words::One => format!(
-            "let bits = {bits};
-    return vec2<u32>(texel.x >> bits, texel.x & ((1u << bits) - 1u));"
+            "let bits = {bits} - 1u;
+    let triangle = texel.x & ((1u << bits) - 1u);
+    let side = ((texel.x >> bits) & 1u) << 31u;
+    return vec2<u32>(texel.x >> (bits + 1u), triangle | side);"
         ),
     };
     format!(
@@ -206,8 +236,8 @@ pub const CLASSIFY_IDS: u32 = 0;
 /// Bindings of the pass that tells draws apart: the ids, and the draw table.
 pub const CLASSIFY_TABLE: u32 = 1;
 
-/// The pass that tells draws apart: the number of the draw that a pixel shows, as a depth. It is the last draw whose first id is not past the pixel's.
-pub fn classify(words: Words) -> String {
+/// The ids, the draw table, and `visible_draw(id)`: the number of the last draw whose first id is not past the pixel's.
+pub fn drawn(words: Words) -> String {
     let mut out = format!(
         "@group(0) @binding({CLASSIFY_TABLE}) var<storage, read> visibility_table: array<u32>;\n"
     );
@@ -217,6 +247,29 @@ pub fn classify(words: Words) -> String {
         words,
         "visibility_table[0]",
     ));
+    out.push_str(
+        "fn visible_draw(id: u32) -> u32 {
+    var first = 0u;
+    var count = arrayLength(&visibility_table) - 1u;
+    while (count > 1u) {
+        let half = count / 2u;
+        if (visibility_table[1u + first + half] < id) {
+            first += half;
+            count -= half;
+        } else {
+            count = half;
+        }
+    }
+    return first;
+}
+",
+    );
+    out
+}
+
+/// The pass that tells draws apart: the number of the draw that a pixel shows, as a depth.
+pub fn classify(words: Words) -> String {
+    let mut out = drawn(words);
     out.push_str(NUMBER);
     let _ = write!(
         out,
@@ -230,18 +283,7 @@ fn fs_classify(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {{
     if (id == 0u) {{
         discard;
     }}
-    var first = 0u;
-    var count = arrayLength(&visibility_table) - 1u;
-    while (count > 1u) {{
-        let half = count / 2u;
-        if (visibility_table[1u + first + half] < id) {{
-            first += half;
-            count -= half;
-        }} else {{
-            count = half;
-        }}
-    }}
-    return visible_number(first);
+    return visible_number(visible_draw(id));
 }}
 "
     );
@@ -251,16 +293,27 @@ fn fs_classify(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {{
 const RESOLVE: &str = "fn visible_is_ours(id: vec2<u32>) -> bool {
     return id.x - 1u - visibility.first_id < visibility.instances;
 }
+fn visible_triangle(id: vec2<u32>) -> u32 {
+    return id.y & 0x7fffffffu;
+}
+fn visible_is_front(id: vec2<u32>) -> bool {
+    return (id.y >> 31u) == 0u;
+}
 fn visible_instance(id: vec2<u32>) -> u32 {
     return visibility.first_instance + id.x - 1u - visibility.first_id;
 }
-fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+fn visible_cross(a: vec2<f32>, b: vec2<f32>) -> f32 {
+    let second = a.y * b.x;
+    let lost = fma(-a.y, b.x, second);
+    return fma(a.x, b.y, -second) + lost;
+}
+fn visible_homogeneous(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
     let inside = (at - visibility.viewport.xy) / visibility.viewport.zw;
     let clip = vec2<f32>(inside.x * 2.0 - 1.0, 1.0 - inside.y * 2.0);
-    let p = a.xy - clip * a.w;
-    let q = b.xy - clip * b.w;
-    let r = c.xy - clip * c.w;
-    return vec3<f32>(q.x * r.y - q.y * r.x, r.x * p.y - r.y * p.x, p.x * q.y - p.y * q.x);
+    let p = fma(-clip, vec2<f32>(a.w), a.xy);
+    let q = fma(-clip, vec2<f32>(b.w), b.xy);
+    let r = fma(-clip, vec2<f32>(c.w), c.xy);
+    return vec3<f32>(visible_cross(q, r), visible_cross(r, p), visible_cross(p, q));
 }
 fn visible_inside(edges: vec3<f32>) -> vec3<f32> {
     let turned = select(edges, -edges, edges.x + edges.y + edges.z < 0.0);
@@ -277,9 +330,6 @@ fn visible_position(at: vec2<f32>, weights: vec3<f32>, a: vec4<f32>, b: vec4<f32
     let w = dot(weights, vec3<f32>(a.w, b.w, c.w));
     return vec4<f32>(at, dot(weights, vec3<f32>(a.z, b.z, c.z)) / w, 1.0 / w);
 }
-fn visible_winding(a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> f32 {
-    return dot(a.xyw, cross(b.xyw, c.xyw));
-}
 fn visible_in_quad(at: vec2<f32>, x: u32, y: u32) -> vec2<f32> {
     return vec2<f32>((vec2<u32>(at) & vec2<u32>(0xfffffffeu)) + vec2<u32>(x, y)) + 0.5;
 }
@@ -289,9 +339,34 @@ fn visible_beside(at: vec2<f32>, x: u32, y: u32) -> vec2<f32> {
 fn visible_away(at: vec2<f32>) -> vec2<f32> {
     return 1.0 - 2.0 * vec2<f32>(vec2<u32>(at) & vec2<u32>(1u));
 }
-@vertex
-fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
-    let depth = visible_number(visibility.number);
-    return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
+";
+
+const EDGES: &str =
+    "fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+    return visible_homogeneous(at, a, b, c);
+}
+";
+
+/// A triangle that is clipped has other corners, and one far out of the viewport is clipped too: those are taken as they are. The sign is that of the homogeneous edges.
+const EDGES_SNAPPED: &str = "fn visible_snapped(at: vec2<f32>, corner: vec4<f32>) -> vec2<f32> {
+    let half = visibility.viewport.zw * vec2<f32>(0.5, -0.5);
+    let middle = visibility.viewport.xy + 0.5 * visibility.viewport.zw;
+    return floor((corner.xy / corner.w * half + middle) * 256.0 + 0.5) / 256.0 - at;
+}
+fn visible_is_whole(corner: vec4<f32>) -> bool {
+    return corner.w > 0.0 && corner.z >= 0.0 && corner.z <= corner.w;
+}
+fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
+    if (!visible_is_whole(a) || !visible_is_whole(b) || !visible_is_whole(c)) {
+        return visible_homogeneous(at, a, b, c);
+    }
+    let p = visible_snapped(at, a);
+    let q = visible_snapped(at, b);
+    let r = visible_snapped(at, c);
+    let farthest = max(max(abs(p), abs(q)), abs(r));
+    if (max(farthest.x, farthest.y) > 16384.0) {
+        return visible_homogeneous(at, a, b, c);
+    }
+    return vec3<f32>(visible_cross(r, q), visible_cross(p, r), visible_cross(q, p)) / vec3<f32>(a.w, b.w, c.w);
 }
 ";

@@ -1,0 +1,141 @@
+//! Where a rounding of what a resolve interpolates may become any difference of a colour.
+//!
+//! A rasteriser and a resolve interpolate the same function of real numbers, and round differently. What follows passes that on as a rounding, until an operation jumps: a
+//! comparison at the edge, a `floor` at an integer, a shadow test. What does not vary, the pixel's place, its side and flat values are the same in both.
+
+use naga::{Binding, BuiltIn, Expression, MathFunction, Span, SwizzleComponent};
+
+use crate::graph::Graph;
+use crate::hoist::travel::jump;
+use crate::hoist::values::{Node, TooLarge, ValueId, Values};
+use crate::program::Program;
+use crate::reflect::{self, Io};
+
+/// What roundings of interpolated values reach, in a fragment stage sliced to its colours.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reached {
+    /// The first operation that jumps, and its place.
+    pub jump: Option<(String, Span)>,
+    /// A texture is sampled there, which is continuous if it is filtered.
+    pub samples: bool,
+}
+
+/// Follows them from the inputs of the fragment entry point of that index.
+///
+/// # Errors
+/// The stage has too many values.
+pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
+    let graph = Graph::build(program);
+    let values = Values::new(&graph, entry)?;
+    let module = program.module();
+    let inputs = reflect::inputs(module, &module.entry_points[entry].function);
+    let users = values.users();
+    let mut is_rounded = vec![false; values.values.len()];
+    let mut work: Vec<ValueId> = Vec::new();
+    let is_position = |id: ValueId| match values.values[id].node {
+        Node::Input(input) => matches!(inputs.get(input).map(kind), Some(Kind::Position)),
+        _ => false,
+    };
+    for (id, value) in values.values.iter().enumerate() {
+        let Node::Input(input) = value.node else {
+            continue;
+        };
+        match inputs.get(input).map(kind) {
+            Some(Kind::Interpolated | Kind::Position) => work.push(id),
+            Some(Kind::Same) | None => {}
+        }
+    }
+    let mut out = Reached::default();
+    let mut first: Option<ValueId> = None;
+    while let Some(id) = work.pop() {
+        if std::mem::replace(&mut is_rounded[id], true) {
+            continue;
+        }
+        let of_position = is_position(id);
+        for user in &users[id] {
+            let expression = match &values.values[*user].node {
+                Node::Expression(context, e, _) => {
+                    let expressions = &values.function(*context).function.expressions;
+                    Some((&expressions[*e], expressions.get_span(*e)))
+                }
+                _ => None,
+            };
+            let Some((expression, span)) = expression else {
+                work.push(*user);
+                continue;
+            };
+            if of_position && is_place(expression) {
+                continue;
+            }
+            out.samples |= matches!(expression, Expression::ImageSample { .. });
+            // Of several, the one that stands first among the values: always the same.
+            if let Some(name) = jumps(expression)
+                && first.is_none_or(|f| *user < f)
+            {
+                first = Some(*user);
+                out.jump = Some((name, span));
+            }
+            work.push(*user);
+        }
+    }
+    Ok(out)
+}
+
+enum Kind {
+    Interpolated,
+    /// Its x and y are the pixel's.
+    Position,
+    /// The same for rasteriser and resolve.
+    Same,
+}
+
+fn kind(input: &Io) -> Kind {
+    match &input.binding {
+        Some(Binding::Location {
+            interpolation: Some(naga::Interpolation::Flat),
+            ..
+        }) => Kind::Same,
+        Some(Binding::Location { .. }) => Kind::Interpolated,
+        Some(Binding::BuiltIn(BuiltIn::Position { .. })) => Kind::Position,
+        _ => Kind::Same,
+    }
+}
+
+/// Whether of a position no more is taken than the pixel's place.
+fn is_place(expression: &Expression) -> bool {
+    use SwizzleComponent::{X, Y};
+    match expression {
+        Expression::AccessIndex { index, .. } => *index < 2,
+        Expression::Swizzle { size, pattern, .. } => {
+            pattern[..*size as usize].iter().all(|c| matches!(c, X | Y))
+        }
+        _ => false,
+    }
+}
+
+/// The name of an operation that makes any difference of a rounding in one of its operands.
+fn jumps(expression: &Expression) -> Option<String> {
+    match expression {
+        // Of a number that is rounded: an integer is not, or its own conversion has jumped.
+        Expression::As {
+            kind: naga::ScalarKind::Float,
+            ..
+        } => None,
+        Expression::ImageSample {
+            gather: Some(_), ..
+        } => Some("a gathered texel".to_owned()),
+        Expression::ImageSample {
+            depth_ref: Some(_), ..
+        } => Some("a depth comparison".to_owned()),
+        Expression::Math {
+            fun:
+                MathFunction::Pack4x8snorm
+                | MathFunction::Pack4x8unorm
+                | MathFunction::Pack2x16snorm
+                | MathFunction::Pack2x16unorm
+                | MathFunction::Pack2x16float,
+            ..
+        } => Some("packing".to_owned()),
+        _ => jump(expression),
+    }
+}
