@@ -402,6 +402,14 @@ fn an_edge_divided_on_one_side_alone_is_found() {
     scene.materials.push(material("plain", WAVES));
     let divided = plans(&scene, &[HOIST, "tessellate:level=3"]);
     assert_eq!(measure::junctions(&scene, &divided), []);
+    // Of one level, but on one side alone by the length on the screen.
+    let adaptive = plans(&scene, &[HOIST, "tessellate:level=3,edge-pixels=8"]);
+    assert_eq!(measure::junctions(&scene, &adaptive), []);
+    let found = measure::junctions(&scene, &[adaptive[0].clone(), divided[1].clone()]);
+    let [found] = &found[..] else {
+        panic!("{found:?}")
+    };
+    assert_eq!((found.edges, &*found.divided), (13, "lower"));
     let mut mixed = divided;
     mixed[1] = measure::originals(&scene)[1].clone();
     let found = measure::junctions(&scene, &mixed);

@@ -3,6 +3,7 @@
 //! New vertices on such an edge lie on it in real numbers, but are snapped to the rasteriser's grid beside it, so that pixels along it may show what is behind or be drawn twice. Within a
 //! draw there are none: all its edges are divided alike.
 
+use std::cmp::Reverse;
 use std::collections::HashSet;
 
 use glam::Mat4;
@@ -31,25 +32,24 @@ type Edge = [[u32; 3]; 2];
 /// A draw whose edge is a part of another's edge is not found.
 pub fn junctions(scene: &Scene, plans: &[Plan]) -> Vec<Junction> {
     let geometry = |draw: &Draw| plans.get(draw.material)?.main().map(|p| &p.geometry);
-    let level = |g: &Geometry| g.subdivision().map_or(1, |s| s.level);
     let draws: Vec<(&Draw, &Geometry)> = scene
         .draws
         .iter()
         .filter_map(|d| Some((d, geometry(d)?)))
         .collect();
-    let first = draws.first().map(|(_, g)| level(g));
-    if draws.iter().all(|(_, g)| Some(level(g)) == first) {
+    let first = draws.first().map(|(_, g)| fineness(g));
+    if draws.iter().all(|(_, g)| Some(fineness(g)) == first) {
         return Vec::new();
     }
     let edges: Vec<HashSet<Edge>> = draws.iter().map(|(d, _)| edges(scene, d)).collect();
     let mut found = Vec::new();
     for (i, (a, of_a)) in draws.iter().enumerate() {
         for (j, (b, of_b)) in draws.iter().enumerate().skip(i + 1) {
-            if level(of_a) == level(of_b) {
+            if fineness(of_a) == fineness(of_b) {
                 continue;
             }
             let shared = edges[i].intersection(&edges[j]).count() as u64;
-            let (divided, beside) = match level(of_a) > level(of_b) {
+            let (divided, beside) = match fineness(of_a) > fineness(of_b) {
                 true => (a, b),
                 false => (b, a),
             };
@@ -63,6 +63,14 @@ pub fn junctions(scene: &Scene, plans: &[Plan]) -> Vec<Junction> {
         }
     }
     found
+}
+
+/// How an edge is divided, the more finely the larger: into how many segments at most, and into fewer where these would be shorter than so many pixels.
+fn fineness(geometry: &Geometry) -> (u32, Reverse<u32>) {
+    match geometry.subdivision() {
+        Some(s) if s.level > 1 => (s.level, Reverse(s.edge_pixels.unwrap_or(0))),
+        _ => (1, Reverse(0)),
+    }
 }
 
 /// All edges of a draw's triangles, over its instances.
