@@ -168,7 +168,8 @@ pub enum BindingSource {
         /// Name of the attachment.
         name: String,
     },
-    /// The scene's own colour of a location, as a storage texture: it needs the usage `STORAGE_BINDING` beside `RENDER_ATTACHMENT`.
+    /// The scene's own colour of a location, as a storage texture: it needs the usage `STORAGE_BINDING` beside `RENDER_ATTACHMENT`. Where the targets' format is an `-srgb` one the texture is
+    /// made in the format without, which the layout says, and drawn to through a view in the targets' (`viewFormats`): what is stored is encoded already.
     SceneColor {
         /// Location.
         location: u32,

@@ -623,21 +623,17 @@ impl<'a> Material<'a> {
         let program = with(&built.module, &entries)?;
         let mut known = parts(slots, &built.attributes, params.formats);
         let first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
-        known.extend(
-            (first..)
-                .zip(&targets)
-                .map(|(binding, (location, _))| BindingUse {
-                    group: slots.group,
-                    binding,
-                    name: String::new(),
-                    kind: BindingKind::StorageTexture,
-                    visibility: Visibility::default(),
-                    source: BindingSource::SceneColor {
-                        location: *location,
-                    },
-                    layout: None,
-                }),
-        );
+        known.extend((first..).zip(&targets).map(|(binding, target)| BindingUse {
+            group: slots.group,
+            binding,
+            name: String::new(),
+            kind: BindingKind::StorageTexture,
+            visibility: Visibility::default(),
+            source: BindingSource::SceneColor {
+                location: target.location,
+            },
+            layout: None,
+        }));
         let lists = Lists::of(params);
         known.extend(lists.bindings(slots.group, first + targets.len() as u32));
         known.extend(pass.bindings.iter().cloned());
@@ -658,7 +654,7 @@ impl<'a> Material<'a> {
         plan.compute.push(resolve);
         plan.programs
             .insert(Role::Resolve.name().to_owned(), program);
-        let locations: Vec<u32> = targets.iter().map(|(l, _)| *l).collect();
+        let locations: Vec<u32> = targets.iter().map(|t| t.location).collect();
         let cleared =
             Linked::new(naga::Module::default(), &text::clear(&locations)).map_err(bug)?;
         let entries = [

@@ -464,7 +464,7 @@ impl<'a> Prepared<'a> {
                     // Several samples of a format that does not resolve: nothing a host would show.
                     None => return Ok(None),
                 };
-                readback::color(self.gpu, texture).map(Some)
+                readback::color(self.gpu, texture, target.format).map(Some)
             })
             .collect::<Result<_, Error>>()?;
         let depth = self

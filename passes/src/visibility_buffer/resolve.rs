@@ -16,6 +16,7 @@ use naga::{
 
 use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::{Facing, new_entry};
+use super::legal::Stored;
 use super::lists::Lists;
 use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
@@ -68,8 +69,8 @@ pub struct Resolve<'a> {
 pub enum Runs {
     /// In the fragment stage of a pass over the screen.
     Fragment,
-    /// In a compute stage that writes the colours of these locations and formats.
-    Compute(Vec<(u32, String)>),
+    /// In a compute stage that writes these colours.
+    Compute(Vec<Stored>),
 }
 
 /// Side of the compute stage's workgroups, in pixels.
