@@ -90,6 +90,41 @@ fn two_files_become_one_module() {
     assert_eq!((at.file.as_str(), at.line), ("b.wgsl", 7));
 }
 
+/// What an expression's span says is in the text it was written in, in whichever file.
+#[test]
+fn expressions_of_the_second_file_are_found_in_it() {
+    let written = |sources: &[(&str, &str)], text: &str| {
+        let parsed = parse(sources).unwrap();
+        let program = &parsed.program;
+        let (_, entry) = program
+            .entry_point(
+                preshade_passes::naga::ShaderStage::Fragment,
+                parsed.fragment.as_deref().unwrap(),
+            )
+            .unwrap();
+        let functions = program.module().functions.iter().map(|(_, f)| f);
+        let found = functions.chain([&entry.function]).any(|f| {
+            f.expressions.iter().any(|(e, _)| {
+                let at = program.sources().locate(f.expressions.get_span(e));
+                at.is_some_and(|at| {
+                    let range = at.range.start as usize..at.range.end as usize;
+                    at.file == sources[1].0 && sources[1].1.get(range) == Some(text)
+                })
+            })
+        });
+        assert!(found, "`{text}` is nowhere in the second file");
+    };
+    written(
+        &[("a.wgsl", VERTEX), ("b.wgsl", FRAGMENT)],
+        "remap(x) * SCALE",
+    );
+    let vertex =
+        "#version 450\nlayout(location = 0) in vec4 p;\nvoid main() { gl_Position = p; }\n";
+    let fragment = "#version 450\nlayout(location = 0) out vec4 color;\n\
+        void main() { float shade = sin(0.25) * gl_FragCoord.x; color = vec4(cos(shade)); }\n";
+    written(&[("a.vert", vertex), ("b.frag", fragment)], "shade");
+}
+
 #[test]
 fn the_order_of_the_files_does_not_matter() {
     let parsed = parse(&[("b.wgsl", FRAGMENT), ("a.wgsl", VERTEX)]).unwrap();

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use preshade::measure::{self, Settings, Timed, TimingSettings};
 use preshade::passes::contract::Verdict;
-use preshade::passes::pass::Facts;
+use preshade::passes::pass::{Facts, Source};
 use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
 use preshade::report::VariantReport;
@@ -121,4 +121,27 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
         "{}",
         kept.why
     );
+}
+
+/// Ranges are those of the scene's own numbers: strata's colours, and its world, which the box and the sphere fill.
+#[test]
+fn a_scene_tells_between_which_numbers_it_lies() {
+    let ranges = measure::ranges(&scene("strata")).unwrap();
+    let of = |source: &Source| {
+        let found = ranges.iter().find(|r| r.source == *source);
+        let found = found.unwrap_or_else(|| panic!("{source:?}: {ranges:#?}"));
+        assert_eq!(found.material, "rock");
+        [found.low, found.high]
+    };
+    let member = |name: &str| Source::Buffer {
+        group: 1,
+        binding: 0,
+        member: Some(name.to_owned()),
+    };
+    assert_eq!(of(&member("low")), [0.14, 0.42]);
+    assert_eq!(of(&member("turned")), [-0.6, 1.0]);
+    let [low, high] = of(&Source::Varying { location: 0 });
+    // The sphere reaches 1.3 + 0.7, the box's turned corner -0.8 - 1.1 cos 30 - 0.9 sin 30.
+    assert!((high - 2.0).abs() < 0.02, "{high}");
+    assert!((low + 2.2026).abs() < 0.001, "{low}");
 }

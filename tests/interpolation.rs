@@ -23,7 +23,11 @@ fn frequencies(name: &str) -> Vec<Frequency> {
 fn measured(scene: &Scene) -> Vec<Frequency> {
     let form = ShaderForm::Text;
     let found = measure::frequencies(gpu(), scene, &Facts::default(), form, &mut |_| {}).unwrap();
-    measure::interpolations(gpu(), scene, form, found, &mut |_| {}).unwrap()
+    let facts = Facts {
+        frequencies: found,
+        ..Facts::default()
+    };
+    measure::interpolations(gpu(), scene, &facts, form, &mut |_| {}).unwrap()
 }
 
 #[test]

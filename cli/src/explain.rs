@@ -143,8 +143,7 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
     let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
     facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut progress)?;
     bar.set_message("bounding how far it is off");
-    facts.frequencies =
-        measure::interpolations(&gpu, &scene, form, facts.frequencies, &mut progress)?;
+    facts.frequencies = measure::interpolations(&gpu, &scene, &facts, form, &mut progress)?;
     bar.finish_and_clear();
     Ok(facts)
 }

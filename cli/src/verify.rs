@@ -10,7 +10,7 @@ use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
-use preshade::report::sweep::{Budget, SweepReport};
+use preshade::report::{Budget, Choice, Chosen, SweepReport};
 use preshade::scene::{self, DrawOrder, Scene, Variables};
 use preshade::sweep::{self, Sweep};
 
@@ -43,8 +43,8 @@ pub struct Args {
     /// A variant of several passes, separated by commas.
     #[arg(long = "recipe", value_name = "NAME[:k=v,..],NAME..")]
     recipes: Vec<String>,
-    /// Of each range, name the fastest variant whose error is within this: flip_mean, flip_p99 or
-    /// max_abs, the worst of all views.
+    /// Name the fastest variant whose error is within this, and what `rewrite` makes it of: flip_mean,
+    /// flip_p99 or max_abs, the worst of all views.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     budget: Option<Budget>,
     /// Measure at several values of a scene's variable, and tell where variants cross: 50000..400000
@@ -333,10 +333,19 @@ fn measured(
     for sweep in sweeps {
         let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();
         if sweep.varies() {
-            let told = SweepReport::new(sweep, &names, args.budget, &outcome.report);
+            let told = SweepReport::new(sweep, &names);
             outcome.report.sweeps.push(told);
         }
     }
+    outcome.report.chosen = args.budget.map(|budget| {
+        let mut chosen = Chosen::among(&outcome.report.variants, budget);
+        if let Choice::Within { variant, .. } = &chosen.choice {
+            let drawn = variants.iter().position(|v| v.name == *variant);
+            let recipe = drawn.and_then(|i| measure::promised(&recipes[i], budget, &facts));
+            chosen.recipe = recipe.as_ref().map(as_passes);
+        }
+        chosen
+    });
     Ok(outcome)
 }
 
@@ -364,15 +373,10 @@ fn choose(
                 true => {
                     let chosen = measure::within_budget(gpu, scene, &recipe, facts, form)?;
                     if let Some(written) = measure::written_out(&chosen, facts) {
-                        let steps: Vec<String> = written
-                            .steps
-                            .iter()
-                            .map(|step| format!("--pass {step}"))
-                            .collect();
                         bar.suspend(|| {
                             output::message(&format!(
                                 "{recipe}: chosen by measurement; `rewrite` makes the same of {}",
-                                steps.join(" ")
+                                as_passes(&written)
                             ));
                         });
                     }
@@ -382,6 +386,13 @@ fn choose(
             }
         })
         .collect()
+}
+
+/// A recipe as `rewrite` takes it.
+fn as_passes(recipe: &Recipe) -> String {
+    let steps = recipe.steps.iter();
+    let steps: Vec<String> = steps.map(|step| format!("--pass {step}")).collect();
+    steps.join(" ")
 }
 
 /// Whether `dir` is a folder that can be written to, or can become one: before anything is drawn, so that a slip costs no minute. Nothing is left
@@ -449,12 +460,6 @@ fn sweeps(args: &Args) -> Result<Vec<Sweep>, Failure> {
         for pass in DEFAULT {
             sweeps.push(Sweep::parse_step(pass)?);
         }
-    }
-    if args.budget.is_some() && !sweeps.iter().any(Sweep::varies) {
-        return Err(Failure(
-            "error: --budget chooses among the variants of a range, and there is none: write level=1..8, say"
-                .to_owned(),
-        ));
     }
     Ok(sweeps)
 }

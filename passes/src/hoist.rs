@@ -40,6 +40,7 @@ use crate::state::ColorTarget;
 
 mod candidates;
 pub mod choose;
+mod circle;
 pub mod cut;
 mod flow;
 mod form;

@@ -7,8 +7,8 @@
 use std::collections::{HashMap, HashSet};
 
 use naga::{
-    AddressSpace, ArraySize, Block, Constant, EntryPoint, Expression, Function, GlobalVariable,
-    Handle, Module, Override, ShaderStage, Span, Statement, Type, TypeInner,
+    AddressSpace, Arena, ArraySize, Block, Constant, EntryPoint, Expression, Function,
+    GlobalVariable, Handle, Module, Override, ShaderStage, Span, Statement, Type, TypeInner,
 };
 
 mod layout;
@@ -438,14 +438,15 @@ impl Linker<'_> {
         if let Some(result) = &mut function.result {
             result.ty = self.ty(result.ty)?;
         }
-        function.local_variables.clear();
+        // Not `clear`, which keeps the spans of what it removes (naga 30).
+        function.local_variables = Arena::new();
         for (handle, local) in theirs.local_variables.iter() {
             let mut local = local.clone();
             local.ty = self.ty(local.ty)?;
             let span = self.span(theirs.local_variables.get_span(handle));
             function.local_variables.append(local, span);
         }
-        function.expressions.clear();
+        function.expressions = Arena::new();
         for (handle, expression) in theirs.expressions.iter() {
             let mut expression = expression.clone();
             self.module_handles(&mut expression)?;

@@ -1,10 +1,10 @@
 //! Proved bounds on the interpolation error of a value, over the triangles of a scene.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use preshade_passes::bound::{self, Affine, Distance};
 use preshade_passes::evaluate::{self, Value};
-use preshade_passes::hoist::{self, Computed};
+use preshade_passes::hoist::Computed;
 use preshade_passes::pass::Bound;
 use preshade_passes::plan::Plan;
 use preshade_passes::state::Topology;
@@ -21,14 +21,12 @@ const PARTS: [u32; 3] = [1, 4, 8];
 /// Triangles that are looked at more closely.
 const REFINED: usize = 256;
 
-/// Bounds the value of that id in the materials of these indices. `None` where there is no triangle to bound it over.
-pub fn bound(scene: &Scene, plans: &[Plan], materials: &[usize], id: &str) -> Option<Bound> {
+/// Bounds a value, given what computes it in the materials of these indices. `None` where there is no triangle to bound it over.
+pub fn bound(scene: &Scene, plans: &[Plan], computed: &BTreeMap<usize, Computed>) -> Option<Bound> {
     let frames = choosing(scene);
     let mut drawn = Vec::new();
-    for material in materials {
-        let plan = &plans[*material];
-        let computed = hoist::computed(plan, id).ok()?;
-        let pass = plan.main()?;
+    for (material, computed) in computed {
+        let pass = plans[*material].main()?;
         if pass.primitive.topology != Topology::TriangleList {
             return None;
         }

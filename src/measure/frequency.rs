@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::hoist::{self, Hoist, Metric};
+use preshade_passes::graph::Graph;
+use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Metric, Stages};
 use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::plan::Plan;
 
@@ -13,6 +14,7 @@ use crate::recipe::Recipe;
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant,
 };
+use crate::report::Budget;
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
@@ -32,42 +34,47 @@ pub fn frequencies(
     let plans = originals(scene);
     let frames = choosing(scene);
     let references = pictures(&inputs, &plans, &frames, form)?;
+    let stages = stages(&plans);
+    let graphs = graphs(&stages);
+    let found = found(&stages, &graphs, facts);
     // Materials of one shader have the same candidates, and are measured together.
-    let mut candidates: BTreeMap<String, Vec<(usize, hoist::Candidate)>> = BTreeMap::new();
-    for (material, plan) in plans.iter().enumerate() {
-        for candidate in hoist::candidates(plan, facts).unwrap_or_default() {
-            let id = candidate.id.clone();
-            candidates
-                .entry(id)
-                .or_default()
-                .push((material, candidate));
+    let mut candidates: BTreeMap<&str, Vec<(usize, &Candidates<'_, '_>, &Candidate)>> =
+        BTreeMap::new();
+    for (material, found) in found.iter().enumerate() {
+        let Some(found) = found else { continue };
+        for candidate in found.list() {
+            let of = candidates.entry(&candidate.id).or_default();
+            of.push((material, found, candidate));
         }
     }
     let mut measured = Vec::new();
     for (done, (id, of)) in candidates.iter().enumerate() {
         progress(done as f64 / candidates.len() as f64);
-        let mut changed = plans.clone();
+        let mut alone: BTreeMap<usize, Plan> = BTreeMap::new();
         let carried: Vec<_> = of
             .iter()
-            .filter_map(|(material, candidate)| {
-                changed[*material] = hoist::alone(&plans[*material], id).ok()?;
+            .filter_map(|(material, found, candidate)| {
+                alone.insert(*material, found.alone(id).ok()?);
                 Some((material, candidate))
             })
             .collect();
         if carried.is_empty() {
             continue;
         }
+        let mut changed = plans.clone();
+        for (material, plan) in &alone {
+            changed[*material].clone_from(plan);
+        }
         let Ok(drawn) = pictures(&inputs, &changed, &frames, form) else {
             continue;
         };
         let worst = worst(&references, &drawn)?;
         // Whether it is finite is seen by itself: a target of fixed point holds no NaN.
-        let materials: Vec<usize> = carried.iter().map(|(material, _)| **material).collect();
-        let interpolation = interpolation(&inputs, &plans, &materials, id, form, Points::Few);
+        let interpolation = interpolation(&inputs, &plans, &alone, form, Points::Few);
         let interpolation = interpolation.unwrap_or_default();
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
-            value: id.clone(),
+            value: (*id).to_owned(),
             name: candidate.name.clone(),
             cost: candidate.cost,
             interpolation,
@@ -82,19 +89,43 @@ pub fn frequencies(
     Ok(measured)
 }
 
-/// The same, with how far each value itself is from its interpolation, evaluated at more points, and proved: what no choice rests on, and takes a while.
+/// The stages of each plan; `None` of one that nothing can be hoisted in. With [`graphs`] what [`found`] rests on, which is there for all candidates of a stage.
+fn stages(plans: &[Plan]) -> Vec<Option<Stages<'_>>> {
+    plans.iter().map(|p| Stages::of(p).ok()).collect()
+}
+
+fn graphs<'p>(stages: &[Option<Stages<'p>>]) -> Vec<Option<Graph<'p>>> {
+    let graph = |s: &Option<Stages<'p>>| s.as_ref().map(Stages::graph);
+    stages.iter().map(graph).collect()
+}
+
+fn found<'a, 'p>(
+    stages: &'a [Option<Stages<'p>>],
+    graphs: &'a [Option<Graph<'p>>],
+    facts: &Facts,
+) -> Vec<Option<Candidates<'a, 'p>>> {
+    let each = stages.iter().zip(graphs);
+    each.map(|(s, g)| Candidates::new(s.as_ref()?, g.as_ref()?, facts).ok())
+        .collect()
+}
+
+/// Those of `facts`, with how far each value itself is from its interpolation, evaluated at more points, and proved: what no choice rests on, and takes a while.
 ///
 /// # Errors
 /// As [`SceneInputs::new`].
 pub fn interpolations(
     gpu: &Gpu,
     scene: &Scene,
+    facts: &Facts,
     form: ShaderForm,
-    mut frequencies: Vec<Frequency>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Frequency>, Error> {
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = originals(scene);
+    let stages = stages(&plans);
+    let graphs = graphs(&stages);
+    let found = found(&stages, &graphs, facts);
+    let mut frequencies = facts.frequencies.clone();
     let values: BTreeSet<String> = frequencies.iter().map(|f| f.value.clone()).collect();
     for (done, value) in values.iter().enumerate() {
         progress(done as f64 / values.len() as f64);
@@ -102,13 +133,24 @@ pub fn interpolations(
             .iter_mut()
             .filter(|f| f.value == *value)
             .collect();
-        let materials: Vec<usize> = (0..plans.len())
-            .filter(|m| of.iter().any(|f| f.material == plans[*m].material))
+        let materials: Vec<(usize, &Candidates<'_, '_>)> = found
+            .iter()
+            .enumerate()
+            .filter(|(m, _)| of.iter().any(|f| f.material == plans[*m].material))
+            .filter_map(|(m, found)| Some((m, found.as_ref()?)))
             .collect();
+        let alone = materials
+            .iter()
+            .filter_map(|(m, found)| Some((*m, found.alone(value).ok()?)));
+        let alone: BTreeMap<usize, Plan> = alone.collect();
         // What cannot be evaluated away from a picture is still known by it.
-        let interpolation = interpolation(&inputs, &plans, &materials, value, form, Points::Many)
-            .unwrap_or_default();
-        let bound = bounds::bound(scene, &plans, &materials, value);
+        let interpolation =
+            interpolation(&inputs, &plans, &alone, form, Points::Many).unwrap_or_default();
+        let computed = materials
+            .iter()
+            .map(|(m, found)| Some((*m, found.computed(value).ok()?)));
+        let computed: Option<BTreeMap<usize, Computed>> = computed.collect();
+        let bound = computed.and_then(|of| bounds::bound(scene, &plans, &of));
         for frequency in &mut of {
             frequency.interpolation = interpolation.or(frequency.interpolation);
             frequency.bound.clone_from(&bound);
@@ -293,6 +335,27 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
         changed = true;
     }
     changed.then_some(recipe)
+}
+
+/// The recipe with its hoists under a promise of `budget`, and what they chose written out: what a host is given of a variant that was found to be within it. `None` if nothing is hoisted as an
+/// approximation.
+pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe> {
+    let mut recipe = recipe.clone();
+    let mut changed = false;
+    for step in &mut recipe.steps {
+        if step.pass != Hoist::INFO.name || !step.params.contains_key("budget") {
+            continue;
+        }
+        step.params.insert("budget".to_owned(), budget.most.into());
+        step.params.remove("metric");
+        if budget.metric != hoist::Metric::default() {
+            step.params
+                .insert("metric".to_owned(), budget.name().into());
+        }
+        changed = true;
+    }
+    let written = written_out(&recipe, facts).unwrap_or(recipe);
+    changed.then_some(written)
 }
 
 /// The threshold with the fewest digits that chooses what the one at `index` does.

@@ -3,9 +3,8 @@
 //! The hoisted material is tessellated, and the compute pass that makes its new vertices run: it evaluates the value at the corners of every triangle and at points
 //! between them. What lies between is held against what the corners make of it. No camera decides which triangles count, and none how much.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
-use preshade_passes::hoist;
 use preshade_passes::pass::{Facts, Interpolation, Pass};
 use preshade_passes::plan::Plan;
 use preshade_passes::tessellate::pattern::Pattern;
@@ -35,23 +34,22 @@ impl Points {
     }
 }
 
-/// Measures the value of that id in the materials of these indices; `None` where a material cannot be tessellated with it (a flat varying, say), or has more triangles than are
-/// evaluated.
+/// Measures a value in the materials that it may be carried in, given the plans that carry it and nothing else, by the materials' indices; `None` where none of them can be tessellated with
+/// it (a flat varying, say), or there are more triangles than are evaluated.
 ///
 /// # Errors
 /// As [`Prepared::new`].
 pub fn interpolation(
     inputs: &SceneInputs<'_>,
     plans: &[Plan],
-    materials: &[usize],
-    id: &str,
+    alone: &BTreeMap<usize, Plan>,
     form: ShaderForm,
     points: Points,
 ) -> Result<Option<Interpolation>, Error> {
     let scene = inputs.scene();
     let draws = scene.draws.iter().enumerate();
     let triangles: u64 = draws
-        .filter(|(_, draw)| materials.contains(&draw.material))
+        .filter(|(_, draw)| alone.contains_key(&draw.material))
         .map(|(index, _)| inputs.triangles(index))
         .sum();
     let levels = points.levels();
@@ -61,8 +59,8 @@ pub fn interpolation(
     let mut changed = plans.to_vec();
     let mut components = HashMap::new();
     let mut denominator = 1;
-    for material in materials {
-        let Some((plan, wide, sum)) = tessellated(&plans[*material], id, level) else {
+    for (material, alone) in alone {
+        let Some((plan, wide, sum)) = tessellated(&plans[*material], alone, level) else {
             continue;
         };
         changed[*material] = plan;
@@ -95,9 +93,8 @@ pub fn interpolation(
 type Components = Vec<bool>;
 
 /// The plan that computes the value at new vertices, and which words of a new vertex are the value's.
-fn tessellated(plan: &Plan, id: &str, level: u32) -> Option<(Plan, Components, u32)> {
-    let alone = hoist::alone(plan, id).ok()?;
-    let components = components(plan, &alone)?;
+fn tessellated(original: &Plan, alone: &Plan, level: u32) -> Option<(Plan, Components, u32)> {
+    let components = components(original, alone)?;
     let params = tessellate::Params {
         level,
         pattern: Pattern::Uniform,
@@ -105,8 +102,8 @@ fn tessellated(plan: &Plan, id: &str, level: u32) -> Option<(Plan, Components, u
         ..tessellate::Params::default()
     };
     let facts = Facts::default();
-    let sites = Tessellate::sites(&alone, &facts, &params);
-    let plan = Tessellate::apply(&alone, &facts, &sites.sites.first()?.key, &params).ok()?;
+    let sites = Tessellate::sites(alone, &facts, &params);
+    let plan = Tessellate::apply(alone, &facts, &sites.sites.first()?.key, &params).ok()?;
     let denominator = plan.main()?.geometry.subdivision()?.denominator;
     Some((plan, components, denominator))
 }

@@ -24,7 +24,9 @@ mod vertices;
 
 pub use changing::changing;
 pub use error::{ErrorLadder, compare};
-pub use frequency::{frequencies, interpolations, leaves_a_choice, within_budget, written_out};
+pub use frequency::{
+    frequencies, interpolations, leaves_a_choice, promised, within_budget, written_out,
+};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use ranges::ranges;

@@ -126,7 +126,7 @@ impl Ends {
     /// Why the vertex stage cannot be run.
     fn add_varyings(
         &mut self,
-        vertices: &Vertices,
+        vertices: &Vertices<f32>,
         module: &Module,
         entry: usize,
         most: u64,

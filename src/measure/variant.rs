@@ -2,7 +2,7 @@
 
 use preshade_passes::count;
 use preshade_passes::neighbours;
-use preshade_passes::pass::Facts;
+use preshade_passes::pass::{Facts, Refusal};
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::{CountProgram, Variant};
@@ -18,7 +18,7 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
             recipe.apply(original, facts).unwrap_or_else(|refusal| {
                 kept.push(Kept {
                     material: original.material.clone(),
-                    why: refusal.to_string(),
+                    why: with_remedy(&refusal),
                 });
                 original.clone()
             })
@@ -33,7 +33,7 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
         if let Some(refusal) = refusal {
             kept.push(Kept {
                 material: original.material.clone(),
-                why: refusal.to_string(),
+                why: with_remedy(&refusal),
             });
             *plan = original.clone();
         }
@@ -46,6 +46,11 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
         plans,
         kept,
     }
+}
+
+/// A refusal, and what would lift it.
+fn with_remedy(refusal: &Refusal) -> String {
+    format!("{refusal}; to make it legal: {}", refusal.remedy)
 }
 
 /// The counting stage of a pass: the slice that decides whether a fragment is kept. A slice that does not validate (a bug) counts every fragment.

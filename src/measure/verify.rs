@@ -206,6 +206,7 @@ pub fn verify(
         assumed: bind::guessed(scene),
         variants: Vec::new(),
         sweeps: Vec::new(),
+        chosen: None,
     };
     let mut pictures = Vec::new();
     for subject in subjects {

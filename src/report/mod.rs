@@ -1,5 +1,6 @@
 //! What was measured, as data: the JSON of record, the table on a terminal, the pictures.
 
+pub mod budget;
 pub mod crossover;
 pub mod path;
 pub mod picture;
@@ -17,6 +18,7 @@ use crate::render::{AdapterReport, SelfTestResult, SubdivisionCost};
 use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
 
+pub use budget::{Budget, Choice, Chosen};
 pub use path::PathTime;
 pub use picture::{Pictures, Worst};
 pub use sweep::SweepReport;
@@ -53,6 +55,9 @@ pub struct Report {
     /// Recipes with parameters left to vary, whose points are among the variants.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sweeps: Vec<SweepReport>,
+    /// What a budget leaves of the variants; `None`: none was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chosen: Option<Chosen>,
 }
 
 /// One variant.

@@ -10,7 +10,16 @@ pub struct Panel {
     /// Lines, of points whose x rises.
     pub lines: Vec<Line>,
     /// A height that is marked across the chart, a budget say.
-    pub mark: Option<f64>,
+    pub mark: Option<Mark>,
+}
+
+/// A height, and what it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mark {
+    /// The height.
+    pub height: f64,
+    /// In a word.
+    pub name: &'static str,
 }
 
 /// One line of a chart.
@@ -88,7 +97,7 @@ fn draw(out: &mut String, panel: &Panel, x_label: &str, names: &[&str]) {
     text(out, (LEFT, TOP - 10.0), "start", &panel.title);
     let points = || panel.lines.iter().flat_map(|l| &l.points);
     let xs = Scale::linear(points().map(|p| p.0));
-    let heights = points().map(|p| p.1).chain(panel.mark);
+    let heights = points().map(|p| p.1).chain(panel.mark.map(|m| m.height));
     let (Some(xs), Some(ys)) = (xs, Scale::heights(heights)) else {
         text(out, (LEFT, HEIGHT / 2.0), "start", "not measured");
         return;
@@ -115,12 +124,15 @@ fn draw(out: &mut String, panel: &Panel, x_label: &str, names: &[&str]) {
         "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{w}\" height=\"{h}\" fill=\"none\" stroke=\"#888888\"/>"
     );
     if let Some(mark) = panel.mark {
-        let at = y(mark);
+        let at = y(mark.height);
         let _ = writeln!(
             out,
             "<line x1=\"{LEFT}\" y1=\"{at:.1}\" x2=\"{:.1}\" y2=\"{at:.1}\" stroke=\"#444444\" stroke-dasharray=\"5 4\"/>",
             LEFT + w
         );
+        // Above the line, or below where there is no room.
+        let beside = if at < TOP + 14.0 { at + 13.0 } else { at - 4.0 };
+        text(out, (LEFT + w - 4.0, beside), "end", mark.name);
     }
     for line in &panel.lines {
         let color = color(names, &line.name);
@@ -276,7 +288,10 @@ mod tests {
                 name: "a&b".to_owned(),
                 points,
             }],
-            mark: Some(0.5),
+            mark: Some(Mark {
+                height: 0.5,
+                name: "budget",
+            }),
         };
         let drawn = svg(
             "t",

@@ -1,11 +1,10 @@
 //! A sweep as a table, a plot and rows of pictures: what a parameter costs in accuracy and gains in time; and the point that a budget leaves.
 
 use preshade_passes::contract::Verdict;
-use preshade_passes::hoist::Metric;
 use serde::Serialize;
 
 use super::picture::{Picture, Pictures, file_name};
-use super::plot::{self, Line, Panel};
+use super::plot::{self, Line, Mark, Panel};
 use super::{Report, VariantReport, sheet};
 use crate::emit::File;
 use crate::measure::ErrorLadder;
@@ -23,12 +22,6 @@ pub struct SweepReport {
     pub along: Option<usize>,
     /// Every combination.
     pub points: Vec<SweepPoint>,
-    /// What was asked of the points.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub budget: Option<Budget>,
-    /// What the budget leaves; `None` without one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub choice: Option<Choice>,
 }
 
 /// A combination.
@@ -38,82 +31,6 @@ pub struct SweepPoint {
     pub values: Vec<String>,
     /// Name of the variant.
     pub variant: String,
-}
-
-/// How far a picture may be off.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Budget {
-    /// What is counted.
-    pub metric: Metric,
-    /// The most of it, 0 to 1.
-    pub most: f64,
-}
-
-/// The point that a budget leaves.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case", tag = "kind")]
-pub enum Choice {
-    /// The fastest of those within the budget, and faster than the original; where nothing was timed, the first.
-    Within {
-        /// Name of the variant.
-        variant: String,
-        /// Its error, by the budget's metric, the worst of all views.
-        error: f64,
-        /// The original's time over its own; `None`: not timed.
-        speedup: Option<f64>,
-    },
-    /// Some are within the budget, and none of them is faster than the original.
-    Slower {
-        /// The fastest of them.
-        variant: String,
-        /// Its error.
-        error: f64,
-        /// The original's time over its own.
-        speedup: f64,
-    },
-    /// None is within the budget.
-    None {
-        /// The one that comes nearest; `None`: nothing was drawn.
-        nearest: Option<String>,
-        /// Its error.
-        error: Option<f64>,
-        /// The original's time over its own.
-        speedup: Option<f64>,
-    },
-}
-
-impl Budget {
-    /// Reads `flip_mean=0.02`.
-    ///
-    /// # Errors
-    /// In words: another metric, or no number above 0 and at most 1.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let (metric, most) = text
-            .split_once('=')
-            .ok_or("expected METRIC=NUMBER, flip_mean=0.02 say")?;
-        let metric = serde_json::from_value(metric.trim().into())
-            .map_err(|_| format!("`{metric}` is none of flip_mean, flip_p99 and max_abs"))?;
-        match most.trim().parse::<f64>() {
-            Ok(most) if most > 0.0 && most <= 1.0 => Ok(Self { metric, most }),
-            _ => Err(format!("`{most}` is not a number above 0 and at most 1")),
-        }
-    }
-
-    fn of(self, error: &ErrorLadder) -> f64 {
-        match self.metric {
-            Metric::FlipMean => error.flip_mean,
-            Metric::FlipP99 => error.flip_p99,
-            Metric::MaxAbs => error.max_abs,
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self.metric {
-            Metric::FlipMean => "flip_mean",
-            Metric::FlipP99 => "flip_p99",
-            Metric::MaxAbs => "max_abs",
-        }
-    }
 }
 
 /// A combination that was drawn or refused, with its figures.
@@ -135,10 +52,10 @@ impl Row<'_> {
 }
 
 impl SweepReport {
-    /// The sweep whose points are drawn as variants of these names, in order, with what `budget` leaves of them.
-    pub fn new(sweep: &Sweep, names: &[String], budget: Option<Budget>, report: &Report) -> Self {
+    /// The sweep whose points are drawn as variants of these names, in order.
+    pub fn new(sweep: &Sweep, names: &[String]) -> Self {
         let points = sweep.points.iter().zip(names);
-        let mut new = Self {
+        Self {
             recipe: sweep.text.clone(),
             parameters: sweep
                 .axes
@@ -152,11 +69,7 @@ impl SweepReport {
                     variant: name.clone(),
                 })
                 .collect(),
-            budget,
-            choice: None,
-        };
-        new.choice = budget.map(|budget| new.choose(budget, report));
-        new
+        }
     }
 
     fn rows<'a>(&'a self, report: &'a Report) -> impl Iterator<Item = Row<'a>> {
@@ -167,46 +80,6 @@ impl SweepReport {
                 variant,
             })
         })
-    }
-
-    fn choose(&self, budget: Budget, report: &Report) -> Choice {
-        let drawn: Vec<(Row<'_>, f64)> = self
-            .rows(report)
-            .filter_map(|row| {
-                let error = row.error()?;
-                let good = error.nan_pixels == 0;
-                good.then(|| (row, budget.of(error)))
-            })
-            .collect();
-        let within = || drawn.iter().filter(|(_, error)| *error <= budget.most);
-        let timed = within().filter_map(|(row, error)| Some((row, error, row.speedup()?)));
-        let fastest = timed.max_by(|a, b| a.2.total_cmp(&b.2));
-        let name = |row: &Row<'_>| row.variant.name.clone();
-        match (fastest, within().next()) {
-            (Some((row, error, speedup)), _) if speedup > 1.0 => Choice::Within {
-                variant: name(row),
-                error: *error,
-                speedup: Some(speedup),
-            },
-            (Some((row, error, speedup)), _) => Choice::Slower {
-                variant: name(row),
-                error: *error,
-                speedup,
-            },
-            (None, Some((row, error))) => Choice::Within {
-                variant: name(row),
-                error: *error,
-                speedup: None,
-            },
-            (None, None) => {
-                let nearest = drawn.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-                Choice::None {
-                    nearest: nearest.map(|(row, _)| name(row)),
-                    error: nearest.map(|(_, error)| *error),
-                    speedup: nearest.and_then(|(row, _)| row.speedup()),
-                }
-            }
-        }
     }
 
     /// The points apart by all parameters but the one along the side: a name, and the rows.
@@ -239,7 +112,7 @@ impl SweepReport {
             .map_or("", |p| short(p))
     }
 
-    /// The figures as text: a table for each series, and what the budget leaves.
+    /// The figures as text: a table for each series.
     pub fn table(&self, report: &Report) -> String {
         let mut out = format!("Sweep of {}:\n\n", self.recipe);
         let header = [
@@ -287,10 +160,6 @@ impl SweepReport {
                 line(row.each_ref().map(String::as_str));
             }
             out.push_str(&self.not_drawn(&left));
-        }
-        if let Some(said) = self.said() {
-            out.push_str(&said);
-            out.push_str("\n\n");
         }
         out
     }
@@ -353,41 +222,6 @@ impl SweepReport {
         ]
     }
 
-    /// What the budget leaves, as a sentence; `None` without one.
-    pub fn said(&self) -> Option<String> {
-        let (budget, choice) = (self.budget?, self.choice.as_ref()?);
-        let (name, most) = (budget.name(), budget.most);
-        let times = |speedup: Option<f64>| {
-            speedup.map_or_else(|| "not timed".to_owned(), |s| format!("{s:.2}x"))
-        };
-        Some(match choice {
-            Choice::Within {
-                variant,
-                error,
-                speedup,
-            } => format!(
-                "Within {name}={most} the best is {variant}: {}, {name} {error:.5}.",
-                times(*speedup)
-            ),
-            Choice::Slower {
-                variant,
-                error,
-                speedup,
-            } => format!(
-                "No point within {name}={most} is faster than the original: the fastest is {variant}, {speedup:.2}x, {name} {error:.5}."
-            ),
-            Choice::None {
-                nearest: Some(variant),
-                error: Some(error),
-                speedup,
-            } => format!(
-                "No point is within {name}={most}: the best error is {error:.5}, of {variant}, {}.",
-                times(*speedup)
-            ),
-            Choice::None { .. } => format!("No point is within {name}={most}: none was drawn."),
-        })
-    }
-
     /// `NAME.svg`, and a sheet of pictures for each series, `NAME.SERIES.png`: original, variant and difference, a row a point.
     ///
     /// # Errors
@@ -431,13 +265,15 @@ impl SweepReport {
             "" => String::new(),
             label => format!("{label}={} ", self.along(row)),
         };
-        let flip = row.error().map(|e| format!(" FLIP {:.4}", e.flip_mean));
+        let flip = row
+            .error()
+            .map(|e| format!(" FLIP {:.4} at worst", e.flip_mean));
         format!("{along}{series}{}", flip.unwrap_or_default())
     }
 
     fn plot(&self, report: &Report) -> String {
         let series = self.series(report);
-        let panel = |title: &str, mark: Option<f64>, of: &dyn Fn(&Row<'_>) -> Option<f64>| Panel {
+        let panel = |title: &str, mark: Option<Mark>, of: &dyn Fn(&Row<'_>) -> Option<f64>| Panel {
             title: title.to_owned(),
             mark,
             lines: series
@@ -456,8 +292,12 @@ impl SweepReport {
                 .collect(),
         };
         let budget = |name: &str| {
-            let budget = self.budget.filter(|b| b.name() == name);
-            budget.map(|b| b.most)
+            let chosen = report.chosen.as_ref();
+            let budget = chosen.map(|c| c.budget).filter(|b| b.name() == name);
+            budget.map(|b| Mark {
+                height: b.most,
+                name: "budget",
+            })
         };
         let original = report.variants.first().and_then(|v| v.time_ms.as_ref());
         let divided = |row: &Row<'_>| {
@@ -466,8 +306,11 @@ impl SweepReport {
         };
         let panels = [
             panel(
-                "milliseconds a frame (dashed: the original)",
-                original.map(|t| t.estimate.median),
+                "milliseconds a frame",
+                original.map(|t| Mark {
+                    height: t.estimate.median,
+                    name: "original",
+                }),
                 &|row| Some(row.variant.time_ms.as_ref()?.estimate.median),
             ),
             panel("FLIP, mean", budget("flip_mean"), &|row| {

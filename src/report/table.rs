@@ -65,6 +65,10 @@ pub fn render(report: &Report) -> String {
     for sweep in &report.sweeps {
         out.push_str(&sweep.table(report));
     }
+    if let Some(chosen) = &report.chosen {
+        out.push_str(&chosen.said());
+        out.push_str("\n\n");
+    }
     out.push_str(&notes(report));
     out
 }

@@ -42,7 +42,7 @@ impl Accuracy {
         }
     }
 
-    /// Of sine and cosine of up to this much. Beyond a turn, where WGSL promises nothing, it is taken that the argument is reduced by a multiple of a period
+    /// Of sine and cosine of up to this much. Beyond half a turn, where WGSL promises nothing, it is taken that the argument is reduced by a multiple of a period
     /// that is good to 2^-22: within a hundred turns about what Direct3D asks for.
     pub fn wave(argument: f64) -> Self {
         let beyond = (argument - std::f64::consts::PI).max(0.0);

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::choose;
 use super::single::{Candidates, Stages};
-use super::travel::{self, Class, Finite, Judged, Stays, Verdict};
+use super::travel::{self, Class, Finite, Judged, Precision, Stays, Verdict};
 use super::values::{ValueId, Values};
 use super::{Material, Params, name, span};
 use crate::graph::FunctionId;
@@ -35,7 +35,7 @@ pub(super) fn judge(
     let verdicts = match &params.carry {
         Some(carry) => {
             let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-            as_chosen(values, &assumed.verdicts, &carry, params.finite)
+            as_chosen(values, &assumed.verdicts, &carry, params.finite, &precision)
         }
         None => as_measured(values, &assumed.verdicts, &measured, params),
     };
@@ -51,10 +51,11 @@ fn as_chosen(
     assumed: &[Verdict],
     carry: &BTreeSet<&str>,
     finite: Finite,
+    precision: &Precision,
 ) -> Vec<Verdict> {
     let chosen = find(values, assumed, carry);
     let mut verdicts = match finite {
-        Finite::Proved => travel::proved(values, assumed.to_vec()),
+        Finite::Proved => travel::proved(values, precision, assumed.to_vec()),
         Finite::Assumed => assumed.to_vec(),
     };
     for (v, verdict) in verdicts.iter_mut().enumerate() {
@@ -134,7 +135,7 @@ pub(super) fn describe(
     verdicts: &[Verdict],
     sources: &SourceMap,
 ) -> Vec<(ValueId, Candidate)> {
-    let found = dearest(values, verdicts);
+    let found = dearest(values, verdicts, MOST_CANDIDATES);
     let ids = ids(values, found.iter().map(|(v, _)| *v));
     found
         .into_iter()
@@ -152,8 +153,8 @@ pub(super) fn describe(
         .collect()
 }
 
-/// The candidates and what each costs, the dearest first.
-fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict]) -> Vec<(ValueId, f64)> {
+/// At most `most` values that may travel as approximations, the dearest first, and what each costs.
+fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict], most: usize) -> Vec<(ValueId, f64)> {
     let width = |v| choose::shape(values, v).map(|(_, w)| w);
     let users = values.users();
     let smooth: Vec<ValueId> = (0..values.values.len())
@@ -175,7 +176,7 @@ fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict]) -> Vec<(ValueId, f64)>
     let all = costs.iter().map(|(v, cost)| (*v, *cost));
     let mut found: Vec<(ValueId, f64)> = all.filter(|(v, cost)| is_last(*v, *cost)).collect();
     found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    found.truncate(MOST_CANDIDATES);
+    found.truncate(most);
     found
 }
 
@@ -196,26 +197,30 @@ fn snippet(sources: &SourceMap, at: &Location) -> Option<String> {
     })
 }
 
-/// The values of these ids among those that may travel as approximations.
-///
-/// An id is a hash of all that computes a value, so that it is only computed for candidates, and for the others where some id is none of theirs: a choice
-/// that was made ahead of another pass.
+/// Most values whose ids are compared with those of a choice. It was made among the dearest of the author's plan, of which another pass may have moved some back.
+const MOST_COMPARED: usize = 4 * MOST_CANDIDATES;
+
+/// The values of these ids among the dearest that may travel as approximations. Ids of none of them are another material's.
 pub(super) fn find(
     values: &Values<'_, '_>,
     verdicts: &[Verdict],
     wanted: &BTreeSet<&str>,
 ) -> BTreeMap<ValueId, String> {
-    let found = dearest(values, verdicts);
-    let mut ids_of = ids(values, found.iter().map(|(v, _)| *v));
-    ids_of.retain(|_, id| wanted.contains(id.as_str()));
-    let known: BTreeSet<&str> = ids_of.values().map(String::as_str).collect();
-    if wanted.iter().all(|id| known.contains(id)) {
-        return ids_of;
+    let mut found = BTreeMap::new();
+    let mut missing = wanted.clone();
+    // An id is a hash of all that computes a value: no more of them than it takes.
+    for some in dearest(values, verdicts, MOST_COMPARED).chunks(MOST_CANDIDATES) {
+        if missing.is_empty() {
+            break;
+        }
+        for (value, id) in ids(values, some.iter().map(|(v, _)| *v)) {
+            if wanted.contains(id.as_str()) {
+                missing.remove(id.as_str());
+                found.insert(value, id);
+            }
+        }
     }
-    let smooth = (0..values.values.len()).filter(|v| is_smooth(&verdicts[*v]));
-    let mut ids_of = ids(values, smooth);
-    ids_of.retain(|_, id| wanted.contains(id.as_str()));
-    ids_of
+    found
 }
 
 /// Stable names of values.

@@ -7,9 +7,8 @@ use naga::{
     AddressSpace, Arena, BinaryOperator, Binding, Expression, Handle, Literal, MathFunction,
     Module, ScalarKind, TypeInner, UnaryOperator,
 };
-use petgraph::algo::kosaraju_scc;
-use petgraph::graph::DiGraph;
 
+use super::circle::{Merges, UNCOUNTED_TURNS};
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::cells::Root;
 use crate::graph::memory::{Origin, VersionId};
@@ -118,27 +117,6 @@ fn product(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 { 0.0 } else { a * b }
 }
 
-/// The values so that each comes after all that rest on it, those in a circle together.
-pub fn circles(values: &Values<'_, '_>) -> Vec<Vec<ValueId>> {
-    let mut graph = DiGraph::<(), ()>::with_capacity(values.values.len(), 0);
-    let nodes: Vec<_> = values.values.iter().map(|_| graph.add_node(())).collect();
-    for (id, value) in values.values.iter().enumerate() {
-        for operand in &value.operands {
-            graph.add_edge(nodes[id], nodes[*operand], ());
-        }
-    }
-    // From the operands up.
-    let mut circles: Vec<Vec<ValueId>> = kosaraju_scc(&graph)
-        .into_iter()
-        .map(|circle| circle.into_iter().map(|node| node.index()).collect())
-        .collect();
-    circles.reverse();
-    circles
-}
-
-/// Turns after which a circle's ranges are taken to grow without end.
-const TURNS: usize = 8;
-
 /// The range of every value.
 #[derive(Debug)]
 pub struct AllRanges {
@@ -167,34 +145,65 @@ impl AllRanges {
                 ranges.of[circle[0]] = ranges.find(values, circle[0], &outside, &[]);
                 continue;
             }
-            // Upwards from nothing: those not reached yet are left out of what is joined.
-            let mut unseen = circle.clone();
-            for turn in 0..=TURNS {
-                let mut settled = true;
+            let merges = Merges::of(values, circle);
+            if !ranges.turn(values, circle, &merges, &outside) {
                 for id in circle {
-                    let found = ranges.find(values, *id, &outside, &unseen);
-                    let joined = match unseen.iter().position(|u| u == id) {
-                        Some(at) if joins(values, *id, &unseen) => {
-                            unseen.swap_remove(at);
-                            found
-                        }
-                        Some(_) => continue,
-                        None => ranges.of[*id].or(found),
-                    };
-                    settled &= ranges.of[*id] == joined;
-                    ranges.of[*id] = joined;
-                }
-                if settled && unseen.is_empty() {
-                    break;
-                }
-                if turn == TURNS {
-                    for id in circle {
-                        ranges.of[*id] = Range::ANYTHING;
-                    }
+                    ranges.of[*id] = Range::ANYTHING;
                 }
             }
         }
         ranges
+    }
+
+    /// The ranges of a circle, upwards from nothing: those not reached yet are left out of what is joined. Turn by turn, what a loop carries on waits until all else is settled.
+    /// `false` where they may grow beyond.
+    fn turn(
+        &mut self,
+        values: &Values<'_, '_>,
+        circle: &[ValueId],
+        merges: &Merges,
+        outside: &Outside<'_>,
+    ) -> bool {
+        let mut unseen = circle.to_vec();
+        for _ in 0..merges.turns.unwrap_or(UNCOUNTED_TURNS) {
+            // Without the merges there is no circle: as many rounds as there are values settle it.
+            for _ in 0..=circle.len() {
+                let rest = circle.iter().filter(|id| !merges.of.contains(id));
+                if !self.join(values, rest, outside, &mut unseen) {
+                    break;
+                }
+            }
+            let carried = merges.of.iter();
+            if !self.join(values, carried, outside, &mut unseen) && unseen.is_empty() {
+                return true;
+            }
+        }
+        merges.turns.is_some() && unseen.is_empty()
+    }
+
+    /// Joins to each range what is found of it now. Whether that changed any.
+    fn join<'v>(
+        &mut self,
+        values: &Values<'_, '_>,
+        ids: impl Iterator<Item = &'v ValueId>,
+        outside: &Outside<'_>,
+        unseen: &mut Vec<ValueId>,
+    ) -> bool {
+        let mut changed = false;
+        for id in ids {
+            let found = self.find(values, *id, outside, unseen);
+            let joined = match unseen.iter().position(|u| u == id) {
+                Some(at) if joins(values, *id, unseen) => {
+                    unseen.swap_remove(at);
+                    found
+                }
+                Some(_) => continue,
+                None => self.of[*id].or(found),
+            };
+            changed |= self.of[*id] != joined;
+            self.of[*id] = joined;
+        }
+        changed
     }
 
     /// Of a value.
@@ -328,6 +337,17 @@ impl AllRanges {
                 expr,
                 convert: Some(_),
             } if is_float(*expr) => of(*expr),
+            // A whole number of 32 bits.
+            Expression::As {
+                kind: ScalarKind::Float,
+                expr,
+                convert: Some(_),
+            } => match f.ty(module, *expr).scalar_kind() {
+                Some(ScalarKind::Uint) => Range::new(0.0, f64::from(u32::MAX)),
+                Some(ScalarKind::Sint) => Range::within(f64::from(i32::MIN).abs()),
+                Some(ScalarKind::Bool) => Range::UNIT,
+                _ => Range::ANYTHING,
+            },
             Expression::Binary { op, left, right } if is_float(e) => {
                 let (a, b) = (of(*left), of(*right));
                 match op {

@@ -12,7 +12,8 @@ use std::collections::BTreeSet;
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOperator};
 
-use super::range::{AllRanges, Range, circles, dimension, terms};
+use super::circle::circles;
+use super::range::{AllRanges, Range, dimension, terms};
 use super::travel;
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::rate::Rate;

@@ -1,7 +1,8 @@
-//! What is seen from the code of a value's sign, as far as telling a safe division or square root from one that may give NaN or infinity takes.
+//! What is seen from the code of a value's sign and of its size, as far as telling an operation that is safe at any vertex from one that may give NaN or infinity takes.
 
 use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, ScalarKind, TypeInner};
 
+use super::range::AllRanges;
 use super::values::{Node, ValueId, Values};
 
 /// What is known of every component of a value.
@@ -202,6 +203,53 @@ impl Signs {
             _ => None,
         }
     }
+}
+
+/// What varyings, constants of the draw and texels are taken to be below where nothing tells: 2^20, a million of whatever a scene is measured in. A varying of a real scene is a finite number; this says that
+/// it is no very large one.
+pub const LARGEST_INPUT: f64 = (1 << 20) as f64;
+
+/// The name of the operation, if an expression may pass the largest `f32` where its operands do not. An infinite number is one step from NaN: `inf * 0`, `inf - inf`.
+pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<&'static str> {
+    // Ranges are of real numbers: roundings may add to them.
+    let fits = |id: ValueId| ranges.of(id).magnitude() < 0.99 * f64::from(f32::MAX);
+    let (context, e, _) = values.expression(id)?;
+    let f = values.function(context);
+    let expression = &f.function.expressions[e];
+    let is_float = f.ty(values.graph.module(), e).scalar_kind() == Some(ScalarKind::Float);
+    if !is_float || fits(id) {
+        return None;
+    }
+    Some(match expression {
+        Expression::Binary { op, .. } => match op {
+            BinaryOperator::Add => "+",
+            BinaryOperator::Subtract => "-",
+            BinaryOperator::Multiply => "*",
+            BinaryOperator::Divide => "/",
+            _ => return None,
+        },
+        Expression::Math { fun, .. } => match fun {
+            MathFunction::Exp => "exp",
+            MathFunction::Exp2 => "exp2",
+            MathFunction::Pow => "pow",
+            MathFunction::Sinh => "sinh",
+            MathFunction::Cosh => "cosh",
+            MathFunction::Ldexp => "ldexp",
+            MathFunction::Dot => "dot",
+            MathFunction::Cross => "cross",
+            MathFunction::Length => "length",
+            MathFunction::Distance => "distance",
+            MathFunction::Fma => "fma",
+            MathFunction::Mix => "mix",
+            MathFunction::Reflect => "reflect",
+            MathFunction::Determinant => "determinant",
+            MathFunction::Outer => "outer product",
+            MathFunction::Degrees => "degrees",
+            MathFunction::InverseSqrt => "inverseSqrt",
+            _ => return None,
+        },
+        _ => return None,
+    })
 }
 
 /// Smallest number that division is safe with: its inverse is far from overflow.

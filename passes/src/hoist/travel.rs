@@ -6,10 +6,12 @@ use naga::{BinaryOperator, Expression, MathFunction, ScalarKind, Statement, Type
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::circle::circles;
 use super::form::{Form, forms};
+use super::range::AllRanges;
 use super::reach::{with_operands, with_users};
 use super::rounding;
-use super::sign::Signs;
+use super::sign::{self, Signs};
 use super::turn::turning;
 use super::values::{Node, ValueId, Values};
 use crate::graph::memory::Origin;
@@ -88,6 +90,11 @@ pub enum Stays {
         /// The operation.
         operation: String,
     },
+    /// It may pass the largest `f32` at a vertex, which comes to the same.
+    MayOverflow {
+        /// The operation.
+        operation: String,
+    },
 }
 
 impl std::fmt::Display for Stays {
@@ -118,6 +125,11 @@ impl std::fmt::Display for Stays {
             Self::MayNotBeFinite { operation } => write!(
                 f,
                 "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole triangle"
+            ),
+            Self::MayOverflow { operation } => write!(
+                f,
+                "`{operation}` may pass the largest number there is at a vertex, which would spoil the whole triangle; what comes from outside is taken to be below 2^20 where no scene \
+                 tells"
             ),
         }
     }
@@ -170,7 +182,7 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> 
     let assumed = judge_finite(values, precision);
     match finite {
         Finite::Proved => Judged {
-            verdicts: proved(values, assumed.verdicts),
+            verdicts: proved(values, precision, assumed.verdicts),
             ..assumed
         },
         Finite::Assumed => assumed,
@@ -178,15 +190,16 @@ pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> 
 }
 
 /// Verdicts under [`Finite::Proved`], of those under [`Finite::Assumed`].
-pub(super) fn proved(values: &Values<'_, '_>, assumed: Vec<Verdict>) -> Vec<Verdict> {
-    let hazards = hazards(values).into_iter();
+pub(super) fn proved(
+    values: &Values<'_, '_>,
+    precision: &Precision,
+    assumed: Vec<Verdict>,
+) -> Vec<Verdict> {
+    let hazards = hazards(values, &precision.ranges).into_iter();
     let verdicts = assumed.into_iter().zip(hazards);
     verdicts
         .map(|(verdict, hazard)| match (verdict, hazard) {
-            (Ok(carriage), Some(operation)) if carriage.class == Class::Smooth => {
-                let operation = operation.to_owned();
-                Err(Stays::MayNotBeFinite { operation })
-            }
+            (Ok(carriage), Some(hazard)) if carriage.class == Class::Smooth => Err(hazard),
             (verdict, _) => verdict,
         })
         .collect()
@@ -402,24 +415,36 @@ pub(crate) fn jump(expression: &Expression) -> Option<String> {
 }
 
 /// For each value, an operation in or below it whose result may be NaN or infinite.
-fn hazards(values: &Values<'_, '_>) -> Vec<Option<&'static str>> {
+fn hazards(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<Option<Stays>> {
     let signs = Signs::new(values);
+    let ranges = AllRanges::new(values, &circles(values), known, sign::LARGEST_INPUT);
     let users = values.users();
-    let mut hazards: Vec<Option<&'static str>> = vec![None; values.values.len()];
-    let mut work: Vec<ValueId> = Vec::new();
-    for (id, value) in values.values.iter().enumerate() {
-        if let Node::Expression(context, e, _) = &value.node
-            && let Some(operation) = signs.hazard(values, *context, *e)
-        {
-            hazards[id] = Some(operation);
-            work.push(id);
-        }
-    }
-    while let Some(id) = work.pop() {
-        for user in &users[id] {
-            if hazards[*user].is_none() {
-                hazards[*user] = hazards[id];
-                work.push(*user);
+    let hazard = |id: ValueId| {
+        let (context, e, _) = values.expression(id)?;
+        let undefined = signs.hazard(values, context, e);
+        let undefined = undefined.map(|operation| Stays::MayNotBeFinite {
+            operation: operation.to_owned(),
+        });
+        undefined.or_else(|| {
+            sign::overflow(values, &ranges, id).map(|operation| Stays::MayOverflow {
+                operation: operation.to_owned(),
+            })
+        })
+    };
+    let mut hazards: Vec<Option<Stays>> = (0..values.values.len()).map(hazard).collect();
+    // What is undefined says more than what may overflow for it.
+    let is_undefined = |h: &Option<Stays>| matches!(h, Some(Stays::MayNotBeFinite { .. }));
+    let (undefined, rest): (Vec<ValueId>, Vec<ValueId>) = (0..hazards.len())
+        .filter(|id| hazards[*id].is_some())
+        .partition(|id| is_undefined(&hazards[*id]));
+    for mut work in [undefined, rest] {
+        while let Some(id) = work.pop() {
+            for user in &users[id] {
+                let is_weaker = is_undefined(&hazards[id]) && !is_undefined(&hazards[*user]);
+                if hazards[*user].is_none() || is_weaker {
+                    hazards[*user] = hazards[id].clone();
+                    work.push(*user);
+                }
             }
         }
     }

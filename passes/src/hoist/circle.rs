@@ -1,0 +1,69 @@
+//! Values that rest on one another, around loops.
+
+use std::collections::BTreeMap;
+
+use naga::Statement;
+use petgraph::algo::kosaraju_scc;
+use petgraph::graph::DiGraph;
+
+use super::values::{Node, ValueId, Values};
+use crate::graph::cost;
+use crate::graph::memory::Origin;
+
+/// The values so that each comes after all that rest on it, those in a circle together.
+pub fn circles(values: &Values<'_, '_>) -> Vec<Vec<ValueId>> {
+    let mut graph = DiGraph::<(), ()>::with_capacity(values.values.len(), 0);
+    let nodes: Vec<_> = values.values.iter().map(|_| graph.add_node(())).collect();
+    for (id, value) in values.values.iter().enumerate() {
+        for operand in &value.operands {
+            graph.add_edge(nodes[id], nodes[*operand], ());
+        }
+    }
+    // From the operands up.
+    let mut circles: Vec<Vec<ValueId>> = kosaraju_scc(&graph)
+        .into_iter()
+        .map(|circle| circle.into_iter().map(|node| node.index()).collect())
+        .collect();
+    circles.reverse();
+    circles
+}
+
+/// Turns after which the ranges of a loop that is not counted are taken to grow without end.
+pub const UNCOUNTED_TURNS: usize = 8;
+/// Most turns that are followed of one that is.
+const MOST_TURNS: usize = 256;
+
+/// Where loops carry the values of a circle on.
+pub struct Merges {
+    /// The values.
+    pub of: Vec<ValueId>,
+    /// How often they do, if the loops are counted: at the header and in `continuing` once a turn, and when it is left.
+    pub turns: Option<usize>,
+}
+
+impl Merges {
+    /// Of a circle.
+    pub fn of(values: &Values<'_, '_>, circle: &[ValueId]) -> Self {
+        let mut loops = BTreeMap::new();
+        let mut of = Vec::new();
+        for id in circle {
+            let Node::Version(context, version) = values.values[*id].node else {
+                continue;
+            };
+            let f = values.function(context);
+            let Origin::Phi { at: Some(at), .. } = *f.memory.origin(version) else {
+                continue;
+            };
+            if matches!(f.statements.get(at).statement, Statement::Loop { .. }) {
+                of.push(*id);
+                loops.insert((context, at), cost::trips(values.graph.module(), f, at));
+            }
+        }
+        let turns = loops.values().try_fold(1_usize, |product, trips| {
+            let turns = 2 * usize::try_from((*trips)?).ok()? + 2;
+            product.checked_mul(turns).filter(|t| *t <= MOST_TURNS)
+        });
+        let turns = turns.filter(|_| !of.is_empty());
+        Self { of, turns }
+    }
+}

@@ -1,0 +1,213 @@
+//! Which of the variants a budget leaves: the fastest that is off by no more.
+
+use std::cmp::Ordering;
+
+use preshade_passes::contract::Verdict;
+use preshade_passes::hoist::Metric;
+use serde::Serialize;
+
+use super::{ORIGINAL, VariantReport};
+use crate::measure::ErrorLadder;
+
+/// How far a picture may be off.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Budget {
+    /// What is counted.
+    pub metric: Metric,
+    /// The most of it, 0 to 1.
+    pub most: f64,
+}
+
+impl Budget {
+    /// Reads `flip_mean=0.02`.
+    ///
+    /// # Errors
+    /// In words: another metric, or no number above 0 and at most 1.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let (metric, most) = text
+            .split_once('=')
+            .ok_or("expected METRIC=NUMBER, flip_mean=0.02 say")?;
+        let metric = serde_json::from_value(metric.trim().into())
+            .map_err(|_| format!("`{metric}` is none of flip_mean, flip_p99 and max_abs"))?;
+        match most.trim().parse::<f64>() {
+            Ok(most) if most > 0.0 && most <= 1.0 => Ok(Self { metric, most }),
+            _ => Err(format!("`{most}` is not a number above 0 and at most 1")),
+        }
+    }
+
+    /// What of an error it counts.
+    fn of(self, error: &ErrorLadder) -> f64 {
+        match self.metric {
+            Metric::FlipMean => error.flip_mean,
+            Metric::FlipP99 => error.flip_p99,
+            Metric::MaxAbs => error.max_abs,
+        }
+    }
+
+    /// The metric, as it is written.
+    pub fn name(self) -> &'static str {
+        match self.metric {
+            Metric::FlipMean => "flip_mean",
+            Metric::FlipP99 => "flip_p99",
+            Metric::MaxAbs => "max_abs",
+        }
+    }
+}
+
+/// A budget, and what it leaves of a report's variants.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Chosen {
+    /// What was asked of them.
+    pub budget: Budget,
+    /// What that leaves.
+    pub choice: Choice,
+    /// What `rewrite` makes the chosen variant of, under a promise of this budget; `None`: of its recipe as it stands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recipe: Option<String>,
+}
+
+/// The variant that a budget leaves.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Choice {
+    /// The fastest of those within the budget, and faster than the original; where nothing was timed, the one with the least error.
+    Within {
+        /// Name of the variant.
+        variant: String,
+        /// Its error, by the budget's metric, the worst of all views.
+        error: f64,
+        /// The original's time over its own; `None`: not timed.
+        speedup: Option<f64>,
+    },
+    /// Some are within the budget, and none of them is faster than the original.
+    Slower {
+        /// The fastest of them.
+        variant: String,
+        /// Its error.
+        error: f64,
+        /// The original's time over its own.
+        speedup: f64,
+    },
+    /// None is within the budget.
+    None {
+        /// The one that comes nearest, the fastest of several; `None`: nothing was drawn.
+        nearest: Option<String>,
+        /// Its error.
+        error: Option<f64>,
+        /// The original's time over its own.
+        speedup: Option<f64>,
+    },
+}
+
+/// A variant that was drawn, its error and its speedup.
+#[derive(Clone, Copy)]
+struct Drawn<'a> {
+    variant: &'a VariantReport,
+    error: f64,
+    speedup: Option<f64>,
+}
+
+impl Drawn<'_> {
+    /// The better first: the least error, then the greatest speedup.
+    fn by_error(&self, other: &Self) -> Ordering {
+        let speed = |d: &Self| d.speedup.unwrap_or_default();
+        let faster = speed(other).total_cmp(&speed(self));
+        self.error.total_cmp(&other.error).then(faster)
+    }
+}
+
+impl Chosen {
+    /// What `budget` leaves of these variants, the original apart.
+    pub fn among(variants: &[VariantReport], budget: Budget) -> Self {
+        Self {
+            budget,
+            choice: Choice::among(variants, budget),
+            recipe: None,
+        }
+    }
+
+    /// As a sentence.
+    pub fn said(&self) -> String {
+        let (name, most) = (self.budget.name(), self.budget.most);
+        let times = |speedup: Option<f64>| {
+            speedup.map_or_else(|| "not timed".to_owned(), |s| format!("{s:.2}x"))
+        };
+        match &self.choice {
+            Choice::Within {
+                variant,
+                error,
+                speedup,
+            } => {
+                let recipe = self.recipe.as_ref();
+                let recipe = recipe.map(|r| format!(" `rewrite` makes it of {r}"));
+                format!(
+                    "Within {name}={most} the best is {variant}: {}, {name} {error:.5}.{}",
+                    times(*speedup),
+                    recipe.unwrap_or_default()
+                )
+            }
+            Choice::Slower {
+                variant,
+                error,
+                speedup,
+            } => format!(
+                "No variant within {name}={most} is faster than the original: the fastest is {variant}, {speedup:.2}x, {name} {error:.5}."
+            ),
+            Choice::None {
+                nearest: Some(variant),
+                error: Some(error),
+                speedup,
+            } => format!(
+                "No variant is within {name}={most}: the best error is {error:.5}, of {variant}, {}.",
+                times(*speedup)
+            ),
+            Choice::None { .. } => format!("No variant is within {name}={most}: none was drawn."),
+        }
+    }
+}
+
+impl Choice {
+    fn among(variants: &[VariantReport], budget: Budget) -> Self {
+        let drawn = variants.iter().filter(|v| v.name != ORIGINAL);
+        let drawn: Vec<Drawn<'_>> = drawn
+            .filter_map(|variant| {
+                let error = variant.error.as_ref()?;
+                let was_drawn = !matches!(variant.verdict, Verdict::NotMeasured { .. });
+                (was_drawn && error.nan_pixels == 0).then(|| Drawn {
+                    variant,
+                    error: budget.of(error),
+                    speedup: variant.speedup.as_ref().map(|s| s.median),
+                })
+            })
+            .collect();
+        let within = || drawn.iter().filter(|d| d.error <= budget.most);
+        let timed = within().filter_map(|d| Some((d, d.speedup?)));
+        let fastest = timed.max_by(|a, b| a.1.total_cmp(&b.1));
+        let best = within().min_by(|a, b| a.by_error(b));
+        match (fastest, best) {
+            (Some((d, speedup)), _) if speedup > 1.0 => Self::Within {
+                variant: d.variant.name.clone(),
+                error: d.error,
+                speedup: Some(speedup),
+            },
+            (Some((d, speedup)), _) => Self::Slower {
+                variant: d.variant.name.clone(),
+                error: d.error,
+                speedup,
+            },
+            (None, Some(d)) => Self::Within {
+                variant: d.variant.name.clone(),
+                error: d.error,
+                speedup: None,
+            },
+            (None, None) => {
+                let nearest = drawn.iter().min_by(|a, b| a.by_error(b));
+                Self::None {
+                    nearest: nearest.map(|d| d.variant.name.clone()),
+                    error: nearest.map(|d| d.error),
+                    speedup: nearest.and_then(|d| d.speedup),
+                }
+            }
+        }
+    }
+}
