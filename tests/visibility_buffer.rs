@@ -20,7 +20,7 @@ use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
 /// The forms that must all draw alike.
-const FORMS: [&str; 14] = [
+const FORMS: [&str; 16] = [
     "visibility-buffer",
     "visibility-buffer:select=id",
     "visibility-buffer:ids=unindexed",
@@ -35,6 +35,8 @@ const FORMS: [&str; 14] = [
     "visibility-buffer:select=tiles,form=compute",
     "visibility-buffer:form=binned",
     "visibility-buffer:form=binned,words=one,ids=unindexed",
+    "visibility-buffer:vertices=kept",
+    "visibility-buffer:vertices=kept,form=compute,select=tiles,formats=any",
 ];
 
 fn split(plan: &Plan, recipe: &str) -> Plan {

@@ -32,6 +32,7 @@ mod count;
 mod gradients;
 mod ids;
 mod jumps;
+mod kept;
 mod legal;
 mod lists;
 mod params;
@@ -43,7 +44,7 @@ mod text;
 pub use count::counted;
 use jumps::Reached;
 use lists::Lists;
-pub use params::{Corners, Form, Ids, Params, Select, Words};
+pub use params::{Corners, Form, Ids, Params, Select, Vertices, Words};
 use parts::slots;
 
 /// Name of the attachment of ids.

@@ -6,9 +6,10 @@ use naga::{Binding, ShaderStage};
 
 use super::gradients::{self, Failed};
 use super::ids::{self, Triangles};
+use super::kept;
 use super::lists::Lists;
 use super::parts::parts;
-use super::resolve::{self, Built, Resolve, Runs};
+use super::resolve::{self, Built, Keeps, Resolve, Runs};
 use super::text::{self, Slots};
 use super::{DRAWS, IDS, Ids, Material, Params, Select, VisibilityBuffer, legal, refuse};
 use crate::fetch::Linked;
@@ -17,7 +18,7 @@ use crate::pass::{Pass, Refusal};
 use crate::place;
 use crate::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
-    Draws, GeometryPart, GpuPass, Phase, Plan, Role, Visibility, When,
+    Draws, GeometryPart, GpuPass, Phase, Plan, Role, VertexBuffer, Visibility, When,
 };
 use crate::reflect;
 use crate::state::{
@@ -201,9 +202,58 @@ impl Material<'_> {
             words: params.words,
             corners: params.corners,
             lists: Lists::of(params),
+            vertices: params.vertices,
         }
         .build(slots)
         .map_err(bug)
+    }
+
+    /// Adds the compute pass that keeps vertices; what the resolve binds of it.
+    fn keep(
+        &self,
+        plan: &mut Plan,
+        keeps: &Keeps,
+        params: &Params,
+        slots: Slots,
+    ) -> Result<BindingUse, String> {
+        let module = place::retain(&keeps.module, &[(ShaderStage::Compute, kept::ENTRY)]);
+        let program = self.opaque.program.with_module(module);
+        let program = program.map_err(|e| e.to_string())?;
+        let bound = |attributes: usize| BindingUse {
+            group: slots.group,
+            binding: slots.first + Slots::STREAMS + attributes as u32,
+            name: String::new(),
+            kind: BindingKind::StorageRead,
+            visibility: Visibility::default(),
+            source: BindingSource::Geometry {
+                part: GeometryPart::Vertices {
+                    buffer: kept::BUFFER.to_owned(),
+                },
+            },
+            layout: None,
+        };
+        let mut bindings = parts(slots, &keeps.attributes, params.formats);
+        bindings.push(bound(keeps.attributes.len()));
+        bindings.extend(self.opaque.pass.bindings.iter().cloned());
+        let mut pass = ComputePass {
+            program: "vertices".to_owned(),
+            entry_point: kept::ENTRY.to_owned(),
+            when: When::Frame,
+            workgroup: kept::WORKGROUP,
+            geometry: Geometry::Vertices,
+            draws: Draws::Opaque,
+            bindings,
+            features: Vec::new(),
+            limits: BTreeMap::new(),
+        };
+        reflect::fill_compute(&mut pass, &program);
+        plan.compute.push(pass);
+        plan.programs.insert("vertices".to_owned(), program);
+        plan.vertex_buffers.push(VertexBuffer {
+            name: kept::BUFFER.to_owned(),
+            stride: keeps.words * 4,
+        });
+        Ok(bound(0))
     }
 
     /// Adds the compute pass that resolves, and the pass that clears what it writes to.
@@ -225,7 +275,11 @@ impl Material<'_> {
         };
         let program = with(&built.module, &entries)?;
         let mut known = parts(slots, &built.attributes, params.formats);
-        let first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
+        let mut first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
+        if let Some(keeps) = &built.keeps {
+            known.push(self.keep(plan, keeps, params, slots).map_err(bug)?);
+            first += 1;
+        }
         known.extend((first..).zip(&targets).map(|(binding, target)| BindingUse {
             group: slots.group,
             binding,
@@ -304,7 +358,11 @@ impl Material<'_> {
             .map_err(|e| bug(e.to_string()))?;
         let lists = Lists::of(params);
         let mut bindings = parts(slots, &built.attributes, params.formats);
-        let first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
+        let mut first = slots.first + Slots::STREAMS + built.attributes.len() as u32;
+        if let Some(keeps) = &built.keeps {
+            bindings.push(self.keep(plan, keeps, params, slots).map_err(bug)?);
+            first += 1;
+        }
         bindings.extend(lists.bindings(slots.group, first));
         bindings.extend(opaque.pass.bindings.iter().cloned());
         let mut pass = GpuPass {

@@ -70,6 +70,17 @@ pub enum Form {
     Binned,
 }
 
+/// Where a resolve has the vertex stage's results of a triangle's corners from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Vertices {
+    /// The vertices are refetched and the stage run for each pixel.
+    #[default]
+    Refetched,
+    /// A compute pass runs the stage once for each vertex of each instance, ahead of the frame, and keeps what it gives: for stages that are dear, and few vertices.
+    Kept,
+}
+
 /// Where the corners of a triangle lie when a resolve interpolates between them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -98,6 +109,8 @@ pub struct Params {
     pub formats: Formats,
     /// Where the corners of a triangle lie when the resolve interpolates between them.
     pub corners: Corners,
+    /// Where the resolve has the vertex stage's results from.
+    pub vertices: Vertices,
     /// Vertex stage of the id pass: the author's whole one with the id beside its outputs, or its slice. Default: `sliced` where the author's position is `@invariant`, else `same`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,

@@ -56,7 +56,8 @@ pub fn entry(slots: Slots, attributes: usize) -> String {
     index_bytes: u32,
     base_vertex: u32,
     triangle_bits: u32,
-    viewport: vec4<f32>,{streams}
+    viewport: vec4<f32>,
+    counts: vec4<u32>,{streams}
 }}
 @group({group}) @binding({}) var<uniform> visibility: Visibility;
 ",
