@@ -305,7 +305,7 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Tiled, "/passes/1/geometry/buffer", json!("visibility-quad-tiles"), Refused("and no arguments")),
         (Tiled, "/passes/1/geometry/kind", json!("full-screen"), Redrawn),
         (Tiled, "/passes/1/bindings/9/source/part/frame/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
-        (Tiled, "/compute/0/draws", json!("all"), Redrawn),
+        (Binned, "/compute/1/draws", json!("once"), Redrawn),
         (Binned, "/compute/3/geometry/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
         (Unindexed, "/passes/0/geometry/kind", json!("as-given"), Redrawn),
         (Lit, "/files/0/role", json!("prepass"), Refused("not those of its passes")),

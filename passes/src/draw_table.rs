@@ -36,6 +36,8 @@ pub struct Entry {
     pub triangle_bits: u32,
     /// The viewport in pixels: x, y, width, height.
     pub viewport: [f32; 4],
+    /// Vertices that the vertex buffers hold, one more than the largest index with `base_vertex`; three words of 0 follow.
+    pub vertices: u32,
     /// The attributes, in the order the binding lists their locations.
     pub streams: Vec<Stream>,
 }
@@ -54,6 +56,7 @@ impl Entry {
             self.triangle_bits,
         ];
         words.extend(self.viewport.map(f32::to_bits));
+        words.extend([self.vertices, 0, 0, 0]);
         for stream in &self.streams {
             words.extend(stream.words()?);
         }

@@ -26,6 +26,8 @@ pub enum Geometry {
     },
     /// The draw's instances, in a compute pass.
     Instances,
+    /// The vertices that the draw's vertex buffers hold, for each of its instances, in a compute pass.
+    Vertices,
 }
 
 impl Geometry {
@@ -41,7 +43,8 @@ impl Geometry {
             | Self::Unindexed
             | Self::FullScreen
             | Self::Indirect { .. }
-            | Self::Instances => None,
+            | Self::Instances
+            | Self::Vertices => None,
             Self::Subdivided(subdivision) => Some(subdivision),
         }
     }

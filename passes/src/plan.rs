@@ -168,7 +168,8 @@ pub enum BindingSource {
         /// Name of the attachment.
         name: String,
     },
-    /// The scene's own colour of a location, as a storage texture: it needs the usage `STORAGE_BINDING` beside `RENDER_ATTACHMENT`.
+    /// The scene's own colour of a location, as a storage texture: it needs the usage `STORAGE_BINDING` beside `RENDER_ATTACHMENT`. Where the targets' format is an `-srgb` one the texture is
+    /// made in the format without, which the layout says, and drawn to through a view in the targets' (`viewFormats`): what is stored is encoded already.
     SceneColor {
         /// Location.
         location: u32,
@@ -384,7 +385,7 @@ pub struct GpuPass {
 pub struct VertexBuffer {
     /// The name passes refer to.
     pub name: String,
-    /// Bytes of one vertex. A draw has as many as its subdivided mesh has, for each of its instances.
+    /// Bytes of one vertex. A draw has as many as its subdivided mesh, or where that is not subdivided its vertex buffers, have, for each of its instances.
     pub stride: u32,
 }
 
@@ -467,7 +468,7 @@ pub struct ComputePass {
     pub entry_point: String,
     /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
     /// `x`, they go on in `y`. Of `full-screen` and `indirect` geometry the side of a square workgroup: a draw needs one invocation for each pixel of the
-    /// scene's colour, or as many workgroups as its entry says. Of `instances` a draw needs one invocation for each of its instances, in rows as new vertices.
+    /// scene's colour, or as many workgroups as its entry says. Of `instances` and `vertices` a draw needs one invocation for each of its instances, or for each vertex of each, in rows as new vertices.
     pub workgroup: u32,
     /// What it is run over: new vertices, the pixels of the screen, instances, or what a frame's buffer says.
     pub geometry: Geometry,

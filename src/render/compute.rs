@@ -96,6 +96,10 @@ pub(super) fn prepare(
                         Made::Drawn(&drawn),
                         Workgroups::Of(rows(bound.instances, pass.workgroup)),
                     ),
+                    (None, Geometry::Vertices) => (
+                        Made::Drawn(&drawn),
+                        Workgroups::Of(rows(bound.vertex_count * bound.instances, pass.workgroup)),
+                    ),
                     (None, Geometry::Indirect { buffer }) => (
                         Made::Drawn(&drawn),
                         Workgroups::Indirect(table.arguments(buffer, &drawn).map_err(failed)?),

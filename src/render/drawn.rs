@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::draw_table::{self, Entry};
-use preshade_passes::geometry::{Formats, Stream, declared_format};
+use preshade_passes::geometry::{Formats, Geometry, Stream, declared_format};
 use preshade_passes::plan::{
-    Attachment, BindingKind, BindingSource, BindingUse, FrameBuffer, FrameWords, GeometryPart, Plan,
+    Attachment, BindingKind, BindingSource, BindingUse, ComputePass, FrameBuffer, FrameWords,
+    GeometryPart, Plan,
 };
 
 use preshade_passes::visibility_buffer::{DRAWS, IDS, Words};
@@ -24,6 +25,8 @@ pub(super) struct DrawTable {
     table: wgpu::Buffer,
     /// The buffers of the frame, by name.
     frame: BTreeMap<String, (FrameWords, wgpu::Buffer)>,
+    /// The computed vertices of draws that are not subdivided, by draw and name.
+    vertices: BTreeMap<(usize, String), wgpu::Buffer>,
 }
 
 /// What one pass binds of a draw.
@@ -32,6 +35,8 @@ pub(super) struct Drawn {
     table: wgpu::Buffer,
     /// The frame's buffers that it binds.
     frame: BTreeMap<String, wgpu::Buffer>,
+    /// The buffers of computed vertices that it binds.
+    vertices: BTreeMap<String, wgpu::Buffer>,
     number: u64,
     pub triangles: u32,
 }
@@ -83,6 +88,7 @@ impl DrawTable {
             }
         }
         Ok(Self {
+            vertices: computed(inputs, plans)?,
             frame,
             viewport: viewport.map(|v| v as f32),
             first_ids,
@@ -143,6 +149,7 @@ impl DrawTable {
             base_vertex: 0,
             triangle_bits: self.triangle_bits.unwrap_or_default(),
             viewport: self.viewport,
+            vertices: draw.vertex_count,
             streams,
         };
         let words = entry
@@ -158,8 +165,19 @@ impl DrawTable {
                 frame.insert(buffer.clone(), bound.clone());
             }
         }
+        let mut computed = BTreeMap::new();
+        for binding in bindings {
+            if let BindingSource::Geometry {
+                part: GeometryPart::Vertices { buffer },
+            } = &binding.source
+                && let Some(found) = self.vertices.get(&(index, buffer.clone()))
+            {
+                computed.insert(buffer.clone(), found.clone());
+            }
+        }
         Ok(Drawn {
             frame,
+            vertices: computed,
             number: index as u64,
             entry: buffer(gpu, &words, wgpu::BufferUsages::UNIFORM),
             table: self.table.clone(),
@@ -194,6 +212,44 @@ impl DrawTable {
             encoder.clear_buffer(buffer, 0, None);
         }
     }
+}
+
+/// The buffers of the vertices that `plans` compute of draws that are not subdivided.
+fn computed(
+    inputs: &SceneInputs<'_>,
+    plans: &[Plan],
+) -> Result<BTreeMap<(usize, String), wgpu::Buffer>, String> {
+    let (gpu, scene) = (inputs.gpu(), inputs.scene());
+    let most = gpu.device.limits().max_storage_buffer_binding_size;
+    let mut buffers = BTreeMap::new();
+    for (index, draw) in scene.draws.iter().enumerate() {
+        let material = scene.materials.get(draw.material).map(|m| &m.name);
+        let plan = plans.iter().find(|p| {
+            let computes = |c: &ComputePass| c.geometry == Geometry::Vertices;
+            Some(&p.material) == material && p.compute.iter().any(computes)
+        });
+        let (Some(plan), Some(bound)) = (plan, inputs.draw(index)) else {
+            continue;
+        };
+        for planned in &plan.vertex_buffers {
+            let vertices = u64::from(bound.vertex_count) * u64::from(bound.instances);
+            let bytes = (vertices * u64::from(planned.stride)).max(16);
+            if bytes > most {
+                return Err(format!(
+                    "the vertices of `{}` would take {bytes} bytes, and the adapter binds {most} at most (maxStorageBufferBindingSize): take vertices=refetched",
+                    draw.name
+                ));
+            }
+            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(&planned.name),
+                size: bytes,
+                usage: wgpu::BufferUsages::STORAGE,
+                mapped_at_creation: false,
+            });
+            buffers.insert((index, planned.name.clone()), buffer);
+        }
+    }
+    Ok(buffers)
 }
 
 /// A buffer of the frame, of so many draws, instances and pixels.
@@ -271,6 +327,10 @@ impl Drawn {
         match part {
             GeometryPart::Frame { buffer } => Some((
                 self.frame.get(buffer)?,
+                wgpu::BufferBindingType::Storage { read_only },
+            )),
+            GeometryPart::Vertices { buffer } => Some((
+                self.vertices.get(buffer)?,
                 wgpu::BufferBindingType::Storage { read_only },
             )),
             GeometryPart::Draw { .. } => Some((&self.entry, wgpu::BufferBindingType::Uniform)),

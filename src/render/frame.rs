@@ -230,8 +230,8 @@ impl<'a> Prepared<'a> {
                                 let arguments = table.arguments(buffer, &drawn);
                                 Call::Indirect(arguments.map_err(|m| found.failed(m))?)
                             }
-                            (None, Geometry::Instances) => {
-                                let message = "instances are computed, not drawn".to_owned();
+                            (None, Geometry::Instances | Geometry::Vertices) => {
+                                let message = "its geometry is computed, not drawn".to_owned();
                                 return Err(found.failed(message));
                             }
                             (None, _) => Call::AsGiven,
@@ -464,7 +464,7 @@ impl<'a> Prepared<'a> {
                     // Several samples of a format that does not resolve: nothing a host would show.
                     None => return Ok(None),
                 };
-                readback::color(self.gpu, texture).map(Some)
+                readback::color(self.gpu, texture, target.format).map(Some)
             })
             .collect::<Result<_, Error>>()?;
         let depth = self

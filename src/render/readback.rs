@@ -6,9 +6,12 @@ use super::gpu::Gpu;
 use super::picture::{ColorImage, DepthImage};
 use super::{Error, state};
 
-/// Reads a single-sampled colour texture.
-pub(super) fn color(gpu: &Gpu, texture: &wgpu::Texture) -> Result<ColorImage, Error> {
-    let format = texture.format();
+/// Reads a single-sampled colour texture, whose bytes are of that format.
+pub(super) fn color(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    format: wgpu::TextureFormat,
+) -> Result<ColorImage, Error> {
     let bytes = copy(gpu, texture, wgpu::TextureAspect::All, format)?;
     Ok(ColorImage {
         size: [texture.width(), texture.height()],

@@ -54,6 +54,8 @@ pub(super) struct ColorTarget {
     pub format: wgpu::TextureFormat,
     pub drawn: wgpu::Texture,
     pub view: wgpu::TextureView,
+    /// As a storage texture, in the texture's own format.
+    pub stored: wgpu::TextureView,
     pub resolved: Option<(wgpu::Texture, wgpu::TextureView)>,
 }
 
@@ -114,7 +116,9 @@ impl Targets {
         location: u32,
     ) -> Result<(&wgpu::TextureView, wgpu::TextureFormat), &'static str> {
         match self.colors.get(location as usize) {
-            Some(Some(target)) if target.resolved.is_none() => Ok((&target.view, target.format)),
+            Some(Some(target)) if target.resolved.is_none() => {
+                Ok((&target.stored, target.drawn.format()))
+            }
             Some(Some(_)) => Err("which has several samples"),
             _ => Err("which no pass draws to"),
         }
@@ -344,6 +348,12 @@ fn color(
         0 => SCENE_COLOR.to_owned(),
         n => format!("{SCENE_COLOR}-{n}"),
     };
+    // Nothing encodes what is stored, so that no such format can be.
+    let made = match stored.is_empty() {
+        true => format,
+        false => format.remove_srgb_suffix(),
+    };
+    let views = [format];
     let create = |samples: u32, usage: wgpu::TextureUsages| {
         gpu.checked(&format!("the colour attachment `{name}`"), || {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -352,9 +362,12 @@ fn color(
                 mip_level_count: 1,
                 sample_count: samples,
                 dimension: wgpu::TextureDimension::D2,
-                format,
+                format: made,
                 usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
-                view_formats: &[],
+                view_formats: match made == format {
+                    true => &[],
+                    false => &views,
+                },
             })
         })
     };
@@ -365,7 +378,12 @@ fn color(
         )?;
         return Ok(ColorTarget {
             format,
-            view: texture.create_view(&Default::default()),
+            view: texture.create_view(&wgpu::TextureViewDescriptor {
+                format: Some(format),
+                usage: Some(wgpu::TextureUsages::RENDER_ATTACHMENT),
+                ..Default::default()
+            }),
+            stored: texture.create_view(&Default::default()),
             resolved: None,
             drawn: texture,
         });
@@ -386,6 +404,7 @@ fn color(
     Ok(ColorTarget {
         format,
         view: drawn.create_view(&Default::default()),
+        stored: drawn.create_view(&Default::default()),
         drawn,
         resolved,
     })

@@ -179,24 +179,46 @@ pub fn facing(opaque: &Opaque<'_>, fragment: usize) -> Facing {
     }
 }
 
-/// The colours that a compute stage would write, by location, with their formats as WGSL spells them.
-pub fn stored(pass: &GpuPass) -> Result<Vec<(u32, String)>, Box<Refusal>> {
-    const FORMATS: [&str; 3] = ["rgba8unorm", "rgba16float", "rgba32float"];
+/// A colour that a compute stage writes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stored {
+    pub location: u32,
+    /// Format of the storage texture, as WGSL spells it.
+    pub format: &'static str,
+    pub encoding: Encoding,
+}
+
+/// What is written of a colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    Linear,
+    /// The encoding that the target's own format would do, since a storage texture is written as it is given.
+    Srgb,
+}
+
+/// The colours that a compute stage would write.
+pub fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
+    const FORMATS: [(&str, &str, Encoding); 4] = [
+        ("rgba8unorm", "rgba8unorm", Encoding::Linear),
+        ("rgba8unorm-srgb", "rgba8unorm", Encoding::Srgb),
+        ("rgba16float", "rgba16float", Encoding::Linear),
+        ("rgba32float", "rgba32float", Encoding::Linear),
+    ];
     let targets = (0..).zip(&pass.targets);
     targets
         .filter_map(|(location, target)| Some((location, target.as_ref()?)))
         .map(|(location, target)| {
-            if !FORMATS.contains(&target.format.as_str()) {
-                let (code, reason) = match target.format.ends_with("-srgb") {
-                    true => ("srgb-target", "a storage texture is not encoded as it is written"),
-                    false => ("target-format", "WebGPU does not promise it as a storage texture"),
-                };
+            let found = FORMATS.iter().find(|(drawn, ..)| *drawn == target.format);
+            let Some((_, format, encoding)) = found else {
                 return Err(Box::new(refuse(
-                    code,
-                    format!("colour target {location} is {}: {reason}", target.format),
+                    "target-format",
+                    format!(
+                        "colour target {location} is {}: WebGPU does not promise it as a storage texture",
+                        target.format
+                    ),
                     "take form=fragment",
                 )));
-            }
+            };
             if target.write_mask != 0b1111 {
                 return Err(Box::new(refuse(
                     "write-mask",
@@ -204,7 +226,11 @@ pub fn stored(pass: &GpuPass) -> Result<Vec<(u32, String)>, Box<Refusal>> {
                     "take form=fragment",
                 )));
             }
-            Ok((location, target.format.clone()))
+            Ok(Stored {
+                location,
+                format,
+                encoding: *encoding,
+            })
         })
         .collect()
 }

@@ -7,7 +7,7 @@
 //!                   fs_shaded(varyings by their own interpolation, builtins reconstructed, gradients)
 //! ```
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{
     Binding, BuiltIn, Function, FunctionResult, Handle, Module, ScalarKind, ShaderStage, Span,
@@ -16,10 +16,12 @@ use naga::{
 
 use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::{Facing, new_entry};
+use super::kept::{Access, Kept};
+use super::legal::Stored;
 use super::lists::Lists;
 use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
-use super::{Corners, Select, Words};
+use super::{Corners, Select, Vertices, Words};
 use crate::fetch::{Author, Linked, corner, ours};
 use crate::geometry::Formats;
 use crate::graph::{FunctionId, Graph};
@@ -61,6 +63,8 @@ pub struct Resolve<'a> {
     pub corners: Corners,
     /// What it goes through.
     pub lists: Lists,
+    /// Where corners come from.
+    pub vertices: Vertices,
 }
 
 /// Where the resolve is run.
@@ -68,8 +72,8 @@ pub struct Resolve<'a> {
 pub enum Runs {
     /// In the fragment stage of a pass over the screen.
     Fragment,
-    /// In a compute stage that writes the colours of these locations and formats.
-    Compute(Vec<(u32, String)>),
+    /// In a compute stage that writes these colours.
+    Compute(Vec<Stored>),
 }
 
 /// Side of the compute stage's workgroups, in pixels.
@@ -79,6 +83,16 @@ pub const WORKGROUP: u32 = 8;
 pub struct Built {
     pub module: Module,
     pub attributes: Vec<AttributeUse>,
+    /// The stage that keeps vertices for it, with those that it fetches.
+    pub keeps: Option<Keeps>,
+}
+
+/// The compute stage that keeps vertices.
+pub struct Keeps {
+    pub module: Module,
+    pub attributes: Vec<AttributeUse>,
+    /// Words of a vertex.
+    pub words: u32,
 }
 
 /// What decides the colours of a fragment stage.
@@ -135,6 +149,7 @@ impl Resolve<'_> {
             words,
             corners,
             lists,
+            vertices,
         } = self;
         let mut module = explicit.program.module().clone();
         let shaded = module.entry_points.remove(fragment);
@@ -187,11 +202,40 @@ impl Resolve<'_> {
             };
             attributes.iter().filter(read).cloned().collect()
         };
+        let name = module.entry_points[vertex].name.clone();
+        let called = Author {
+            function: author.function,
+            given: author.given,
+            inputs: &author.inputs,
+        };
+        let kept = match vertices {
+            Vertices::Refetched => None,
+            Vertices::Kept => {
+                let given = (author.given, author.is_struct);
+                Some(Kept::of(&module, &author.outputs, given)?)
+            }
+        };
+        let (used, keeps) = match &kept {
+            None => (used, None),
+            Some(kept) => {
+                let module = keep(&module, kept, (&name, &called), slots, &used, formats)?;
+                let keeps = Keeps {
+                    module,
+                    attributes: used,
+                    words: kept.words,
+                };
+                (Vec::new(), Some(keeps))
+            }
+        };
         let widths = author.widths(&module);
         let mut wgsl = text::entry(slots, used.len());
         wgsl.push_str(&text::vertices(slots, &used, formats));
         wgsl.push_str(&text::resolve(slots, &widths, words, corners));
         let mut first = slots.first + Slots::STREAMS + used.len() as u32;
+        if let Some(kept) = &kept {
+            wgsl.push_str(&kept.text(slots.group, first, Access::Load));
+            first += 1;
+        }
         if let Runs::Compute(targets) = &runs {
             wgsl.push_str(&text::compute(slots.group, first, targets));
             first += targets.len() as u32;
@@ -204,18 +248,10 @@ impl Resolve<'_> {
             module,
             ours: by_name,
         } = Linked::new(module, &wgsl)?;
-        let mut fetch = Vec::new();
-        for attribute in &used {
-            let name = format!("visible_{}_", attribute.location);
-            fetch.push((attribute.location, ours(&by_name, &name)?));
-        }
-        let name = module.entry_points[vertex].name.clone();
-        let called = Author {
-            function: author.function,
-            given: author.given,
-            inputs: &author.inputs,
+        let (mut module, corner) = match &kept {
+            Some(kept) => kept.load(module, &name, &by_name)?,
+            None => corner(module, &name, &called, &fetched(&used, &by_name)?)?,
         };
-        let (mut module, corner) = corner(module, &name, &called, &fetch)?;
         let result = result.ok_or("the fragment stage gives no colour")?;
         let stage = Stage {
             corner,
@@ -251,10 +287,44 @@ impl Resolve<'_> {
             None => Ok(Built {
                 module,
                 attributes: used,
+                keeps,
             }),
             Some(why) => Err(why),
         }
     }
+}
+
+/// The functions of our own text that fetch these attributes, by location.
+fn fetched(
+    attributes: &[AttributeUse],
+    by_name: &BTreeMap<String, Handle<Function>>,
+) -> Result<Vec<(u32, Handle<Function>)>, String> {
+    let one = |a: &AttributeUse| {
+        let name = format!("visible_{}_", a.location);
+        Ok((a.location, ours(by_name, &name)?))
+    };
+    attributes.iter().map(one).collect()
+}
+
+/// The module with the compute stage that keeps vertices.
+fn keep(
+    module: &Module,
+    kept: &Kept,
+    (name, called): (&str, &Author<'_>),
+    slots: Slots,
+    attributes: &[AttributeUse],
+    formats: Formats,
+) -> Result<Module, String> {
+    let mut wgsl = text::entry(slots, attributes.len());
+    wgsl.push_str(&text::vertices(slots, attributes, formats));
+    let binding = slots.first + Slots::STREAMS + attributes.len() as u32;
+    wgsl.push_str(&kept.text(slots.group, binding, Access::Store));
+    let Linked {
+        module,
+        ours: by_name,
+    } = Linked::new(module.clone(), &wgsl)?;
+    let (module, corner) = corner(module, name, called, &fetched(attributes, &by_name)?)?;
+    kept.store(module, corner, &by_name)
 }
 
 /// The author's vertex stage as far as it is needed, as a function.

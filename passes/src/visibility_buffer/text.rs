@@ -9,6 +9,7 @@
 use std::fmt::Write;
 
 use super::ids::Facing;
+use super::legal::{Encoding, Stored};
 use super::{Corners, Words};
 use crate::fetch::{self, Names};
 use crate::geometry::Formats;
@@ -55,7 +56,8 @@ pub fn entry(slots: Slots, attributes: usize) -> String {
     index_bytes: u32,
     base_vertex: u32,
     triangle_bits: u32,
-    viewport: vec4<f32>,{streams}
+    viewport: vec4<f32>,
+    counts: vec4<u32>,{streams}
 }}
 @group({group}) @binding({}) var<uniform> visibility: Visibility;
 ",
@@ -140,8 +142,16 @@ fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32
 }
 ";
 
-/// What a compute resolve has beside: pixels, and the colours to write by location and format, bound from `first` on.
-pub fn compute(group: u32, first: u32, targets: &[(u32, String)]) -> String {
+/// The transfer function of sRGB (IEC 61966-2-1), of colours between 0 and 1.
+const SRGB: &str = "fn visible_srgb(color: vec4<f32>) -> vec4<f32> {
+    let linear = clamp(color.rgb, vec3<f32>(), vec3<f32>(1.0));
+    let curved = 1.055 * pow(linear, vec3<f32>(1.0 / 2.4)) - 0.055;
+    return vec4<f32>(select(curved, 12.92 * linear, linear <= vec3<f32>(0.0031308)), color.a);
+}
+";
+
+/// What a compute resolve has beside: pixels, and the colours to write, bound from `first` on.
+pub fn compute(group: u32, first: u32, targets: &[Stored]) -> String {
     let mut out = "fn visible_outside(id: vec3<u32>) -> bool {
     let size = textureDimensions(visibility_ids);
     return id.x >= size.x || id.y >= size.y;
@@ -151,12 +161,22 @@ fn visible_pixel(id: vec3<u32>) -> vec4<f32> {
 }
 "
     .to_owned();
-    for (binding, (location, format)) in (first..).zip(targets) {
+    if targets.iter().any(|t| t.encoding == Encoding::Srgb) {
+        out.push_str(SRGB);
+    }
+    for (binding, target) in (first..).zip(targets) {
+        let Stored {
+            location, format, ..
+        } = target;
+        let color = match target.encoding {
+            Encoding::Linear => "color",
+            Encoding::Srgb => "visible_srgb(color)",
+        };
         let _ = write!(
             out,
             "@group({group}) @binding({binding}) var visibility_target_{location}_: texture_storage_2d<{format}, write>;
 fn visible_store_{location}_(id: vec3<u32>, color: vec4<f32>) {{
-    textureStore(visibility_target_{location}_, vec2<i32>(id.xy), color);
+    textureStore(visibility_target_{location}_, vec2<i32>(id.xy), {color});
 }}
 "
         );

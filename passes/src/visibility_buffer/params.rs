@@ -1,0 +1,150 @@
+//! What a user chooses of a visibility buffer.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::depth_only::{Invariance, VertexStage};
+use crate::geometry::Formats;
+use crate::opaque::Opaque;
+use crate::plan::AttachmentFormat;
+
+/// How the id pass knows a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ids {
+    /// By the builtin `primitive_index`, which is a feature of the adapter.
+    #[default]
+    PrimitiveIndex,
+    /// By vertices that no two triangles share, each fetched out of storage buffers: on any adapter.
+    Unindexed,
+}
+
+/// Words of an id.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Words {
+    /// `rg32uint`: as many instances and triangles as there may be.
+    #[default]
+    Two,
+    /// `r32uint`, split by how many of each the frame has. A host refuses what does not fit.
+    One,
+}
+
+impl Words {
+    /// Format of the attachment of ids.
+    pub fn format(self) -> AttachmentFormat {
+        AttachmentFormat::Color(self.color().to_owned())
+    }
+
+    pub(super) fn color(self) -> &'static str {
+        match self {
+            Self::Two => "rg32uint",
+            Self::One => "r32uint",
+        }
+    }
+}
+
+/// How a draw's resolve passes over the pixels of other draws.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Select {
+    /// By the depth test: a pass over the frame writes the number of each pixel's draw as a depth, and a draw's resolve compares EQUAL with its own.
+    #[default]
+    Depth,
+    /// By looking at the id, in the fragment stage: no further pass, for frames of one draw or few.
+    Id,
+    /// By a list of the tiles that show the draw, which a compute pass makes; within a tile by looking at the id.
+    Tiles,
+}
+
+/// Where pixels are shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// In the fragment stage of a pass over the screen.
+    #[default]
+    Fragment,
+    /// In a compute pass over the screen, which writes the colour as a storage texture.
+    Compute,
+    /// As `compute`, over pixels that compute passes have sorted by instance: neighbouring invocations fetch the same instance's data.
+    Binned,
+}
+
+/// Where a resolve has the vertex stage's results of a triangle's corners from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Vertices {
+    /// The vertices are refetched and the stage run for each pixel.
+    #[default]
+    Refetched,
+    /// A compute pass runs the stage once for each vertex of each instance, ahead of the frame, and keeps what it gives: for stages that are dear, and few vertices.
+    Kept,
+}
+
+/// Where the corners of a triangle lie when a resolve interpolates between them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Corners {
+    /// Where the vertex stage puts them: nearest to what the author means, and to rasterisers that interpolate from unsnapped positions.
+    #[default]
+    AsGiven,
+    /// On the nearest 1/256 of a pixel, where rasterisers put them (Direct3D asks for 8 bits; Vulkan reports `subPixelPrecisionBits`), if the triangle is not clipped: for those that
+    /// interpolate from there.
+    Snapped,
+}
+
+/// Parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Where pixels are shaded.
+    pub form: Form,
+    /// How the id pass knows a triangle.
+    pub ids: Ids,
+    /// Words of an id.
+    pub words: Words,
+    /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id unless it has tiles; `form=binned` has a list of the draw's own pixels.
+    pub select: Select,
+    /// Formats that the attributes of vertices may be stored in.
+    pub formats: Formats,
+    /// Where the corners of a triangle lie when the resolve interpolates between them.
+    pub corners: Corners,
+    /// Where the resolve has the vertex stage's results from.
+    pub vertices: Vertices,
+    /// Vertex stage of the id pass: the author's whole one with the id beside its outputs, or its slice. Default: `sliced` where the author's position is `@invariant`, else `same`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertex: Option<VertexStage>,
+    /// Whether `@invariant` is added to the id pass's position; default: `as-written` with `vertex=same`, `add` with `vertex=sliced`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub invariant: Option<Invariance>,
+    /// The largest difference of a channel (`max_abs`) that is allowed, 0 to 1. Without one the promise is that of rounding: a step of 8 bits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub budget: Option<f64>,
+}
+
+impl Params {
+    pub(super) fn select(&self) -> Select {
+        match self.form {
+            Form::Fragment => self.select,
+            Form::Compute if self.select == Select::Tiles => Select::Tiles,
+            Form::Compute => Select::Id,
+            // Pixels of other draws are not listed.
+            Form::Binned => Select::Depth,
+        }
+    }
+
+    /// Two texts of one position are the same bits under `@invariant` alone: without it, the author's stage is left whole, so that as much as can be is alike.
+    pub(super) fn vertex(&self, opaque: &Opaque<'_>) -> VertexStage {
+        self.vertex
+            .unwrap_or(match opaque.has_invariant_position() {
+                true => VertexStage::Sliced,
+                false => VertexStage::Same,
+            })
+    }
+
+    pub(super) fn invariant(&self, opaque: &Opaque<'_>) -> Invariance {
+        self.invariant
+            .unwrap_or_else(|| Invariance::default_for(self.vertex(opaque)))
+    }
+}
