@@ -8,7 +8,7 @@ use preshade_passes::{PASSES, pass_named};
 use serde::{Deserialize, Serialize};
 
 use crate::nearest::nearest;
-use crate::parameters::parameters;
+use crate::parameters::{Parameter, parameters};
 
 /// One step: a pass, its parameters, and the site if the recipe pins it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,12 +44,14 @@ pub enum RecipeError {
         nearest: Option<&'static str>,
     },
     /// `key=value` was expected.
-    #[error("in `{text}`: expected `key=value` after the colon, found `{found}`")]
+    #[error("in `{text}`: expected `key=value` after the colon, found `{found}`{}", several(.word_of, .found))]
     Syntax {
         /// The whole step.
         text: String,
         /// The part that does not fit.
         found: String,
+        /// The parameter it is a word of.
+        word_of: Option<String>,
     },
     /// The pass has no parameter of that name.
     #[error("{pass} has no parameter `{name}`{}; it has: {known} (see `preshade passes {pass}`)", suggestion(.nearest))]
@@ -144,6 +146,7 @@ impl Step {
                 return Err(RecipeError::Syntax {
                     text: text.to_owned(),
                     found: part.to_owned(),
+                    word_of: word_of(pass, part),
                 });
             };
             let (key, value) = (key.trim(), value.trim());
@@ -239,10 +242,34 @@ pub(crate) fn split_list(text: &str) -> Vec<String> {
                 step.push(if step.contains(':') { ',' } else { ':' });
                 step.push_str(part);
             }
+            // A word where a step is due, of the pass before it: the step's own error tells what was meant.
+            Some(step) if step.contains('=') && is_word_of(step, part) => {
+                step.push(',');
+                step.push_str(part);
+            }
             _ => steps.push(part.to_owned()),
         }
     }
     steps
+}
+
+/// Whether `part` is no pass, but a word that a parameter of `step`'s may be.
+fn is_word_of(step: &str, part: &str) -> bool {
+    let pass = step.split(':').next().unwrap_or_default().trim();
+    let word = part.trim();
+    pass_named(word).is_none() && pass_named(pass).is_some_and(|p| word_of(p, word).is_some())
+}
+
+/// The parameter of a pass that `word` is a choice of.
+fn word_of(pass: &dyn AnyPass, word: &str) -> Option<String> {
+    let of = |p: &Parameter| p.choices.iter().any(|c| c.value == word);
+    parameters(pass).into_iter().find(of).map(|p| p.name)
+}
+
+fn several(word_of: &Option<String>, word: &str) -> String {
+    word_of.as_ref().map_or(String::new(), |name| {
+        format!("; several words of `{name}` are joined by a slash, in a range of `verify`: {name}=../{word}")
+    })
 }
 
 impl Recipe {

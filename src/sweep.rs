@@ -332,6 +332,9 @@ mod tests {
         assert!(error("tessellate:level=1..4000000000").contains("most is 256"));
         assert!(error("tessellate:level=1..200,form=all").contains("most is 256"));
         assert!(error("tessellate:form=pulled/shred").contains("did you mean `shared`"));
+        assert!(error("tessellate:form=pulled,shared").contains("form=../shared"));
+        assert!(error("hoist:budget=1,tessellate:form=pulled,shared").contains("form=../shared"));
+        assert!(error("depth-prepass:form=equal,shadw").contains("did you mean `shadow`"));
     }
 
     #[test]
