@@ -21,7 +21,8 @@ use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Val
 use serde::Serialize;
 
 use crate::output;
-use crate::verify::{parse_seconds, parse_size};
+use crate::verify::parse_seconds;
+use crate::view::parse_size;
 use crate::{Failure, Format, Outcome};
 
 mod grass;

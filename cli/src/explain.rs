@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use crate::input::{Materials, ShaderArgs};
 use crate::output;
+use crate::view::ViewArgs;
 use crate::{Failure, Format, Outcome};
 
 /// Arguments of `explain`.
@@ -25,7 +26,7 @@ Examples:
   preshade explain lit.vert lit.frag --depth-format depth24plus --blend alpha
   preshade explain lit.wgsl --pass depth-prepass:form=equal --format json
   preshade explain scene.toml                       every material of a scene
-  preshade explain scene.toml --scene --pass hoist:budget=0.01
+  preshade explain scene.toml --scene --pass hoist:budget=0.01 --camera wall --size 640x360
                                                     what can be interpolated, measured on the scene
 
 A refusal says where, why, and what would make the pass legal; it is no failure (exit status 0).
@@ -42,6 +43,8 @@ pub struct Args {
     /// Part of an adapter's name, driver or backend, for --scene.
     #[arg(long, value_name = "TEXT", requires = "scene")]
     adapter: Option<String>,
+    #[command(flatten)]
+    view: ViewArgs,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -105,6 +108,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     } = args.shader.plans()?;
     let facts = match args.scene {
         true => measured(args)?,
+        false if args.view.is_given() => {
+            return Err(Failure(
+                "error: --camera and --size are for --scene: nothing else is drawn".to_owned(),
+            ));
+        }
         false => known,
     };
     let materials = plans
@@ -130,7 +138,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 
 /// What drawing the scene tells.
 fn measured(args: &Args) -> Result<Facts, Failure> {
-    let scene = args.shader.scene()?;
+    let scene = args.view.of(args.shader.scene()?)?;
     let choice = args
         .adapter
         .clone()

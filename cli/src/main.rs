@@ -18,6 +18,7 @@ mod passes;
 mod rewrite;
 mod variable;
 mod verify;
+mod view;
 
 /// Writes faster variants of a material's shaders, and proves each by picture and clock.
 #[derive(Parser)]

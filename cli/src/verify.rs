@@ -17,6 +17,7 @@ use preshade::sweep::{self, Sweep};
 use crate::input::ShaderArgs;
 use crate::output;
 use crate::variable::Axis;
+use crate::view::ViewArgs;
 use crate::{Failure, Format, Outcome};
 
 /// Arguments of `verify`.
@@ -54,15 +55,11 @@ pub struct Args {
     /// Write what was measured as one JSON file, to send in: docs/results says how.
     #[arg(long, value_name = "FILE")]
     share: Option<PathBuf>,
-    /// Draw these cameras only; the first is the headline.
-    #[arg(long, value_name = "NAME")]
-    camera: Vec<String>,
+    #[command(flatten)]
+    view: ViewArgs,
     /// Draw in these orders only; the first is the headline.
     #[arg(long, value_name = "ORDER", value_enum)]
     order: Vec<OrderArg>,
-    /// Resolution, `1920x1080` say.
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    size: Option<[u32; 2]>,
     /// Hold variants against the original with @invariant on its position.
     #[arg(long)]
     invariant: bool,
@@ -110,18 +107,6 @@ enum FormArg {
     Text,
     /// naga IR.
     Ir,
-}
-
-/// Reads `WxH`.
-pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let (w, h) = text
-        .split_once(['x', 'X'])
-        .ok_or("expected WxH, 1920x1080 say")?;
-    let side = |s: &str| match s.trim().parse::<u32>() {
-        Ok(n @ 1..=8192) => Ok(n),
-        _ => Err(format!("`{s}` is not a number from 1 to 8192")),
-    };
-    Ok([side(w)?, side(h)?])
 }
 
 /// A draw order, by its name in scene files.
@@ -466,24 +451,9 @@ fn sweeps(args: &Args) -> Result<Vec<Sweep>, Failure> {
 
 /// The scene asked for, under the set-up asked for.
 fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
-    let mut scene = args.shader.scene_with(variables)?;
-    if let Some(size) = args.size {
-        scene = scene.resized(size);
-    }
+    let mut scene = args.view.of(args.shader.scene_with(variables)?)?;
     if args.invariant {
         scene = scene.with_invariant_positions();
-    }
-    if !args.camera.is_empty() {
-        let all = std::mem::take(&mut scene.cameras);
-        for name in &args.camera {
-            match all.iter().find(|c| c.name == *name) {
-                Some(camera) => scene.cameras.push(camera.clone()),
-                None => {
-                    let names: Vec<_> = all.iter().map(|c| c.name.as_str()).collect();
-                    return Err(Failure::unknown("camera", name, &names));
-                }
-            }
-        }
     }
     if !args.order.is_empty() {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();

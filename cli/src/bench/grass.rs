@@ -19,8 +19,14 @@ use crate::Failure;
 /// The hand-written forms, and the recipe that should match each.
 pub const FORMS: [(&str, &str); 3] = [
     ("pre-pass", "depth-prepass:form=equal"),
-    ("fragment resolve", "visibility-buffer:select=id,budget=0.02"),
-    ("compute resolve", "visibility-buffer:form=compute,budget=0.02"),
+    (
+        "fragment resolve",
+        "visibility-buffer:select=id,budget=0.02",
+    ),
+    (
+        "compute resolve",
+        "visibility-buffer:form=compute,budget=0.02",
+    ),
 ];
 
 /// Side of the field, in metres.

@@ -1,0 +1,59 @@
+//! From where, and how large, a scene is drawn.
+
+use preshade::scene::Scene;
+
+use crate::Failure;
+
+/// What of a scene is drawn.
+#[derive(clap::Args)]
+pub struct ViewArgs {
+    /// Draw these cameras only; the first is the headline.
+    #[arg(long, value_name = "NAME")]
+    camera: Vec<String>,
+    /// Resolution, `1920x1080` say.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<[u32; 2]>,
+}
+
+impl ViewArgs {
+    /// The scene, seen so.
+    ///
+    /// # Errors
+    /// A camera that it does not have.
+    pub fn of(&self, mut scene: Scene) -> Result<Scene, Failure> {
+        if let Some(size) = self.size {
+            scene = scene.resized(size);
+        }
+        if self.camera.is_empty() {
+            return Ok(scene);
+        }
+        let all = std::mem::take(&mut scene.cameras);
+        for name in &self.camera {
+            match all.iter().find(|c| c.name == *name) {
+                Some(camera) => scene.cameras.push(camera.clone()),
+                None => {
+                    let names: Vec<_> = all.iter().map(|c| c.name.as_str()).collect();
+                    return Err(Failure::unknown("camera", name, &names));
+                }
+            }
+        }
+        Ok(scene)
+    }
+
+    /// Whether anything is said.
+    pub fn is_given(&self) -> bool {
+        self.size.is_some() || !self.camera.is_empty()
+    }
+}
+
+/// Reads `WxH`.
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let (w, h) = text
+        .split_once(['x', 'X'])
+        .ok_or("expected WxH, 1920x1080 say")?;
+    let side = |s: &str| match s.trim().parse::<u32>() {
+        Ok(n @ 1..=8192) => Ok(n),
+        _ => Err(format!("`{s}` is not a number from 1 to 8192")),
+    };
+    Ok([side(w)?, side(h)?])
+}
