@@ -1,7 +1,7 @@
 //! Between which numbers the fragment stages' inputs lie, read off a scene's own frames: no adapter is asked.
 //!
 //! Uniforms and buffers are read as the renderer fills them. Varyings are largest at vertices, for what is interpolated lies between: the vertex stage is run on them, on all
-//! of them where that takes no longer than [`MOST_STEPS`], or else on as many as it may take, evenly; the range is then widened by half its width to either side.
+//! of them where that takes no longer than a step limit, or else on as many as it may take, evenly; the range is then widened by half its width to either side.
 
 use std::collections::BTreeMap;
 
