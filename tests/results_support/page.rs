@@ -27,6 +27,13 @@ Made from the files of [`results`](results/README.md), whatever adapters are the
 /// The scene as its author wrote it.
 const ORIGINAL: &str = "original";
 
+const THEIRS: &str = "
+## The article
+
+Cinevva, part 21: an M-series Mac, about 1080p, cross-card blades over an 80 m field, the two paths written by hand. Milliseconds a frame:
+
+";
+
 const COMPUTE: &str = "\
 Shaded by a compute pass, apart: how much stronger an adapter's compute is than its rasteriser differs from one adapter to the next, and the article's resolve is a full-screen draw.
 ";
@@ -35,18 +42,21 @@ Shaded by a compute pass, apart: how much stronger an adapter's compute is than 
 pub fn page(files: &[File]) -> String {
     let files: Vec<&File> = files.iter().filter(|f| f.held.splits()).collect();
     let mut out = HEAD.to_owned();
-    out.push_str(&article(&files));
+    out.push_str(&article());
     let adapters: BTreeSet<&Adapter> = files.iter().filter_map(|f| f.held.adapter()).collect();
     for adapter in adapters {
         let _ = writeln!(
             out,
-            "\n## {} ({}, {}, {})",
+            "\n## {}\n\nDriver {}; {}, {}.",
             text(&adapter.name),
             text(&adapter.driver),
             text(&adapter.backend),
             text(&adapter.kind)
         );
-        for file in files.iter().filter(|f| f.held.adapter() == Some(adapter)) {
+        let own = files.iter().filter(|f| f.held.adapter() == Some(adapter));
+        let own: Vec<&File> = own.copied().collect();
+        out.push_str(&beside_the_article(&own));
+        for file in own {
             let name = &file.name;
             let _ = writeln!(out, "\n### [`{name}`](results/{name})\n");
             out.push_str(&match &file.held {
@@ -59,38 +69,48 @@ pub fn page(files: &[File]) -> String {
     out
 }
 
-/// Every series over `instances` beside the article.
-fn article(files: &[&File]) -> String {
-    let mut out = "\n## Beside the article\n\n".to_owned();
-    out.push_str("Cinevva, part 21: an M-series Mac, about 1080p, raw WebGPU, cross-card blades over an 80 m field. Milliseconds a frame:\n\n");
+/// The article's own figures.
+fn article() -> String {
     let mut rows = vec![cells(["instances", "visibility buffer", "forward"])];
     for (instances, times) in ARTICLE {
+        let instances = grouped(f64::from(instances));
         rows.push(match times {
-            Some([split, forward]) => cells([
-                &grouped(f64::from(instances)),
-                &format!("{split:.2}"),
-                &format!("{forward:.2}"),
-            ]),
-            None => cells([&grouped(f64::from(instances)), "even", "even"]),
+            Some(times) => {
+                let [split, forward] = times.map(|t| format!("{t:.2}"));
+                vec![instances, split, forward]
+            }
+            None => cells([&instances, "even", "even"]),
         });
     }
-    out.push_str(&table(&rows));
+    format!("{THEIRS}{}", table(&rows))
+}
+
+/// What an adapter's series over `instances` say to the article's question; nothing where it has none.
+fn beside_the_article(files: &[&File]) -> String {
     let measured = over_instances(files).flat_map(|(_, s)| &s.points);
-    let values: BTreeSet<u32> = measured
-        .map(|p| p.value)
-        .chain(ARTICLE.iter().map(|a| a.0))
-        .collect();
-    let mut row = cells(["M-series", "the article", "by hand"]);
-    row.extend(values.iter().map(|value| {
-        let told = ARTICLE.iter().find(|a| a.0 == *value);
-        told.map_or(String::new(), |(_, times)| {
-            let [split, forward] = times.unwrap_or([1.0, 1.0]);
-            format!("{:.2}x", forward / split)
+    let values: BTreeSet<u32> = measured.map(|p| p.value).collect();
+    if values.is_empty() {
+        return String::new();
+    }
+    let mut out = "\n**Forward shading's time over the visibility buffer's** (above 1 the visibility buffer is faster), and at how many instances they cross, with the 95 % interval:\n\n".to_owned();
+    let theirs: Vec<String> = values
+        .iter()
+        .map(|value| {
+            let told = ARTICLE.iter().find(|a| a.0 == *value);
+            told.map_or(String::new(), |(_, times)| match times {
+                Some([split, forward]) => format!("{:.2}x", forward / split),
+                None => "even".to_owned(),
+            })
         })
-    }));
-    row.push("about 100,000".to_owned());
-    out.push_str("\n**Forward shading's time over the visibility buffer's** (above 1 the visibility buffer is faster), and at how many instances they cross, with the 95 % interval:\n\n");
-    out.push_str(&ratios(files, &values, ORIGINAL, Some(row)));
+        .collect();
+    let shared = theirs.iter().any(|cell| !cell.is_empty());
+    let row = shared.then(|| {
+        let mut row = cells(["the article", "M-series", "by hand"]);
+        row.extend(theirs);
+        row.push("about 100,000".to_owned());
+        row
+    });
+    out.push_str(&ratios(files, &values, ORIGINAL, row));
     out.push_str("\n**The pre-pass's time over the visibility buffer's**, likewise; the article has no pre-pass:\n\n");
     out.push_str(&ratios(files, &values, "depth-prepass", None));
     out
@@ -111,25 +131,29 @@ fn ratios(
     baseline: &str,
     first: Option<Vec<String>>,
 ) -> String {
-    let mut head = cells(["adapter", "file", "variant"]);
+    let mut head = cells(["file", "scene", "variant"]);
     head.extend(values.iter().map(|v| grouped(f64::from(*v))));
     head.push("crosses at".to_owned());
     let mut drawn = vec![head.clone()];
     drawn.extend(first);
     let mut computed = vec![head];
     for (file, series) in over_instances(files) {
-        for pair in series.crossovers.iter().filter(|c| c.first == baseline) {
-            let Some(split) = recipe(series, &pair.second).filter(|r| is_split(r)) else {
+        for pair in &series.crossovers {
+            let (name, is_first) = match (pair.first == baseline, pair.second == baseline) {
+                (true, _) => (&pair.second, true),
+                (false, true) => (&pair.first, false),
+                (false, false) => continue,
+            };
+            let Some(split) = recipe(series, name).filter(|r| is_split(r)) else {
                 continue;
             };
-            let mut row = vec![
-                file.held.adapter().map_or(String::new(), |a| text(&a.name)),
-                link(&file.name),
-                named(&pair.second),
-            ];
+            let mut row = vec![link(&file.name), scene(series), named(name)];
             row.extend(values.iter().map(|value| {
                 let ratio = pair.ratios.iter().find(|(v, _)| v == value);
-                ratio.map_or(String::new(), |(_, e)| format!("{:.2}x", e.median))
+                ratio.map_or(String::new(), |(_, e)| match is_first {
+                    true => format!("{:.2}x", e.median),
+                    false => format!("{:.2}x", 1.0 / e.median),
+                })
             }));
             let crossings: Vec<String> = pair.at.iter().map(crossing).collect();
             row.push(crossings.join("; "));
@@ -151,6 +175,18 @@ fn recipe<'a>(series: &'a Series, name: &str) -> Option<&'a str> {
     let variants = &series.points.first()?.report.variants;
     let variant = variants.iter().find(|v| v.name == name)?;
     Some(&variant.recipe)
+}
+
+/// Scene, resolution and what the command sets of the scene's variables.
+fn scene(series: &Series) -> String {
+    let first = series.points.first().map(|p| &p.report);
+    first.map_or(String::new(), |report| {
+        let [width, height] = report.resolution;
+        let words: Vec<&str> = report.command.split_whitespace().collect();
+        let set = words.windows(2).filter(|pair| pair[0] == "--set");
+        let set: String = set.map(|pair| format!(", `{}`", text(pair[1]))).collect();
+        format!("`{}`, {width}x{height}{set}", report.scene)
+    })
 }
 
 /// A link to the section of a file.
