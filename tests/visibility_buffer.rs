@@ -250,6 +250,31 @@ fn snapped_corners_are_where_the_rasteriser_puts_them() {
     assert!(given.most > 5 && given.colors > 1000, "{given:?}");
 }
 
+#[test]
+fn snapped_corners_far_out_of_the_viewport() {
+    // In pixels from the middle of 128, up to 96,000; waves of some ten pixels.
+    for reach in [200.0, 900.0, 1500.0] {
+        let corners = [[-reach, -1.3, 0.5], [reach, -1.1, 0.5], [0.3, reach, 0.5]];
+        let body = "return vec4(0.5 + 0.4 * sin(in.uv * 40.0), 0.5, 1.0) * object.tint;";
+        let mut scene = scene(
+            [128; 2],
+            vec![shader("far", "", "", "", body)],
+            vec![draw("triangle", Mat4::IDENTITY, [1.0; 4])],
+        );
+        scene.meshes = vec![mesh(&corners, None)];
+        let uv = corners.iter().flat_map(|p| [p[0], p[1]]);
+        let uv = floats(2, uv.collect());
+        scene.meshes[0].streams.insert("uv".to_owned(), uv);
+        let originals = originals(&scene);
+        let recipe = "visibility-buffer:corners=snapped";
+        let plans: Vec<Plan> = originals.iter().map(|p| split(p, recipe)).collect();
+        let drawn =
+            |plans: &[Plan]| render_as(gpu(), &scene, plans, DrawOrder::AsGiven, ShaderForm::Text);
+        let found = difference(&drawn(&originals), &drawn(&plans));
+        assert!(found.most <= 2, "{reach}: {found:?}");
+    }
+}
+
 /// A floor that reaches behind the viewer.
 fn floor(material: Material) -> Scene {
     let mut scene = scene(

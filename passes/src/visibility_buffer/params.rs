@@ -88,8 +88,8 @@ pub enum Corners {
     /// Where the vertex stage puts them: nearest to what the author means, and to rasterisers that interpolate from unsnapped positions.
     #[default]
     AsGiven,
-    /// On the nearest 1/256 of a pixel, where rasterisers put them (Direct3D asks for 8 bits; Vulkan reports `subPixelPrecisionBits`), if the triangle is not clipped: for those that
-    /// interpolate from there.
+    /// On the nearest 1/256 of a pixel, where rasterisers put them (Direct3D asks for 8 bits; Vulkan reports `subPixelPrecisionBits`), if the triangle is not clipped and no
+    /// corner is more than 131,072 pixels away: for those that interpolate from there.
     Snapped,
 }
 
