@@ -249,14 +249,32 @@ fn refuse(why: Failed) -> Refusal {
 
 fn nothing_pays(weakest: Class) -> Refusal {
     let remedy = match weakest {
-        Class::Smooth => "leave it; explain lists what stays, and why each does",
-        _ => "give a budget (budget=0.01) if the picture may differ a little",
+        Class::Smooth => "allow a larger error; explain lists what stays, and why each value does",
+        _ => "give the pass a budget (hoist:budget=0.01) if the picture may differ a little",
     };
     Refusal::new(
         Hoist::INFO.name,
         "nothing-pays",
         "no value that may travel saves a fragment more than carrying it costs",
         remedy,
+    )
+}
+
+/// What of a choice made before is not to be found.
+fn not_here(unknown: &[String]) -> String {
+    format!(
+        "of the values that `carry` names {} are not in this fragment stage: {}",
+        unknown.len(),
+        unknown.join(", ")
+    )
+}
+
+fn unknown_values(unknown: &[String]) -> Refusal {
+    Refusal::new(
+        Hoist::INFO.name,
+        "unknown-values",
+        not_here(unknown),
+        "choose anew with `verify`: the shader was edited since, or they are another material's",
     )
 }
 
@@ -268,6 +286,8 @@ struct Found<'v, 'g, 'p> {
     left: Vec<Left>,
     /// What it rests on that roundings stay small.
     given: Vec<Assumption>,
+    /// Ids of a choice made before that none of the values has.
+    unknown: Vec<String>,
     key: SiteKey,
 }
 
@@ -288,8 +308,14 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                     true => Assumption::OrdinaryNumbers,
                     false => Assumption::NumbersOfTheScene,
                 }],
+                unknown: judged.unknown,
                 ..Self::of(values, choice, left, material)
             }),
+            None if !judged.unknown.is_empty()
+                && !judged.verdicts.iter().any(candidates::is_smooth) =>
+            {
+                Err((Box::new(unknown_values(&judged.unknown)), left))
+            }
             None => {
                 let mut refusal = Box::new(nothing_pays(terms.weakest));
                 let best = params.best_measured(material.name, facts);
@@ -322,6 +348,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             wanted,
             left,
             given: Vec::new(),
+            unknown: Vec::new(),
             key,
         }
     }
@@ -444,6 +471,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         next.contract = next.contract.and(contract);
         next.fallback = Some("original".to_owned());
         next.notes.push(self.describe());
+        if !self.unknown.is_empty() {
+            next.notes.push(not_here(&self.unknown));
+        }
         next
     }
 

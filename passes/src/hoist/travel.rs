@@ -158,6 +158,8 @@ pub struct Judged {
     pub roundings: Vec<f64>,
     /// Whether it is affine in varyings.
     pub affine: Vec<bool>,
+    /// Ids of a choice made before that none of the values has.
+    pub unknown: Vec<String>,
 }
 
 /// How exact the outputs have to be, and what is known of the numbers that decides it.
@@ -272,6 +274,7 @@ fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
         verdicts,
         roundings,
         affine: forms.iter().map(|f| *f == Form::Affine).collect(),
+        unknown: Vec::new(),
     }
 }
 
