@@ -30,7 +30,7 @@ use naga::ShaderStage;
 use crate::contract::{Assumption, Contract};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
-use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites, Source};
 use crate::place;
 use crate::plan::{GpuPass, Plan, Role, Step};
 use crate::program::Program;
@@ -142,6 +142,8 @@ struct Material<'a> {
     program: &'a Program,
     vertex: usize,
     fragment: usize,
+    /// Whether a pass of the plan's has changed its interface.
+    is_rebuilt: bool,
 }
 
 impl<'a> Material<'a> {
@@ -185,6 +187,7 @@ impl<'a> Material<'a> {
             program,
             vertex,
             fragment,
+            is_rebuilt: plan.steps.iter().any(|s| s.pass == Hoist::INFO.name),
         })
     }
 
@@ -192,12 +195,21 @@ impl<'a> Material<'a> {
     fn precision(&self, facts: &Facts) -> Precision {
         let ranges = facts.ranges.iter();
         let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
+        let targets = || self.pass.targets.iter().flatten();
+        let multisample = &self.pass.multisample;
+        // Layers add up; what decides a coverage jumps; outside of a triangle, where a pixel's centre may lie of which samples are in it, a varying is not between its corners.
+        let is_step = targets().all(|t| t.blend.is_none())
+            && multisample.count == 1
+            && !multisample.alpha_to_coverage;
         Precision {
             ranges: ranges
                 .filter(|r| r.material == self.name)
+                // Locations are the author's: behind another hoist they are others'.
+                .filter(|r| !self.is_rebuilt || !matches!(r.source, Source::Varying { .. }))
                 .cloned()
                 .collect(),
-            most: match self.pass.targets.iter().flatten().any(is_srgb) {
+            most: match targets().any(is_srgb) {
+                _ if !is_step => Precision::EXACT.most,
                 true => rounding::MOST / rounding::STEEPEST_SRGB,
                 false => rounding::MOST,
             },
@@ -304,10 +316,13 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let left = left(values, &judged, terms.weakest);
         match choose::choose(values, &judged, precision.most, &terms) {
             Some(choice) => Ok(Self {
-                given: vec![match precision.ranges.is_empty() {
-                    true => Assumption::OrdinaryNumbers,
-                    false => Assumption::NumbersOfTheScene,
-                }],
+                given: vec![
+                    Assumption::StagesAgree,
+                    match precision.ranges.is_empty() {
+                        true => Assumption::OrdinaryNumbers,
+                        false => Assumption::NumbersOfTheScene,
+                    },
+                ],
                 unknown: judged.unknown,
                 ..Self::of(values, choice, left, material)
             }),

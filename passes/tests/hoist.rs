@@ -251,7 +251,7 @@ struct Varyings { @builtin(position) position: vec4<f32>, @location(0) a: vec4<f
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
     let first = in.a + in.b;
     let second = in.b + in.c;
-    return first * first + second * second;
+    return (first * first + second * second) * 0.25;
 }
 ";
     let (_, text) = hoisted(source, &Params::default());

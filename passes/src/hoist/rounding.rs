@@ -16,6 +16,7 @@ use super::circle::circles;
 use super::range::{AllRanges, Range, dimension, terms};
 use super::travel;
 use super::values::{ContextId, Node, ValueId, Values};
+use crate::bound::Accuracy;
 use crate::graph::rate::Rate;
 use crate::pass::SourceRange;
 
@@ -25,11 +26,12 @@ pub const ORDINARY: u32 = 4;
 /// Half the distance of two neighbouring numbers around 1: what one operation may be off, relative to its result.
 const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
 
-/// What interpolating may be off, in units of roundoff of the largest number interpolated: the weights do not add up to 1, and a perspective division is in them.
-const INTERPOLATION: f64 = 4.0;
+/// What interpolating may be off, in units of roundoff of the largest number interpolated: the weights do not add up to 1, and a perspective division is in them. No language tells; a software rasteriser was seen
+/// to be off by some tens on slivers and on planes that reach far.
+const INTERPOLATION: f64 = 64.0;
 
-/// Largest error of an output, for all that is carried together: half a step of 8 bits leaves what is stored within one step.
-pub const MOST: f64 = 0.5 / 255.0;
+/// Largest error of an output, for all that is carried together: numbers less than a step of 8 bits apart are stored as the same step, or the next.
+pub const MOST: f64 = 1.0 / 255.0;
 
 /// Slope of sRGB's transfer function at 0, where it is steepest (IEC 61966-2-1).
 pub const STEEPEST_SRGB: f64 = 12.92;
@@ -178,9 +180,27 @@ impl Slopes<'_, '_, '_> {
     /// What the roundings of an operation's own may come to.
     fn own(&self, id: ValueId) -> f64 {
         match self.rounds(id) {
-            0 => 0.0,
+            0 => 2.0 * self.inaccuracy(id),
             roundings => f64::from(roundings) * UNIT_ROUNDOFF * self.largest_term(id),
         }
+    }
+
+    /// How far a function may be off in either stage.
+    fn inaccuracy(&self, id: ValueId) -> f64 {
+        let Node::Expression(context, e, path) = &self.values.values[id].node else {
+            return 0.0;
+        };
+        let f = self.values.function(*context);
+        let Expression::Math { fun, arg, arg1, .. } = &f.function.expressions[*e] else {
+            return 0.0;
+        };
+        if !path.is_empty() {
+            return 0.0;
+        }
+        let range = |o: Handle<Expression>| self.ranges.operand(self.values, *context, o);
+        let second = arg1.map_or(Range::ANYTHING, range);
+        let magnitude = self.ranges.of(id).magnitude();
+        accuracy(*fun, range(*arg), second, magnitude).map_or(0.0, |a| a.of(magnitude))
     }
 
     /// Roundings of an operation's own, in both stages together.
@@ -194,7 +214,6 @@ impl Slopes<'_, '_, '_> {
             Expression::Binary { left, right, .. } => {
                 2 * u32::from(terms(f.ty(module, *left), f.ty(module, *right)))
             }
-            // WGSL section 17.5 gives functions some units in the last place.
             Expression::Math { fun, arg, .. } => match fun {
                 MathFunction::Abs
                 | MathFunction::Min
@@ -202,8 +221,12 @@ impl Slopes<'_, '_, '_> {
                 | MathFunction::Clamp
                 | MathFunction::Saturate
                 | MathFunction::Transpose => 0,
-                MathFunction::Dot => 2 * dimension(f.ty(module, *arg)) as u32,
-                _ => 8,
+                MathFunction::Dot | MathFunction::Cross | MathFunction::Reflect => {
+                    4 * dimension(f.ty(module, *arg)) as u32
+                }
+                MathFunction::Fma | MathFunction::Mix => 8,
+                // As accurate as WGSL asks.
+                _ => 0,
             },
             _ => 0,
         }
@@ -393,6 +416,34 @@ fn of_function(fun: MathFunction, ranges: &[Range], dimension: f64) -> Option<[f
         }
         _ => None,
     }
+}
+
+/// How accurate a function is, by its arguments' ranges and its own magnitude; `None` for what is exact, or counted by its roundings.
+fn accuracy(fun: MathFunction, x: Range, y: Range, magnitude: f64) -> Option<Accuracy> {
+    let a = x.magnitude();
+    Some(match fun {
+        MathFunction::Sin | MathFunction::Cos => Accuracy::wave(a),
+        MathFunction::Tanh => Accuracy::hyperbolic_tangent(a),
+        MathFunction::Sinh | MathFunction::Cosh => Accuracy::hyperbolic(a),
+        MathFunction::Asin | MathFunction::Acos => Accuracy::arc(a),
+        MathFunction::Atan => Accuracy::ulps(4096.0),
+        MathFunction::Exp | MathFunction::Exp2 => Accuracy::exponential(a),
+        // asinh is a logarithm of a sum with a root.
+        MathFunction::Log | MathFunction::Log2 | MathFunction::Asinh => Accuracy::logarithm(),
+        MathFunction::Pow => {
+            // Where the power is small, so is what it is off: e 2^-e is largest at 1 / ln 2.
+            let largest = magnitude.max(1.0);
+            Accuracy::power(y.magnitude(), largest.log2().max(1.443), largest)
+        }
+        MathFunction::Radians | MathFunction::Degrees => Accuracy::ROUNDED,
+        MathFunction::Sqrt
+        | MathFunction::InverseSqrt
+        | MathFunction::Length
+        | MathFunction::Distance
+        | MathFunction::SmoothStep
+        | MathFunction::Outer => Accuracy::ulps(8.0),
+        _ => return None,
+    })
 }
 
 fn is_of_draw(values: &Values<'_, '_>, id: ValueId) -> bool {
