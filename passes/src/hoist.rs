@@ -318,6 +318,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             Some(choice) => Ok(Self {
                 given: vec![
                     Assumption::StagesAgree,
+                    Assumption::FineInterpolation,
                     match precision.ranges.is_empty() {
                         true => Assumption::OrdinaryNumbers,
                         false => Assumption::NumbersOfTheScene,
@@ -601,7 +602,7 @@ fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
         .filter_map(|id| {
             let reason = match &judged.verdicts[id] {
                 Ok(c) if c.class <= weakest => return None,
-                Ok(_) if judged.affine[id] => match judged.roundings[id] {
+                Ok(_) if judged.affine[id] => match judged.roundings.of(id) {
                     error if error.is_finite() => format!("carried, it is rounded elsewhere, which may come to {error:.1e} at an output"),
                     _ => "carried, it is rounded elsewhere, and what that comes to at an output has no bound".to_owned(),
                 },

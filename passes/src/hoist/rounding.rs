@@ -39,61 +39,93 @@ pub const STEEPEST_SRGB: f64 = 12.92;
 /// Values that are followed to the outputs for all that are carried, together: beyond it no bound is given.
 const MOST_FOLLOWED: usize = 10_000_000;
 
-/// For each value that `may` travel as an affine one, what carrying it may change an output by; infinite where there is no bound, and for the others.
-pub fn at_outputs(
-    values: &Values<'_, '_>,
-    known: &[SourceRange],
-    may: impl Fn(ValueId) -> bool,
-) -> Vec<f64> {
-    let circles = circles(values);
-    let ranges = AllRanges::new(values, &circles, known, f64::from(ORDINARY));
-    let slopes = Slopes {
-        values,
-        ranges: &ranges,
-    };
-    let errors = slopes.errors(&circles);
-    let gains = slopes.gains(&circles);
-    let users = values.users();
-    let mut followed = 0;
-    let mut at_output = |id: ValueId| {
-        // What has no gain, nothing rests on.
-        let through = |id: ValueId, error: f64| {
-            if gains[id] == 0.0 {
-                0.0
-            } else {
-                gains[id] * error
-            }
-        };
-        let interpolated = INTERPOLATION * UNIT_ROUNDOFF * ranges.of(id).magnitude();
-        let own = through(id, errors[id] + interpolated);
-        if !may(id) || own.is_nan() || followed > MOST_FOLLOWED {
-            return f64::INFINITY;
-        }
-        if own > MOST {
-            return own;
-        }
-        let above = with_users(&users, id);
-        followed += above.len();
-        let above = above.into_iter().filter(|user| *user != id);
-        let total = own
-            + above
-                .map(|user| through(user, slopes.own(user)))
-                .sum::<f64>();
-        if total.is_nan() { f64::INFINITY } else { total }
-    };
-    (0..values.values.len()).map(&mut at_output).collect()
+/// What carrying values may change an output by.
+#[derive(Clone, Debug)]
+pub struct Roundings {
+    /// Each by itself; infinite where there is no bound.
+    each: Vec<f64>,
+    /// What a value's own difference comes to.
+    carried: Vec<f64>,
+    /// What comes of it that a value is rounded anew, since something under it differs.
+    anew: Vec<f64>,
+    users: Vec<Vec<ValueId>>,
 }
 
-/// A value, and all that rests on it.
-fn with_users(users: &[Vec<ValueId>], id: ValueId) -> BTreeSet<ValueId> {
-    let mut found = BTreeSet::new();
-    let mut work = vec![id];
-    while let Some(at) = work.pop() {
-        if found.insert(at) {
-            work.extend(&users[at]);
+impl Roundings {
+    /// Of each value that `may` travel as an affine one.
+    pub fn new(
+        values: &Values<'_, '_>,
+        known: &[SourceRange],
+        may: impl Fn(ValueId) -> bool,
+    ) -> Self {
+        let circles = circles(values);
+        let ranges = AllRanges::new(values, &circles, known, f64::from(ORDINARY));
+        let slopes = Slopes {
+            values,
+            ranges: &ranges,
+        };
+        let errors = slopes.errors(&circles);
+        let gains = slopes.gains(&circles);
+        // What has no gain, nothing rests on.
+        let through = |id: ValueId, error: f64| match gains[id] {
+            0.0 => 0.0,
+            gain => gain * error,
+        };
+        let all = || 0..values.values.len();
+        let interpolated = |id| INTERPOLATION * UNIT_ROUNDOFF * ranges.of(id).magnitude();
+        let mut this = Self {
+            each: vec![f64::INFINITY; values.values.len()],
+            carried: all()
+                .map(|id| through(id, errors[id] + interpolated(id)))
+                .collect(),
+            anew: all().map(|id| through(id, slopes.own(id))).collect(),
+            users: values.users(),
+        };
+        let mut followed = 0;
+        for id in all().filter(|id| may(*id)) {
+            let own = this.carried[id];
+            if own > MOST {
+                this.each[id] = own;
+            } else if !own.is_nan() && followed <= MOST_FOLLOWED {
+                let above = this.above(&[id]);
+                followed += above.len();
+                this.each[id] = this.sum(&[id], &above);
+            }
         }
+        this
     }
-    found
+
+    /// Of one value.
+    pub fn of(&self, id: ValueId) -> f64 {
+        self.each[id]
+    }
+
+    /// Of several that are carried together.
+    pub fn together(&self, ids: &[ValueId]) -> f64 {
+        self.sum(ids, &self.above(ids))
+    }
+
+    fn sum(&self, ids: &[ValueId], above: &BTreeSet<ValueId>) -> f64 {
+        let carried: f64 = ids.iter().map(|id| self.carried[*id]).sum();
+        let total = carried + above.iter().map(|id| self.anew[*id]).sum::<f64>();
+        if total.is_nan() { f64::INFINITY } else { total }
+    }
+
+    /// All that rests on some values, themselves left out.
+    fn above(&self, ids: &[ValueId]) -> BTreeSet<ValueId> {
+        let mut found = BTreeSet::new();
+        let mut work: Vec<ValueId> = ids
+            .iter()
+            .flat_map(|id| &self.users[*id])
+            .copied()
+            .collect();
+        while let Some(at) = work.pop() {
+            if found.insert(at) {
+                work.extend(&self.users[at]);
+            }
+        }
+        found
+    }
 }
 
 struct Slopes<'v, 'g, 'p> {
