@@ -20,6 +20,8 @@ use crate::scene::{Draw, Error, Frame, Scene};
 pub const MOST_STEPS: u64 = 400_000;
 /// Least number of vertices that are looked at of a draw that has as many.
 const LEAST_VERTICES: u64 = 500;
+/// Times the steps that may be spent on that.
+const DEAREST: u64 = 8;
 
 /// Where every varying and every constant of the draw lies. A varying of a vertex stage that cannot be run may be anything.
 ///
@@ -49,13 +51,24 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
             for (i, frame) in frames.iter().enumerate() {
                 let bound = bound(draw, frame)?;
                 ends.add_buffers(module, &bound, &mut before);
-                let vertices = Vertices::new(module, bound);
+                let is_seen = match &stage {
+                    None => true,
+                    Some(Ok(Sample { every, .. })) => i.is_multiple_of(*every),
+                    Some(Err(_)) => false,
+                };
+                if !is_seen {
+                    continue;
+                }
+                let vertices = Vertices::new(module, bound, |at| {
+                    let mut read = pass.bindings.iter().filter(|b| b.visibility.vertex);
+                    read.any(|b| (b.group, b.binding) == at)
+                });
                 let sample = match &mut stage {
                     Some(sample) => sample,
                     none => none.insert(Sample::of(&vertices, module, entry, most, frames.len())),
                 };
                 match sample {
-                    Ok(sample) if i.is_multiple_of(sample.every) => {
+                    Ok(sample) => {
                         let added = sample.vertices.iter().try_for_each(|(vertex, instance)| {
                             let (varyings, _) = vertices.run(module, entry, *vertex, *instance)?;
                             ends.add_varyings(varyings);
@@ -67,7 +80,6 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
                             Seen::None
                         });
                     }
-                    Ok(_) => {}
                     Err(_) => seen = Seen::None,
                 }
             }
@@ -136,7 +148,12 @@ impl Sample {
             });
         };
         let (_, steps) = vertices.run(module, entry, *first, 0)?;
-        let affordable = most / steps.max(1);
+        // Each run copies what it reads.
+        let copied: u64 = vertices.environment.resources.values().map(numbers).sum();
+        let affordable = most / (steps + copied).max(1);
+        if affordable * DEAREST < LEAST_VERTICES.min(count) {
+            return Err("a vertex takes too long".to_owned());
+        }
         let at = |i: u64| {
             let (instance, vertex) = (i / drawn.len() as u64, i % drawn.len() as u64);
             (drawn[vertex as usize], instance as u32)
@@ -259,6 +276,14 @@ impl Ends {
                 (*low, *high) = ((*low - more).max(f32::MIN), (*high + more).min(f32::MAX));
             }
         }
+    }
+}
+
+/// How many numbers a value holds.
+fn numbers(value: &Value) -> u64 {
+    match value {
+        Value::Composite(parts) => parts.iter().map(numbers).sum(),
+        _ => 1,
     }
 }
 
