@@ -73,7 +73,9 @@ pub enum SweepError {
         text: String,
     },
     /// Too many combinations.
-    #[error("`{text}` stands for {count} recipes; the most is {MOST}")]
+    #[error(
+        "`{text}` stands for {count} recipes; the most is {MOST}: shorten a range, or name one word of a choice (form=shared)"
+    )]
     TooMany {
         /// As given.
         text: String,

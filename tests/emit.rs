@@ -171,6 +171,24 @@ fn what_the_writer_loses_is_put_back() {
 }
 
 #[test]
+fn stages_that_a_pass_makes_are_under_the_authors_directives() {
+    let text_in = format!("diagnostic(off, derivative_uniformity);\n{LIT}");
+    let recipe = Recipe::parse(["visibility-buffer:budget=0.1"]).unwrap();
+    let split = recipe
+        .apply(&plan("directed.wgsl", &text_in), &Facts::default())
+        .unwrap();
+    let options = emit::Options::default();
+    let files = emit::emit(&split, &[Target::Wgsl], &options).unwrap();
+    let shaders: Vec<&File> = files.iter().filter(|f| f.name.ends_with(".wgsl")).collect();
+    assert!(shaders.len() > 1);
+    for file in shaders {
+        let written = text(&files, &file.name);
+        let directive = "\ndiagnostic(off, derivative_uniformity);\n";
+        assert_eq!(written.matches(directive).count(), 1, "{written}");
+    }
+}
+
+#[test]
 fn a_deep_expression_can_be_read_again() {
     // Deeper than naga can parse as one expression, so written as statements.
     let mut body = "let a0 = x.a;\n".to_owned();

@@ -112,6 +112,15 @@ fn a_sliced_counting_stage_keeps_the_discard() {
 }
 
 #[test]
+fn a_stage_is_counted_under_the_authors_directives() {
+    let mut scene = planes([16, 16], 3);
+    let directed = format!("diagnostic(off, derivative_uniformity);\n{FLAT}");
+    scene.materials[0] = material("flat", &directed);
+    let count = shaded(&scene, &originals(&scene), DrawOrder::BackToFront);
+    assert_eq!(count, 3.0);
+}
+
+#[test]
 fn coplanar_draws_are_ties_and_others_are_not() {
     let gpu = gpu();
     let mut scene = planes([32, 32], 3);

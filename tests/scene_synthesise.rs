@@ -131,3 +131,44 @@ fn names_mean_what_authors_mean_by_them() {
     let object = floats(1, 0);
     assert_eq!(object[..16], scene.draws[3].transform.to_cols_array());
 }
+
+fn written(files: &[(&str, &str)]) -> Scene {
+    let sources: Vec<Source> = files.iter().map(|(n, t)| Source::new(*n, *t)).collect();
+    let parsed = front::parse(&sources, &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+    scene::synthesise(parsed, MaterialState::default())
+}
+
+/// Two variables may have one binding, each for entry points of its own: what is bound is the one that is read.
+#[test]
+fn variables_of_one_binding_are_told_apart() {
+    let scene = written(&[(
+        "two.wgsl",
+        "@group(0) @binding(0) var<uniform> small: vec2<f32>;
+@group(0) @binding(0) var<uniform> view_proj: mat4x4<f32>;
+@fragment fn other() -> @location(0) vec4<f32> { return small.xyxy; }
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { return view_proj * vec4(position, 1.0); }
+",
+    )]);
+    let buffer = &bound(&scene)[0].buffers[0];
+    assert_eq!(buffer.data.bytes.len(), 64);
+}
+
+/// Members of an unnamed block are called by their names alone.
+#[test]
+fn values_of_an_unnamed_block_are_found() {
+    let mut scene = written(&[
+        (
+            "a.vert",
+            "#version 450\nlayout(location = 0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n",
+        ),
+        (
+            "b.frag",
+            "#version 450\nlayout(set = 0, binding = 0) uniform Look { vec4 tint; float steps; };\n\
+             layout(location = 0) out vec4 color;\nvoid main() { color = tint * steps; }\n",
+        ),
+    ]);
+    let steps = scene::Value::Numbers(vec![6.0]);
+    scene.materials[0].values.insert("steps".to_owned(), steps);
+    let bytes = &bound(&scene)[0].buffers[0].data.bytes;
+    assert_eq!(bytes[16..20], 6_f32.to_le_bytes());
+}

@@ -350,6 +350,7 @@ fn choose(
     facts.frequencies = measure::frequencies(gpu, scene, facts, form, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
     })?;
+    let originals = measure::originals(scene);
     recipes
         .into_iter()
         .map(|recipe| {
@@ -357,7 +358,10 @@ fn choose(
             match measure::leaves_a_choice(&recipe) {
                 true => {
                     let chosen = measure::within_budget(gpu, scene, &recipe, facts, form)?;
-                    if let Some(written) = measure::written_out(&chosen, facts) {
+                    let is_taken =
+                        measure::variant(&originals, &chosen, facts).kept.len() < originals.len();
+                    let written = measure::written_out(&chosen, facts).filter(|_| is_taken);
+                    if let Some(written) = written {
                         bar.suspend(|| {
                             output::message(&format!(
                                 "{recipe}: chosen by measurement; `rewrite` makes the same of {}",

@@ -32,6 +32,8 @@ pub enum Assumption {
     StagesAgree,
     /// Textures that are sampled at interpolated coordinates are filtered, within a level and between levels: a nearest sampler jumps.
     FilteredTextures,
+    /// An interpolated number is within 2^-18 of the largest at the corners of its triangle. No language says so; slivers many times as long as the screen go beyond it.
+    FineInterpolation,
     /// Varyings, constants of the draw and texels are no further from 0 than 4, and what is divided by of the draw no nearer than a quarter: a rounding meets no larger factor.
     OrdinaryNumbers,
     /// Varyings and constants of the draw lie where they lay in the frames of the scene the variant was made for, and texels no further from 0 than 4.

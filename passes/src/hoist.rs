@@ -30,7 +30,7 @@ use naga::ShaderStage;
 use crate::contract::{Assumption, Contract};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
-use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites, Source};
 use crate::place;
 use crate::plan::{GpuPass, Plan, Role, Step};
 use crate::program::Program;
@@ -142,6 +142,8 @@ struct Material<'a> {
     program: &'a Program,
     vertex: usize,
     fragment: usize,
+    /// Whether a pass of the plan's has changed its interface.
+    is_rebuilt: bool,
 }
 
 impl<'a> Material<'a> {
@@ -185,6 +187,7 @@ impl<'a> Material<'a> {
             program,
             vertex,
             fragment,
+            is_rebuilt: plan.steps.iter().any(|s| s.pass == Hoist::INFO.name),
         })
     }
 
@@ -192,12 +195,21 @@ impl<'a> Material<'a> {
     fn precision(&self, facts: &Facts) -> Precision {
         let ranges = facts.ranges.iter();
         let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
+        let targets = || self.pass.targets.iter().flatten();
+        let multisample = &self.pass.multisample;
+        // Layers add up; what decides a coverage jumps; outside of a triangle, where a pixel's centre may lie of which samples are in it, a varying is not between its corners.
+        let is_step = targets().all(|t| t.blend.is_none())
+            && multisample.count == 1
+            && !multisample.alpha_to_coverage;
         Precision {
             ranges: ranges
                 .filter(|r| r.material == self.name)
+                // Locations are the author's: behind another hoist they are others'.
+                .filter(|r| !self.is_rebuilt || !matches!(r.source, Source::Varying { .. }))
                 .cloned()
                 .collect(),
-            most: match self.pass.targets.iter().flatten().any(is_srgb) {
+            most: match targets().any(is_srgb) {
+                _ if !is_step => Precision::EXACT.most,
                 true => rounding::MOST / rounding::STEEPEST_SRGB,
                 false => rounding::MOST,
             },
@@ -249,14 +261,32 @@ fn refuse(why: Failed) -> Refusal {
 
 fn nothing_pays(weakest: Class) -> Refusal {
     let remedy = match weakest {
-        Class::Smooth => "leave it; explain lists what stays, and why each does",
-        _ => "give a budget (budget=0.01) if the picture may differ a little",
+        Class::Smooth => "allow a larger error; explain lists what stays, and why each value does",
+        _ => "give the pass a budget (hoist:budget=0.01) if the picture may differ a little",
     };
     Refusal::new(
         Hoist::INFO.name,
         "nothing-pays",
         "no value that may travel saves a fragment more than carrying it costs",
         remedy,
+    )
+}
+
+/// What of a choice made before is not to be found.
+fn not_here(unknown: &[String]) -> String {
+    format!(
+        "of the values that `carry` names {} are not in this fragment stage: {}",
+        unknown.len(),
+        unknown.join(", ")
+    )
+}
+
+fn unknown_values(unknown: &[String]) -> Refusal {
+    Refusal::new(
+        Hoist::INFO.name,
+        "unknown-values",
+        not_here(unknown),
+        "choose anew with `verify`: the shader was edited since, or they are another material's",
     )
 }
 
@@ -268,6 +298,8 @@ struct Found<'v, 'g, 'p> {
     left: Vec<Left>,
     /// What it rests on that roundings stay small.
     given: Vec<Assumption>,
+    /// Ids of a choice made before that none of the values has.
+    unknown: Vec<String>,
     key: SiteKey,
 }
 
@@ -284,12 +316,22 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let left = left(values, &judged, terms.weakest);
         match choose::choose(values, &judged, precision.most, &terms) {
             Some(choice) => Ok(Self {
-                given: vec![match precision.ranges.is_empty() {
-                    true => Assumption::OrdinaryNumbers,
-                    false => Assumption::NumbersOfTheScene,
-                }],
+                given: vec![
+                    Assumption::StagesAgree,
+                    Assumption::FineInterpolation,
+                    match precision.ranges.is_empty() {
+                        true => Assumption::OrdinaryNumbers,
+                        false => Assumption::NumbersOfTheScene,
+                    },
+                ],
+                unknown: judged.unknown,
                 ..Self::of(values, choice, left, material)
             }),
+            None if !judged.unknown.is_empty()
+                && !judged.verdicts.iter().any(candidates::is_smooth) =>
+            {
+                Err((Box::new(unknown_values(&judged.unknown)), left))
+            }
             None => {
                 let mut refusal = Box::new(nothing_pays(terms.weakest));
                 let best = params.best_measured(material.name, facts);
@@ -322,6 +364,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             wanted,
             left,
             given: Vec::new(),
+            unknown: Vec::new(),
             key,
         }
     }
@@ -444,6 +487,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         next.contract = next.contract.and(contract);
         next.fallback = Some("original".to_owned());
         next.notes.push(self.describe());
+        if !self.unknown.is_empty() {
+            next.notes.push(not_here(&self.unknown));
+        }
         next
     }
 
@@ -556,7 +602,7 @@ fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
         .filter_map(|id| {
             let reason = match &judged.verdicts[id] {
                 Ok(c) if c.class <= weakest => return None,
-                Ok(_) if judged.affine[id] => match judged.roundings[id] {
+                Ok(_) if judged.affine[id] => match judged.roundings.of(id) {
                     error if error.is_finite() => format!("carried, it is rounded elsewhere, which may come to {error:.1e} at an output"),
                     _ => "carried, it is rounded elsewhere, and what that comes to at an output has no bound".to_owned(),
                 },

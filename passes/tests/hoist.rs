@@ -9,7 +9,7 @@ use common::random;
 use common::stages::{VERTEX, attributes, run};
 use naga::{Binding, ShaderStage};
 use preshade_passes::evaluate::{Stuck, Value};
-use preshade_passes::hoist::{Hoist, Params};
+use preshade_passes::hoist::{self, Hoist, Params};
 use preshade_passes::pass::{Facts, Pass, Sites};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
@@ -251,7 +251,7 @@ struct Varyings { @builtin(position) position: vec4<f32>, @location(0) a: vec4<f
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
     let first = in.a + in.b;
     let second = in.b + in.c;
-    return first * first + second * second;
+    return (first * first + second * second) * 0.25;
 }
 ";
     let (_, text) = hoisted(source, &Params::default());
@@ -400,4 +400,35 @@ fn a_tree_of_calls_over_a_discard_is_told_to_be_too_large() {
     let source = material(&globals, "return vec4(f31(in.world.x));");
     let found = sites(&original(&source), &Params::default());
     assert_eq!(found.refusals[0].code, "too-large");
+}
+
+/// A choice made before is told apart from one that never was.
+#[test]
+fn values_that_are_not_there_are_named() {
+    let source = material(
+        "",
+        "let glow = exp(sin(length(in.world) * 3.0));
+    return vec4(glow);",
+    );
+    let plan = original(&source);
+    let all = hoist::candidates(&plan, &Facts::default()).unwrap();
+    let id = &all.first().unwrap().id;
+    let carrying = |carry: &str| Params {
+        carry: Some(carry.to_owned()),
+        finite: hoist::travel::Finite::Assumed,
+        ..budget()
+    };
+    let refused = sites(&plan, &carrying("0123456789abcdef"));
+    assert_eq!(refused.refusals[0].code, "unknown-values");
+    assert!(refused.refusals[0].reason.contains("0123456789abcdef"));
+    let params = carrying(&format!("{id}+0123456789abcdef"));
+    let site = sites(&plan, &params).sites.remove(0);
+    let next = Hoist::apply(&plan, &Facts::default(), &site.key, &params).unwrap();
+    let told = |n: &&String| n.contains("0123456789abcdef") && !n.contains(id.as_str());
+    assert_eq!(
+        next.notes.iter().filter(told).count(),
+        1,
+        "{:?}",
+        next.notes
+    );
 }

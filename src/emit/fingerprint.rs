@@ -17,9 +17,11 @@ pub(super) fn of(module: &Module) -> Vec<String> {
             "{at}: early depth test {:?}",
             entry.early_depth_test
         ));
+        // A function without a chain of its own, as passes make them, is under the module's directives.
+        let leaf = entry.function.diagnostic_filter_leaf;
         let filters = filters(
             &module.diagnostic_filters,
-            entry.function.diagnostic_filter_leaf,
+            leaf.or(module.diagnostic_filter_leaf),
         );
         lines.push(format!("{at}: diagnostics {filters:?}"));
         for input in reflect::inputs(module, &entry.function) {

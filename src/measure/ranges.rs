@@ -1,24 +1,29 @@
 //! Between which numbers the fragment stages' inputs lie, read off a scene's own frames: no adapter is asked.
 //!
-//! Uniforms and buffers are read as the renderer fills them. Varyings are largest at vertices, for what is interpolated lies between: the vertex stage is run on them, on all
-//! of them where that takes no longer than a step limit, or else on as many as it may take, evenly; the range is then widened by half its width to either side.
+//! Uniforms and buffers are read as the renderer fills them, in every frame. A varying is largest at a vertex, for what is interpolated within a triangle lies between: the vertex stage is run on every
+//! vertex that is drawn, in every frame where that takes no longer than [`MOST_STEPS`], or else in as many frames as it may take, evenly, or on as many vertices of one. Then the ranges are widened.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use naga::{Module, TypeInner};
 use preshade_passes::evaluate::{Scalar, Value};
 use preshade_passes::pass::{Source, SourceRange};
+use preshade_passes::reflect;
 
 use super::originals;
 use super::vertices::{self, Vertices};
-use crate::scene::bind;
-use crate::scene::{Error, Scene};
+use crate::scene::bind::{self, DrawBindings};
+use crate::scene::{Draw, Error, Frame, Scene};
 
 /// Steps of the interpreter over all vertices of a material.
-const MOST_STEPS: u64 = 150_000;
+pub const MOST_STEPS: u64 = 400_000;
+/// Least number of vertices that are looked at of a draw that has as many.
+const LEAST_VERTICES: u64 = 500;
+/// Times the steps that may be spent on that.
+const DEAREST: u64 = 8;
 
-/// Where every varying and every constant of the draw lies, in all frames of all cameras. Nothing is told of a material whose vertex stage cannot be run: it samples
-/// a texture, say.
+/// Where every varying and every constant of the draw lies. A varying of a vertex stage that cannot be run may be anything.
 ///
 /// # Errors
 /// A value that does not fit its variable.
@@ -27,35 +32,60 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
     let mut found = Vec::new();
     for (index, (material, plan)) in scene.materials.iter().zip(&plans).enumerate() {
         let Some(pass) = plan.main() else { continue };
-        let Some((vertex, _)) = material
+        let Some((entry, point)) = material
             .program
             .entry_point(naga::ShaderStage::Vertex, &pass.vertex)
         else {
             continue;
         };
         let module = material.program.module();
+        let bound = |draw: &Draw, frame: &Frame| bind::draw(scene, material, pass, draw, frame);
+        let draws: Vec<&Draw> = scene.draws.iter().filter(|d| d.material == index).collect();
+        let frames: Vec<&Frame> = scene.frames().map(|(_, frame)| frame).collect();
         let mut ends = Ends::default();
-        let draws: Vec<_> = scene.draws.iter().filter(|d| d.material == index).collect();
-        let frames = scene.frames().count().max(1);
-        let steps = MOST_STEPS / (draws.len().max(1) * frames) as u64;
-        let (mut is_known, mut is_complete) = (true, true);
+        let most = MOST_STEPS / draws.len().max(1) as u64;
+        let mut seen = Seen::All;
         for draw in draws {
-            for (_, frame) in scene.frames() {
-                let bound = bind::draw(scene, material, pass, draw, frame)?;
-                ends.add_buffers(module, &bound);
-                let vertices = Vertices::new(module, bound);
-                match ends.add_varyings(&vertices, module, vertex, steps) {
-                    Ok(all) => is_complete &= all,
-                    Err(_) => is_known = false,
+            let mut before = BTreeMap::new();
+            let mut stage = None;
+            for (i, frame) in frames.iter().enumerate() {
+                let bound = bound(draw, frame)?;
+                ends.add_buffers(module, &bound, &mut before);
+                let is_seen = match &stage {
+                    None => true,
+                    Some(Ok(Sample { every, .. })) => i.is_multiple_of(*every),
+                    Some(Err(_)) => false,
+                };
+                if !is_seen {
+                    continue;
+                }
+                let vertices = Vertices::new(module, bound, |at| {
+                    let mut read = pass.bindings.iter().filter(|b| b.visibility.vertex);
+                    read.any(|b| (b.group, b.binding) == at)
+                });
+                let sample = match &mut stage {
+                    Some(sample) => sample,
+                    none => none.insert(Sample::of(&vertices, module, entry, most, frames.len())),
+                };
+                match sample {
+                    Ok(sample) => {
+                        let added = sample.vertices.iter().try_for_each(|(vertex, instance)| {
+                            let (varyings, _) = vertices.run(module, entry, *vertex, *instance)?;
+                            ends.add_varyings(varyings);
+                            Ok::<(), String>(())
+                        });
+                        seen = seen.and(if added.is_ok() {
+                            sample.seen
+                        } else {
+                            Seen::None
+                        });
+                    }
+                    Err(_) => seen = Seen::None,
                 }
             }
         }
-        if !is_known {
-            continue;
-        }
-        if !is_complete {
-            ends.widen_varyings();
-        }
+        let outputs = reflect::outputs(module, &point.function);
+        ends.settle(seen, outputs.iter().filter_map(|o| o.binding.as_ref()));
         found.extend(ends.0.into_iter().map(|(source, [low, high])| SourceRange {
             material: material.name.clone(),
             source,
@@ -66,32 +96,140 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
     Ok(found)
 }
 
+/// Of which vertices the varyings were looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Seen {
+    /// All, in all frames.
+    All,
+    /// All, in some frames.
+    SomeFrames,
+    /// Some, in one frame or more.
+    SomeVertices,
+    /// The vertex stage cannot be run.
+    None,
+}
+
+impl Seen {
+    fn and(self, other: Self) -> Self {
+        self.max(other)
+    }
+}
+
+/// What is looked at of a draw.
+struct Sample {
+    /// Vertices and instances.
+    vertices: Vec<(u32, u32)>,
+    /// Every so many frames.
+    every: usize,
+    seen: Seen,
+}
+
+impl Sample {
+    /// # Errors
+    /// Why the vertex stage cannot be run.
+    fn of(
+        vertices: &Vertices,
+        module: &Module,
+        entry: usize,
+        most: u64,
+        frames: usize,
+    ) -> Result<Self, String> {
+        let corners = 0..vertices.of_instance();
+        let drawn: Option<BTreeSet<u32>> = corners
+            .map(|corner| vertices::index(&vertices.bound, corner))
+            .collect();
+        let drawn: Vec<u32> = drawn.ok_or("the mesh is too short")?.into_iter().collect();
+        let count = drawn.len() as u64 * u64::from(vertices.bound.instances);
+        let (Some(first), 1..) = (drawn.first(), count) else {
+            return Ok(Self {
+                vertices: Vec::new(),
+                every: 1,
+                seen: Seen::All,
+            });
+        };
+        let (_, steps) = vertices.run(module, entry, *first, 0)?;
+        // Each run copies what it reads.
+        let copied: u64 = vertices.environment.resources.values().map(numbers).sum();
+        let affordable = most / (steps + copied).max(1);
+        if affordable * DEAREST < LEAST_VERTICES.min(count) {
+            return Err("a vertex takes too long".to_owned());
+        }
+        let at = |i: u64| {
+            let (instance, vertex) = (i / drawn.len() as u64, i % drawn.len() as u64);
+            (drawn[vertex as usize], instance as u32)
+        };
+        if affordable >= count {
+            let every = frames.div_ceil((affordable / count) as usize).max(1);
+            return Ok(Self {
+                vertices: (0..count).map(at).collect(),
+                every,
+                seen: if every == 1 {
+                    Seen::All
+                } else {
+                    Seen::SomeFrames
+                },
+            });
+        }
+        // Steps of the golden section meet no row of a grid again and again.
+        let looked_at = affordable.max(LEAST_VERTICES).min(count);
+        let spread = (0..looked_at).map(|i| {
+            let part = (i as f64 * 0.618_033_988_749_895).fract();
+            at(((part * count as f64) as u64).min(count - 1))
+        });
+        Ok(Self {
+            vertices: spread.collect(),
+            every: frames.max(1),
+            seen: Seen::SomeVertices,
+        })
+    }
+}
+
 /// The least and the largest of each source.
 #[derive(Default)]
 struct Ends(BTreeMap<Source, [f32; 2]>);
 
+/// All numbers.
+const ANYTHING: [f32; 2] = [f32::MIN, f32::MAX];
+
 impl Ends {
-    fn add(&mut self, source: Source, value: &Value) {
-        match value {
-            Value::Scalar(Scalar::F32(x)) => {
-                let [low, high] = self
-                    .0
-                    .entry(source)
-                    .or_insert([f32::INFINITY, f32::NEG_INFINITY]);
-                match x.is_nan() {
-                    // Nothing is known of what it makes.
-                    true => (*low, *high) = (f32::NEG_INFINITY, f32::INFINITY),
-                    false => (*low, *high) = (low.min(*x), high.max(*x)),
-                }
+    fn add(&mut self, source: Source, [low, high]: [f32; 2]) {
+        let ends = self.0.entry(source).or_insert([low, high]);
+        *ends = [ends[0].min(low), ends[1].max(high)];
+    }
+
+    fn add_varyings(&mut self, varyings: BTreeMap<u32, Value>) {
+        for (location, value) in varyings {
+            if let Some(ends) = ends(&value) {
+                self.add(Source::Varying { location }, ends);
             }
-            Value::Composite(parts) => parts.iter().for_each(|p| self.add(source.clone(), p)),
-            _ => {}
         }
     }
 
-    fn add_buffers(&mut self, module: &Module, bound: &bind::DrawBindings) {
+    /// Those of `before` are known already.
+    fn add_buffers(
+        &mut self,
+        module: &Module,
+        bound: &DrawBindings,
+        before: &mut BTreeMap<(u32, u32), Arc<[u8]>>,
+    ) {
+        let changed: Vec<(u32, u32)> = bound
+            .buffers
+            .iter()
+            .filter_map(|b| {
+                let at = (b.group, b.binding);
+                let now = &b.data.bytes;
+                let same = before
+                    .get(&at)
+                    .is_some_and(|b| Arc::ptr_eq(b, now) || b == now);
+                before.insert(at, Arc::clone(now));
+                (!same).then_some(at)
+            })
+            .collect();
         for (_, global) in module.global_variables.iter() {
             let Some(at) = global.binding else { continue };
+            if !changed.contains(&(at.group, at.binding)) {
+                continue;
+            }
             let Some(value) = vertices::resource(module, global, bound) else {
                 continue;
             };
@@ -103,50 +241,61 @@ impl Ends {
             match (&module.types[global.ty].inner, &value) {
                 (TypeInner::Struct { members, .. }, Value::Composite(parts)) => {
                     for (member, part) in members.iter().zip(parts) {
-                        self.add(source(member.name.clone()), part);
+                        if let Some(ends) = ends(part) {
+                            self.add(source(member.name.clone()), ends);
+                        }
                     }
                 }
-                _ => self.add(source(None), &value),
+                _ => {
+                    if let Some(ends) = ends(&value) {
+                        self.add(source(None), ends);
+                    }
+                }
             }
         }
     }
 
-    fn widen_varyings(&mut self) {
+    /// Widens the ranges of varyings that were not seen at all vertices in all frames.
+    fn settle<'a>(&mut self, seen: Seen, outputs: impl Iterator<Item = &'a naga::Binding>) {
+        let by = match seen {
+            Seen::All => return,
+            Seen::SomeFrames => 0.5,
+            Seen::SomeVertices => 1.0,
+            Seen::None => {
+                for output in outputs {
+                    if let naga::Binding::Location { location, .. } = *output {
+                        self.0.insert(Source::Varying { location }, ANYTHING);
+                    }
+                }
+                return;
+            }
+        };
         for (source, [low, high]) in &mut self.0 {
             if matches!(source, Source::Varying { .. }) {
-                let half = (*high - *low) / 2.0;
-                (*low, *high) = (*low - half, *high + half);
+                let more = by * low.abs().max(high.abs());
+                (*low, *high) = ((*low - more).max(f32::MIN), (*high + more).min(f32::MAX));
             }
         }
     }
+}
 
-    /// Whether that were all vertices.
-    ///
-    /// # Errors
-    /// Why the vertex stage cannot be run.
-    fn add_varyings(
-        &mut self,
-        vertices: &Vertices<f32>,
-        module: &Module,
-        entry: usize,
-        most: u64,
-    ) -> Result<bool, String> {
-        let each = u64::from(vertices.of_instance());
-        let count = each * u64::from(vertices.bound.instances);
-        let mut at = |i: u64| -> Result<u64, String> {
-            let (instance, corner) = ((i / each) as u32, (i % each) as u32);
-            let vertex = vertices::index(&vertices.bound, corner).ok_or("the mesh is too short")?;
-            let (varyings, steps) = vertices.run(module, entry, vertex, instance)?;
-            for (location, value) in varyings {
-                self.add(Source::Varying { location }, &value);
-            }
-            Ok(steps)
-        };
-        if count == 0 {
-            return Ok(true);
-        }
-        let looked_at = (most / at(0)?.max(1)).clamp(1, count);
-        (1..looked_at).try_for_each(|i| at(i * count / looked_at).map(drop))?;
-        Ok(looked_at == count)
+/// How many numbers a value holds.
+fn numbers(value: &Value) -> u64 {
+    match value {
+        Value::Composite(parts) => parts.iter().map(numbers).sum(),
+        _ => 1,
+    }
+}
+
+/// The least and the largest float of a value; `None` where there is none. Of what is not a number nothing is known.
+fn ends(value: &Value) -> Option<[f32; 2]> {
+    match value {
+        Value::Scalar(Scalar::F32(x)) if x.is_finite() => Some([*x, *x]),
+        Value::Scalar(Scalar::F32(_)) => Some(ANYTHING),
+        Value::Composite(parts) => parts
+            .iter()
+            .filter_map(ends)
+            .reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]),
+        _ => None,
     }
 }

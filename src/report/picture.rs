@@ -166,7 +166,10 @@ impl Picture {
     }
 }
 
-/// A variant's name as a part of a file name: letters, digits, dots and dashes.
+/// Longest part of a file name: file systems allow 255 bytes for the whole, endings included.
+const LONGEST: usize = 100;
+
+/// A variant's name as a part of a file name: letters, digits, dots and dashes. The end of a long one is its hash.
 pub fn file_name(name: &str) -> String {
     let mut out = String::new();
     for c in name.chars() {
@@ -176,5 +179,28 @@ pub fn file_name(name: &str) -> String {
             out.push('-');
         }
     }
-    out.trim_matches(['-', '.']).to_owned()
+    let out = out.trim_matches(['-', '.']);
+    match out.len() > LONGEST {
+        // All of it is ASCII.
+        true => {
+            let hash = blake3::hash(name.as_bytes()).to_hex();
+            format!("{}-{}", &out[..LONGEST - 17], &hash[..16])
+        }
+        false => out.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{LONGEST, file_name};
+
+    #[test]
+    fn long_names_stay_apart_and_fit_a_file_system() {
+        let carry = |last: char| format!("hoist:budget=0.05,carry={}{last}", "0563cb87".repeat(64));
+        let (a, b) = (file_name(&carry('a')), file_name(&carry('b')));
+        assert_eq!([a.len(), b.len()], [LONGEST; 2]);
+        assert_ne!(a, b);
+        assert!(a.starts_with("hoist-budget-0.05-carry-0563cb87"), "{a}");
+        assert_eq!(file_name("hoist:budget=0.05"), "hoist-budget-0.05");
+    }
 }

@@ -282,8 +282,12 @@ fn variable<'a>(
     material: &'a Material,
     binding: &BindingUse,
 ) -> Result<(&'a str, naga::Handle<naga::Type>), Error> {
-    material::globals(&material.program)
-        .find(|g| (g.group, g.binding) == (binding.group, binding.binding))
+    let at = |g: &material::Global<'_>| (g.group, g.binding) == (binding.group, binding.binding);
+    let all = || material::globals(&material.program).filter(at);
+    // Several variables may have one binding, each for entry points of its own.
+    let named = all().find(|g| g.name == binding.name);
+    named
+        .or_else(|| all().next())
         .map(|g| (g.name, g.ty))
         .ok_or_else(|| {
             Error::new(format!(

@@ -200,7 +200,9 @@ struct Packer<'a> {
 
 impl<'a> Packer<'a> {
     fn write(&mut self, ty: Handle<Type>, offset: usize) -> Result<(), Error> {
-        let found = (self.values)("").is_some().then_some(()).and_then(|()| {
+        // An unnamed block of GLSL has no path of its own: its members are called by their names alone.
+        let is_named = !self.path.is_empty() && (self.values)("").is_some();
+        let found = is_named.then_some(()).and_then(|()| {
             (self.values)(&join(&self.path, true))
                 .or_else(|| (self.values)(&join(&self.path, false)))
         });
@@ -334,7 +336,10 @@ pub(crate) fn scalar_bytes(out: &mut [u8], kind: ScalarKind, n: f64) {
 
 /// Every path into a variable that a value may name, indices left out.
 pub(crate) fn paths(module: &Module, name: &str, ty: Handle<Type>) -> Vec<String> {
-    let mut out = vec![name.to_owned()];
+    let mut out = match name {
+        "" => Vec::new(),
+        name => vec![name.to_owned()],
+    };
     let mut inner = &module.types[ty].inner;
     while let TypeInner::Array { base, .. } = inner {
         inner = &module.types[*base].inner;

@@ -94,7 +94,7 @@ impl Accuracy {
     }
 
     /// How far off the result may be, of numbers of up to this much.
-    pub(super) fn of(self, magnitude: f64) -> f64 {
+    pub fn of(self, magnitude: f64) -> f64 {
         self.relative * magnitude + self.absolute
     }
 

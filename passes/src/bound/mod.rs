@@ -21,6 +21,7 @@ mod accuracy;
 mod affine;
 mod operations;
 
+pub use accuracy::Accuracy;
 pub use affine::Affine;
 
 /// Steps of the interpreter for one triangle.

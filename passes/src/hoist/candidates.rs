@@ -32,40 +32,45 @@ pub(super) fn judge(
         return travel::judge(values, params.finite, &precision);
     }
     let assumed = travel::judge(values, Finite::Assumed, &precision);
-    let verdicts = match &params.carry {
+    match &params.carry {
         Some(carry) => {
             let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-            as_chosen(values, &assumed.verdicts, &carry, params.finite, &precision)
+            as_chosen(values, assumed, &carry, params.finite, &precision)
         }
-        None => as_measured(values, &assumed.verdicts, &measured, params),
-    };
-    Judged {
-        verdicts,
-        ..assumed
+        None => Judged {
+            verdicts: as_measured(values, &assumed.verdicts, &measured, params),
+            ..assumed
+        },
     }
 }
 
 /// Of values that may travel as approximations those of these ids alone.
 fn as_chosen(
     values: &Values<'_, '_>,
-    assumed: &[Verdict],
+    assumed: Judged,
     carry: &BTreeSet<&str>,
     finite: Finite,
     precision: &Precision,
-) -> Vec<Verdict> {
-    let chosen = find(values, assumed, carry);
+) -> Judged {
+    let chosen = find(values, &assumed.verdicts, carry);
     let mut verdicts = match finite {
-        Finite::Proved => travel::proved(values, precision, assumed.to_vec()),
-        Finite::Assumed => assumed.to_vec(),
+        Finite::Proved => travel::proved(values, precision, assumed.verdicts.clone()),
+        Finite::Assumed => assumed.verdicts.clone(),
     };
     for (v, verdict) in verdicts.iter_mut().enumerate() {
         if chosen.contains_key(&v) {
-            *verdict = assumed[v].clone();
+            *verdict = assumed.verdicts[v].clone();
         } else if is_smooth(verdict) {
             *verdict = Err(Stays::NotChosen);
         }
     }
-    verdicts
+    let found: BTreeSet<&str> = chosen.values().map(String::as_str).collect();
+    let unknown = carry.iter().filter(|id| !found.contains(**id));
+    Judged {
+        verdicts,
+        unknown: unknown.map(|id| (*id).to_owned()).collect(),
+        ..assumed
+    }
 }
 
 /// Of values that may travel as approximations those that were measured to keep the threshold.
@@ -97,7 +102,7 @@ fn as_measured(
     verdicts
 }
 
-fn is_smooth(verdict: &Verdict) -> bool {
+pub(super) fn is_smooth(verdict: &Verdict) -> bool {
     matches!(verdict, Ok(c) if c.class == Class::Smooth)
 }
 

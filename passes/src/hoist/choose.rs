@@ -82,8 +82,8 @@ pub fn choose(
         };
         let affine = choice.carried.iter();
         let affine = affine.filter(|(_, c)| c.class == Class::Affine);
-        let roundings: f64 = affine.map(|(id, _)| judged.roundings[*id]).sum();
-        if roundings > most {
+        let affine: Vec<ValueId> = affine.map(|(id, _)| *id).collect();
+        if !affine.is_empty() && judged.roundings.together(&affine) > most {
             continue;
         }
         let whole = choice.after + choice.vertex * terms.vertices_per_fragment;

@@ -1,6 +1,6 @@
 //! Values that rest on one another, around loops.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use naga::Statement;
 use petgraph::algo::kosaraju_scc;
@@ -26,6 +26,39 @@ pub fn circles(values: &Values<'_, '_>) -> Vec<Vec<ValueId>> {
         .collect();
     circles.reverse();
     circles
+}
+
+/// The values of a circle without some of them, each after those of its operands that are among them, as far as what is left is no circle.
+pub fn operands_first(
+    values: &Values<'_, '_>,
+    circle: &[ValueId],
+    without: &[ValueId],
+) -> Vec<ValueId> {
+    let mut left: HashSet<ValueId> = circle.iter().copied().collect();
+    for id in without {
+        left.remove(id);
+    }
+    let mut ordered = Vec::with_capacity(left.len());
+    for start in circle {
+        if !left.remove(start) {
+            continue;
+        }
+        // Each with the operands that are still to be looked at.
+        let mut stack = vec![(*start, values.values[*start].operands.iter())];
+        while let Some((id, operands)) = stack.last_mut() {
+            match operands.find(|o| left.contains(o)) {
+                Some(operand) => {
+                    left.remove(operand);
+                    stack.push((*operand, values.values[*operand].operands.iter()));
+                }
+                None => {
+                    ordered.push(*id);
+                    stack.pop();
+                }
+            }
+        }
+    }
+    ordered
 }
 
 /// Turns after which the ranges of a loop that is not counted are taken to grow without end.

@@ -3,12 +3,14 @@
 //! What comes from outside, varyings and constants of the draw, lies where a scene was seen to put it, or else where it is assumed to lie; all else follows from the code.
 //! An interval holds every component of its value. It is one of real numbers: a rounding beyond its ends is left to whoever uses it.
 
+use std::collections::HashSet;
+
 use naga::{
     AddressSpace, Arena, BinaryOperator, Binding, Expression, Handle, Literal, MathFunction,
     Module, ScalarKind, TypeInner, UnaryOperator,
 };
 
-use super::circle::{Merges, UNCOUNTED_TURNS};
+use super::circle::{Merges, UNCOUNTED_TURNS, operands_first};
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::graph::cells::Root;
 use crate::graph::memory::{Origin, VersionId};
@@ -59,11 +61,23 @@ impl Range {
         Self::new(self.low.min(other.low), self.high.max(other.high))
     }
 
-    fn and(self, other: Self) -> Self {
-        Self::new(
-            self.low.max(other.low).min(other.high),
-            self.high.min(other.high).max(other.low),
+    /// `min(max(x, low), high)`, end by end.
+    fn clamped(self, low: Self, high: Self) -> Self {
+        Self::ordered(
+            self.low.max(low.low).min(high.low),
+            self.high.max(low.high).min(high.high),
         )
+    }
+
+    /// The remainder of a division, which has the dividend's sign and is no larger than it, and less than the divisor.
+    fn remainder(self, divisor: Self) -> Self {
+        if self.magnitude() < divisor.least() {
+            return self;
+        }
+        let most = self.magnitude().min(divisor.magnitude());
+        let low = if self.low >= 0.0 { 0.0 } else { -most };
+        let high = if self.high <= 0.0 { 0.0 } else { most };
+        Self::new(low, high)
     }
 
     fn plus(self, other: Self) -> Self {
@@ -117,6 +131,11 @@ fn product(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 { 0.0 } else { a * b }
 }
 
+/// Values times turns that are followed around one loop: beyond it their ranges are taken to grow without end.
+const MOST_FOLLOWED: usize = 200_000;
+/// Rounds within a turn after which the same is taken.
+const MOST_ROUNDS: usize = 16;
+
 /// The range of every value.
 #[derive(Debug)]
 pub struct AllRanges {
@@ -142,7 +161,7 @@ impl AllRanges {
             let is_circular =
                 circle.len() > 1 || values.values[circle[0]].operands.contains(&circle[0]);
             if !is_circular {
-                ranges.of[circle[0]] = ranges.find(values, circle[0], &outside, &[]);
+                ranges.of[circle[0]] = ranges.find(values, circle[0], &outside, &HashSet::new());
                 continue;
             }
             let merges = Merges::of(values, circle);
@@ -164,13 +183,20 @@ impl AllRanges {
         merges: &Merges,
         outside: &Outside<'_>,
     ) -> bool {
-        let mut unseen = circle.to_vec();
-        for _ in 0..merges.turns.unwrap_or(UNCOUNTED_TURNS) {
-            // Without the merges there is no circle: as many rounds as there are values settle it.
-            for _ in 0..=circle.len() {
-                let rest = circle.iter().filter(|id| !merges.of.contains(id));
-                if !self.join(values, rest, outside, &mut unseen) {
+        let mut unseen: HashSet<ValueId> = circle.iter().copied().collect();
+        let turns = merges.turns.unwrap_or(UNCOUNTED_TURNS);
+        if turns.saturating_mul(circle.len()) > MOST_FOLLOWED {
+            return false;
+        }
+        // Without the merges there is next to no circle: operands first, a round or two settle it.
+        let rest = operands_first(values, circle, &merges.of);
+        for _ in 0..turns {
+            for round in 0.. {
+                if !self.join(values, rest.iter(), outside, &mut unseen) {
                     break;
+                }
+                if round == MOST_ROUNDS {
+                    return false;
                 }
             }
             let carried = merges.of.iter();
@@ -187,18 +213,18 @@ impl AllRanges {
         values: &Values<'_, '_>,
         ids: impl Iterator<Item = &'v ValueId>,
         outside: &Outside<'_>,
-        unseen: &mut Vec<ValueId>,
+        unseen: &mut HashSet<ValueId>,
     ) -> bool {
         let mut changed = false;
         for id in ids {
             let found = self.find(values, *id, outside, unseen);
-            let joined = match unseen.iter().position(|u| u == id) {
-                Some(at) if joins(values, *id, unseen) => {
-                    unseen.swap_remove(at);
+            let joined = match unseen.contains(id) {
+                true if joins(values, *id, unseen) => {
+                    unseen.remove(id);
                     found
                 }
-                Some(_) => continue,
-                None => self.of[*id].or(found),
+                true => continue,
+                false => self.of[*id].or(found),
             };
             changed |= self.of[*id] != joined;
             self.of[*id] = joined;
@@ -248,7 +274,7 @@ impl AllRanges {
         values: &Values<'_, '_>,
         id: ValueId,
         outside: &Outside<'_>,
-        unseen: &[ValueId],
+        unseen: &HashSet<ValueId>,
     ) -> Range {
         let joined = || {
             let operands = values.values[id].operands.iter();
@@ -314,7 +340,8 @@ impl AllRanges {
                 module.constants[*c].init,
             ),
             Expression::ZeroValue(_) => Range::new(0.0, 0.0),
-            Expression::Override(_) => Range::within(outside.ordinary),
+            // What a pipeline sets it to is not known.
+            Expression::Override(_) => outside.unknown(),
             Expression::Compose { components, .. } => components
                 .iter()
                 .map(|c| of(*c))
@@ -361,7 +388,7 @@ impl AllRanges {
                         }
                     }
                     BinaryOperator::Divide => a.times(self.inverse(values, context, *right)),
-                    BinaryOperator::Modulo => a.and(Range::within(b.magnitude())),
+                    BinaryOperator::Modulo => a.remainder(b),
                     _ => Range::ANYTHING,
                 }
             }
@@ -389,8 +416,8 @@ fn of_function(fun: MathFunction, [x, y, z]: [Range; 3], dimension: f64, same: b
         MathFunction::Abs => Range::new(x.least(), x.magnitude()),
         MathFunction::Min => Range::new(x.low.min(y.low), x.high.min(y.high)),
         MathFunction::Max => Range::new(x.low.max(y.low), x.high.max(y.high)),
-        MathFunction::Clamp => x.and(Range::new(y.low, z.high)),
-        MathFunction::Saturate => x.and(Range::UNIT),
+        MathFunction::Clamp => x.clamped(y, z),
+        MathFunction::Saturate => x.clamped(Range::new(0.0, 0.0), Range::new(1.0, 1.0)),
         MathFunction::Fract | MathFunction::Step | MathFunction::SmoothStep => Range::UNIT,
         MathFunction::Sign
         | MathFunction::Sin
@@ -474,7 +501,7 @@ pub fn is_same(
 }
 
 /// Whether any of a value's operands outside of `unseen` tells something of it; all of an operation's have to be seen.
-fn joins(values: &Values<'_, '_>, id: ValueId, unseen: &[ValueId]) -> bool {
+fn joins(values: &Values<'_, '_>, id: ValueId, unseen: &HashSet<ValueId>) -> bool {
     let operands = &values.values[id].operands;
     let is_joined = match &values.values[id].node {
         Node::Version(..) => true,
@@ -582,7 +609,7 @@ impl Outside<'_> {
             }
         };
         let Some((global, binding)) = global.and_then(|g| Some((g, g.binding?))) else {
-            return Range::within(self.ordinary);
+            return self.unknown();
         };
         let member = match &module.types[global.ty].inner {
             TypeInner::Struct { members, .. } => {
@@ -599,8 +626,62 @@ impl Outside<'_> {
 
     fn of(&self, source: &Source) -> Range {
         let seen = self.known.iter().find(|k| k.source == *source);
-        seen.map_or(Range::within(self.ordinary), |k| {
+        seen.map_or(self.unknown(), |k| {
             Range::ordered(f64::from(k.low), f64::from(k.high))
         })
+    }
+
+    /// What a scene does not tell may be anything. Without one all is ordinary.
+    fn unknown(&self) -> Range {
+        match self.known.is_empty() {
+            true => Range::within(self.ordinary),
+            false => Range::ANYTHING,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Range;
+
+    /// Every pair of numbers of two ranges gives one of the range that is said.
+    fn holds(of: impl Fn(Range, Range) -> Range, by: impl Fn(f64, f64) -> f64) {
+        let ends: [f64; 10] = [-9.0, -5.0, -3.0, -0.5, 0.0, 0.5, 2.0, 3.0, 5.0, 10.0];
+        let all = || {
+            ends.iter().flat_map(|a| {
+                ends.iter()
+                    .filter(move |b| a <= *b)
+                    .map(move |b| Range::new(*a, *b))
+            })
+        };
+        let inside = |r: Range| (0..=8).map(move |i| r.low + (r.high - r.low) * f64::from(i) / 8.0);
+        for x in all() {
+            for y in all() {
+                let range = of(x, y);
+                for a in inside(x) {
+                    for b in inside(y) {
+                        let number = by(a, b);
+                        let is_in = number >= range.low - 1e-9 && number <= range.high + 1e-9;
+                        assert!(is_in || number.is_nan(), "{a} {b}: {number} in {range:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn ranges_hold_what_they_say() {
+        holds(Range::remainder, |a, b| a % b);
+        holds(Range::plus, |a, b| a + b);
+        holds(Range::times, |a, b| a * b);
+        holds(|x, y| x.times(y.inverse()), |a, b| a / b);
+        holds(
+            |x, y| x.clamped(y, Range::new(3.0, 7.0)),
+            |a, b| a.max(b).min(5.0),
+        );
+        holds(
+            |x, y| x.clamped(Range::new(-4.0, 1.0), y),
+            |a, b| a.max(0.0).min(b),
+        );
     }
 }

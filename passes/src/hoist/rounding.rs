@@ -16,6 +16,7 @@ use super::circle::circles;
 use super::range::{AllRanges, Range, dimension, terms};
 use super::travel;
 use super::values::{ContextId, Node, ValueId, Values};
+use crate::bound::Accuracy;
 use crate::graph::rate::Rate;
 use crate::pass::SourceRange;
 
@@ -25,11 +26,12 @@ pub const ORDINARY: u32 = 4;
 /// Half the distance of two neighbouring numbers around 1: what one operation may be off, relative to its result.
 const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
 
-/// What interpolating may be off, in units of roundoff of the largest number interpolated: the weights do not add up to 1, and a perspective division is in them.
-const INTERPOLATION: f64 = 4.0;
+/// What interpolating may be off, in units of roundoff of the largest number interpolated: the weights do not add up to 1, and a perspective division is in them. No language tells; a software rasteriser was seen
+/// to be off by some tens on slivers and on planes that reach far.
+const INTERPOLATION: f64 = 64.0;
 
-/// Largest error of an output, for all that is carried together: half a step of 8 bits leaves what is stored within one step.
-pub const MOST: f64 = 0.5 / 255.0;
+/// Largest error of an output, for all that is carried together: numbers less than a step of 8 bits apart are stored as the same step, or the next.
+pub const MOST: f64 = 1.0 / 255.0;
 
 /// Slope of sRGB's transfer function at 0, where it is steepest (IEC 61966-2-1).
 pub const STEEPEST_SRGB: f64 = 12.92;
@@ -37,61 +39,93 @@ pub const STEEPEST_SRGB: f64 = 12.92;
 /// Values that are followed to the outputs for all that are carried, together: beyond it no bound is given.
 const MOST_FOLLOWED: usize = 10_000_000;
 
-/// For each value that `may` travel as an affine one, what carrying it may change an output by; infinite where there is no bound, and for the others.
-pub fn at_outputs(
-    values: &Values<'_, '_>,
-    known: &[SourceRange],
-    may: impl Fn(ValueId) -> bool,
-) -> Vec<f64> {
-    let circles = circles(values);
-    let ranges = AllRanges::new(values, &circles, known, f64::from(ORDINARY));
-    let slopes = Slopes {
-        values,
-        ranges: &ranges,
-    };
-    let errors = slopes.errors(&circles);
-    let gains = slopes.gains(&circles);
-    let users = values.users();
-    let mut followed = 0;
-    let mut at_output = |id: ValueId| {
-        // What has no gain, nothing rests on.
-        let through = |id: ValueId, error: f64| {
-            if gains[id] == 0.0 {
-                0.0
-            } else {
-                gains[id] * error
-            }
-        };
-        let interpolated = INTERPOLATION * UNIT_ROUNDOFF * ranges.of(id).magnitude();
-        let own = through(id, errors[id] + interpolated);
-        if !may(id) || own.is_nan() || followed > MOST_FOLLOWED {
-            return f64::INFINITY;
-        }
-        if own > MOST {
-            return own;
-        }
-        let above = with_users(&users, id);
-        followed += above.len();
-        let above = above.into_iter().filter(|user| *user != id);
-        let total = own
-            + above
-                .map(|user| through(user, slopes.own(user)))
-                .sum::<f64>();
-        if total.is_nan() { f64::INFINITY } else { total }
-    };
-    (0..values.values.len()).map(&mut at_output).collect()
+/// What carrying values may change an output by.
+#[derive(Clone, Debug)]
+pub struct Roundings {
+    /// Each by itself; infinite where there is no bound.
+    each: Vec<f64>,
+    /// What a value's own difference comes to.
+    carried: Vec<f64>,
+    /// What comes of it that a value is rounded anew, since something under it differs.
+    anew: Vec<f64>,
+    users: Vec<Vec<ValueId>>,
 }
 
-/// A value, and all that rests on it.
-fn with_users(users: &[Vec<ValueId>], id: ValueId) -> BTreeSet<ValueId> {
-    let mut found = BTreeSet::new();
-    let mut work = vec![id];
-    while let Some(at) = work.pop() {
-        if found.insert(at) {
-            work.extend(&users[at]);
+impl Roundings {
+    /// Of each value that `may` travel as an affine one.
+    pub fn new(
+        values: &Values<'_, '_>,
+        known: &[SourceRange],
+        may: impl Fn(ValueId) -> bool,
+    ) -> Self {
+        let circles = circles(values);
+        let ranges = AllRanges::new(values, &circles, known, f64::from(ORDINARY));
+        let slopes = Slopes {
+            values,
+            ranges: &ranges,
+        };
+        let errors = slopes.errors(&circles);
+        let gains = slopes.gains(&circles);
+        // What has no gain, nothing rests on.
+        let through = |id: ValueId, error: f64| match gains[id] {
+            0.0 => 0.0,
+            gain => gain * error,
+        };
+        let all = || 0..values.values.len();
+        let interpolated = |id| INTERPOLATION * UNIT_ROUNDOFF * ranges.of(id).magnitude();
+        let mut this = Self {
+            each: vec![f64::INFINITY; values.values.len()],
+            carried: all()
+                .map(|id| through(id, errors[id] + interpolated(id)))
+                .collect(),
+            anew: all().map(|id| through(id, slopes.own(id))).collect(),
+            users: values.users(),
+        };
+        let mut followed = 0;
+        for id in all().filter(|id| may(*id)) {
+            let own = this.carried[id];
+            if own > MOST {
+                this.each[id] = own;
+            } else if !own.is_nan() && followed <= MOST_FOLLOWED {
+                let above = this.above(&[id]);
+                followed += above.len();
+                this.each[id] = this.sum(&[id], &above);
+            }
         }
+        this
     }
-    found
+
+    /// Of one value.
+    pub fn of(&self, id: ValueId) -> f64 {
+        self.each[id]
+    }
+
+    /// Of several that are carried together.
+    pub fn together(&self, ids: &[ValueId]) -> f64 {
+        self.sum(ids, &self.above(ids))
+    }
+
+    fn sum(&self, ids: &[ValueId], above: &BTreeSet<ValueId>) -> f64 {
+        let carried: f64 = ids.iter().map(|id| self.carried[*id]).sum();
+        let total = carried + above.iter().map(|id| self.anew[*id]).sum::<f64>();
+        if total.is_nan() { f64::INFINITY } else { total }
+    }
+
+    /// All that rests on some values, themselves left out.
+    fn above(&self, ids: &[ValueId]) -> BTreeSet<ValueId> {
+        let mut found = BTreeSet::new();
+        let mut work: Vec<ValueId> = ids
+            .iter()
+            .flat_map(|id| &self.users[*id])
+            .copied()
+            .collect();
+        while let Some(at) = work.pop() {
+            if found.insert(at) {
+                work.extend(&self.users[at]);
+            }
+        }
+        found
+    }
 }
 
 struct Slopes<'v, 'g, 'p> {
@@ -178,9 +212,27 @@ impl Slopes<'_, '_, '_> {
     /// What the roundings of an operation's own may come to.
     fn own(&self, id: ValueId) -> f64 {
         match self.rounds(id) {
-            0 => 0.0,
+            0 => 2.0 * self.inaccuracy(id),
             roundings => f64::from(roundings) * UNIT_ROUNDOFF * self.largest_term(id),
         }
+    }
+
+    /// How far a function may be off in either stage.
+    fn inaccuracy(&self, id: ValueId) -> f64 {
+        let Node::Expression(context, e, path) = &self.values.values[id].node else {
+            return 0.0;
+        };
+        let f = self.values.function(*context);
+        let Expression::Math { fun, arg, arg1, .. } = &f.function.expressions[*e] else {
+            return 0.0;
+        };
+        if !path.is_empty() {
+            return 0.0;
+        }
+        let range = |o: Handle<Expression>| self.ranges.operand(self.values, *context, o);
+        let second = arg1.map_or(Range::ANYTHING, range);
+        let magnitude = self.ranges.of(id).magnitude();
+        accuracy(*fun, range(*arg), second, magnitude).map_or(0.0, |a| a.of(magnitude))
     }
 
     /// Roundings of an operation's own, in both stages together.
@@ -194,7 +246,6 @@ impl Slopes<'_, '_, '_> {
             Expression::Binary { left, right, .. } => {
                 2 * u32::from(terms(f.ty(module, *left), f.ty(module, *right)))
             }
-            // WGSL section 17.5 gives functions some units in the last place.
             Expression::Math { fun, arg, .. } => match fun {
                 MathFunction::Abs
                 | MathFunction::Min
@@ -202,8 +253,12 @@ impl Slopes<'_, '_, '_> {
                 | MathFunction::Clamp
                 | MathFunction::Saturate
                 | MathFunction::Transpose => 0,
-                MathFunction::Dot => 2 * dimension(f.ty(module, *arg)) as u32,
-                _ => 8,
+                MathFunction::Dot | MathFunction::Cross | MathFunction::Reflect => {
+                    4 * dimension(f.ty(module, *arg)) as u32
+                }
+                MathFunction::Fma | MathFunction::Mix => 8,
+                // As accurate as WGSL asks.
+                _ => 0,
             },
             _ => 0,
         }
@@ -393,6 +448,34 @@ fn of_function(fun: MathFunction, ranges: &[Range], dimension: f64) -> Option<[f
         }
         _ => None,
     }
+}
+
+/// How accurate a function is, by its arguments' ranges and its own magnitude; `None` for what is exact, or counted by its roundings.
+fn accuracy(fun: MathFunction, x: Range, y: Range, magnitude: f64) -> Option<Accuracy> {
+    let a = x.magnitude();
+    Some(match fun {
+        MathFunction::Sin | MathFunction::Cos => Accuracy::wave(a),
+        MathFunction::Tanh => Accuracy::hyperbolic_tangent(a),
+        MathFunction::Sinh | MathFunction::Cosh => Accuracy::hyperbolic(a),
+        MathFunction::Asin | MathFunction::Acos => Accuracy::arc(a),
+        MathFunction::Atan => Accuracy::ulps(4096.0),
+        MathFunction::Exp | MathFunction::Exp2 => Accuracy::exponential(a),
+        // asinh is a logarithm of a sum with a root.
+        MathFunction::Log | MathFunction::Log2 | MathFunction::Asinh => Accuracy::logarithm(),
+        MathFunction::Pow => {
+            // Where the power is small, so is what it is off: e 2^-e is largest at 1 / ln 2.
+            let largest = magnitude.max(1.0);
+            Accuracy::power(y.magnitude(), largest.log2().max(1.443), largest)
+        }
+        MathFunction::Radians | MathFunction::Degrees => Accuracy::ROUNDED,
+        MathFunction::Sqrt
+        | MathFunction::InverseSqrt
+        | MathFunction::Length
+        | MathFunction::Distance
+        | MathFunction::SmoothStep
+        | MathFunction::Outer => Accuracy::ulps(8.0),
+        _ => return None,
+    })
 }
 
 fn is_of_draw(values: &Values<'_, '_>, id: ValueId) -> bool {

@@ -217,7 +217,26 @@ pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Opt
     let f = values.function(context);
     let expression = &f.function.expressions[e];
     let is_float = f.ty(values.graph.module(), e).scalar_kind() == Some(ScalarKind::Float);
-    if !is_float || fits(id) {
+    // Some functions square what they are given.
+    let squares = match expression {
+        Expression::Math {
+            fun: MathFunction::Length | MathFunction::Asinh,
+            arg,
+            ..
+        } => Some(ranges.operand(values, context, *arg).magnitude()),
+        Expression::Math {
+            fun: MathFunction::Distance,
+            arg,
+            arg1: Some(other),
+            ..
+        } => {
+            let of = |e| ranges.operand(values, context, e).magnitude();
+            Some(of(*arg) + of(*other))
+        }
+        _ => None,
+    };
+    let squares_fit = squares.is_none_or(|m| 4.0 * m * m < f64::from(f32::MAX));
+    if !is_float || (fits(id) && squares_fit) {
         return None;
     }
     Some(match expression {
@@ -237,6 +256,7 @@ pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Opt
             MathFunction::Ldexp => "ldexp",
             MathFunction::Dot => "dot",
             MathFunction::Cross => "cross",
+            MathFunction::Asinh => "asinh",
             MathFunction::Length => "length",
             MathFunction::Distance => "distance",
             MathFunction::Fma => "fma",

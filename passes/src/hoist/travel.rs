@@ -10,7 +10,7 @@ use super::circle::circles;
 use super::form::{Form, forms};
 use super::range::AllRanges;
 use super::reach::{with_operands, with_users};
-use super::rounding;
+use super::rounding::Roundings;
 use super::sign::{self, Signs};
 use super::turn::turning;
 use super::values::{Node, ValueId, Values};
@@ -154,10 +154,12 @@ pub type Verdict = Result<Carriage, Stays>;
 pub struct Judged {
     /// For each value.
     pub verdicts: Vec<Verdict>,
-    /// What the roundings of each may change an output by, where it is carried by itself.
-    pub roundings: Vec<f64>,
+    /// What carrying values may change an output by.
+    pub roundings: Roundings,
     /// Whether it is affine in varyings.
     pub affine: Vec<bool>,
+    /// Ids of a choice made before that none of the values has.
+    pub unknown: Vec<String>,
 }
 
 /// How exact the outputs have to be, and what is known of the numbers that decides it.
@@ -212,7 +214,7 @@ fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let turning = turning(values);
     let pins = pins(values);
     let may = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
-    let roundings = rounding::at_outputs(values, &precision.ranges, may);
+    let roundings = Roundings::new(values, &precision.ranges, may);
     let coverage = with_operands(values, values.coverage.clone());
     let verdicts = (0..values.values.len())
         .map(|id| {
@@ -258,7 +260,7 @@ fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
             if coverage[id] {
                 return Err(Stays::Coverage);
             }
-            if forms[id] == Form::Affine && roundings[id] <= precision.most {
+            if forms[id] == Form::Affine && roundings.of(id) <= precision.most {
                 return Ok(carriage(Class::Affine, interpolated, at));
             }
             let expression = &values.function(context).function.expressions[e];
@@ -272,6 +274,7 @@ fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
         verdicts,
         roundings,
         affine: forms.iter().map(|f| *f == Form::Affine).collect(),
+        unknown: Vec::new(),
     }
 }
 

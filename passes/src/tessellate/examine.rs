@@ -1,5 +1,7 @@
 //! Whether a plan can be subdivided, and why not.
 
+use std::collections::BTreeSet;
+
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
 
@@ -163,6 +165,15 @@ impl<'a> Material<'a> {
         );
         let reads = fixed::reads(&compute, &bindings);
         let promised: Vec<&str> = params.fixed.iter().flat_map(|f| f.split('+')).collect();
+        let known = variables(self.program.module());
+        if let Some(unknown) = promised.iter().find(|p| !known.contains(**p)) {
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            return Err(refuse(
+                "unknown-fixed",
+                format!("`fixed` names `{unknown}`, and the program has no such variable"),
+                &format!("name some of: {}", known.join(", ")),
+            ));
+        }
         let is_promised = |read: &Read| {
             promised.contains(&read.to_string().as_str()) || promised.contains(&read.name.as_str())
         };
@@ -183,10 +194,10 @@ impl<'a> Material<'a> {
             return Err(refuse(
                 "changes",
                 format!(
-                    "what was hoisted reads {}, which changes from frame to frame: it cannot be computed once at load",
+                    "what was hoisted reads {}, and the scene shows that changing from frame to frame: it cannot be computed once at load",
                     quoted(&changing)
                 ),
-                "take form=shared",
+                "take form=shared; or give it a value of its own in the scene (`values`), if the host never changes it",
             ));
         }
         let unknown: Vec<&Read> = reads.iter().filter(|r| !is_promised(r)).collect();
@@ -302,4 +313,24 @@ impl<'a> Material<'a> {
         }
         Ok(())
     }
+}
+
+/// Names of the variables that a host fills, and of their members.
+fn variables(module: &Module) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    let bound = module.global_variables.iter().map(|(_, global)| global);
+    for global in bound.filter(|g| g.binding.is_some()) {
+        let name = global.name.as_deref().unwrap_or_default();
+        if !name.is_empty() {
+            names.insert(name.to_owned());
+        }
+        if let naga::TypeInner::Struct { members, .. } = &module.types[global.ty].inner {
+            let members = members.iter().filter_map(|m| m.name.as_deref());
+            names.extend(members.map(|member| match name {
+                "" => member.to_owned(),
+                name => format!("{name}.{member}"),
+            }));
+        }
+    }
+    names
 }

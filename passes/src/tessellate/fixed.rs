@@ -143,6 +143,8 @@ pub struct Read {
 impl std::fmt::Display for Read {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.member {
+            // Of an unnamed block of GLSL.
+            Some(member) if self.name.is_empty() => f.write_str(member),
             Some(member) => write!(f, "{}.{member}", self.name),
             None => f.write_str(&self.name),
         }
