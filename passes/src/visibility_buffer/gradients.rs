@@ -89,7 +89,10 @@ impl Failed {
 /// [`Failed`].
 pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
     let mut program = program.clone();
-    let mut levels: Vec<Level> = Vec::new();
+    let mut levels = Vec::new();
+    // Gradients that are read as derivatives, which each pixel of a quad may have its own of (of coarse ones, too: that is the driver's choice). The function of a further
+    // level is called for the pixel's neighbours with this pixel's gradients, which only a sample's are for sure.
+    let mut read = BTreeSet::new();
     let mut next = GRADIENTS;
     loop {
         // In each turn: a gradient, which the turn before made an argument, may itself be what a derivative is taken of.
@@ -113,9 +116,9 @@ pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
                 .arguments
                 .iter()
                 .flatten()
-                .any(|b| is_own(&levels, b))
+                .any(|b| is_at(&read, b))
             {
-                return Err(level.of_a_gradient(&values, &levels));
+                return Err(level.of_a_gradient(&values, &read));
             }
             let module = level.rewrite(&extracted.module, &values);
             levels.push(Level {
@@ -127,6 +130,7 @@ pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
             });
             module
         };
+        read.extend(level.read());
         next += 2 * level.wanted.len() as u32;
         let module = program.with_module(module).map_err(Failed::bug)?;
         drop(values);
@@ -136,15 +140,9 @@ pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
     Ok(Explicit { program, levels })
 }
 
-/// Whether an input is a gradient that each pixel of a quad has its own of. The function of a further level, called for the pixel's neighbours, would be given this pixel's.
-fn is_own(levels: &[Level], input: &Binding) -> bool {
-    let Binding::Location { location, .. } = input else {
-        return false;
-    };
-    levels.iter().any(|level| {
-        let gradients = level.first..level.first + 2 * level.values.len() as u32;
-        level.neighbours == Neighbours::Own && gradients.contains(location)
-    })
+/// Whether an input is one of the gradients at these locations.
+fn is_at(locations: &BTreeSet<u32>, input: &Binding) -> bool {
+    matches!(input, Binding::Location { location, .. } if locations.contains(location))
 }
 
 /// The module in which what derivatives are taken of is an expression that some statement evaluates: a function's own argument is none.
@@ -230,6 +228,8 @@ struct Site {
     expression: Handle<Expression>,
     root: Handle<Expression>,
     neighbours: Neighbours,
+    /// Whether it gives a gradient, and not a texel.
+    is_derivative: bool,
 }
 
 /// The derivatives that rest on no other, of one kind of neighbours.
@@ -285,6 +285,7 @@ fn sites(values: &Values<'_, '_>) -> Result<Vec<Site>, Failed> {
             expression: e,
             root,
             neighbours,
+            is_derivative: matches!(expression, Expression::Derivative { .. }),
         });
     }
     if let Some(first) = found.first().map(|s| s.neighbours) {
@@ -399,15 +400,25 @@ impl Round {
         }
     }
 
+    /// Locations of the gradients that are read as derivatives.
+    fn read(&self) -> impl Iterator<Item = u32> {
+        let of_derivative = self
+            .sites
+            .iter()
+            .zip(&self.of_site)
+            .filter_map(|(site, i)| site.is_derivative.then_some(self.first + 2 * (*i)? as u32));
+        of_derivative.flat_map(|x| [x, x + 1])
+    }
+
     /// The refusal of a level whose function would need its neighbours' gradients, placed at the first derivative that does.
-    fn of_a_gradient(&self, values: &Values<'_, '_>, levels: &[Level]) -> Failed {
+    fn of_a_gradient(&self, values: &Values<'_, '_>, read: &BTreeSet<u32>) -> Failed {
         let rests = |site: &&Site| {
             let root = values.named(site.context, site.root);
             let seen = below(values, root.into_iter().collect());
             let is_gradient = |id: usize| match values.values[id].node {
                 Node::Input(input) => {
                     let binding = values.inputs.get(input).and_then(|i| i.binding.as_ref());
-                    binding.is_some_and(|b| is_own(levels, b))
+                    binding.is_some_and(|b| is_at(read, b))
                 }
                 _ => false,
             };
