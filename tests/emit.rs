@@ -7,6 +7,8 @@ mod accept;
 
 use preshade::emit::{self, File, Target};
 use preshade::front::{self, Color, Source};
+use preshade::recipe::Recipe;
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::{Plan, Role};
 use preshade_passes::program::Program;
 use preshade_passes::state::{ColorTarget, MaterialState};
