@@ -757,6 +757,27 @@ fn a_jump_of_what_is_interpolated_needs_a_budget() {
     );
 }
 
+#[test]
+fn a_derivative_that_is_not_fine_rests_on_the_drivers_choice() {
+    for (derivative, rests) in [
+        ("dpdx", true),
+        ("fwidth", true),
+        ("dpdyCoarse", true),
+        ("dpdyFine", false),
+        ("fwidthFine", false),
+    ] {
+        let body = format!("return object.tint + 0.1 * {derivative}(in.uv.x * in.uv.y);");
+        let scene = floor(shader("derived", "", "", "", &body));
+        let plan = split(&originals(&scene)[0], "visibility-buffer");
+        let named = Assumption::DerivativeNeighbours;
+        assert_eq!(
+            plan.contract.given().contains(&named),
+            rests,
+            "{derivative}"
+        );
+    }
+}
+
 fn resolve_in_compute(plans: &[Plan]) -> bool {
     plans
         .iter()

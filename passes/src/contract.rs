@@ -32,6 +32,9 @@ pub enum Assumption {
     StagesAgree,
     /// Textures that are sampled at interpolated coordinates are filtered, within a level and between levels: a nearest sampler jumps.
     FilteredTextures,
+    /// Which neighbours in its quad a pixel's derivative is taken of, where it is not fine, is the driver's choice: plain ones take the pixel's own, coarse ones the quad's first
+    /// pixel's, as the variant does.
+    DerivativeNeighbours,
     /// Varyings, constants of the draw and texels are no further from 0 than 4, and what is divided by of the draw no nearer than a quarter: a rounding meets no larger factor.
     OrdinaryNumbers,
     /// Varyings and constants of the draw lie where they lay in the frames of the scene the variant was made for, and texels no further from 0 than 4.
