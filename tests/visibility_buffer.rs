@@ -510,6 +510,21 @@ fn twice(v: f32) -> f32 { return soft(v) + soft(v * 0.5); }";
 }
 
 #[test]
+fn derivatives_of_what_does_not_vary() {
+    for body in [
+        "return textureSample(albedo, smooth_sampler, SOMEWHERE) * object.tint;",
+        "return object.tint + vec4(dpdx(0.3));",
+    ] {
+        let declared = format!("{TEXTURES}\nconst SOMEWHERE = vec2(0.3, 0.4);");
+        let mut material = shader("constant", &declared, "", "", body);
+        if body.contains("albedo") {
+            material.textures.insert("albedo".to_owned(), pattern());
+        }
+        assert_rounds(&floor(material));
+    }
+}
+
+#[test]
 fn holes_and_written_depths() {
     let declared = TEXTURES;
     let body = "if textureSample(albedo, smooth_sampler, in.uv).g < 0.5 { discard; }
@@ -681,6 +696,19 @@ fn what_cannot_be_split_is_refused() {
         refused(&floor(shader("looped", TEXTURES, "", "", looped))),
         "gradient-in-loop"
     );
+    for of in [
+        // Relief from the differences of a height, and a sample by its normal.
+        "let h = textureSample(relief, smooth_sampler, in.uv).x; let n = normalize(in.world + dpdx(h)); return textureSample(albedo, smooth_sampler, n.xz);",
+        "let l = length(vec2(dpdx(in.uv.x * in.uv.x), dpdy(in.uv.y))); return vec4(fwidth(l));",
+        "return vec4(dpdx(dpdy(in.uv.x * in.uv.y) * 2.0));",
+        "return vec4(dpdx(dpdy(in.uv.x * in.uv.y)));",
+        "return vec4(dpdxCoarse(dpdyCoarse(in.uv.x * in.uv.y)));",
+        "return textureSample(albedo, smooth_sampler, dpdxFine(in.uv) * 40.0);",
+        "return textureSample(albedo, smooth_sampler, dpdxFine(in.uv));",
+    ] {
+        let material = shader("twice", TEXTURES, "", "", of);
+        assert_eq!(refused(&floor(material)), "gradient-of-gradient", "{of}");
+    }
     let compared = "@group(1) @binding(1) var map: texture_depth_2d;
 @group(1) @binding(2) var compare: sampler_comparison;";
     let body = "return object.tint * textureSampleCompare(map, compare, in.uv, 0.5);";
@@ -711,6 +739,9 @@ fn a_jump_of_what_is_interpolated_needs_a_budget() {
         "let jumps = floor(in.at.z * 9.0);",
         "let jumps = textureGather(1, albedo, smooth_sampler, in.uv).x;",
         "let jumps = step(0.2, fwidth(in.uv.x));",
+        "let jumps = atan2(in.world.x, in.world.z);",
+        "let jumps = refract(normalize(in.world), vec3(0.0, 1.0, 0.0), 1.3).x;",
+        "let jumps = faceForward(in.world, in.world, vec3(0.0, 1.0, 0.0)).x;",
     ];
     let steady = [
         nowhere,
@@ -749,6 +780,27 @@ fn a_jump_of_what_is_interpolated_needs_a_budget() {
             .given()
             .contains(&Assumption::FilteredTextures)
     );
+}
+
+#[test]
+fn a_derivative_that_is_not_fine_rests_on_the_drivers_choice() {
+    for (derivative, rests) in [
+        ("dpdx", true),
+        ("fwidth", true),
+        ("dpdyCoarse", true),
+        ("dpdyFine", false),
+        ("fwidthFine", false),
+    ] {
+        let body = format!("return object.tint + 0.1 * {derivative}(in.uv.x * in.uv.y);");
+        let scene = floor(shader("derived", "", "", "", &body));
+        let plan = split(&originals(&scene)[0], "visibility-buffer");
+        let named = Assumption::DerivativeNeighbours;
+        assert_eq!(
+            plan.contract.given().contains(&named),
+            rests,
+            "{derivative}"
+        );
+    }
 }
 
 fn resolve_in_compute(plans: &[Plan]) -> bool {

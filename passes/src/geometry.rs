@@ -15,7 +15,8 @@ pub enum Geometry {
     AsGiven,
     /// Each triangle divided into smaller ones.
     Subdivided(Subdivision),
-    /// The draw's triangles without vertex or index buffers, `draw(3 * triangles, instances)`: vertex `3 * t + c` is corner `c` of triangle `t`.
+    /// The draw's triangles without vertex or index buffers, `draw(3 * triangles, instances, 0, firstInstance)` with the draw's own `firstInstance`: vertex `3 * t + c` is
+    /// corner `c` of triangle `t`.
     Unindexed,
     /// Three vertices that cover the screen, once for each draw: `draw(3, 1)`.
     FullScreen,

@@ -274,6 +274,8 @@ impl<'a> Material<'a> {
     fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
         let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
         given.extend(reached.samples.then_some(Assumption::FilteredTextures));
+        let chosen = reached.chosen_neighbours;
+        given.extend(chosen.then_some(Assumption::DerivativeNeighbours));
         given.extend([
             // The resolve runs the vertex stage in another stage.
             Assumption::StagesAgree,

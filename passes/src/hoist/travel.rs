@@ -394,6 +394,10 @@ pub(crate) fn jump(expression: &Expression) -> Option<String> {
             MathFunction::Sign => "sign",
             MathFunction::Modf | MathFunction::Frexp => "modf",
             MathFunction::QuantizeToF16 => "quantizeToF16",
+            // At its cut, behind the origin; where reflection is total; where the side turns.
+            MathFunction::Atan2 => "atan2",
+            MathFunction::Refract => "refract",
+            MathFunction::FaceForward => "faceForward",
             _ => return None,
         },
         Expression::Binary { op, .. } => match op {

@@ -88,12 +88,17 @@ impl Failed {
 /// # Errors
 /// [`Failed`].
 pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
-    let mut program = program
-        .with_module(evaluated(program.module(), entry))
-        .map_err(Failed::bug)?;
+    let mut program = program.clone();
     let mut levels = Vec::new();
+    // Gradients that are read as derivatives, which each pixel of a quad may have its own of (of coarse ones, too: that is the driver's choice). The function of a further
+    // level is called for the pixel's neighbours with this pixel's gradients, which only a sample's are for sure.
+    let mut read = BTreeSet::new();
     let mut next = GRADIENTS;
     loop {
+        // In each turn: a gradient, which the turn before made an argument, may itself be what a derivative is taken of.
+        program = program
+            .with_module(evaluated(program.module(), entry))
+            .map_err(Failed::bug)?;
         let graph = Graph::build(&program);
         let values = Values::new(&graph, entry)
             .map_err(|e| Failed::Refused("too-large", e.to_string(), Span::UNDEFINED))?;
@@ -102,16 +107,30 @@ pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
             break;
         };
         let level = Round::new(&values, sites, next);
-        let extracted =
-            hoisted::extract(&program, &values, &level.wanted, &NAMES).map_err(Failed::bug)?;
-        let module = level.rewrite(&extracted.module, &values);
-        levels.push(Level {
-            function: extracted.function,
-            arguments: extracted.arguments,
-            values: level.wanted.iter().map(|w| w.inner.clone()).collect(),
-            first: next,
-            neighbours,
-        });
+        let module = if level.wanted.is_empty() {
+            level.rewrite(program.module(), &values)
+        } else {
+            let extracted =
+                hoisted::extract(&program, &values, &level.wanted, &NAMES).map_err(Failed::bug)?;
+            if extracted
+                .arguments
+                .iter()
+                .flatten()
+                .any(|b| is_at(&read, b))
+            {
+                return Err(level.of_a_gradient(&values, &read));
+            }
+            let module = level.rewrite(&extracted.module, &values);
+            levels.push(Level {
+                function: extracted.function,
+                arguments: extracted.arguments,
+                values: level.wanted.iter().map(|w| w.inner.clone()).collect(),
+                first: next,
+                neighbours,
+            });
+            module
+        };
+        read.extend(level.read());
         next += 2 * level.wanted.len() as u32;
         let module = program.with_module(module).map_err(Failed::bug)?;
         drop(values);
@@ -119,6 +138,11 @@ pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
         program = module;
     }
     Ok(Explicit { program, levels })
+}
+
+/// Whether an input is one of the gradients at these locations.
+fn is_at(locations: &BTreeSet<u32>, input: &Binding) -> bool {
+    matches!(input, Binding::Location { location, .. } if locations.contains(location))
 }
 
 /// The module in which what derivatives are taken of is an expression that some statement evaluates: a function's own argument is none.
@@ -204,6 +228,8 @@ struct Site {
     expression: Handle<Expression>,
     root: Handle<Expression>,
     neighbours: Neighbours,
+    /// Whether it gives a gradient, and not a texel.
+    is_derivative: bool,
 }
 
 /// The derivatives that rest on no other, of one kind of neighbours.
@@ -259,6 +285,7 @@ fn sites(values: &Values<'_, '_>) -> Result<Vec<Site>, Failed> {
             expression: e,
             root,
             neighbours,
+            is_derivative: matches!(expression, Expression::Derivative { .. }),
         });
     }
     if let Some(first) = found.first().map(|s| s.neighbours) {
@@ -275,15 +302,20 @@ fn sites(values: &Values<'_, '_>) -> Result<Vec<Site>, Failed> {
 
 /// Whether a value rests on one of `others`, itself apart.
 fn rests_on(values: &Values<'_, '_>, id: ValueId, others: &[ValueId]) -> bool {
+    let seen = below(values, values.values[id].operands.clone());
+    others.iter().any(|o| seen[*o])
+}
+
+/// For each value, whether one of `todo` is it or rests on it.
+fn below(values: &Values<'_, '_>, mut todo: Vec<ValueId>) -> Vec<bool> {
     let mut seen = vec![false; values.values.len()];
-    let mut todo = values.values[id].operands.clone();
     while let Some(next) = todo.pop() {
         if std::mem::replace(&mut seen[next], true) {
             continue;
         }
         todo.extend(&values.values[next].operands);
     }
-    others.iter().any(|o| seen[*o])
+    seen
 }
 
 /// Whether an expression is evaluated more than once for a fragment, as far as loops go.
@@ -366,6 +398,41 @@ impl Round {
             of_site,
             first,
         }
+    }
+
+    /// Locations of the gradients that are read as derivatives.
+    fn read(&self) -> impl Iterator<Item = u32> {
+        let of_derivative = self
+            .sites
+            .iter()
+            .zip(&self.of_site)
+            .filter_map(|(site, i)| site.is_derivative.then_some(self.first + 2 * (*i)? as u32));
+        of_derivative.flat_map(|x| [x, x + 1])
+    }
+
+    /// The refusal of a level whose function would need its neighbours' gradients, placed at the first derivative that does.
+    fn of_a_gradient(&self, values: &Values<'_, '_>, read: &BTreeSet<u32>) -> Failed {
+        let rests = |site: &&Site| {
+            let root = values.named(site.context, site.root);
+            let seen = below(values, root.into_iter().collect());
+            let is_gradient = |id: usize| match values.values[id].node {
+                Node::Input(input) => {
+                    let binding = values.inputs.get(input).and_then(|i| i.binding.as_ref());
+                    binding.is_some_and(|b| is_at(read, b))
+                }
+                _ => false,
+            };
+            (0..seen.len()).any(|id| seen[id] && is_gradient(id))
+        };
+        let span = self.sites.iter().find(rests).map(|site| {
+            let function = values.function(site.context).function;
+            function.expressions.get_span(site.expression)
+        });
+        Failed::Refused(
+            "gradient-of-gradient",
+            "a derivative, or the level of detail of a sample, is taken of what rests on a derivative: the neighbours' own are not at hand".to_owned(),
+            span.unwrap_or(Span::UNDEFINED),
+        )
     }
 
     /// `module` with the gradients as inputs of the fragment entry point, passed on to where they are used.

@@ -3,7 +3,7 @@
 //! A rasteriser and a resolve interpolate the same function of real numbers, and round differently. What follows passes that on as a rounding, until an operation jumps: a
 //! comparison at the edge, a `floor` at an integer, a shadow test. What does not vary, the pixel's place, its side and flat values are the same in both.
 
-use naga::{Binding, BuiltIn, Expression, MathFunction, Span, SwizzleComponent};
+use naga::{Binding, BuiltIn, DerivativeControl, Expression, MathFunction, Span, SwizzleComponent};
 
 use crate::graph::Graph;
 use crate::hoist::travel::jump;
@@ -18,6 +18,8 @@ pub struct Reached {
     pub jump: Option<(String, Span)>,
     /// A texture is sampled there, which is continuous if it is filtered.
     pub samples: bool,
+    /// Somewhere in the stage a derivative is taken that is not fine: of which neighbours is the driver's choice.
+    pub chosen_neighbours: bool,
 }
 
 /// Follows them from the inputs of the fragment entry point of that index.
@@ -45,7 +47,20 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             Some(Kind::Same) | None => {}
         }
     }
-    let mut out = Reached::default();
+    let is_chosen = |node: &Node| match node {
+        Node::Expression(context, e, _) => matches!(
+            values.function(*context).function.expressions[*e],
+            Expression::Derivative {
+                ctrl: DerivativeControl::None | DerivativeControl::Coarse,
+                ..
+            }
+        ),
+        _ => false,
+    };
+    let mut out = Reached {
+        chosen_neighbours: values.values.iter().any(|v| is_chosen(&v.node)),
+        ..Reached::default()
+    };
     let mut first: Option<ValueId> = None;
     while let Some(id) = work.pop() {
         if std::mem::replace(&mut is_rounded[id], true) {
