@@ -15,7 +15,6 @@ pub(crate) mod guard;
 #[cfg(feature = "glsl")]
 mod macros;
 mod nesting;
-#[cfg(feature = "glsl")]
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]
 mod promote;
