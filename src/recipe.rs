@@ -268,7 +268,7 @@ fn word_of(pass: &dyn AnyPass, word: &str) -> Option<String> {
 
 fn several(word_of: &Option<String>, word: &str) -> String {
     word_of.as_ref().map_or(String::new(), |name| {
-        format!("; several words of `{name}` are joined by a slash, in a range of `verify`: {name}=../{word}")
+        format!("; `{word}` is a word of `{name}`: write {name}={word}, or several with slashes, {name}=../{word}")
     })
 }
 
