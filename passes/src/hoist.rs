@@ -310,9 +310,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         params: &Params,
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
-        let judged = candidates::judge(values, material, params, facts);
-        let terms = params.terms(facts);
         let precision = material.precision(facts);
+        let judged = candidates::judge(values, material, params, &precision, facts);
+        let terms = params.terms(facts);
         let left = left(values, &judged, terms.weakest);
         match choose::choose(values, &judged, precision.most, &terms) {
             Some(choice) => Ok(Self {

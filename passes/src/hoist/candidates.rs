@@ -18,6 +18,7 @@ pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &Material<'_>,
     params: &Params,
+    precision: &Precision,
     facts: &Facts,
 ) -> Judged {
     let measured: BTreeMap<&str, &Frequency> = facts
@@ -27,15 +28,14 @@ pub(super) fn judge(
         .map(|f| (f.value.as_str(), f))
         .collect();
     let rests_on_measurement = !measured.is_empty() && params.weakest() == Class::Smooth;
-    let precision = material.precision(facts);
     if params.carry.is_none() && !rests_on_measurement {
-        return travel::judge(values, params.finite, &precision);
+        return travel::judge(values, params.finite, precision);
     }
-    let assumed = travel::judge(values, Finite::Assumed, &precision);
+    let assumed = travel::judge(values, Finite::Assumed, precision);
     match &params.carry {
         Some(carry) => {
             let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-            as_chosen(values, assumed, &carry, params.finite, &precision)
+            as_chosen(values, assumed, &carry, params.finite, precision)
         }
         None => Judged {
             verdicts: as_measured(values, &assumed.verdicts, &measured, params),

@@ -333,13 +333,9 @@ impl AllRanges {
         let of = |o: Handle<Expression>| self.operand(values, context, o);
         let is_float = |e| f.ty(module, e).scalar_kind() == Some(ScalarKind::Float);
         match expression {
-            Expression::Literal(l) => of_literal(*l),
-            Expression::Constant(c) => of_constant(
-                module,
-                &module.global_expressions,
-                module.constants[*c].init,
-            ),
-            Expression::ZeroValue(_) => Range::new(0.0, 0.0),
+            Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_) => {
+                of_constant(module, &f.function.expressions, e)
+            }
             // What a pipeline sets it to is not known.
             Expression::Override(_) => outside.unknown(),
             Expression::Compose { components, .. } => components

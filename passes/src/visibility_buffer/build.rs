@@ -7,7 +7,7 @@ use naga::{Binding, ShaderStage};
 use super::gradients::{self, Failed};
 use super::ids::{self, Triangles};
 use super::kept;
-use super::lists::Lists;
+use super::lists::{self, Lists};
 use super::parts::parts;
 use super::resolve::{self, Built, Keeps, Resolve, Runs};
 use super::text::{self, Slots};
@@ -109,15 +109,7 @@ impl Material<'_> {
             .program
             .with_module(module)
             .map_err(|e| e.to_string())?;
-        let binding = |binding, source| BindingUse {
-            group: 0,
-            binding,
-            name: String::new(),
-            kind: BindingKind::StorageRead,
-            visibility: Visibility::default(),
-            source,
-            layout: None,
-        };
+        let binding = |binding, source| lists::bound((0, binding), source);
         let ids = BindingSource::Attachment {
             name: IDS.to_owned(),
         };

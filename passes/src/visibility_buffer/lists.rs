@@ -277,7 +277,8 @@ fn of_frame(buffer: &str) -> BindingSource {
     }
 }
 
-fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse {
+/// A buffer or texture of the plan's own that is read.
+pub fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse {
     BindingUse {
         group,
         binding,
