@@ -29,6 +29,9 @@ const LEVELS: [u32; 7] = [1, 2, 3, 4, 6, 8, 12];
 /// Most thresholds on measured errors: each chooses another set of values to carry.
 const MOST_THRESHOLDS: usize = 6;
 
+/// Ratio of two errors that are told apart.
+const APART: f64 = 1.05;
+
 /// A recipe, and what it is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
@@ -120,7 +123,10 @@ fn thresholds(frequencies: &[Frequency], metric: Metric) -> Vec<f64> {
     let finite = frequencies.iter().filter(|f| f.is_finite());
     let mut errors: Vec<f64> = finite.map(|f| metric.of(f)).collect();
     errors.sort_by(f64::total_cmp);
-    errors.dedup();
+    // Of errors that hardly differ the largest: a threshold between them parts nothing that matters.
+    errors.reverse();
+    errors.dedup_by(|a, b| *a * APART >= *b);
+    errors.reverse();
     let last = errors.len().saturating_sub(1);
     let of = MOST_THRESHOLDS - 1;
     let ranks: BTreeSet<usize> = (0..=of).map(|i| i * last / of).collect();
