@@ -111,7 +111,7 @@ enum FormArg {
 
 /// A draw order, by its name in scene files.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum OrderArg {
+pub enum OrderArg {
     /// By the distance of objects, nearest first, as a good engine draws.
     FrontToBack,
     /// Farthest first: the worst case.
@@ -134,7 +134,7 @@ impl From<OrderArg> for DrawOrder {
 }
 
 /// Reads a number of frames.
-fn parse_frames(text: &str) -> Result<usize, String> {
+pub fn parse_frames(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
         Ok(n @ 1..) => Ok(n),
         _ => Err("expected a whole number from 1".to_owned()),
@@ -466,7 +466,7 @@ fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
 }
 
 /// The command as it was typed, without the folder of the binary.
-fn command() -> String {
+pub fn command() -> String {
     let mut words = vec!["preshade".to_owned()];
     words.extend(std::env::args().skip(1));
     words.join(" ")
