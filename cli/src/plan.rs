@@ -1,7 +1,7 @@
 //! `preshade plan`: what a scene calls for on an adapter, material by material, chosen by measurement.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use preshade::decide::{self, Decision, Exhausted, Hold, Model, RegretReport, Settings, Timed};
@@ -120,10 +120,17 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let settings = settings(args, &model);
     let (recipes, facts) = prepare(args, &gpu, &scene, &bar)?;
-    let decision = decide::decide(&gpu, &scene, &recipes, &facts, &settings, &mut |done, what| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what);
-    })?;
+    let decision = decide::decide(
+        &gpu,
+        &scene,
+        &recipes,
+        &facts,
+        &settings,
+        &mut |done, what| {
+            bar.set_position((done * 1000.0) as u64);
+            bar.set_message(what);
+        },
+    )?;
     bar.finish_and_clear();
     let json = decision.to_json()?;
     match args.format {
@@ -150,8 +157,22 @@ fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Fail
         bar.set_position((done * 1000 / args.scenes.len()) as u64);
         bar.set_message(name.to_string());
         let scene = scene(args, path)?;
+        let start = Instant::now();
         let measured = prepare(args, gpu, &scene, bar).and_then(|(recipes, facts)| {
-            Ok(decide::regret::exhaust(gpu, &scene, &recipes, &facts, &settings)?)
+            Ok(decide::regret::exhaust(
+                gpu, &scene, &recipes, &facts, &settings,
+            )?)
+        });
+        let spent = start.elapsed().as_secs_f64();
+        bar.suspend(|| {
+            output::message(&match &measured {
+                Ok(m) => format!(
+                    "{name}: {} plans, {} views, {spent:.1} s",
+                    m.plans.len(),
+                    m.views.len()
+                ),
+                Err(Failure(why)) => format!("{name}: not measured: {why}"),
+            });
         });
         match measured {
             Ok(measured) => scenes.push(Exhausted {
@@ -206,9 +227,8 @@ fn model(
     gpu: &Gpu,
     bar: &ProgressBar,
 ) -> Result<(Model, Vec<decide::model::Observation>), Failure> {
-    let told = |path: &Path, e: &dyn std::fmt::Display| {
-        Failure(format!("error: {}: {e}", path.display()))
-    };
+    let told =
+        |path: &Path, e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
     if let Some(path) = args.model.as_deref().filter(|p| p.exists()) {
         let text = std::fs::read_to_string(path).map_err(|e| told(path, &e))?;
         let model = Model::from_json(&text).map_err(|e| told(path, &e))?;
@@ -275,8 +295,8 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
         true => scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?,
         false => {
             let name = path.display().to_string();
-            let text =
-                std::fs::read_to_string(path).map_err(|e| Failure(format!("error: {name}: {e}")))?;
+            let text = std::fs::read_to_string(path)
+                .map_err(|e| Failure(format!("error: {name}: {e}")))?;
             let color = match crate::color_on_stderr() {
                 true => front::Color::Always,
                 false => front::Color::Never,
@@ -302,12 +322,12 @@ fn write(
     json: String,
 ) -> Result<(), Failure> {
     let drawn = decision.drawn();
-    let folders: &[&str] = match drawn.len() {
-        1 => &["."],
-        _ => &["below", "above"],
+    let folders = match drawn.len() {
+        1 => vec![dir.to_owned()],
+        _ => vec![dir.join("below"), dir.join("above")],
     };
     let mut written = 1;
-    for (plan, folder) in drawn.iter().zip(folders) {
+    for (plan, folder) in drawn.iter().zip(&folders) {
         let mut files = Vec::new();
         for original in measure::originals(scene) {
             let recipe = decision.plans[*plan].recipes.get(&original.material);
@@ -317,10 +337,14 @@ fn write(
                     .map_err(|r| Failure(format!("error: {r}")))?,
                 None => original,
             };
-            files.extend(emit::emit(&plan, &[emit::Target::Wgsl], &emit::Options::default())?);
+            files.extend(emit::emit(
+                &plan,
+                &[emit::Target::Wgsl],
+                &emit::Options::default(),
+            )?);
         }
         written += files.len();
-        emit::write(&dir.join(folder), &files).map_err(|e| Failure(format!("error: {e}")))?;
+        emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
     }
     let decision = emit::File {
         name: "decision.json".to_owned(),

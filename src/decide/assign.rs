@@ -28,7 +28,8 @@ impl Assignment {
 
     fn candidates<'c>(&self, choices: &'c [Choices]) -> Vec<&'c Candidate> {
         let each = choices.iter().zip(&self.0);
-        each.filter_map(|(c, pick)| c.candidates.get(*pick)).collect()
+        each.filter_map(|(c, pick)| c.candidates.get(*pick))
+            .collect()
     }
 
     /// The plans of the frame, in the scene's order.

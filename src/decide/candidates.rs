@@ -42,12 +42,16 @@ pub fn recipes(budget: Option<Budget>) -> Result<Vec<Recipe>, RecipeError> {
     let exists = |text: &&&str| {
         let pass = |step: &str| step.split(':').next().unwrap_or_default().to_owned();
         // A part with an equals sign and no colon belongs to the step before it.
-        let steps = text.split(',').filter(|s| s.contains(':') || !s.contains('='));
+        let steps = text
+            .split(',')
+            .filter(|s| s.contains(':') || !s.contains('='));
         steps.map(pass).all(|name| pass_named(&name).is_some())
     };
     let within = budget.map(|budget| {
         let words = format!("budget={},metric={}", budget.most, budget.name());
-        WITHIN_BUDGET.iter().map(move |r| r.replace("BUDGET", &words))
+        WITHIN_BUDGET
+            .iter()
+            .map(move |r| r.replace("BUDGET", &words))
     });
     PLAIN
         .iter()
@@ -130,7 +134,8 @@ pub fn choices(originals: &[Plan], recipes: &[Recipe], facts: &Facts) -> Vec<Cho
                     choices.refused.push(refuse(told(&refusal)));
                     continue;
                 }
-                let same = |c: &&Candidate| c.plan.passes == plan.passes && same_programs(&c.plan, &plan);
+                let same =
+                    |c: &&Candidate| c.plan.passes == plan.passes && same_programs(&c.plan, &plan);
                 if let Some(same) = choices.candidates.iter().find(same) {
                     let why = match same.recipe.steps.is_empty() {
                         true => "it changes nothing here".to_owned(),

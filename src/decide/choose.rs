@@ -287,7 +287,7 @@ mod tests {
         ]);
         assert_eq!(
             policy(&table, &[1.0, 2.0], Hold::Switching),
-            Policy::One { plan: 1 }
+            Policy::One { plan: 2 }
         );
     }
 }

@@ -3,7 +3,6 @@
 use preshade_passes::contract::{Contract, Verdict};
 use preshade_passes::pass::Facts;
 
-use super::{Error, reasons};
 use super::assign::{Assignment, Considered, Seen, finalists};
 use super::candidates::{Choices, choices};
 use super::choose::{Hold, Policy, Table, policy};
@@ -15,6 +14,7 @@ use super::decision::{
 use super::model::Model;
 use super::stage::{self, Subject};
 use super::work::{Counted, Drawn, drawn};
+use super::{Error, reasons};
 use crate::measure::{self, Clock, Estimate, TimingSettings};
 use crate::recipe::Recipe;
 use crate::render::{Gpu, SceneInputs, ShaderForm};
@@ -152,19 +152,45 @@ pub fn decide(
         }
         Timed::Yes => {
             for frame in &frames {
-                progress(0.1, format!("compiling {}", frame.assignment.name(&scouted.choices)));
-                subjects.push(Subject::new(&inputs, &scouted.choices, frame, settings.form)?);
+                progress(
+                    0.1,
+                    format!("compiling {}", frame.assignment.name(&scouted.choices)),
+                );
+                subjects.push(Subject::new(
+                    &inputs,
+                    &scouted.choices,
+                    frame,
+                    settings.form,
+                )?);
             }
-            measure_all(gpu, &inputs, &mut subjects, &scouted, settings, &mut measured, &mut |p, w| {
-                progress(0.1 + 0.6 * p, w);
-            })?;
-            refine(gpu, &inputs, &mut (&mut frames, &mut subjects), &scouted, settings, &mut measured, &mut |p, w| {
-                progress(0.7 + 0.3 * p, w);
-            })?;
+            measure_all(
+                gpu,
+                &inputs,
+                &mut subjects,
+                &scouted,
+                settings,
+                &mut measured,
+                &mut |p, w| {
+                    progress(0.1 + 0.6 * p, w);
+                },
+            )?;
+            refine(
+                gpu,
+                &inputs,
+                &mut (&mut frames, &mut subjects),
+                &scouted,
+                settings,
+                &mut measured,
+                &mut |p, w| {
+                    progress(0.7 + 0.3 * p, w);
+                },
+            )?;
         }
     }
     progress(1.0, "done".to_owned());
-    Ok(report(gpu, scene, &scouted, settings, &frames, &subjects, measured))
+    Ok(report(
+        gpu, scene, &scouted, settings, &frames, &subjects, measured,
+    ))
 }
 
 /// A frame's predicted speedups, as if they were measured without noise.
@@ -238,18 +264,34 @@ fn refine<'a>(
         let best = measured.table.best();
         let is_new = |c: &Considered| !frames.iter().any(|f| f.assignment == c.assignment);
         let near = seen.neighbours(&frames[best].assignment);
-        let near: Vec<Considered> = near.into_iter().filter(is_new).take(left.min(LOT)).collect();
+        let near: Vec<Considered> = near
+            .into_iter()
+            .filter(is_new)
+            .take(left.min(LOT))
+            .collect();
         if near.is_empty() {
             return Ok(());
         }
         left -= near.len();
         // The original again, so that ratios are of samples taken side by side.
-        let mut lot = vec![Subject::new(inputs, &scouted.choices, &frames[0], settings.form)?];
+        let mut lot = vec![Subject::new(
+            inputs,
+            &scouted.choices,
+            &frames[0],
+            settings.form,
+        )?];
         for frame in &near {
-            lot.push(Subject::new(inputs, &scouted.choices, frame, settings.form)?);
+            lot.push(Subject::new(
+                inputs,
+                &scouted.choices,
+                frame,
+                settings.form,
+            )?);
         }
         let mut more = Measured::default();
-        measure_all(gpu, inputs, &mut lot, scouted, settings, &mut more, progress)?;
+        measure_all(
+            gpu, inputs, &mut lot, scouted, settings, &mut more, progress,
+        )?;
         frames.extend(near);
         subjects.extend(lot.into_iter().skip(1));
         measured.times.extend(more.times.into_iter().skip(1));
@@ -272,7 +314,11 @@ fn report(
     subjects: &[Subject<'_>],
     measured: Measured,
 ) -> Decision {
-    let measures: Vec<f64> = scouted.counted.iter().map(Counted::shaded_per_pixel).collect();
+    let measures: Vec<f64> = scouted
+        .counted
+        .iter()
+        .map(Counted::shaded_per_pixel)
+        .collect();
     let policy = policy(&measured.table, &measures, settings.hold);
     let plans: Vec<PlanReport> = frames
         .iter()

@@ -39,7 +39,9 @@ pub enum Error {
     #[error(transparent)]
     Render(#[from] crate::render::Error),
     /// A counting stage of ours does not validate: a bug.
-    #[error("the counting stage of material `{material}` is invalid: {message}; this is a bug, please report it with the shader")]
+    #[error(
+        "the counting stage of material `{material}` is invalid: {message}; this is a bug, please report it with the shader"
+    )]
     Counting {
         /// Material.
         material: String,

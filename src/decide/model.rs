@@ -82,7 +82,7 @@ impl Model {
                 .into_iter()
                 .zip(solution)
                 .filter(|(_, c)| *c > 0.0)
-                .map(|(term, ms)| (term, ms * 1e6))
+                .map(|(term, ms)| (term, significant(ms * 1e6)))
                 .collect(),
         };
         let mut errors = model.errors(frames);
@@ -90,8 +90,8 @@ impl Model {
         model.origin = Origin::Fitted {
             adapter: adapter.to_owned(),
             frames: frames.len(),
-            median_error: errors.get(errors.len() / 2).copied().unwrap_or_default(),
-            worst_error: errors.last().copied().unwrap_or_default(),
+            median_error: significant(errors.get(errors.len() / 2).copied().unwrap_or_default()),
+            worst_error: significant(errors.last().copied().unwrap_or_default()),
         };
         model
     }
@@ -161,6 +161,11 @@ impl Model {
     }
 }
 
+/// Six digits: more than a clock has, and as many as text keeps.
+fn significant(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
+
 /// Sweeps of the descent. The sums are of some 15 columns, so that all of them take a few milliseconds.
 const SWEEPS: usize = 20_000;
 
@@ -199,6 +204,97 @@ fn non_negative(rows: &[Vec<f64>], columns: usize) -> Vec<f64> {
         }
     }
     (0..columns)
-        .map(|j| if length[j] > 0.0 { x[j] / length[j] } else { 0.0 })
+        .map(|j| {
+            if length[j] > 0.0 {
+                x[j] / length[j]
+            } else {
+                0.0
+            }
+        })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of pseudo-random work (a linear congruential generator), and what they take by these coefficients.
+    fn frames(nanoseconds: &[(Term, f64)], noise: f64) -> Vec<Observation> {
+        let mut state = 1_u64;
+        let mut next = move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as f64 / (1_u64 << 31) as f64
+        };
+        let mut frame = || {
+            let mut work = Work::default();
+            for term in Term::ALL {
+                // Over three orders of magnitude, as frames are.
+                work.add(term, 10_f64.powf(3.0 + 3.0 * next()));
+            }
+            let each = nanoseconds.iter().map(|(t, ns)| ns * work.of(*t));
+            let ms = each.sum::<f64>() * 1e-6 * (1.0 + noise * (next() - 0.5));
+            Observation { work, ms }
+        };
+        (0..120).map(|_| frame()).collect()
+    }
+
+    const TRUE: [(Term, f64); 4] = [
+        (Term::VertexOps, 0.25),
+        (Term::FragmentOps, 2.0),
+        (Term::Bytes, 0.5),
+        (Term::Passes, 40.0),
+    ];
+
+    #[test]
+    fn a_fit_finds_the_coefficients() {
+        let frames = frames(&TRUE, 0.0);
+        let model = Model::fit("none", &frames);
+        for term in Term::ALL {
+            let known = TRUE.iter().find(|(t, _)| *t == term);
+            let expected = known.map_or(0.0, |(_, ns)| *ns);
+            let found = model.nanoseconds.get(&term).copied().unwrap_or_default();
+            assert!((found - expected).abs() < 1e-4, "{term:?}: {found}");
+        }
+        assert!(model.errors(&frames).iter().all(|e| *e < 1e-6));
+    }
+
+    #[test]
+    fn a_fit_to_noise_predicts_within_it_and_has_nothing_below_0() {
+        let model = Model::fit("none", &frames(&TRUE, 0.1));
+        assert!(model.nanoseconds.values().all(|ns| *ns > 0.0));
+        let errors = model.errors(&frames(&TRUE, 0.0));
+        assert!(errors.iter().all(|e| *e < 0.1), "{errors:?}");
+        let Origin::Fitted {
+            frames,
+            median_error,
+            worst_error,
+            ..
+        } = &model.origin
+        else {
+            unreachable!("{:?}", model.origin)
+        };
+        assert_eq!(*frames, 120);
+        assert!(median_error < worst_error && *worst_error < 0.2);
+    }
+
+    #[test]
+    fn a_model_is_read_as_it_was_written() {
+        let model = Model::fit("an adapter", &frames(&TRUE, 0.1));
+        let text = model.to_json().unwrap_or_default();
+        assert_eq!(Model::from_json(&text).ok(), Some(model));
+        let of = |text: &str| Model::from_json(text).err().map(|e| e.to_string());
+        let other = text.replace(SCHEMA, "preshade.model.v9");
+        assert!(of(&other).is_some_and(|e| e.contains("preshade.model.v9")));
+        let negative = r#"{"schema":"preshade.model.v1","origin":{"kind":"nominal"},"nanoseconds":{"draws":-1}}"#;
+        assert!(of(negative).is_some_and(|e| e.contains("`draws`")));
+        assert!(of("[").is_some());
+    }
+
+    #[test]
+    fn no_frame_takes_no_time() {
+        let model = Model::fit("none", &[]);
+        assert_eq!(model.predict(&Work::default()), 0.0);
+    }
 }

@@ -90,13 +90,49 @@ const PROBES: &[Probe] = &[
     probe("vs_dear", "fs_some", [64, 4], BACK, "depth-prepass"),
     probe("vs_cheap", "fs_some", [0, 1], BACK, "early-discard"),
     probe("vs_cheap", "fs_some", [0, 8], BACK, "early-discard"),
-    probe("vs_cheap", "fs_flat", [0, 1], BACK, "visibility-buffer:select=id"),
+    probe(
+        "vs_cheap",
+        "fs_flat",
+        [0, 1],
+        BACK,
+        "visibility-buffer:select=id",
+    ),
     probe("vs_cheap", "fs_some", [0, 4], BACK, "visibility-buffer"),
-    probe("vs_cheap", "fs_some", [64, 1], BACK, "visibility-buffer:select=id"),
-    probe("vs_dear", "fs_flat", [0, 1], BACK, "visibility-buffer:select=id"),
-    probe("vs_cheap", "fs_flat", [0, 1], BACK, "visibility-buffer:form=compute"),
-    probe("vs_cheap", "fs_much", [0, 1], BACK, "visibility-buffer:form=compute"),
-    probe("vs_cheap", "fs_some", [64, 4], BACK, "visibility-buffer:form=compute"),
+    probe(
+        "vs_cheap",
+        "fs_some",
+        [64, 1],
+        BACK,
+        "visibility-buffer:select=id",
+    ),
+    probe(
+        "vs_dear",
+        "fs_flat",
+        [0, 1],
+        BACK,
+        "visibility-buffer:select=id",
+    ),
+    probe(
+        "vs_cheap",
+        "fs_flat",
+        [0, 1],
+        BACK,
+        "visibility-buffer:form=compute",
+    ),
+    probe(
+        "vs_cheap",
+        "fs_much",
+        [0, 1],
+        BACK,
+        "visibility-buffer:form=compute",
+    ),
+    probe(
+        "vs_cheap",
+        "fs_some",
+        [64, 4],
+        BACK,
+        "visibility-buffer:form=compute",
+    ),
 ];
 
 /// Cells along a layer's side where the table says 64.
@@ -106,7 +142,11 @@ fn finest(gpu: &Gpu) -> u32 {
 
 /// Width and height of the probes.
 fn size(gpu: &Gpu) -> [u32; 2] {
-    if is_software(gpu) { [160, 96] } else { [1280, 720] }
+    if is_software(gpu) {
+        [160, 96]
+    } else {
+        [1280, 720]
+    }
 }
 
 /// Draws the probes, and fits a model to them. `progress` is told the part done.
@@ -171,8 +211,8 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
         fragment: Some(probe.fragment.to_owned()),
         ..Options::default()
     };
-    let parsed = front::parse(&[source], &options)
-        .map_err(|e| Error::Probe(e.render(Color::Never)))?;
+    let parsed =
+        front::parse(&[source], &options).map_err(|e| Error::Probe(e.render(Color::Never)))?;
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
     let cells = (probe.grid * finest / 64).max(1);
@@ -241,10 +281,7 @@ fn grid(cells: u32, scale: f32) -> Mesh {
         vertex_count: (cells + 1) * (cells + 1),
         streams: BTreeMap::from([("position".to_owned(), float(3, positions))]),
         indices: Some(indices),
-        bounds: [
-            Vec3::new(-scale, -scale, 0.0),
-            Vec3::new(scale, scale, 0.0),
-        ],
+        bounds: [Vec3::new(-scale, -scale, 0.0), Vec3::new(scale, scale, 0.0)],
     }
 }
 

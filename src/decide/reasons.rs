@@ -27,9 +27,10 @@ pub fn of(
         });
     }
     let broken = decision.plans.iter().filter_map(|p| match &p.verdict {
-        Verdict::Broken { r#where } if p.recipes.contains_key(material) => {
-            Some(format!("`{}` broke its promise and is out: {}", p.name, r#where))
-        }
+        Verdict::Broken { r#where } if p.recipes.contains_key(material) => Some(format!(
+            "`{}` broke its promise and is out: {}",
+            p.name, r#where
+        )),
         _ => None,
     });
     reasons.extend(broken);
@@ -90,10 +91,9 @@ fn left(
     let at = original.map(|(plan, _)| *plan);
     // The views in which it is drawn as written.
     let views = |i: &usize| Some(decision.views[*i].plan) == at;
-    let tried = decision
-        .plans
-        .iter()
-        .filter(|p| p.recipes.contains_key(material) && !matches!(p.verdict, Verdict::Broken { .. }));
+    let tried = decision.plans.iter().filter(|p| {
+        p.recipes.contains_key(material) && !matches!(p.verdict, Verdict::Broken { .. })
+    });
     let best = tried
         .filter_map(|p| Some((p, speedups(decision, p, &views))))
         .filter(|(_, all)| !all.is_empty())
@@ -135,7 +135,9 @@ fn hidden(decision: &Decision) -> String {
         .map(|v| v.overdraw)
         .fold(0.0, f64::max);
     match most < 1.1 {
-        true => format!("; {most:.2} fragments are shaded for each that is seen, so that depth ahead has next to nothing to hide"),
+        true => format!(
+            "; {most:.2} fragments are shaded for each that is seen, so that depth ahead has next to nothing to hide"
+        ),
         false => String::new(),
     }
 }

@@ -267,7 +267,10 @@ impl ExhaustedView {
         if a == b {
             return Some(EVEN);
         }
-        let (a, b) = (self.samples.get(a)?.as_ref()?, self.samples.get(b)?.as_ref()?);
+        let (a, b) = (
+            self.samples.get(a)?.as_ref()?,
+            self.samples.get(b)?.as_ref()?,
+        );
         let (a, b) = (part(a, which), part(b, which));
         let ratios: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a / b).collect();
         (!ratios.is_empty()).then(|| estimate(&ratios, SEED))
@@ -333,7 +336,9 @@ impl Exhausted {
         let measures: Vec<f64> = self.views.iter().map(|v| v.shaded_per_pixel).collect();
         let policy = policy(&table, &measures, hold);
         let views = self.views.iter().enumerate().map(|(i, view)| {
-            let alone = self.table(&self.finalists(model, &[i], runners), &[i]).best_in(0);
+            let alone = self
+                .table(&self.finalists(model, &[i], runners), &[i])
+                .best_in(0);
             let standing = (0..self.plans.len()).filter(|p| self.out[*p].is_none());
             let best = standing
                 .filter_map(|p| Some((p, view.median(p, Part::Judging)?)))
@@ -435,7 +440,8 @@ fn summarised(
         });
         each.collect()
     };
-    let mut all: Vec<(f64, Judged, String)> = rows.iter().filter(|s| which(s)).flat_map(of).collect();
+    let mut all: Vec<(f64, Judged, String)> =
+        rows.iter().filter(|s| which(s)).flat_map(of).collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (worst, _, worst_at) = all.last()?.clone();
     let at = |part: f64| all[((all.len() - 1) as f64 * part).round() as usize].0;
@@ -471,7 +477,10 @@ fn predicted(rows: &[SceneRegret], name: &str, held_out: bool) -> Prediction {
         times.extend(known.iter().map(|(_, [p, m])| (p / m - 1.0).abs()));
         let ratio = |[p, m]: &[f64; 2]| ((p / original[0]) / (m / original[1]) - 1.0).abs();
         ratios.extend(known.iter().skip(1).map(|(_, p)| ratio(p)));
-        let best = known.iter().map(|(_, [_, m])| *m).fold(f64::INFINITY, f64::min);
+        let best = known
+            .iter()
+            .map(|(_, [_, m])| *m)
+            .fold(f64::INFINITY, f64::min);
         let fastest = known.iter().min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
         first += usize::from(fastest.is_some_and(|(_, [_, m])| *m <= best * WORTHWHILE));
     }
@@ -502,11 +511,23 @@ impl RegretReport {
     pub fn render(&self) -> String {
         let percent = |x: f64| format!("{:.2} %", x * 100.0);
         let mut lines = vec![
-            format!("regret of plan on {}, {} scenes", self.adapter.name, self.scenes.len()),
+            format!(
+                "regret of plan on {}, {} scenes",
+                self.adapter.name,
+                self.scenes.len()
+            ),
             String::new(),
             format!(
                 "{:<9} {:<9} {:>6} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7}  worst at",
-                "choice", "scenes", "views", "changed", "counted", "median", "p95", "worst", "slower"
+                "choice",
+                "scenes",
+                "views",
+                "changed",
+                "counted",
+                "median",
+                "p95",
+                "worst",
+                "slower"
             ),
         ];
         lines.extend(self.summary.iter().map(|s| {
@@ -540,7 +561,11 @@ impl RegretReport {
         for scene in &self.scenes {
             for view in &scene.views {
                 let line = |j: &Judged| {
-                    format!("{} {}", scene.plans[j.plan], super::reasons::ratio(&j.speedup))
+                    format!(
+                        "{} {}",
+                        scene.plans[j.plan],
+                        super::reasons::ratio(&j.speedup)
+                    )
                 };
                 lines.push(format!(
                     "{}: {}: {}; regret {}; policy {}, regret {}; best {}",
@@ -554,7 +579,117 @@ impl RegretReport {
                 ));
             }
         }
-        lines.extend(self.failed.iter().map(|(s, why)| format!("{s}: not measured: {why}")));
+        lines.extend(
+            self.failed
+                .iter()
+                .map(|(s, why)| format!("{s}: not measured: {why}")),
+        );
         lines.join("\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::choose::Hold;
+    use super::super::terms::Term;
+    use super::*;
+    use crate::scene::DrawOrder;
+
+    /// A view whose plans take so many milliseconds, with a little noise that is the same in no two rounds.
+    fn view(camera: &str, ms: &[f64], predicted: &[f64]) -> ExhaustedView {
+        let noise = |round: usize| 1.0 + 0.004 * ((round * 7 % 5) as f64 - 2.0);
+        let samples = |(plan, ms): (usize, &f64)| {
+            Some((0..16).map(|round| ms * noise(round + plan)).collect())
+        };
+        let work = |ms: &f64| {
+            let mut work = Work::default();
+            work.add(Term::FragmentOps, ms * 1e6);
+            work
+        };
+        ExhaustedView {
+            view: View {
+                camera: camera.to_owned(),
+                frame: 0,
+                order: DrawOrder::AsGiven,
+            },
+            shaded_per_pixel: ms[0],
+            work: predicted.iter().map(work).collect(),
+            samples: ms.iter().enumerate().map(samples).collect(),
+        }
+    }
+
+    fn scene(views: Vec<ExhaustedView>) -> Exhausted {
+        Exhausted {
+            scene: "s".to_owned(),
+            plans: ["original", "a", "b"].map(str::to_owned).into(),
+            out: vec![None; 3],
+            views,
+            clock: None,
+        }
+    }
+
+    fn model() -> Model {
+        Model {
+            nanoseconds: [(Term::FragmentOps, 1.0)].into(),
+            ..Model::nominal()
+        }
+    }
+
+    #[test]
+    fn what_is_best_and_measured_has_no_regret() {
+        let ms = [2.0, 1.0, 1.5];
+        let regret = scene(vec![view("c", &ms, &ms)]).regret(&model(), false, 2, Hold::One);
+        let view = &regret.views[0];
+        assert_eq!((view.best, view.alone.plan, view.policy.plan), (1, 1, 1));
+        assert_eq!(view.alone.regret(), 0.0);
+        assert!((view.alone.speedup.median - 2.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn what_the_model_hides_is_regretted() {
+        // The best is predicted to be the slowest, and only one other plan is measured.
+        let regret = scene(vec![view("c", &[2.0, 1.0, 1.5], &[2.0, 9.0, 1.5])]).regret(
+            &model(),
+            false,
+            1,
+            Hold::One,
+        );
+        let view = &regret.views[0];
+        assert_eq!((view.best, view.alone.plan), (1, 2));
+        assert!((view.alone.regret() - 0.5).abs() < 0.03, "{:?}", view.alone);
+    }
+
+    #[test]
+    fn what_differs_by_noise_alone_is_not() {
+        let ms = [1.0, 1.001, 0.999];
+        let regret = scene(vec![view("c", &ms, &ms)]).regret(&model(), false, 2, Hold::One);
+        assert_eq!(regret.views[0].alone.plan, 0);
+        assert_eq!(regret.views[0].alone.regret(), 0.0);
+    }
+
+    #[test]
+    fn what_broke_is_neither_chosen_nor_best() {
+        let ms = [2.0, 1.0, 1.5];
+        let mut scene = scene(vec![view("c", &ms, &ms)]);
+        scene.out[1] = Some("a pixel".to_owned());
+        let regret = scene.regret(&model(), false, 2, Hold::One);
+        assert_eq!((regret.views[0].best, regret.views[0].alone.plan), (2, 2));
+    }
+
+    #[test]
+    fn a_policy_pays_for_holding_to_one_plan() {
+        let views = || {
+            let (gains, loses) = ([2.0, 1.0, 2.0], [1.0, 1.2, 1.0]);
+            vec![view("gains", &gains, &gains), view("loses", &loses, &loses)]
+        };
+        let one = scene(views()).regret(&model(), false, 2, Hold::One);
+        assert_eq!(one.policy, Policy::One { plan: 0 });
+        assert!(one.views[0].policy.regret() > 0.9);
+        assert_eq!(one.views[0].alone.regret(), 0.0);
+        let two = scene(views()).regret(&model(), false, 2, Hold::Switching);
+        assert!(
+            two.views.iter().all(|v| v.policy.regret() == 0.0),
+            "{two:?}"
+        );
     }
 }

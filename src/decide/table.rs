@@ -56,7 +56,10 @@ const SHOWN: usize = 5;
 
 fn model(decision: &Decision) -> String {
     match &decision.model.origin {
-        Origin::Nominal => "cost model: nominal, of no adapter; nothing is timed, and the choice is a prediction".to_owned(),
+        Origin::Nominal => {
+            "cost model: nominal, of no adapter; nothing is timed, and the choice is a prediction"
+                .to_owned()
+        }
         Origin::Fitted {
             adapter,
             frames,
@@ -76,7 +79,9 @@ fn policy(decision: &Decision) -> Vec<String> {
         found.map_or(String::new(), |p| p.name.clone())
     };
     match &decision.policy {
-        Policy::One { plan: 0 } => vec!["nothing pays: draw every material as it is written".to_owned()],
+        Policy::One { plan: 0 } => {
+            vec!["nothing pays: draw every material as it is written".to_owned()]
+        }
         Policy::One { plan } => vec![format!("draw with: {}", name(*plan))],
         Policy::Switch(switch) => {
             let mut lines = vec![
@@ -102,7 +107,8 @@ fn policy(decision: &Decision) -> Vec<String> {
 
 /// Each view with each plan: predicted, measured, and how much faster.
 fn views(decision: &Decision) -> Vec<String> {
-    let mut lines = vec!["by view: predicted ms, measured ms, speedup (* drawn with, ! out)".to_owned()];
+    let mut lines =
+        vec!["by view: predicted ms, measured ms, speedup (* drawn with, ! out)".to_owned()];
     for (i, view) in decision.views.iter().enumerate() {
         lines.push(format!(
             "{}: {:.2} shaded a pixel, overdraw {:.2}",
@@ -117,7 +123,9 @@ fn views(decision: &Decision) -> Vec<String> {
             let Some(at) = plan.by_view.get(i) else {
                 continue;
             };
-            let time = at.time_ms.map_or("-".to_owned(), |t| format!("{:.3}", t.median));
+            let time = at
+                .time_ms
+                .map_or("-".to_owned(), |t| format!("{:.3}", t.median));
             let speedup = at.speedup.as_ref().map_or(String::new(), ratio);
             let line = format!(
                 "  {mark} {:>8.3}  {time:>8}  {speedup:<22}  {}",
@@ -127,9 +135,7 @@ fn views(decision: &Decision) -> Vec<String> {
         }
     }
     let out = decision.plans.iter().filter_map(|p| match &p.verdict {
-        Verdict::Broken { r#where } => {
-            Some(format!("! {} broke its promise: {}", p.name, r#where))
-        }
+        Verdict::Broken { r#where } => Some(format!("! {} broke its promise: {}", p.name, r#where)),
         Verdict::NotMeasured { why } if decision.clock.is_some() => {
             Some(format!("! {} was not measured: {why}", p.name))
         }
@@ -140,8 +146,5 @@ fn views(decision: &Decision) -> Vec<String> {
 }
 
 fn is_out(plan: &PlanReport) -> bool {
-    matches!(
-        plan.verdict,
-        Verdict::Broken { .. }
-    )
+    matches!(plan.verdict, Verdict::Broken { .. })
 }

@@ -10,8 +10,8 @@ use preshade_passes::frame::{ColorAttachments, FrameError, FrameOps, FramePlan};
 use preshade_passes::geometry::Geometry;
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::plan::{
-    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ComputePass, Draws, FrameWords, GpuPass, Phase,
-    Plan, SCENE_DEPTH, When,
+    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ComputePass, Draws,
+    FrameWords, GpuPass, Phase, Plan, SCENE_DEPTH, When,
 };
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -45,8 +45,8 @@ pub fn drawn(scene: &Scene) -> Vec<Drawn> {
             .indices
             .as_ref()
             .map_or(f64::from(mesh.vertex_count), |i| i.len() as f64);
-        let strip = scene.materials[draw.material].state.primitive.topology
-            == Topology::TriangleStrip;
+        let strip =
+            scene.materials[draw.material].state.primitive.topology == Topology::TriangleStrip;
         let triangles = match strip {
             true => (corners - 2.0).max(0.0),
             false => corners / 3.0,
@@ -117,8 +117,7 @@ impl Cost {
         let module = graph.module();
         let mut ops: BTreeMap<FunctionId, f64> = BTreeMap::new();
         for f in graph.functions() {
-            let is_sample =
-                |e| matches!(f.function.expressions[e], Expression::ImageSample { .. });
+            let is_sample = |e| matches!(f.function.expressions[e], Expression::ImageSample { .. });
             let called: f64 = f
                 .calls()
                 .map(|(at, callee)| {
@@ -479,7 +478,11 @@ impl Shape {
                 (fragments.rasterised, n, n, 0.0)
             }
             Reach::Looked { prologue, late } => {
-                let n = if late { fragments.rasterised } else { fragments.drawn };
+                let n = if late {
+                    fragments.rasterised
+                } else {
+                    fragments.drawn
+                };
                 (fragments.rasterised, n, fragments.visible, prologue)
             }
             Reach::Screen => {
