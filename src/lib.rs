@@ -13,6 +13,8 @@ pub mod sweep;
 #[cfg(feature = "verify")]
 pub mod decide;
 #[cfg(feature = "verify")]
+pub mod frontier;
+#[cfg(feature = "verify")]
 pub mod measure;
 #[cfg(feature = "verify")]
 pub mod render;

@@ -11,6 +11,7 @@ use preshade::nearest::nearest;
 mod adapters;
 mod bench;
 mod explain;
+mod explore;
 mod graph;
 mod input;
 mod output;
@@ -58,6 +59,8 @@ enum Command {
     Verify(verify::Args),
     /// What a scene calls for on this adapter: per material the passes that pay, chosen by measurement.
     Plan(plan::Args),
+    /// What accuracy costs in time: the recipes that no other beats in both.
+    Explore(explore::Args),
     /// What can be measured on.
     Adapters(adapters::Args),
     /// The frozen hand-written shaders beside what preshade makes of the same forward entry points.
@@ -150,6 +153,7 @@ fn main() -> ExitCode {
         Command::Rewrite(a) => rewrite::run(&a),
         Command::Verify(a) => verify::run(&a),
         Command::Plan(a) => plan::run(&a),
+        Command::Explore(a) => explore::run(&a),
         Command::Adapters(a) => adapters::run(&a),
         Command::Bench(a) => bench::run(&a),
     };
