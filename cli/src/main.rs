@@ -16,6 +16,7 @@ mod graph;
 mod input;
 mod output;
 mod passes;
+mod plan;
 mod rewrite;
 mod variable;
 mod verify;
@@ -56,6 +57,8 @@ enum Command {
     Rewrite(rewrite::Args),
     /// Draws a scene (or a bare shader) with the original and its variants: error, time, verdict.
     Verify(verify::Args),
+    /// What a scene calls for on this adapter: per material the passes that pay, chosen by measurement.
+    Plan(plan::Args),
     /// What accuracy costs in time: the recipes that no other beats in both.
     Explore(explore::Args),
     /// What can be measured on.
@@ -149,6 +152,7 @@ fn main() -> ExitCode {
         Command::Passes(a) => passes::run(&a),
         Command::Rewrite(a) => rewrite::run(&a),
         Command::Verify(a) => verify::run(&a),
+        Command::Plan(a) => plan::run(&a),
         Command::Explore(a) => explore::run(&a),
         Command::Adapters(a) => adapters::run(&a),
         Command::Bench(a) => bench::run(&a),

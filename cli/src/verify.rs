@@ -135,7 +135,7 @@ impl From<OrderArg> for DrawOrder {
 }
 
 /// Reads a number of frames.
-fn parse_frames(text: &str) -> Result<usize, String> {
+pub fn parse_frames(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
         Ok(n @ 1..) => Ok(n),
         _ => Err("expected a whole number from 1".to_owned()),
