@@ -5,6 +5,7 @@
 
 pub mod emit;
 pub mod front;
+pub mod lock;
 pub mod nearest;
 pub mod parameters;
 pub mod recipe;
