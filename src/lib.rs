@@ -3,6 +3,7 @@
 //! Text becomes a program in [`front`], a recipe of passes makes a plan of it in [`recipe`], and [`emit`] writes the plan out. With the
 //! feature `verify`, [`scene`], [`render`], [`measure`] and [`report`] draw the result and say what it costs and gains.
 
+pub mod build_script;
 pub mod emit;
 pub mod front;
 pub mod lock;
@@ -20,4 +21,13 @@ pub mod report;
 #[cfg(feature = "verify")]
 pub mod scene;
 
+pub use build_script::{compile, configure};
 pub use preshade_passes as passes;
+
+/// The items of a material that the build script compiled: `mod lit { preshade::include_variant!("lit"); }`.
+#[macro_export]
+macro_rules! include_variant {
+    ($material:literal) => {
+        include!(concat!(env!("OUT_DIR"), "/", $material, ".rs"));
+    };
+}

@@ -407,12 +407,17 @@ impl Lock {
                 });
             }
         };
-        match Self::parse(&text) {
+        Self::parse_file(&text, path).map(Some)
+    }
+
+    /// [`Self::parse`] of what `path` holds.
+    pub(crate) fn parse_file(text: &str, path: &Path) -> Result<Self, LockError> {
+        match Self::parse(text) {
             Err(LockError::Syntax { message, .. }) => Err(LockError::Syntax {
                 path: path.to_owned(),
                 message,
             }),
-            read => read.map(Some),
+            read => read,
         }
     }
 
