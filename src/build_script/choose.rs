@@ -41,38 +41,31 @@ pub(super) fn choose(
     let fragment = parsed.fragment.as_deref();
     let original = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);
 
-    let mut recipes = vec![("original".to_owned(), Recipe::default())];
-    let mut drawn = Vec::new();
     let inputs = Inputs::of(sources, &options, &state);
-    let obeyed = lock.map(|lock| {
-        let locked = lock.check(name, &inputs)?;
-        locked.apply(&original)
-    });
-    let variant = "variant".to_owned();
-    let mut from_lock = None;
-    match obeyed {
-        Some(Ok(plan)) => from_lock = Some((plan, Vec::new())),
-        // A lock of other materials.
-        None | Some(Err(Mismatch::NoMaterial { .. })) => {}
+    let obeyed = lock.map(|lock| lock.check(name, &inputs)?.apply(&original));
+    let variant = match obeyed {
+        Some(Ok(plan)) => (plan, Vec::new()),
+        // No lock, or one of other materials.
+        None | Some(Err(Mismatch::NoMaterial { .. })) => {
+            without_scene(&original, &own.unwrap_or_default(), sources, warnings)
+        }
         Some(Err(mismatch)) => {
             let why = format!("{mismatch}; run `preshade plan` again");
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
-            from_lock = Some((original.clone(), vec![why]));
+            (original.clone(), vec![why])
         }
+    };
+    let mut plans = vec![
+        ("original".to_owned(), (original.clone(), Vec::new())),
+        ("variant".to_owned(), variant),
+    ];
+    for (name, recipe) in named {
+        plans.push((name, without_scene(&original, &recipe, sources, warnings)));
     }
-    if from_lock.is_none() {
-        recipes.push((variant.clone(), own.unwrap_or_default()));
-    }
-    recipes.extend(named);
-    for (name, recipe) in recipes {
-        let (plan, left_out) = without_scene(&original, &recipe, sources, warnings);
-        drawn.push(emitted(builder, name, plan, left_out, sources, warnings)?);
-        if let Some((plan, left_out)) = from_lock.take() {
-            let name = variant.clone();
-            drawn.push(emitted(builder, name, plan, left_out, sources, warnings)?);
-        }
-    }
-    Ok(drawn)
+    plans
+        .into_iter()
+        .map(|(name, (plan, left_out))| emitted(builder, name, plan, left_out, sources, warnings))
+        .collect()
 }
 
 /// The steps of `recipe` that apply and need no scene; why others are left out.
