@@ -296,6 +296,12 @@ impl Recipe {
         Self::parse(split_list(text))
     }
 
+    /// The arguments that `rewrite` makes it of.
+    pub fn as_passes(&self) -> String {
+        let steps: Vec<String> = self.steps.iter().map(|s| format!("--pass {s}")).collect();
+        steps.join(" ")
+    }
+
     /// Applies every step. `plan` is untouched.
     ///
     /// # Errors

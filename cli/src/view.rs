@@ -40,6 +40,11 @@ impl ViewArgs {
         Ok(scene)
     }
 
+    /// Whether a size is said.
+    pub fn is_sized(&self) -> bool {
+        self.size.is_some()
+    }
+
     /// Whether anything is said.
     pub fn is_given(&self) -> bool {
         self.size.is_some() || !self.camera.is_empty()
