@@ -66,6 +66,8 @@ pub(super) struct Frame<'p> {
     span: Span,
     /// How often it runs for one run of the stage, as far as that can be told.
     weight: f64,
+    /// What it rests on that the present statement runs at all: what is known behind it rests on that too.
+    pub running: Sources,
     /// Something was folded in it.
     pub changed: bool,
     /// Loops around that are being written out: what is known in them holds for this turn alone, whatever it rests on.
@@ -160,6 +162,7 @@ impl<'p> Folder<'p> {
             emitting: None,
             span: Span::UNDEFINED,
             weight,
+            running: Sources::default(),
             changed: false,
             turning: 0,
         };
@@ -326,6 +329,7 @@ impl<'p> Folder<'p> {
             }
             Statement::Return { value } => {
                 let known = value.map_or(Known::Unknown, |v| frame.known[v.index()].clone());
+                let known = known.resting_on(&frame.running);
                 let value = value.map(|v| self.read(frame, v, out));
                 frame.flush(out);
                 out.push(Statement::Return { value }, span);
@@ -336,7 +340,7 @@ impl<'p> Folder<'p> {
                 return Flow::Return;
             }
             Statement::Store { pointer, value } => {
-                let known = frame.known[value.index()].clone();
+                let known = frame.known[value.index()].clone().resting_on(&frame.running);
                 frame.store(*pointer, known);
                 let value = self.read(frame, *value, out);
                 let pointer = frame.mapped(*pointer);
@@ -422,17 +426,21 @@ impl<'p> Folder<'p> {
         if let Some((truth, sources)) = known.assumed_truth() {
             self.rests_on(sources);
             frame.changed = true;
+            let outside = frame.run_on(sources, [accept, reject].into_iter());
             let (block, from) = match truth {
                 true => (accept, first),
                 false => (reject, second),
             };
             // A front end may drop what stands behind a discard in one block.
             if !block.iter().any(|s| matches!(s, Statement::Kill)) {
-                return self.block(frame, block, from, out);
+                let flow = self.block(frame, block, from, out);
+                frame.running = outside;
+                return flow;
             }
             let mut taken = Block::new();
             frame.flush(out);
             let flow = self.block(frame, block, from, &mut taken);
+            frame.running = outside;
             let condition = frame.literal(Literal::Bool(true), out);
             out.push(
                 Statement::If {
@@ -502,7 +510,9 @@ impl<'p> Folder<'p> {
             let mut body = Block::new();
             frame.flush(out);
             frame.breaks.push(Breaks::Switch(Vec::new()));
+            let outside = frame.run_on(&sources, cases.iter().map(|c| &c.body));
             let flow = self.block(frame, &cases[case].body, starts[case], &mut body);
+            frame.running = outside;
             let broken = frame.leave();
             let ends = matches!(body.last(), Some(Statement::Break));
             let jumps = body.len() - usize::from(ends);
@@ -634,6 +644,7 @@ impl<'p> Folder<'p> {
         let (map, known) = (frame.map.clone(), frame.known.clone());
         let locals = frame.locals.clone();
         let (returned, changed) = (frame.returned.clone(), frame.changed);
+        let running = Sources::clone(&frame.running);
         let (used, decisions) = (self.used.clone(), self.decisions.len());
         let roundings = self.roundings;
         let mut all = Block::new();
@@ -687,6 +698,7 @@ impl<'p> Folder<'p> {
         frame.function = function;
         (frame.map, frame.known, frame.locals) = (map, known, locals);
         (frame.returned, frame.changed) = (returned, changed);
+        frame.running = running;
         self.used = used;
         self.decisions.truncate(decisions);
         self.roundings = roundings;
@@ -825,7 +837,25 @@ fn has_jump(statement: &Statement, jump: Jump) -> bool {
     }
 }
 
+/// Whether a statement may go elsewhere than to the next.
+fn leaves(statement: &Statement) -> bool {
+    match statement {
+        Statement::Break | Statement::Continue | Statement::Return { .. } => true,
+        other => operands::blocks(other).into_iter().flatten().any(leaves),
+    }
+}
+
 impl Frame<'_> {
+    /// What runs from here on rests on `sources` too. Gives what it rests on behind the statement with these `arms`: the same where one of them may leave it.
+    fn run_on<'b>(&mut self, sources: &Sources, arms: impl Iterator<Item = &'b Block>) -> Sources {
+        let within = super::known::both(&self.running, sources);
+        let outside = std::mem::replace(&mut self.running, Sources::clone(&within));
+        match arms.flatten().any(leaves) {
+            true => within,
+            false => outside,
+        }
+    }
+
     /// Ends the present `Emit`.
     pub fn flush(&mut self, out: &mut Block) {
         if let Some(start) = self.emitting.take()
