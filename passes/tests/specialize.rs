@@ -214,13 +214,16 @@ fn steering(seed: u32) -> (String, Value) {
     (text, Value::Composite(parts))
 }
 
+/// Builtins and locations that a stage writes, and whether it discards.
+type Written = (BTreeMap<String, Value>, BTreeMap<u32, Value>, bool);
+
 fn run(
     program: &Program,
     stage: ShaderStage,
     inputs: &BTreeMap<u32, Value>,
     front: bool,
     steering: &Value,
-) -> Result<(BTreeMap<String, Value>, BTreeMap<u32, Value>, bool), Stuck> {
+) -> Result<Written, Stuck> {
     let module = program.module();
     let name = if stage == ShaderStage::Vertex {
         "vs"

@@ -38,7 +38,7 @@ pub use junctions::{Junction, junctions};
 pub use ranges::ranges;
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
-pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
+pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, estimate, time};
 pub use variant::{counting, variant};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
 
