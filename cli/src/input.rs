@@ -273,15 +273,18 @@ pub struct Materials {
     pub frame: Vec<Plan>,
     /// What a scene tells of them without being drawn.
     pub known: Facts,
+    /// Which effects of theirs a scene's draws call for.
+    pub effects: Vec<measure::EffectUse>,
 }
 
 impl ShaderArgs {
     /// The original plan of each material.
     pub fn plans(&self) -> Result<Materials, Failure> {
-        let all = |plans: Vec<Plan>, known: Facts| Materials {
+        let all = |plans: Vec<Plan>, known: Facts, effects| Materials {
             asked: plans.clone(),
             frame: plans,
             known,
+            effects,
         };
         match self.input()? {
             Input::Shader(parsed, state) => {
@@ -292,13 +295,14 @@ impl ShaderArgs {
                     parsed.fragment.as_deref(),
                     &state,
                 );
-                Ok(all(vec![plan], Facts::default()))
+                Ok(all(vec![plan], Facts::default(), Vec::new()))
             }
             Input::Scene(scene) => {
                 let plans = measure::originals(&scene);
                 let known = measure::known(&scene);
+                let effects = measure::effects(&scene).unwrap_or_default();
                 let Some(name) = &self.name else {
-                    return Ok(all(plans, known));
+                    return Ok(all(plans, known, effects));
                 };
                 let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
                 match plans.iter().find(|p| p.material == *name).cloned() {
@@ -306,6 +310,7 @@ impl ShaderArgs {
                         asked: vec![plan],
                         frame: plans,
                         known,
+                        effects,
                     }),
                     None => Err(Failure::unknown("material", name, &names)),
                 }

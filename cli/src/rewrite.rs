@@ -84,6 +84,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         asked: originals,
         frame,
         known,
+        ..
     } = args.shader.plans()?;
     let (mut files, mut errors) = (Vec::new(), Vec::new());
     for original in &originals {

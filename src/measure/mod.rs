@@ -9,6 +9,7 @@ pub mod bounds;
 pub mod changing;
 pub mod constants;
 pub mod crossover;
+pub mod effects;
 pub mod error;
 pub mod frequency;
 pub mod groups;
@@ -26,6 +27,7 @@ mod vertices;
 
 pub use changing::changing;
 pub use constants::constants;
+pub use effects::{EffectUse, effects};
 pub use error::{ErrorLadder, compare};
 pub use frequency::{
     frequencies, interpolations, leaves_a_choice, promised, within_budget, written_out,
