@@ -1,5 +1,6 @@
 //! `preshade plan`: what a scene calls for on an adapter, material by material, chosen by measurement.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -159,9 +160,7 @@ fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Fail
         let scene = scene(args, path)?;
         let start = Instant::now();
         let measured = prepare(args, gpu, &scene, bar).and_then(|(recipes, facts)| {
-            Ok(decide::regret::exhaust(
-                gpu, &scene, &recipes, &facts, &settings,
-            )?)
+            Ok(decide::exhaust(gpu, &scene, &recipes, &facts, &settings)?)
         });
         let spent = start.elapsed().as_secs_f64();
         bar.suspend(|| {
@@ -271,6 +270,7 @@ fn prepare(
     bar.set_message("measuring what can be interpolated");
     facts.frequencies = measure::frequencies(gpu, scene, &facts, form, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
+        ControlFlow::Continue(())
     })?;
     let recipes = recipes
         .into_iter()
