@@ -34,10 +34,7 @@ fn verified(scene: &Scene, recipe: &Recipe, facts: &Facts) -> VariantReport {
         count: &measure::counting,
         command: String::new(),
     };
-    let outcome = measure::verify(gpu(), scene, &[variant], &settings, &mut |_| {
-        ControlFlow::Continue(())
-    })
-    .unwrap();
+    let outcome = measure::verify(gpu(), scene, &[variant], &settings, &mut |_| {}).unwrap();
     outcome.report.variants.into_iter().nth(1).unwrap()
 }
 

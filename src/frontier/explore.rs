@@ -25,7 +25,7 @@ use crate::render::{
     self, AdapterReport, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm,
     Variant as HostVariant,
 };
-use crate::report::{Budget, Choice, Chosen, ORIGINAL, Pictures, Report};
+use crate::report::{Budget, Choice, Chosen, ORIGINAL, PathTime, Pictures, Report};
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Version of the JSON that [`Exploration`] serialises to.
@@ -143,8 +143,9 @@ pub struct Point {
     pub time_ms: Option<Estimate>,
     /// The original's time over its own.
     pub speedup: Option<Estimate>,
-    /// 95th percentile of the frames' times along the longest path, in milliseconds; `None`: not a finalist, or no path.
-    pub p95_ms: Option<f64>,
+    /// The frames' times along the longest path; `None`: not a finalist, or no path.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathTime>,
     /// What became of it.
     pub fate: Fate,
 }
@@ -576,7 +577,6 @@ impl<'a> Search<'a> {
         let predictor = Predictor::new(self.originals, self.facts, self.settings.metric);
         let predictions: Vec<Option<Prediction>> =
             candidates.iter().map(|c| predictor.of(c)).collect();
-        let known: Vec<Prediction> = predictions.iter().flatten().copied().collect();
         let mut keys: BTreeMap<String, String> = arena
             .contenders
             .iter()
@@ -586,10 +586,28 @@ impl<'a> Search<'a> {
             journal::content(&self.subject, self.originals).map(|k| (k, ORIGINAL.to_owned())),
         );
         let mut admitted = Vec::new();
+        let is_refused = |v: &Variant| !v.plans.is_empty() && v.kept.len() == v.plans.len();
+        let mut refused: Vec<Candidate> = Vec::new();
+        let mut kept = Vec::new();
         for (candidate, prediction) in candidates.into_iter().zip(predictions) {
+            // What stands on a refused one is refused for its reason, and not worth a line.
+            if refused.iter().any(|r| candidate.stands_on(r)) {
+                continue;
+            }
             let variant = measure::variant(self.originals, &candidate.recipe, self.facts);
+            if is_refused(&variant) {
+                refused.push(candidate.clone());
+            }
+            kept.push((candidate, prediction, variant));
+        }
+        // What is refused beats nothing.
+        let known: Vec<Prediction> = kept
+            .iter()
+            .filter_map(|(_, p, v)| p.filter(|_| !is_refused(v)))
+            .collect();
+        for (candidate, prediction, variant) in kept {
+            let is_refused = is_refused(&variant);
             let key = journal::content(&self.subject, &variant.plans);
-            let is_refused = !variant.plans.is_empty() && variant.kept.len() == variant.plans.len();
             let same = key.as_ref().and_then(|k| keys.get(k));
             let hopeless = || hopeless(prediction?, &known, self.settings.budget);
             let fate = match (is_refused, same, &key) {
@@ -615,7 +633,7 @@ impl<'a> Search<'a> {
                 error: None,
                 time_ms: None,
                 speedup: None,
-                p95_ms: None,
+                path: None,
                 fate: fate.clone().unwrap_or(Fate::NotMeasured {
                     why: "it was not reached".to_owned(),
                 }),
@@ -856,7 +874,7 @@ impl<'a> Search<'a> {
             error: Some(ErrorLadder::default()),
             time_ms: None,
             speedup: Some(Standing::ORIGINAL.speedup),
-            p95_ms: None,
+            path: None,
             fate: Fate::Frontier,
         };
         points.insert(0, original);
@@ -954,7 +972,7 @@ fn judge(points: &mut [Point], report: &Report, metric: Metric) {
         point.time_ms = variant.time_ms.as_ref().map(|t| t.estimate);
         point.speedup = variant.speedup.or(point.speedup);
         let longest = variant.by_path.iter().max_by_key(|p| p.frames);
-        point.p95_ms = longest.map(|p| p.p95_ms);
+        point.path = longest.cloned();
         point.fate = match (&variant.verdict, &point.error, point.speedup) {
             (Verdict::Broken { r#where }, ..) => Fate::Broken {
                 why: r#where.clone(),

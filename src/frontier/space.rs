@@ -29,6 +29,9 @@ const LEVELS: [u32; 7] = [1, 2, 3, 4, 6, 8, 12];
 /// Most thresholds on measured errors: each chooses another set of values to carry.
 const MOST_THRESHOLDS: usize = 6;
 
+/// Ratio of two errors that are told apart.
+const APART: f64 = 1.05;
+
 /// A recipe, and what it is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
@@ -49,7 +52,26 @@ pub struct Approximation {
     pub divided: Option<(u32, &'static str)>,
 }
 
-/// The recipes to begin with: each way alone. `error_of` is in `metric`.
+impl Candidate {
+    /// Whether it is `other` and more: further steps, or the same values divided further.
+    pub fn stands_on(&self, other: &Self) -> bool {
+        let divided = |c: &Self| {
+            c.approximation
+                .and_then(|a| Some((a.threshold, a.divided?)))
+        };
+        let is_finer = match (divided(self), divided(other)) {
+            (Some((t, (level, form))), Some((u, (coarse, same)))) => {
+                t == u && form == same && level > coarse
+            }
+            _ => false,
+        };
+        is_finer
+            || self.recipe.steps.len() > other.recipe.steps.len()
+                && self.recipe.steps.starts_with(&other.recipe.steps)
+    }
+}
+
+/// The recipes to begin with: each way alone.
 pub fn seeds(facts: &Facts, metric: Metric) -> Vec<Candidate> {
     let mut found = Vec::new();
     let mut add = |text: String, approximation, covers| {
@@ -120,7 +142,10 @@ fn thresholds(frequencies: &[Frequency], metric: Metric) -> Vec<f64> {
     let finite = frequencies.iter().filter(|f| f.is_finite());
     let mut errors: Vec<f64> = finite.map(|f| metric.of(f)).collect();
     errors.sort_by(f64::total_cmp);
-    errors.dedup();
+    // Of errors that hardly differ the largest: a threshold between them parts nothing that matters.
+    errors.reverse();
+    errors.dedup_by(|a, b| *a * APART >= *b);
+    errors.reverse();
     let last = errors.len().saturating_sub(1);
     let of = MOST_THRESHOLDS - 1;
     let ranks: BTreeSet<usize> = (0..=of).map(|i| i * last / of).collect();
@@ -137,6 +162,7 @@ fn thresholds(frequencies: &[Frequency], metric: Metric) -> Vec<f64> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -188,6 +214,23 @@ mod tests {
         };
         assert!(!texts(Metric::FlipMean)[0].contains("metric"));
         assert!(texts(Metric::MaxAbs)[0].contains("metric=max_abs"));
+    }
+
+    #[test]
+    fn a_finer_division_stands_on_a_coarser_one_and_both_on_their_hoist() {
+        let facts = Facts {
+            frequencies: vec![frequency(0.01)],
+            ..Facts::default()
+        };
+        let seeds = seeds(&facts, Metric::FlipMean);
+        let of = |divided| {
+            let is = |c: &&Candidate| c.approximation.is_some_and(|a| a.divided == divided);
+            seeds.iter().find(is).unwrap()
+        };
+        let (hoist, coarse, fine) = (of(None), of(Some((1, "static"))), of(Some((2, "static"))));
+        assert!(coarse.stands_on(hoist) && fine.stands_on(hoist) && fine.stands_on(coarse));
+        assert!(!coarse.stands_on(fine) && !hoist.stands_on(coarse));
+        assert!(!fine.stands_on(of(Some((1, "shared")))));
     }
 
     #[test]

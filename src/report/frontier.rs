@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::PathTime;
 use crate::frontier::{Ended, Exploration, Fate, Point, explore};
 use crate::measure::Estimate;
 
@@ -18,7 +19,15 @@ pub fn table(found: &Exploration) -> String {
         crate::render::order::name(found.order),
     );
     let metric = metric(found);
-    let header = [&metric, "max abs", "ms", "p95 ms", "speedup", "recipe"].map(str::to_owned);
+    let header = [
+        &metric,
+        "max abs",
+        "ms",
+        "path, p95 ms",
+        "speedup",
+        "recipe",
+    ]
+    .map(str::to_owned);
     let mut rows = vec![header];
     rows.extend(on_frontier(found).map(|p| cells(found, p)));
     let mut widths = [0; 5];
@@ -67,7 +76,7 @@ fn cells(found: &Exploration, point: &Point) -> [String; 6] {
         point
             .time_ms
             .map_or_else(dash, |t| format!("{:.3}", t.median)),
-        point.p95_ms.map_or_else(dash, |t| format!("{t:.3}")),
+        point.path.as_ref().map_or_else(dash, path),
         point.speedup.map_or_else(dash, speedup),
         point.name.clone(),
     ]
@@ -76,6 +85,11 @@ fn cells(found: &Exploration, point: &Point) -> [String; 6] {
 /// A speedup with its interval.
 pub fn speedup(of: Estimate) -> String {
     format!("{:.2}x [{:.2}, {:.2}]", of.median, of.low, of.high)
+}
+
+/// The median of a path's frames, and the 95th percentile.
+pub fn path(of: &PathTime) -> String {
+    format!("{:.3}, {:.3}", of.median_ms, of.p95_ms)
 }
 
 /// An error, short.
@@ -163,7 +177,7 @@ pub fn fate(point: &Point) -> String {
 
 /// Every point, one a line.
 pub fn csv(found: &Exploration) -> String {
-    let mut out = "name,recipe,fate,flip_mean,flip_p99,max_abs,changed_pixels,time_ms,speedup,speedup_low,speedup_high,p95_ms,predicted_error,predicted_work\n".to_owned();
+    let mut out = "name,recipe,fate,flip_mean,flip_p99,max_abs,changed_pixels,time_ms,speedup,speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,predicted_work\n".to_owned();
     for p in &found.points {
         let error = p.error.as_ref();
         let of = |n: Option<f64>| n.map_or_else(String::new, |n| n.to_string());
@@ -179,7 +193,8 @@ pub fn csv(found: &Exploration) -> String {
             of(p.speedup.map(|s| s.median)),
             of(p.speedup.map(|s| s.low)),
             of(p.speedup.map(|s| s.high)),
-            of(p.p95_ms),
+            of(p.path.as_ref().map(|p| p.median_ms)),
+            of(p.path.as_ref().map(|p| p.p95_ms)),
             of(p.prediction.map(|p| p.error)),
             of(p.prediction.map(|p| p.work)),
         ];

@@ -190,7 +190,7 @@ fn row(
             number(error.map(|e| crate::frontier::explore::of(found.metric, e))),
             number(error.map(|e| e.max_abs)),
             time.map_or_else(dash, |t| format!("{:.3}", t.median)),
-            point.p95_ms.map_or_else(dash, |t| format!("{t:.3}")),
+            point.path.as_ref().map_or_else(dash, frontier::path),
             point.speedup.map_or_else(dash, frontier::speedup),
             variant
                 .and_then(|v| v.shaded_per_pixel)

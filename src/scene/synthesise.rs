@@ -100,6 +100,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             DrawOrder::Shuffled,
         ],
         light: Light::default(),
+        files: Vec::new(),
     }
 }
 
