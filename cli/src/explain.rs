@@ -11,7 +11,7 @@ use preshade::passes::graph::Graph;
 use preshade::passes::neighbours;
 use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, Sites};
 use preshade::passes::plan::Plan;
-use preshade::recipe::Step;
+use preshade::recipe::{Recipe, Step};
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
@@ -52,7 +52,7 @@ pub struct Args {
     format: Format,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
-    shader: ShaderArgs,
+    pub shader: ShaderArgs,
 }
 
 #[derive(Serialize)]
@@ -103,11 +103,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .map(|p| Step::parse(p))
             .collect::<Result<Vec<_>, _>>()?
     };
+    let recipe = Recipe {
+        steps: steps.clone(),
+    };
     let Materials {
         asked: plans,
         frame,
         known,
-    } = args.shader.plans()?;
+        ..
+    } = args.shader.plans(&recipe)?;
     let facts = match args.scene {
         true => measured(args)?,
         false if args.view.is_given() => {
