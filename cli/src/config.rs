@@ -180,11 +180,12 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
             }
             continue;
         }
-        let mut all: Vec<&str> = commands
-            .iter()
-            .flat_map(|c| keys(c))
-            .map(|(long, _)| long)
-            .collect();
+        if keys(command).any(|(long, _)| long == key) {
+            values.insert((String::new(), key.clone()), words(key, value)?);
+            continue;
+        }
+        let all = commands.iter().flat_map(|c| keys(c)).chain(keys(command));
+        let mut all: Vec<&str> = all.map(|(long, _)| long).collect();
         all.sort_unstable();
         all.dedup();
         if !all.contains(&key.as_str()) {
