@@ -21,6 +21,8 @@ pub mod recipe;
 pub mod sweep;
 
 #[cfg(feature = "verify")]
+pub mod decide;
+#[cfg(feature = "verify")]
 pub mod frontier;
 #[cfg(feature = "verify")]
 pub mod measure;

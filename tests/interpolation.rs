@@ -31,10 +31,7 @@ fn measured(scene: &Scene) -> Vec<Frequency> {
         frequencies: found,
         ..Facts::default()
     };
-    measure::interpolations(gpu(), scene, &facts, form, &mut |_| {
-        ControlFlow::Continue(())
-    })
-    .unwrap()
+    measure::interpolations(gpu(), scene, &facts, form, &mut |_| {}).unwrap()
 }
 
 #[test]

@@ -21,6 +21,7 @@ const EXAMPLE: &str = "\
 @group(0) @binding(0) var<uniform> camera: mat4x4<f32>;
 @group(0) @binding(1) var leaf: texture_2d<f32>;
 @group(0) @binding(2) var leaf_sampler: sampler;
+@group(0) @binding(3) var<uniform> fog: f32;
 
 struct Out {
     @builtin(position) position: vec4<f32>,
@@ -40,7 +41,11 @@ fn fs(in: Out) -> @location(0) vec4<f32> {
         discard;
     }
     let wave = sin(in.world.x) * cos(in.world.y) + sin(in.world.z + in.world.x);
-    return vec4<f32>(texel.rgb * wave, 1.0);
+    var color = texel.rgb * wave;
+    if (fog > 0.0) {
+        color = mix(color, vec3<f32>(0.5), exp(-fog * in.position.w));
+    }
+    return vec4<f32>(color, 1.0);
 }
 ";
 
@@ -51,6 +56,7 @@ fn root() -> &'static Path {
 /// The steps that show a pass: those it needs before it, and its own.
 fn recipe(name: &str) -> Vec<&'static str> {
     match name {
+        "specialize" => vec!["specialize:set=fog=0"],
         "hoist" => vec!["hoist:budget=0.05"],
         "tessellate" => vec!["hoist:budget=0.05", "tessellate:level=4"],
         "visibility-buffer" => vec!["visibility-buffer:budget=0.02"],

@@ -24,6 +24,7 @@ mod man;
 mod many;
 mod output;
 mod passes;
+mod plan;
 mod rewrite;
 mod variable;
 mod verify;
@@ -102,6 +103,8 @@ enum Command {
     Rewrite(rewrite::Args),
     /// Draws a scene (or a bare shader) with the original and its variants: error, time, verdict.
     Verify(verify::Args),
+    /// What a scene calls for on this adapter: per material the passes that pay, chosen by measurement.
+    Plan(plan::Args),
     /// What accuracy costs in time: the recipes that no other beats in both.
     Explore(explore::Args),
     /// What can be measured on.
@@ -122,6 +125,7 @@ impl Command {
             Self::Passes(a) => passes::run(a),
             Self::Rewrite(a) => rewrite::run(a),
             Self::Verify(a) => verify::run(a),
+            Self::Plan(a) => plan::run(a),
             Self::Explore(a) => explore::run(a),
             Self::Adapters(a) => adapters::run(a),
             Self::Bench(a) => bench::run(a),
@@ -138,6 +142,7 @@ impl Command {
             Self::Rewrite(a) => return a.reads(),
             Self::Verify(a) => &a.shader,
             Self::Explore(a) => &a.shader,
+            Self::Plan(a) => return Some(a.reads()),
             _ => return None,
         };
         (!shader.reads_stdin()).then(|| shader.reads())

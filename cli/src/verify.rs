@@ -7,7 +7,8 @@ use std::time::Duration;
 use indicatif::ProgressBar;
 use preshade::measure::crossover::{Point, Series};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
-use preshade::passes::pass::Facts;
+use preshade::passes::pass::{Facts, Pass};
+use preshade::passes::specialize::Specialize;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
@@ -135,7 +136,7 @@ impl From<OrderArg> for DrawOrder {
 }
 
 /// Reads a number of frames.
-fn parse_frames(text: &str) -> Result<usize, String> {
+pub fn parse_frames(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
         Ok(n @ 1..) => Ok(n),
         _ => Err("expected a whole number from 1".to_owned()),
@@ -165,7 +166,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         None => Variables::new(),
         Some(axis) => axis.at(axis.values.first().copied().unwrap_or(1)),
     };
-    let first = scene(args, &first)?;
+    let first = grouped(scene(args, &first)?, &sweeps)?;
     let shared = args.share.as_deref().and_then(Path::parent);
     for dir in args.out.as_deref().into_iter().chain(shared) {
         check_folder(dir)?;
@@ -190,7 +191,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut pictures = Vec::new();
     for value in &axis.values {
         bar.suspend(|| output::message(&format!("{} = {value}", axis.variable)));
-        let scene = scene(args, &axis.at(*value))?;
+        let scene = grouped(scene(args, &axis.at(*value))?, &sweeps)?;
         let outcome = measured(args, &gpu, &scene, &sweeps, &bar)?;
         pictures = outcome.pictures;
         points.push(Point {
@@ -458,6 +459,21 @@ fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
+}
+
+/// The scene with draws of one material told apart, where a recipe specialises: each group gets a version of its own.
+fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
+    let name = Specialize::INFO.name;
+    let mut steps = sweeps
+        .iter()
+        .flat_map(|s| &s.points)
+        .flat_map(|p| &p.recipe.steps);
+    let Some(step) = steps.find(|s| s.pass == name) else {
+        return Ok(scene);
+    };
+    let params = serde_json::Value::Object(step.params.clone());
+    let params = serde_json::from_value(params).unwrap_or_default();
+    Ok(measure::grouped(&scene, &params, measure::MOST_GROUPS)?)
 }
 
 /// The command as it was typed, without the folder of the binary.

@@ -586,20 +586,26 @@ impl<'a> Search<'a> {
             journal::content(&self.subject, self.originals).map(|k| (k, ORIGINAL.to_owned())),
         );
         let mut admitted = Vec::new();
-        let variants: Vec<Variant> = candidates
-            .iter()
-            .map(|c| measure::variant(self.originals, &c.recipe, self.facts))
-            .collect();
         let is_refused = |v: &Variant| !v.plans.is_empty() && v.kept.len() == v.plans.len();
+        let mut refused: Vec<Candidate> = Vec::new();
+        let mut kept = Vec::new();
+        for (candidate, prediction) in candidates.into_iter().zip(predictions) {
+            // What stands on a refused one is refused for its reason, and not worth a line.
+            if refused.iter().any(|r| candidate.stands_on(r)) {
+                continue;
+            }
+            let variant = measure::variant(self.originals, &candidate.recipe, self.facts);
+            if is_refused(&variant) {
+                refused.push(candidate.clone());
+            }
+            kept.push((candidate, prediction, variant));
+        }
         // What is refused beats nothing.
-        let known: Vec<Prediction> = predictions
+        let known: Vec<Prediction> = kept
             .iter()
-            .zip(&variants)
-            .filter_map(|(p, v)| p.filter(|_| !is_refused(v)))
+            .filter_map(|(_, p, v)| p.filter(|_| !is_refused(v)))
             .collect();
-        for ((candidate, prediction), variant) in
-            candidates.into_iter().zip(predictions).zip(variants)
-        {
+        for (candidate, prediction, variant) in kept {
             let is_refused = is_refused(&variant);
             let key = journal::content(&self.subject, &variant.plans);
             let same = key.as_ref().and_then(|k| keys.get(k));

@@ -52,7 +52,26 @@ pub struct Approximation {
     pub divided: Option<(u32, &'static str)>,
 }
 
-/// The recipes to begin with: each way alone. `error_of` is in `metric`.
+impl Candidate {
+    /// Whether it is `other` and more: further steps, or the same values divided further.
+    pub fn stands_on(&self, other: &Self) -> bool {
+        let divided = |c: &Self| {
+            c.approximation
+                .and_then(|a| Some((a.threshold, a.divided?)))
+        };
+        let is_finer = match (divided(self), divided(other)) {
+            (Some((t, (level, form))), Some((u, (coarse, same)))) => {
+                t == u && form == same && level > coarse
+            }
+            _ => false,
+        };
+        is_finer
+            || self.recipe.steps.len() > other.recipe.steps.len()
+                && self.recipe.steps.starts_with(&other.recipe.steps)
+    }
+}
+
+/// The recipes to begin with: each way alone.
 pub fn seeds(facts: &Facts, metric: Metric) -> Vec<Candidate> {
     let mut found = Vec::new();
     let mut add = |text: String, approximation, covers| {
@@ -143,6 +162,7 @@ fn thresholds(frequencies: &[Frequency], metric: Metric) -> Vec<f64> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -194,6 +214,23 @@ mod tests {
         };
         assert!(!texts(Metric::FlipMean)[0].contains("metric"));
         assert!(texts(Metric::MaxAbs)[0].contains("metric=max_abs"));
+    }
+
+    #[test]
+    fn a_finer_division_stands_on_a_coarser_one_and_both_on_their_hoist() {
+        let facts = Facts {
+            frequencies: vec![frequency(0.01)],
+            ..Facts::default()
+        };
+        let seeds = seeds(&facts, Metric::FlipMean);
+        let of = |divided| {
+            let is = |c: &&Candidate| c.approximation.is_some_and(|a| a.divided == divided);
+            seeds.iter().find(is).unwrap()
+        };
+        let (hoist, coarse, fine) = (of(None), of(Some((1, "static"))), of(Some((2, "static"))));
+        assert!(coarse.stands_on(hoist) && fine.stands_on(hoist) && fine.stands_on(coarse));
+        assert!(!coarse.stands_on(fine) && !hoist.stands_on(coarse));
+        assert!(!fine.stands_on(of(Some((1, "shared")))));
     }
 
     #[test]

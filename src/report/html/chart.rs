@@ -10,7 +10,7 @@ const TOP: f64 = 16.0;
 const BOTTOM: f64 = 46.0;
 
 /// Width of the column of errors that are nothing: a logarithm has no place for them.
-const ZERO: f64 = 60.0;
+const ZERO: f64 = 100.0;
 
 /// A chart, placed.
 pub struct Chart {
