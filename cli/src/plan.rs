@@ -1,5 +1,6 @@
 //! `preshade plan`: what a scene calls for on an adapter, material by material, chosen by measurement.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -280,6 +281,7 @@ fn prepare(
     bar.set_message("measuring what can be interpolated");
     facts.frequencies = measure::frequencies(gpu, scene, &facts, form, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
+        ControlFlow::Continue(())
     })?;
     let recipes = recipes
         .into_iter()
