@@ -350,6 +350,7 @@ fn layers(
     draw: Draw,
 ) -> Scene {
     Scene {
+        files: Vec::new(),
         name: "handwritten".to_owned(),
         size,
         viewport: None,
@@ -371,7 +372,6 @@ fn layers(
         }],
         orders: vec![DrawOrder::AsGiven],
         light: Default::default(),
-        files: Vec::new(),
     }
 }
 

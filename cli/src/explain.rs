@@ -12,7 +12,7 @@ use preshade::passes::guard::Assumed;
 use preshade::passes::neighbours;
 use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, Sites};
 use preshade::passes::plan::Plan;
-use preshade::recipe::Step;
+use preshade::recipe::{Recipe, Step};
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
@@ -53,7 +53,7 @@ pub struct Args {
     format: Format,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
-    shader: ShaderArgs,
+    pub shader: ShaderArgs,
 }
 
 #[derive(Serialize)]
@@ -107,12 +107,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .map(|p| Step::parse(p))
             .collect::<Result<Vec<_>, _>>()?
     };
+    let recipe = Recipe {
+        steps: steps.clone(),
+    };
     let Materials {
         asked: plans,
         frame,
         known,
-        effects,
-    } = args.shader.plans()?;
+        ..
+    } = args.shader.plans(&recipe)?;
     let facts = match args.scene {
         true => measured(args)?,
         false if args.view.is_given() => {
@@ -122,6 +125,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         false => known,
     };
+    let effects = args.shader.effects()?;
     let materials = plans
         .iter()
         .map(|plan| explain(plan, &steps, &facts, &frame, &effects))

@@ -66,6 +66,31 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
     }
 }
 
+/// [`known`], as far as the passes of `recipe` read it.
+pub fn known_for(
+    scene: &crate::scene::Scene,
+    recipe: &crate::recipe::Recipe,
+) -> preshade_passes::pass::Facts {
+    use preshade_passes::depth_prepass::DepthPrepass;
+    use preshade_passes::early_discard::EarlyDiscard;
+    use preshade_passes::pass::{Facts, Pass};
+    use preshade_passes::shadow::Shadow;
+    // The passes that read neither: all others may.
+    let names = [
+        DepthPrepass::INFO.name,
+        EarlyDiscard::INFO.name,
+        Shadow::INFO.name,
+    ];
+    match recipe
+        .steps
+        .iter()
+        .all(|s| names.contains(&s.pass.as_str()))
+    {
+        true => Facts::default(),
+        false => known(scene),
+    }
+}
+
 /// The plans that draw a scene's materials as their authors wrote them.
 pub fn originals(scene: &crate::scene::Scene) -> Vec<preshade_passes::plan::Plan> {
     scene
