@@ -423,6 +423,11 @@ fn draws_of_several_materials_and_index_formats() {
     assert_rounds(&three_draws());
 }
 
+#[test]
+fn draws_of_parts_of_meshes_and_instances() {
+    assert_rounds(&parts::parts());
+}
+
 /// Two draws of some hundred instances each, which their numbers place: more than one workgroup sorts.
 #[test]
 fn instances_by_the_hundred() {

@@ -332,6 +332,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             mesh: 0,
             material: 0,
             transform: Default::default(),
+            range: Default::default(),
             instances: stack.layers,
             instance_streams: BTreeMap::new(),
             joints: Vec::new(),

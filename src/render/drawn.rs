@@ -65,7 +65,7 @@ impl DrawTable {
         })?;
         let [w, h] = scene.size;
         let viewport = scene.viewport.unwrap_or([0, 0, w, h]);
-        let counts = draws().flatten().map(|d| (d.instances, vertices(d) / 3));
+        let counts = draws().flatten().map(|d| (d.instances, d.call.count / 3));
         let triangle_bits = draw_table::triangle_bits(counts);
         let words = draw_table::table(triangle_bits.unwrap_or_default(), &first_ids);
         let table = buffer(inputs.gpu(), &words, wgpu::BufferUsages::STORAGE);
@@ -142,11 +142,11 @@ impl DrawTable {
         let entry = Entry {
             first_id: self.first_ids.get(index).copied().unwrap_or_default(),
             instances: draw.instances,
-            first_instance: 0,
+            first_instance: draw.call.first_instance,
             number: index as u32,
-            first: 0,
+            first: draw.call.first,
             index_bytes,
-            base_vertex: 0,
+            base_vertex: draw.call.base_vertex,
             triangle_bits: self.triangle_bits.unwrap_or_default(),
             viewport: self.viewport,
             vertices: draw.vertex_count,
@@ -181,7 +181,7 @@ impl DrawTable {
             number: index as u64,
             entry: buffer(gpu, &words, wgpu::BufferUsages::UNIFORM),
             table: self.table.clone(),
-            triangles: vertices(draw) / 3,
+            triangles: draw.call.count / 3,
         })
     }
 
@@ -279,11 +279,6 @@ fn frame_buffer(
         usage: usage | indirect,
         mapped_at_creation: false,
     }))
-}
-
-/// Vertices that an instance draws, each index one.
-fn vertices(draw: &DrawInputs) -> u32 {
-    draw.indices.as_ref().map_or(draw.vertex_count, |i| i.count)
 }
 
 /// Fails, in words, where an attribute is not stored as its type is declared.

@@ -17,7 +17,7 @@ use super::shader::Variant;
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
-use crate::scene::{DrawOrder, Frame, Scene};
+use crate::scene::{DrawOrder, Frame, Scene, bind};
 
 /// What a frame is drawn with that is neither the scene's nor the plan's.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -600,6 +600,14 @@ impl<'a> Prepared<'a> {
                 let vertex = &draw.vertex_buffers[*source];
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
             }
+            let bind::Call {
+                first,
+                count,
+                base_vertex,
+                first_instance,
+            } = draw.call;
+            let corners = first..first + count;
+            let instances = first_instance..first_instance + draw.instances;
             match &item.call {
                 Call::AsGiven => {}
                 Call::Subdivided(subdivided) => {
@@ -607,7 +615,7 @@ impl<'a> Prepared<'a> {
                     continue;
                 }
                 Call::Unindexed(vertices) => {
-                    render.draw(0..*vertices, 0..draw.instances);
+                    render.draw(0..*vertices, instances);
                     continue;
                 }
                 Call::FullScreen => {
@@ -622,9 +630,9 @@ impl<'a> Prepared<'a> {
             match &draw.indices {
                 Some(indices) => {
                     render.set_index_buffer(indices.buffer.slice(..), indices.format);
-                    render.draw_indexed(0..indices.count, 0, 0..draw.instances);
+                    render.draw_indexed(corners, base_vertex, instances);
                 }
-                None => render.draw(0..draw.vertex_count, 0..draw.instances),
+                None => render.draw(corners, instances),
             }
         }
     }
