@@ -192,13 +192,23 @@ impl Build<'_> {
             }
             ColorAttachments::Named(names) => names
                 .iter()
-                .map(|name| {
+                .zip(&self.pass.targets)
+                .map(|(name, own)| {
                     let Some(name) = name else { return Ok(None) };
                     let target = self.targets.named(name);
                     let target = target
                         .ok_or_else(|| self.failed(format!("it has no attachment `{name}`")))?;
                     self.check_samples(name, target.samples())?;
-                    Ok(Some(target.format()))
+                    let planned = own.as_ref().map(|t| t.format.as_str());
+                    let format = target.format();
+                    match planned.and_then(state::color_format) {
+                        Some(planned) if planned == format => Ok(Some(format)),
+                        _ => Err(self.failed(format!(
+                            "pass `{}` draws {} to `{name}`, which is {format:?}",
+                            self.pass.program,
+                            planned.unwrap_or("nothing"),
+                        ))),
+                    }
                 })
                 .collect::<Result<_, Error>>()?,
         };

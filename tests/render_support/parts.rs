@@ -31,8 +31,9 @@ struct Out {
 }
 @fragment fn fs(in: Out, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
     let base = textureSample(albedo, smooth_sampler, in.uv * 3.0).rgb;
+    if length(in.uv - 0.5) < 0.1 { discard; }
     let side = select(0.3, 0.8, front);
-    return vec4(base * (0.4 + in.shade.x), 1.0) * object.tint * vec4(side, 1.0, 0.3 + 0.1 * f32(in.number), 1.0) + 0.1 * in.shade.y;
+    return vec4(base * (0.4 + in.shade.x), 1.0) * object.tint * vec4(side, 1.0, 0.3 + 0.1 * f32(in.number % 5u), 1.0) + 0.1 * in.shade.y;
 }
 ";
 
@@ -73,13 +74,14 @@ fn mesh(name: &str, positions: &[[f32; 3]], indices: Option<Vec<u32>>) -> Mesh {
     }
 }
 
-/// A draw of five instances' streams, `range` of which is drawn.
-fn part(name: &str, place: [f32; 3], range: DrawRange, instances: u32) -> Draw {
-    let transform = Mat4::from_translation(place.into()) * Mat4::from_rotation_y(0.4 * place[0]);
-    let mut draw = draw(name, transform, [0.9, 0.8, 0.7, 1.0]);
-    let places = (0..5).flat_map(|i| {
-        let i = i as f32;
-        [0.5 * i - 1.0, 0.25 * i, 0.3 * i, 0.2 * i]
+/// A draw of some of 301 instances: the first five and the last are in sight.
+fn part(name: &str, place: [f32; 3], turn: f32, range: DrawRange, instances: u32) -> Draw {
+    let transform = Mat4::from_translation(place.into()) * Mat4::from_rotation_y(turn);
+    let mut draw = draw(name, transform, [0.9, 0.8, 0.7, 0.3]);
+    let places = (0..301).flat_map(|i| match i as f32 {
+        i if i < 5.0 => [0.5 * i - 1.0, 0.25 * i, 0.3 * i, 0.2 * i],
+        300.0 => [-0.3, -1.1, 0.4, 0.5],
+        _ => [90.0, 90.0, 90.0, 0.0],
     });
     let places = Stream::Float {
         components: 4,
@@ -115,17 +117,18 @@ pub fn parts() -> Scene {
         first_instance,
     };
     let mut draws = vec![
-        part("whole", [-1.2, -0.6, 0.0], DrawRange::default(), 1),
-        part("first", [0.9, -0.7, 0.1], range(6, 6, 4, 2), 3),
-        part("odd", [-0.5, 0.6, -0.2], range(9, 3, 5, 0), 2),
-        part("wide", [0.2, 0.5, 0.3], range(3, 6, -3, 1), 2),
-        part("unindexed", [1.3, 0.6, -0.4], range(6, 9, 0, 3), 2),
-        part("behind", [0.1, -0.2, -1.5], range(0, 12, 8, 1), 1),
+        part("first", [0.9, -0.7, 0.1], 0.4, range(6, 6, 4, 2), 3),
+        part("whole", [-1.2, -0.6, 0.0], -0.5, DrawRange::default(), 1),
+        part("odd", [-0.5, 0.6, -0.2], -0.2, range(9, 3, 5, 0), 301),
+        // Seen from behind.
+        part("wide", [0.2, 0.5, 0.3], 3.3, range(3, 6, -3, 1), 2),
+        part("unindexed", [1.3, 0.6, -0.4], 0.6, range(6, 9, 0, 3), 2),
+        part("behind", [0.1, -0.2, -1.5], 0.0, range(0, 12, 8, 1), 1),
     ];
     for (draw, (mesh, material)) in
         draws
             .iter_mut()
-            .zip([(0, 0), (0, 1), (0, 0), (1, 0), (2, 1), (0, 0)])
+            .zip([(0, 1), (0, 0), (0, 0), (1, 0), (2, 1), (0, 0)])
     {
         (draw.mesh, draw.material) = (mesh, material);
     }
@@ -147,5 +150,18 @@ pub fn parts() -> Scene {
     frame.view = Mat4::look_at_rh(eye, Vec3::ZERO, Vec3::Y);
     frame.projection = Mat4::perspective_rh(0.9, 86.0 / 70.0, 0.1, 50.0);
     frame.eye = eye;
+    scene
+}
+
+/// [`parts`] with a draw that pierces the near plane, all of one material.
+pub fn parts_of_one() -> Scene {
+    let mut scene = parts();
+    scene.materials.truncate(1);
+    for draw in &mut scene.draws {
+        draw.material = 0;
+    }
+    let mut near = part("near", [0.32, 0.4, 3.3], 1.2, DrawRange::default(), 1);
+    near.transform *= Mat4::from_scale(Vec3::splat(0.15)) * Mat4::from_translation(Vec3::X);
+    scene.draws.push(near);
     scene
 }
