@@ -11,11 +11,14 @@ use glam::{Mat4, Vec3};
 use preshade::emit::{self, Target};
 use preshade::measure::{self, Counter};
 use preshade::passes::contract::Assumption;
+use preshade::passes::draw_table::Entry;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role};
 use preshade::passes::state::{ColorTarget, CullMode, FrontFace};
 use preshade::recipe::Recipe;
-use preshade::render::{Rendered, SceneInputs, SelfTestResult, ShaderForm, self_test};
+use preshade::render::{
+    FrameSettings, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm, Variant, self_test,
+};
 use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
@@ -426,6 +429,56 @@ fn draws_of_several_materials_and_index_formats() {
 #[test]
 fn draws_of_parts_of_meshes_and_instances() {
     assert_rounds(&parts::parts());
+}
+
+/// Each word of a draw's entry, got wrong, shows in those forms that read it.
+#[rustfmt::skip] // One row a word.
+#[test]
+fn every_word_of_the_draw_table_is_needed() {
+    let scene = parts::parts();
+    let inputs = SceneInputs::new(gpu(), &scene).unwrap();
+    let plans = originals(&scene);
+    let drawn = |form: &str, amend: fn(&mut Entry)| {
+        let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
+        let variant = Variant::new(&split, ShaderForm::Text).unwrap();
+        let settings = FrameSettings::of(&scene);
+        let mut prepared =
+            Prepared::with_entries(&inputs, &variant, &settings, amend).unwrap();
+        prepared.aim(&scene.cameras[0].frames[0], DrawOrder::AsGiven);
+        prepared.render().unwrap()
+    };
+    // What each form reads beside what all read.
+    let words: [(&str, fn(&mut Entry), &[&str]); 17] = [
+        ("first id", |e| e.first_id += 1, &["select=depth", "select=tiles", "form=binned"]),
+        ("instances", |e| e.instances -= 1, &["select=id", "form=compute", "select=tiles", "form=binned"]),
+        ("first instance", |e| e.first_instance += 1, &["select=depth", "ids=unindexed,select=id", "vertices=kept"]),
+        ("number", |e| e.number ^= 1, &["select=depth", "select=tiles", "form=binned"]),
+        ("first", |e| e.first += 3, &["select=depth", "ids=unindexed,select=id", "vertices=kept"]),
+        ("index bytes", |e| e.index_bytes ^= 6, &["select=depth", "ids=unindexed,select=id"]),
+        ("base vertex", |e| e.base_vertex += 1, &["select=depth", "ids=unindexed,select=id", "vertices=kept"]),
+        ("triangle bits", |e| e.triangle_bits += 1, &["words=one", "words=one,form=binned"]),
+        ("viewport x", |e| e.viewport[0] += 1.0, &["select=depth", "select=tiles", "form=binned"]),
+        ("viewport y", |e| e.viewport[1] += 1.0, &["select=depth", "select=tiles", "form=binned"]),
+        ("viewport width", |e| e.viewport[2] += 1.0, &["select=depth", "select=tiles", "form=binned"]),
+        ("viewport height", |e| e.viewport[3] += 1.0, &["select=depth", "select=tiles", "form=binned"]),
+        ("vertices", |e| e.vertices -= 1, &["vertices=kept"]),
+        ("offset", |e| e.streams.iter_mut().for_each(|s| s.offset += 4), &["select=depth", "ids=unindexed", "formats=any"]),
+        ("stride", |e| e.streams.iter_mut().for_each(|s| s.stride += 4), &["select=depth", "ids=unindexed", "formats=any"]),
+        ("format", |e| e.streams.iter_mut().for_each(|s| s.format = "unorm8x4".to_owned()), &["formats=any"]),
+        ("step", |e| e.streams.iter_mut().for_each(|s| s.by_instance = !s.by_instance), &["select=depth", "ids=unindexed"]),
+    ];
+    let mut right: BTreeMap<&str, Rendered> = BTreeMap::new();
+    let mut alike = Vec::new();
+    for (word, amend, forms) in words {
+        for form in forms {
+            let recipe = format!("visibility-buffer:{form}");
+            let right = right.entry(form).or_insert_with(|| drawn(&recipe, |_| {}));
+            if drawn(&recipe, amend) == *right {
+                alike.push(format!("{word}: {form}"));
+            }
+        }
+    }
+    assert!(alike.is_empty(), "{alike:?}");
 }
 
 /// Two draws of some hundred instances each, which their numbers place: more than one workgroup sorts.

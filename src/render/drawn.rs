@@ -27,7 +27,11 @@ pub(super) struct DrawTable {
     frame: BTreeMap<String, (FrameWords, wgpu::Buffer)>,
     /// The computed vertices of draws that are not subdivided, by draw and name.
     vertices: BTreeMap<(usize, String), wgpu::Buffer>,
+    amend: Amend,
 }
+
+/// What is done to each entry before it is uploaded.
+pub(super) type Amend = fn(&mut Entry);
 
 /// What one pass binds of a draw.
 pub(super) struct Drawn {
@@ -53,7 +57,7 @@ impl DrawTable {
     ///
     /// # Errors
     /// In words: the draws have more instances than ids tell apart, a buffer is larger than the adapter binds, or two plans say different things of one.
-    pub fn new(inputs: &SceneInputs<'_>, plans: &[Plan]) -> Result<Self, String> {
+    pub fn new(inputs: &SceneInputs<'_>, plans: &[Plan], amend: Amend) -> Result<Self, String> {
         let scene = inputs.scene();
         let draws = || (0..scene.draws.len()).map(|i| inputs.draw(i));
         let instances = draws().map(|d| d.map_or(0, |d| d.instances));
@@ -94,6 +98,7 @@ impl DrawTable {
             first_ids,
             triangle_bits,
             table,
+            amend,
         })
     }
 
@@ -139,7 +144,7 @@ impl DrawTable {
             check_formats(bindings, listed, &streams)?;
         }
         let index_bytes = draw.indices.as_ref().map_or(0, |i| i.format.byte_size());
-        let entry = Entry {
+        let mut entry = Entry {
             first_id: self.first_ids.get(index).copied().unwrap_or_default(),
             instances: draw.instances,
             first_instance: draw.call.first_instance,
@@ -152,6 +157,7 @@ impl DrawTable {
             vertices: draw.vertex_count,
             streams,
         };
+        (self.amend)(&mut entry);
         let words = entry
             .words()
             .ok_or("a vertex format is not one of WebGPU's")?;

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use preshade_passes::draw_table;
 use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
 use preshade_passes::geometry::Geometry;
 use preshade_passes::plan::{Draws, Phase, When};
@@ -131,6 +132,19 @@ impl<'a> Prepared<'a> {
         variant: &Variant,
         settings: &FrameSettings,
     ) -> Result<Self, Error> {
+        Self::with_entries(inputs, variant, settings, |_| {})
+    }
+
+    /// [`Self::new`], with the entries of the draw table amended: what a host draws that gets them wrong.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_entries(
+        inputs: &'a SceneInputs<'a>,
+        variant: &Variant,
+        settings: &FrameSettings,
+        amend: fn(&mut draw_table::Entry),
+    ) -> Result<Self, Error> {
         let (gpu, scene) = (inputs.gpu(), inputs.scene());
         check_loads(&variant.frame().passes)?;
         let targets = Targets::new(gpu, variant, scene.size)?;
@@ -138,7 +152,7 @@ impl<'a> Prepared<'a> {
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
         let mut meshes = Meshes::new(scene.size);
-        let table = DrawTable::new(inputs, variant.plans())
+        let table = DrawTable::new(inputs, variant.plans(), amend)
             .and_then(|table| {
                 table.check(&variant.frame().attachments)?;
                 Ok(table)
