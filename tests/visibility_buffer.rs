@@ -14,6 +14,7 @@ use preshade::passes::contract::Assumption;
 use preshade::passes::draw_table::Entry;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role};
+use preshade::passes::rasterizer::{Neighbours, Rasterizer};
 use preshade::passes::state::{ColorTarget, CullMode, FrontFace};
 use preshade::recipe::Recipe;
 use preshade::render::{
@@ -207,6 +208,28 @@ fn pattern() -> Arc<Image> {
         ..Default::default()
     };
     Arc::new(recipe.generate())
+}
+
+/// What the adapter was seen to do, as facts.
+fn seen() -> Facts {
+    Facts {
+        rasterizer: Some(measure::rasterizer(gpu()).unwrap()),
+        ..Facts::default()
+    }
+}
+
+#[test]
+fn the_adapter_is_looked_at() {
+    let seen = seen().rasterizer.unwrap();
+    if gpu().adapter().name.contains("llvmpipe") {
+        let expected = Rasterizer {
+            coarse: Neighbours::Own,
+            cubes: Neighbours::Own,
+            ..Rasterizer::default()
+        };
+        assert_eq!(seen, expected);
+    }
+    println!("{seen:?}");
 }
 
 #[test]
