@@ -5,7 +5,7 @@
 mod render_support;
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
 use preshade::emit::{self, Target};
@@ -43,9 +43,19 @@ const FORMS: [&str; 16] = [
     "visibility-buffer:vertices=kept,form=compute,select=tiles,formats=any",
 ];
 
+/// What the adapter was seen to do, as facts.
+fn seen() -> &'static Facts {
+    static SEEN: OnceLock<Facts> = OnceLock::new();
+    SEEN.get_or_init(|| Facts {
+        rasterizer: Some(measure::rasterizer(gpu()).unwrap()),
+        ..Facts::default()
+    })
+}
+
+/// Split for the adapter at hand.
 fn split(plan: &Plan, recipe: &str) -> Plan {
     let recipe = Recipe::parse([recipe]).unwrap();
-    recipe.apply(plan, &Facts::default()).unwrap()
+    recipe.apply(plan, seen()).unwrap()
 }
 
 fn refused(scene: &Scene) -> String {
@@ -92,11 +102,24 @@ fn difference(before: &Rendered, after: &Rendered) -> Difference {
 
 /// Draws `scene` forward and in every form, asserts that the forms agree and that coverage and depth are the forward ones, and returns how colours differ.
 fn compared(scene: &Scene) -> Difference {
+    compared_with(scene, &FORMS.map(str::to_owned))
+}
+
+/// The same of forms with a budget.
+fn compared_within(scene: &Scene, budget: &str) -> Difference {
+    let with = |form: &str| match form.contains(':') {
+        true => format!("{form},budget={budget}"),
+        false => format!("{form}:budget={budget}"),
+    };
+    compared_with(scene, &FORMS.map(with))
+}
+
+fn compared_with(scene: &Scene, forms: &[String]) -> Difference {
     let plans = originals(scene);
     let order = DrawOrder::AsGiven;
     let forward = render_as(gpu(), scene, &plans, order, ShaderForm::Text);
     let mut found: Option<Difference> = None;
-    for form in FORMS {
+    for form in forms {
         let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
         let drawn = render_as(gpu(), scene, &split, order, ShaderForm::Text);
         let difference = difference(&forward, &drawn);
@@ -208,14 +231,6 @@ fn pattern() -> Arc<Image> {
         ..Default::default()
     };
     Arc::new(recipe.generate())
-}
-
-/// What the adapter was seen to do, as facts.
-fn seen() -> Facts {
-    Facts {
-        rasterizer: Some(measure::rasterizer(gpu()).unwrap()),
-        ..Facts::default()
-    }
 }
 
 #[test]
@@ -574,11 +589,111 @@ fn a_biased_sample_and_a_sample_of_a_sample() {
     let mut material = shader("dependent", TEXTURES, "", "", body);
     material.textures.insert("albedo".to_owned(), pattern());
     material.textures.insert("relief".to_owned(), pattern());
-    let difference = compared(&floor(material));
+    let difference = compared_within(&floor(material), "0.02");
     assert!(
         difference.most <= 2 && difference.colors < 128 * 96 / 20,
         "{difference:?}"
     );
+}
+
+#[test]
+fn a_biased_sample_needs_a_budget() {
+    let body = "return textureSampleBias(albedo, smooth_sampler, in.uv, 1.0) * object.tint;";
+    let scene = floor(shader("biased", TEXTURES, "", "", body));
+    assert_eq!(refused(&scene), "biased-sample");
+    split(&originals(&scene)[0], "visibility-buffer:budget=0.02");
+}
+
+#[test]
+fn a_cube_is_sampled_at_the_levels_that_the_adapter_takes() {
+    let declared = "@group(1) @binding(1) var albedo: texture_cube<f32>;
+@group(1) @binding(2) var smooth_sampler: sampler;";
+    // A direction whose gradients differ from pixel to pixel.
+    let body = "let waves = vec3(sin(in.uv.x * 9.0), 0.6, cos(in.uv.y * 7.0));
+    return textureSample(albedo, smooth_sampler, waves) * object.tint;";
+    let mut material = shader("cube", declared, "", "", body);
+    let mut levels = (*mips(7)).clone();
+    levels.layers = 6;
+    for level in &mut levels.levels {
+        *level = level.repeat(6);
+    }
+    material
+        .textures
+        .insert("albedo".to_owned(), Arc::new(levels));
+    let scene = floor(material);
+    let difference = compared(&scene);
+    assert!(
+        difference.most <= 1 && difference.colors * 50 <= 128 * 96,
+        "{difference:?}"
+    );
+    // Other neighbours give other levels, so that the choice is seen.
+    let [own, quad] = ["own", "quad"].map(|of| {
+        let recipe = format!("visibility-buffer:cubes={of}");
+        let plans: Vec<Plan> = originals(&scene)
+            .iter()
+            .map(|p| split(p, &recipe))
+            .collect();
+        render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text)
+    });
+    assert!(difference_of_levels(&own, &quad) > 100);
+}
+
+/// Pixels that differ by more than a step.
+fn difference_of_levels(a: &Rendered, b: &Rendered) -> usize {
+    let [a, b] = [a, b].map(|r| &r.colors[0].as_ref().unwrap().bytes);
+    let pixels = a.chunks_exact(4).zip(b.chunks_exact(4));
+    let far = |(p, q): &(&[u8], &[u8])| p.iter().zip(*q).any(|(p, q)| p.abs_diff(*q) > 1);
+    pixels.filter(far).count()
+}
+
+#[test]
+fn coarse_derivatives_are_those_of_the_adapter() {
+    let body = "let bent = in.uv.x * in.uv.y * 3.0;
+    return vec4(0.4 + dpdxCoarse(bent) * 4.0, 0.4 + dpdyCoarse(bent) * 4.0, fwidth(bent) * 2.0, 1.0) * object.tint;";
+    let difference = compared(&floor(shader("coarse", "", "", "", body)));
+    assert!(difference.most <= 1, "{difference:?}");
+}
+
+#[test]
+fn what_selects_nothing_is_refused() {
+    let scene = floor(shader("plain", "", "", "", "return object.tint;"));
+    for parameters in [
+        "form=binned,select=tiles",
+        "form=binned,select=id",
+        "form=compute,select=depth",
+    ] {
+        let recipe = Recipe::parse([format!("visibility-buffer:{parameters}")]).unwrap();
+        let refusal = recipe.apply(&originals(&scene)[0], seen()).unwrap_err();
+        assert_eq!(refusal.code, "select", "{parameters}");
+    }
+}
+
+#[test]
+fn names_of_ours_may_be_the_authors() {
+    let body = "return vec4(0.5 + 0.4 * sin(in.world * 3.0), 1.0) * object.tint;";
+    let text = shader("names", "", "", "", body);
+    let text = text.program.author_text().unwrap().to_owned();
+    for (vertex, fragment) in [
+        ("vs_visible", "fs_visible"),
+        ("vs_visible_ids", "fs_visible_ids"),
+        ("cs_visible", "vs_visible"),
+    ] {
+        let text = text.replace("fn vs(", &format!("fn {vertex}("));
+        let text = text.replace("fn fs(", &format!("fn {fragment}("));
+        let mut material = material("names", &text);
+        (material.vertex, material.fragment) = (vertex.to_owned(), Some(fragment.to_owned()));
+        material.state.primitive.cull = CullMode::None;
+        assert_rounds(&floor(material));
+    }
+}
+
+#[test]
+fn a_fragment_stage_without_colours_is_refused() {
+    let text = shader("none", "", "", "", "return object.tint;");
+    let text = text.program.author_text().unwrap().to_owned();
+    let stage = "@fragment fn fs(in: Out) { if in.uv.x > 0.5 { discard; } }";
+    let text = format!("{}{stage}", &text[..text.find("@fragment").unwrap()]);
+    assert_eq!(refused(&floor(material("none", &text))), "no-color");
 }
 
 #[test]
@@ -936,7 +1051,10 @@ fn texts() {
         "visibility-buffer:select=tiles,corners=snapped",
         "visibility-buffer:form=binned,words=one",
     ] {
-        let plan = split(&originals(&scene)[0], recipe);
+        // For any adapter.
+        let recipe = Recipe::parse([recipe]).unwrap();
+        let plan = &originals(&scene)[0];
+        let plan = recipe.apply(plan, &Facts::default()).unwrap();
         let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
         for file in files {
             if file.name.ends_with(".wgsl") && !file.name.contains("original") {
