@@ -654,6 +654,83 @@ fn coarse_derivatives_are_those_of_the_adapter() {
     assert!(difference.most <= 1, "{difference:?}");
 }
 
+/// What drawing says of a scene that cannot be.
+fn not_drawn(scene: &Scene, recipe: &str) -> String {
+    let plans: Vec<Plan> = originals(scene).iter().map(|p| split(p, recipe)).collect();
+    let inputs = SceneInputs::new(gpu(), scene).unwrap();
+    let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+    let error = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap_err();
+    error.to_string()
+}
+
+#[test]
+fn more_than_ids_and_buffers_hold_is_told_before_it_is_drawn() {
+    let mut scene = floor(shader("many", "", "", "", "return object.tint;"));
+    scene.draws.push(scene.draws[0].clone());
+    for (instances, recipe, told) in [
+        (
+            3_000_000_000,
+            "visibility-buffer",
+            "they have 6000000000 instances, and ids tell 4294967294 apart",
+        ),
+        (
+            700_000_000,
+            "visibility-buffer:words=one",
+            "1400000000 instances, and 2 triangles with their sides, do not fit into ids of one word: take words=two",
+        ),
+        (
+            2_000_000_000,
+            "visibility-buffer:form=binned",
+            "the buffer `visibility-bin-instances` would have 16000000000 bytes, and the adapter binds",
+        ),
+        (
+            500_000_000,
+            "visibility-buffer:vertices=kept",
+            "the vertices of `floor` would take",
+        ),
+    ] {
+        for draw in &mut scene.draws {
+            draw.instances = instances;
+        }
+        let found = not_drawn(&scene, recipe);
+        assert!(found.contains(told), "{found}");
+    }
+    // 4,000,000 instances are no trouble.
+    for draw in &mut scene.draws {
+        draw.instances = 2_000_000;
+    }
+    let inputs = SceneInputs::new(gpu(), &scene).unwrap();
+    for form in ["words=one", "form=binned"] {
+        let recipe = format!("visibility-buffer:{form}");
+        let plans: Vec<Plan> = originals(&scene)
+            .iter()
+            .map(|p| split(p, &recipe))
+            .collect();
+        let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+        Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap();
+    }
+}
+
+#[test]
+fn an_id_beside_all_varyings_that_a_device_promises() {
+    let varyings: String = (2..16)
+        .map(|l| format!("@location({l}) more_{l}: f32, "))
+        .collect();
+    let given = vec!["uv.x"; 14].join(", ");
+    let body = "return object.tint + in.more_15 * 0.1;";
+    let mut scene = floor(shader("sixteen", "", &varyings, &given, body));
+    assert_eq!(refused(&scene), "too-many-varyings");
+    let limit = |recipe: &str| {
+        let plan = split(&originals(&scene)[0], recipe);
+        let ids = plan.passes.iter().find(|p| p.role == Role::Ids).unwrap();
+        ids.limits.get("maxInterStageShaderVariables").copied()
+    };
+    assert_eq!(limit("visibility-buffer:vertex=same"), Some(17));
+    assert_eq!(limit("visibility-buffer:vertex=sliced"), None);
+    scene = scene.with_invariant_positions();
+    assert_rounds(&scene);
+}
+
 #[test]
 fn what_selects_nothing_is_refused() {
     let scene = floor(shader("plain", "", "", "", "return object.tint;"));

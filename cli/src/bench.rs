@@ -432,6 +432,7 @@ fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
                 visibility: Visibility {
                     vertex: false,
                     fragment: true,
+                    ..Visibility::default()
                 },
                 source: BindingSource::Attachment {
                     name: "prepass-depth".to_owned(),

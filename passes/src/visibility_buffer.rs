@@ -24,7 +24,7 @@ use crate::depth_only::{self, DepthOnly, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
-use crate::plan::{Attachment, ClearValue, Plan, Role, Step};
+use crate::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::self_test;
 
 mod build;
@@ -251,6 +251,7 @@ impl<'a> Material<'a> {
             clear: ClearValue::Color([0.0; 4]),
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
+        self.check_varyings(&next, params)?;
         if (params.form, params.select()) == (Form::Fragment, Select::Depth) {
             self.classify(&mut next, params).map_err(bug)?;
         }
@@ -282,6 +283,26 @@ impl<'a> Material<'a> {
         next.self_test = self_test::identified(&next, plan);
         depth_only::finish(&mut next, "original");
         Ok(next)
+    }
+
+    /// The author's varyings and the id beside them may be one more than the author asks a device for. Who says `vertex=same` has it so.
+    fn check_varyings(&self, plan: &Plan, params: &Params) -> Result<(), Box<Refusal>> {
+        const LIMIT: &str = "maxInterStageShaderVariables";
+        let asked = |pass: &GpuPass| pass.limits.get(LIMIT).copied().unwrap_or(0);
+        let Some(ids) = plan.passes.iter().find(|p| p.role == Role::Ids) else {
+            return Ok(());
+        };
+        if params.vertex.is_some() || asked(ids) <= asked(self.opaque.pass) {
+            return Ok(());
+        }
+        Err(Box::new(refuse(
+            "too-many-varyings",
+            format!(
+                "the id pass hands on the author's varyings and the id, {} in all, which is more than the material asks a device for ({LIMIT})",
+                asked(ids)
+            ),
+            "mark the position @invariant, or take vertex=sliced, which needs no varying but the id; or vertex=same, where devices have the limit",
+        )))
     }
 
     /// What the roundings of interpolated values reach; refused where it is a jump, and no budget allows for one.

@@ -157,8 +157,8 @@ impl<'a> Prepared<'a> {
                 table.check(&variant.frame().attachments)?;
                 Ok(table)
             })
-            .map_err(|message| Error::Scene {
-                draw: scene.name.clone(),
+            .map_err(|message| Error::Draws {
+                scene: scene.name.clone(),
                 message,
             })?;
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;

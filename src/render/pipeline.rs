@@ -8,7 +8,7 @@ use preshade_passes::state::ColorTarget;
 
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
-use super::layout::{Made, Stages};
+use super::layout::Made;
 use super::shader::Stage;
 use super::targets::Targets;
 use super::{Error, layout, limits, state, trusted};
@@ -138,7 +138,6 @@ impl Build<'_> {
             self.draw,
             self.targets,
             self.made,
-            Stages::Raster,
             &self.gpu.device.limits(),
         )
         .map_err(|m| self.failed(m))?;

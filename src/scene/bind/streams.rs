@@ -114,6 +114,8 @@ pub(super) struct Streams<'a> {
     attributes: Vec<Attribute>,
     /// Instance to world, or to the model's space where the program multiplies by the model matrix itself.
     instances: Vec<Mat4>,
+    /// The same of an instance that has no transform of its own.
+    placed: Mat4,
     pulls_indices: bool,
 }
 
@@ -155,7 +157,7 @@ impl<'a> Streams<'a> {
             Some(Stream::Float { data, .. }) => {
                 data.chunks_exact(16).map(Mat4::from_cols_slice).collect()
             }
-            _ => vec![Mat4::IDENTITY; instances_held(draw)],
+            _ => Vec::new(),
         };
         let outer = if reads_model(material) {
             Mat4::IDENTITY
@@ -167,7 +169,8 @@ impl<'a> Streams<'a> {
             draw,
             mesh,
             attributes,
-            instances: given.into_iter().map(|m| outer * m).collect(),
+            instances: given.into_iter().map(|m: Mat4| outer * m).collect(),
+            placed: outer,
             pulls_indices: material::globals(&material.program)
                 .any(|g| is_index_buffer(g.name) && g.is_storage),
         })
@@ -245,7 +248,7 @@ impl<'a> Streams<'a> {
     }
 
     fn instance(&self, i: usize) -> Mat4 {
-        self.instances.get(i).copied().unwrap_or(Mat4::IDENTITY)
+        self.instances.get(i).copied().unwrap_or(self.placed)
     }
 
     /// The indices, unless the program fetches them itself.
