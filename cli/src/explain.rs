@@ -1,5 +1,7 @@
 //! `preshade explain`: where each pass applies, or why it does not.
 
+use std::ops::ControlFlow;
+
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
@@ -149,7 +151,10 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
     let bar = output::bar();
     bar.set_message("measuring what can be interpolated");
     let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
-    facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut progress)?;
+    facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut |done| {
+        progress(done);
+        ControlFlow::Continue(())
+    })?;
     bar.set_message("bounding how far it is off");
     facts.frequencies = measure::interpolations(&gpu, &scene, &facts, form, &mut progress)?;
     bar.finish_and_clear();

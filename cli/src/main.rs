@@ -11,10 +11,12 @@ use preshade::nearest::nearest;
 mod adapters;
 mod bench;
 mod explain;
+mod explore;
 mod graph;
 mod input;
 mod output;
 mod passes;
+mod plan;
 mod rewrite;
 mod variable;
 mod verify;
@@ -55,6 +57,10 @@ enum Command {
     Rewrite(rewrite::Args),
     /// Draws a scene (or a bare shader) with the original and its variants: error, time, verdict.
     Verify(verify::Args),
+    /// What a scene calls for on this adapter: per material the passes that pay, chosen by measurement.
+    Plan(plan::Args),
+    /// What accuracy costs in time: the recipes that no other beats in both.
+    Explore(explore::Args),
     /// What can be measured on.
     Adapters(adapters::Args),
     /// The frozen hand-written shaders beside what preshade makes of the same forward entry points.
@@ -146,6 +152,8 @@ fn main() -> ExitCode {
         Command::Passes(a) => passes::run(&a),
         Command::Rewrite(a) => rewrite::run(&a),
         Command::Verify(a) => verify::run(&a),
+        Command::Plan(a) => plan::run(&a),
+        Command::Explore(a) => explore::run(&a),
         Command::Adapters(a) => adapters::run(&a),
         Command::Bench(a) => bench::run(&a),
     };

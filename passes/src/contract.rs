@@ -45,6 +45,10 @@ pub enum Assumption {
     NumbersOfTheScene,
     /// Positions computed by two pipelines from one source differ by less than the pass's bias or tolerance.
     PositionWithinBias,
+    /// Which products a compiler fuses with a sum does not rest on branches that are not there any more.
+    SameContraction,
+    /// The values that a draw is made with lie where the plan's guard says ([`crate::guard`]).
+    ValuesOfTheGuard,
 }
 
 /// What a transform promises. Ordered from strongest to weakest; the contract of a plan is the weakest of its steps'.

@@ -158,6 +158,9 @@ pub struct Facts {
     /// Between which numbers the varyings and the constants of the draw lie; empty where that was not looked at.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranges: Vec<SourceRange>,
+    /// Numbers that no frame changes, by material; empty where that was not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub constants: Vec<Constant>,
     /// What carrying each value of a fragment stage alone does to the picture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<Frequency>,
@@ -177,6 +180,15 @@ pub struct Changing {
     pub binding: u32,
     /// Name of the member; `None` where the uniform is no struct.
     pub member: Option<String>,
+}
+
+/// A number that is the same, or lies within bounds, in all draws of a material and in every frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Constant {
+    /// Name of the material.
+    pub material: String,
+    /// The number.
+    pub value: crate::guard::Assumed,
 }
 
 /// Where a fragment stage's numbers come from.

@@ -1,6 +1,7 @@
 //! How well each value of a fragment stage can be interpolated on a scene's own triangles, and the choice under a budget that rests on it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 
 use preshade_passes::graph::Graph;
 use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Metric, Stages};
@@ -18,7 +19,7 @@ use crate::report::Budget;
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
-/// frames that choices are made on ([`choosing`]). Of `facts` the ranges count. `progress` is told the part done.
+/// frames that choices are made on ([`choosing`]). Of `facts` the ranges count. The dearest come first; `progress` is told the part done, and may end it there: what was measured stands.
 ///
 /// # Errors
 /// As [`Prepared::new`] and [`Prepared::render`], of the original. A candidate that cannot be drawn is left out.
@@ -27,7 +28,7 @@ pub fn frequencies(
     scene: &Scene,
     facts: &Facts,
     form: ShaderForm,
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Vec<Frequency>, Error> {
     let scene = &small(scene);
     let inputs = SceneInputs::new(gpu, scene)?;
@@ -47,9 +48,16 @@ pub fn frequencies(
             of.push((material, found, candidate));
         }
     }
+    let mut candidates: Vec<_> = candidates.into_iter().collect();
+    let saved = |of: &[(usize, &Candidates<'_, '_>, &Candidate)]| -> f64 {
+        of.iter().map(|(_, _, c)| c.cost).fold(0.0, f64::max)
+    };
+    candidates.sort_by(|(_, a), (_, b)| saved(b).total_cmp(&saved(a)));
     let mut measured = Vec::new();
     for (done, (id, of)) in candidates.iter().enumerate() {
-        progress(done as f64 / candidates.len() as f64);
+        if progress(done as f64 / candidates.len() as f64).is_break() {
+            break;
+        }
         let mut alone: BTreeMap<usize, Plan> = BTreeMap::new();
         let carried: Vec<_> = of
             .iter()

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::num::NonZeroU64;
 use std::sync::Arc;
 
+use preshade_passes::guard::Assumed;
 use preshade_passes::plan::{BindingKind, GpuPass, Plan};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
@@ -182,6 +183,44 @@ impl<'a> SceneInputs<'a> {
                 self.gpu.queue.write_buffer(buffer, 0, bytes);
             }
         })
+    }
+
+    /// The plans whose guard some draw of their material violates in `frame`, by index, and the first value that does. A host draws the originals of these.
+    ///
+    /// # Errors
+    /// As [`SceneInputs::new`].
+    pub fn violated(
+        &self,
+        plans: &[Plan],
+        frame: &Frame,
+    ) -> Result<Vec<(usize, Assumed)>, Error> {
+        let mut found = Vec::new();
+        for (index, plan) in plans.iter().enumerate() {
+            let Some(guard) = &plan.guard else { continue };
+            for draw in &self.scene.draws {
+                let Some(material) = self.scene.materials.get(draw.material) else {
+                    continue;
+                };
+                if material.name != plan.material {
+                    continue;
+                }
+                let pass = &self.authored[draw.material];
+                let bound = bind::uniform_buffers(self.scene, material, pass, draw, frame);
+                let bound = bound.map_err(|e| Error::Scene {
+                    draw: draw.name.clone(),
+                    message: e.to_string(),
+                })?;
+                let bytes = |group, binding| {
+                    let at = |b: &&bind::BufferBinding| (b.group, b.binding) == (group, binding);
+                    bound.iter().find(at).map(|b| &*b.data.bytes)
+                };
+                if let Some(assumed) = guard.violated(bytes) {
+                    found.push((index, assumed.clone()));
+                    break;
+                }
+            }
+        }
+        Ok(found)
     }
 
     /// The scene.

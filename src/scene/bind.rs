@@ -260,15 +260,27 @@ pub fn frame_buffers(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<Vec<BufferBinding>, Error> {
+    let mut bound = uniform_buffers(scene, material, pass, draw, frame)?;
+    bound.retain(|b| b.rate == Rate::Frame);
+    Ok(bound)
+}
+
+/// The uniform buffers of [`draw`].
+///
+/// # Errors
+/// As [`draw`].
+pub fn uniform_buffers(
+    scene: &Scene,
+    material: &Material,
+    pass: &GpuPass,
+    draw: &Draw,
+    frame: &Frame,
+) -> Result<Vec<BufferBinding>, Error> {
     let streams = Streams::new(scene, material, draw)?;
-    let mut out = Vec::new();
-    for binding in authored(pass).filter(|b| b.kind == BindingKind::Uniform) {
-        let bound = buffer(scene, material, &streams, binding, draw, frame, &mut ignore)?;
-        if bound.rate == Rate::Frame {
-            out.push(bound);
-        }
-    }
-    Ok(out)
+    authored(pass)
+        .filter(|b| b.kind == BindingKind::Uniform)
+        .map(|b| buffer(scene, material, &streams, b, draw, frame, &mut ignore))
+        .collect()
 }
 
 /// Packs the uniforms of one draw and drops them: whether its values fit their variables.

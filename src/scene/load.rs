@@ -185,6 +185,7 @@ impl Loader<'_> {
                 ],
             },
             light,
+            files: self.folder.files(),
         };
         for (i, entry) in f.cameras.iter().enumerate() {
             let camera = self

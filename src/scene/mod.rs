@@ -67,6 +67,8 @@ pub struct Scene {
     pub orders: Vec<DrawOrder>,
     /// Directional light, and what its shadow map covers.
     pub light: Light,
+    /// Whole paths of the files that it was read from, its own apart; none of a scene that was made up.
+    pub files: Vec<std::path::PathBuf>,
 }
 
 /// Order of the opaque draws of a frame.

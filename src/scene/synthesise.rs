@@ -101,6 +101,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             DrawOrder::Shuffled,
         ],
         light: Light::default(),
+        files: Vec::new(),
     }
 }
 
