@@ -38,6 +38,7 @@ pub mod pass;
 pub mod place;
 pub mod plan;
 pub mod program;
+pub mod rasterizer;
 pub mod reflect;
 pub mod returns;
 pub mod self_test;
