@@ -121,6 +121,11 @@ fn cases(files: &[PathBuf]) -> (Vec<Case>, usize) {
     let mut by_stem: BTreeMap<PathBuf, [Option<PathBuf>; 2]> = BTreeMap::new();
     let mut cases = Vec::new();
     let mut others = 0;
+    // A pair with a stage between its two is no pair.
+    let between = |file: &Path| {
+        let mut stages = ["gs", "geom", "tcs", "tesc"].iter();
+        stages.any(|e| file.with_extension(e).is_file())
+    };
     for file in files {
         let stage = match file.extension().and_then(|e| e.to_str()) {
             Some("vert" | "vs") => 0,
@@ -138,6 +143,10 @@ fn cases(files: &[PathBuf]) -> (Vec<Case>, usize) {
             }
             _ => continue,
         };
+        if between(file) {
+            others += 1;
+            continue;
+        }
         by_stem.entry(file.with_extension("")).or_default()[stage] = Some(file.clone());
     }
     for (stem, pair) in by_stem {

@@ -39,8 +39,8 @@ const sets = {
 	plain: {},
 	lights: { ...lights },
 	fog: { ...lights, useFog: true, fog: true, fogExp2: true, vertexColors: true, dithering: true },
-	shadows: { ...lights, numDirLightShadows: 1, numPointLightShadows: 1, numSpotLightShadows: 1, numSpotLightShadowsWithMaps: 1, shadowMapEnabled: true, shadowMapType: 1 },
-	vsm: { ...lights, numDirLightShadows: 1, numSpotLightShadows: 1, numSpotLightShadowsWithMaps: 1, shadowMapEnabled: true, shadowMapType: 3 },
+	shadows: { ...lights, numDirLightShadows: 1, numPointLightShadows: 1, numSpotLightShadows: 1, shadowMapEnabled: true, shadowMapType: 1 },
+	vsm: { ...lights, numDirLightShadows: 1, numSpotLightShadows: 1, shadowMapEnabled: true, shadowMapType: 3 },
 	skinning: { ...lights, skinning: true },
 	morph: { ...lights, morphTargets: true, morphNormals: true, morphTargetsCount: 4, morphTextureStride: 2 },
 	instancing: { ...lights, instancing: true, instancingColor: true },
@@ -49,6 +49,7 @@ const sets = {
 	physical: { ...lights, ...maps, clearcoat: true, sheen: true, iridescence: true, transmission: true, anisotropy: true, dispersion: true, defines: { PHYSICAL: '' } },
 };
 
+const lit = [ 'standard', 'physical', 'phong', 'lambert', 'toon', 'matcap', 'normal' ];
 const sources = [];
 const gl = new Proxy( {}, {
 	get( _, name ) {
@@ -66,6 +67,7 @@ for ( const [ name, shader ] of Object.entries( ShaderLib ) ) {
 
 	for ( const [ set, given ] of Object.entries( sets ) ) {
 
+		if ( set === 'physical' && name !== 'physical' && name !== 'standard' ) continue;
 		const points = name === 'points' || name === 'sprite';
 		const parameters = {
 			shaderType: name, shaderName: name, shaderID: name, precision: 'highp', vertexShader: shader.vertexShader, fragmentShader: shader.fragmentShader,
@@ -76,6 +78,14 @@ for ( const [ name, shader ] of Object.entries( ShaderLib ) ) {
 		parameters.defines = { ...( given.defines ?? {} ) };
 		if ( parameters.envMap ) Object.assign( parameters.defines, pmrem );
 		if ( points && given.map ) Object.assign( parameters, { map: name === 'sprite', alphaMap: false } );
+		// What a material of the kind does not have is not given to it.
+		if ( ! lit.includes( name ) ) {
+
+			for ( const key of Object.keys( parameters ) ) if ( /^(normalMap|envMap|roughness|metalness|displacement)/.test( key ) ) delete parameters[ key ];
+
+		}
+
+		if ( name === 'backgroundCube' ) Object.assign( parameters, { envMap: true, envMapPMREM: set === 'maps', envMapMaxLod: 8, envMapSize: 256, defines: pmrem } );
 		sources.length = 0;
 		new WebGLProgram( renderer, 'key', parameters, null );
 		const into = join( out, name );

@@ -314,6 +314,10 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
         )
         .note("build preshade with the feature `glsl`"));
     }
+    #[cfg(feature = "glsl")]
+    if sources.len() == 1 && glsl::has_stages(&sources[0].text) {
+        return Ok(());
+    }
     let mut stages = Vec::new();
     for source in sources {
         match source.stage() {

@@ -425,10 +425,7 @@ fn import(ty: &Ty, all: &[Struct], stage: &mut Stage<'_>) {
         for member in &of.members {
             import(&member.ty, all, stage);
         }
-        stage.structs.insert(Struct {
-            hosted: false,
-            ..of.clone()
-        });
+        stage.structs.insert(of.clone());
     }
 }
 

@@ -483,6 +483,7 @@ impl<'u> Stage<'u> {
                         members,
                         hosted: false,
                     });
+                    self.structs.host_small();
                 }
                 Ty::Struct(name)
             }

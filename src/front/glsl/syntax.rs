@@ -62,21 +62,26 @@ impl Dialect {
         Self { version, es }
     }
 
-    /// Words that are keywords of later versions only.
-    fn is_name(self, token: &Token) -> bool {
-        match token {
-            Token::Sample | Token::Patch | Token::Precise => {
-                self.version < if self.es { 320 } else { 400 }
-            }
-            Token::Buffer
-            | Token::Shared
-            | Token::Coherent
-            | Token::Restrict
-            | Token::ReadOnly
-            | Token::WriteOnly => self.version < if self.es { 310 } else { 430 },
-            Token::Smooth | Token::NoPerspective => self.version == 100,
-            _ => false,
-        }
+    /// The name that a token is where it is a keyword of later versions only.
+    fn name(self, token: &Token) -> Option<&'static str> {
+        let before = |es: u16, desktop: u16| self.version < if self.es { es } else { desktop };
+        let (name, is_name) = match token {
+            Token::Sample => ("sample", before(320, 400)),
+            Token::Patch => ("patch", before(320, 400)),
+            Token::Precise => ("precise", before(320, 400)),
+            Token::Buffer => ("buffer", before(310, 430)),
+            Token::Shared => ("shared", before(310, 430)),
+            Token::Coherent => ("coherent", before(310, 420)),
+            Token::Volatile => ("volatile", before(310, 420)),
+            Token::Restrict => ("restrict", before(310, 420)),
+            Token::ReadOnly => ("readonly", before(310, 420)),
+            Token::WriteOnly => ("writeonly", before(310, 420)),
+            Token::Subroutine => ("subroutine", before(320, 400)),
+            Token::Smooth => ("smooth", before(300, 130)),
+            Token::NoPerspective => ("noperspective", before(320, 130)),
+            _ => return None,
+        };
+        is_name.then_some(name)
     }
 }
 
@@ -130,9 +135,11 @@ pub(super) struct Input<'a> {
 pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Error> {
     let dialect = Dialect::of(input.text);
     // The names of Vulkan's separate textures are functions' names elsewhere.
-    let vulkan = !dialect.es && (dialect.version >= 420 || dialect.version == 110);
-    let separate = ["sampler ", "samplerShadow ", "texture2D ", "textureCube "];
-    let vulkan = vulkan && separate.iter().any(|w| input.text.contains(w));
+    let old = ["texture2D(", "textureCube(", "texture2D (", "texture3D("];
+    let vulkan = !dialect.es
+        && (dialect.version >= 420 || dialect.version == 110)
+        && input.text.contains("sampler")
+        && !old.iter().any(|w| input.text.contains(w));
     let files = Files {
         include: input.include.to_vec(),
         read: Rc::default(),
@@ -377,8 +384,8 @@ impl Iterator for Numbered<'_, '_> {
             self.too_many = true;
             return None;
         }
-        if self.dialect.is_name(&token) {
-            token = Token::Identifier(token.to_string().as_str().into());
+        if let Some(name) = self.dialect.name(&token) {
+            token = Token::Identifier(name.into());
         }
         if let Token::Identifier(name) | Token::TypeName(name) = &token
             && !self.names.contains(name.as_str())

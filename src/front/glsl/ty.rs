@@ -318,6 +318,103 @@ impl Structs {
     }
 }
 
+/// What a struct or block is declared to hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Entry<'a> {
+    Member(&'a Member),
+    /// A float of nothing.
+    Padding,
+}
+
+impl Structs {
+    /// Alignment and size of the type in a uniform block: OpenGL 4.6, section 7.6.2.2 (std140).
+    fn std140(&self, ty: &Ty) -> (u32, u32) {
+        let width = |k: &Kind| if *k == Kind::Double { 8 } else { 4 };
+        let vector = |k: &Kind, n: u8| {
+            (
+                width(k) * [1, 2, 4, 4][usize::from(n) - 1],
+                width(k) * u32::from(n),
+            )
+        };
+        match ty {
+            Ty::Scalar(k) => (width(k), width(k)),
+            Ty::Vector(k, n) => vector(k, *n),
+            Ty::Matrix(k, columns, rows) => {
+                let stride = vector(k, *rows).0.max(16);
+                (stride, stride * u32::from(*columns))
+            }
+            Ty::Array(of, n) => {
+                let (align, size) = self.std140(of);
+                let align = align.max(16);
+                (align, size.next_multiple_of(align) * n.unwrap_or(1))
+            }
+            Ty::Struct(name) => {
+                let members = self
+                    .get(name)
+                    .map(|s| s.members.as_slice())
+                    .unwrap_or_default();
+                let mut align = 16;
+                let mut end = 0;
+                for member in members.iter().filter(|m| self.has_data(&m.ty)) {
+                    let (a, size) = self.std140(&member.ty);
+                    align = align.max(a);
+                    end = u32::next_multiple_of(end, a) + size;
+                }
+                (align, end.next_multiple_of(align))
+            }
+            _ => (16, 16),
+        }
+    }
+
+    /// The alignment that naga gives the type: it does not raise that of a struct to 16.
+    fn naga_align(&self, ty: &Ty) -> u32 {
+        match ty {
+            Ty::Struct(name) => {
+                let members = self
+                    .get(name)
+                    .map(|s| s.members.as_slice())
+                    .unwrap_or_default();
+                let members = members.iter().filter(|m| self.has_data(&m.ty));
+                members.map(|m| self.naga_align(&m.ty)).max().unwrap_or(4)
+            }
+            other => self.std140(other).0,
+        }
+    }
+
+    /// The members that hold data, with padding where a struct's alignment asks for it; `whole`: up to the next 16 bytes at the end too, as a struct's is.
+    pub(super) fn laid_out<'a>(&self, members: &'a [Member], whole: bool) -> Vec<Entry<'a>> {
+        let mut out = Vec::new();
+        let mut end = 0u32;
+        let mut largest = 4;
+        for member in members.iter().filter(|m| self.has_data(&m.ty)) {
+            let (align, size) = self.std140(&member.ty);
+            let at = end.next_multiple_of(align);
+            let naga = self.naga_align(&member.ty);
+            largest = largest.max(naga);
+            if end.next_multiple_of(naga) != at {
+                out.extend((0..(at - end) / 4).map(|_| Entry::Padding));
+            }
+            out.push(Entry::Member(member));
+            end = at + size;
+        }
+        if whole && largest < 16 {
+            let rest = end.next_multiple_of(16) - end;
+            out.extend((0..rest / 4).map(|_| Entry::Padding));
+        }
+        out
+    }
+
+    /// Marks the structs whose members naga lays out as in a block wherever they are used: those with arrays of small elements, or with matrices of two rows.
+    pub(super) fn host_small(&mut self) {
+        for of in self.by_name.values_mut() {
+            of.hosted |= of
+                .members
+                .iter()
+                .any(|m| !matches!(m.ty.kind(), Some(Kind::Bool)) && is_stored_otherwise(&m.ty));
+        }
+    }
+}
+
 /// How a value of the type is declared in a uniform block: WebGPU's uniform address space has no `bool`, no array of an element that is smaller than 16 bytes
 /// and, in std140, no matrix of two rows. What is stored has the same offsets.
 pub(super) fn stored(ty: &Ty) -> Ty {

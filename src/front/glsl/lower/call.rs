@@ -5,7 +5,7 @@ use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{Signature, Storage, spelled, unsupported};
-use super::super::ty::{Kind, Ty, is_stored_otherwise};
+use super::super::ty::{Entry, Kind, Ty, is_stored_otherwise};
 use super::expression::{Ex, level, pack};
 use super::{Lower, builtin, texture};
 use crate::front::error::Error;
@@ -88,18 +88,24 @@ impl Lower<'_, '_> {
                     .get(name)
                     .map(|s| (s.hosted, s.members.clone()));
                 let (hosted, members) = members.unwrap_or_default();
+                let entries = match hosted {
+                    true => self.stage.structs.laid_out(&members, true),
+                    false => members.iter().map(Entry::Member).collect(),
+                };
                 let mut parts = Vec::new();
-                for (value, member) in values.into_iter().zip(&members) {
-                    if !self.stage.structs.has_data(&member.ty) {
+                let mut values = values.into_iter();
+                for entry in entries {
+                    let Entry::Member(member) = entry else {
+                        parts.push("0.0".to_owned());
                         continue;
-                    }
+                    };
+                    let Some(value) = values.next() else {
+                        break;
+                    };
                     let value = self.coerce(value, &member.ty);
                     parts.push(match hosted && is_stored_otherwise(&member.ty) {
                         true => pack(&value, &member.ty).ok_or_else(|| {
-                            unsupported(
-                                "a uniform's struct of this shape cannot be constructed",
-                                place,
-                            )
+                            unsupported("a struct of this shape cannot be constructed", place)
                         })?,
                         false => value.at(level::ASSIGNMENT),
                     });
@@ -382,6 +388,7 @@ impl Lower<'_, '_> {
                 .map(|v| v.at(level::POSTFIX))
                 .unwrap_or_default()
         };
+        let at = |i: usize, level: u8| values.get(i).map(|v| v.at(level)).unwrap_or_default();
         let rewritten = match (name, types.first()) {
             ("matrixCompMult", Some(ty @ Ty::Matrix(_, columns, _))) => {
                 let columns: Vec<String> = (0..*columns)
@@ -389,7 +396,41 @@ impl Lower<'_, '_> {
                     .collect();
                 Some(format!("{}({})", ty.name(), columns.join(", ")))
             }
-            ("fwidthCoarse" | "fwidthFine", _) => None,
+            ("outerProduct", Some(Ty::Vector(..))) => match &result {
+                Ty::Matrix(_, columns, _) => {
+                    let column = |c: char| format!("{} * {}.{c}", at(0, 14), post(1));
+                    let columns: Vec<String> = "xyzw"
+                        .chars()
+                        .take(usize::from(*columns))
+                        .map(column)
+                        .collect();
+                    Some(format!("{}({})", result.name(), columns.join(", ")))
+                }
+                _ => None,
+            },
+            // naga knows these of vectors only.
+            ("dot", Some(Ty::Scalar(_))) => Some(format!("({} * {})", at(0, 14), at(1, 15))),
+            ("length", Some(Ty::Scalar(_))) => Some(format!("abs({})", text(0))),
+            ("distance", Some(Ty::Scalar(_))) => {
+                Some(format!("abs({} - {})", at(0, 13), at(1, 14)))
+            }
+            ("normalize", Some(Ty::Scalar(_))) => Some(format!("sign({})", text(0))),
+            // WGSL has neither: by their bits, which no compiler takes for constant.
+            ("isnan" | "isinf", Some(of)) => {
+                let bits = format!("floatBitsToUint({})", text(0));
+                Some(match (of, name) {
+                    (Ty::Vector(_, n), _) => {
+                        let compare = if name == "isnan" {
+                            "greaterThan"
+                        } else {
+                            "equal"
+                        };
+                        format!("{compare}({bits} & uvec{n}(0x7FFFFFFFu), uvec{n}(0x7F800000u))")
+                    }
+                    (_, "isnan") => format!("(({bits} & 0x7FFFFFFFu) > 0x7F800000u)"),
+                    _ => format!("(({bits} & 0x7FFFFFFFu) == 0x7F800000u)"),
+                })
+            }
             ("memoryBarrier" | "groupMemoryBarrier" | "barrier", _) => {
                 return Err(unsupported(
                     format!("`{name}` belongs to compute shaders"),
@@ -438,22 +479,62 @@ impl Lower<'_, '_> {
         arguments: &[Expr],
         place: Option<naga::Span>,
     ) -> Result<Ex, Error> {
-        let ("modf", [x, whole]) = (name, arguments) else {
-            return Err(unsupported(format!("`{name}` is not read"), place)
-                .note("write out what it does: naga has no such function"));
+        let mut values = Vec::new();
+        for argument in arguments {
+            values.push(self.raw(argument)?);
+        }
+        let Some(ty) = values.first().map(|v| v.ty.clone()) else {
+            return Err(unsupported(format!("`{name}` takes arguments"), place));
         };
-        let value = self.expr(x)?;
-        let out = self.raw(whole)?;
-        let ty = value.ty.name();
-        let helper = format!("modf_{ty}");
-        let text = format!(
-            "{ty} {helper}({ty} x, out {ty} whole) {{\n    whole = trunc(x);\n    return x - whole;\n}}\n"
-        );
+        let t = ty.name();
+        let helper = self.helper_name(&format!("{name}_{t}"));
+        // A sum that wraps is smaller than what was added; a difference borrows where less is taken from.
+        let less = |a: &str, b: &str| match ty.components() {
+            Some(1) => format!("{a} < {b} ? 1u : 0u"),
+            _ => format!("{t}(lessThan({a}, {b}))"),
+        };
+        let (result, text) = match (name, &ty) {
+            ("modf", _) => (
+                ty.clone(),
+                format!(
+                    "{t} {helper}({t} x, out {t} whole) {{\n    whole = trunc(x);\n    return x - whole;\n}}\n"
+                ),
+            ),
+            ("uaddCarry", _) => (
+                ty.clone(),
+                format!(
+                    "{t} {helper}({t} x, {t} y, out {t} carry) {{\n    {t} sum = x + y;\n    carry = {};\n    return sum;\n}}\n",
+                    less("sum", "x")
+                ),
+            ),
+            ("usubBorrow", _) => (
+                ty.clone(),
+                format!(
+                    "{t} {helper}({t} x, {t} y, out {t} borrow) {{\n    borrow = {};\n    return x - y;\n}}\n",
+                    less("x", "y")
+                ),
+            ),
+            ("umulExtended", Ty::Scalar(_)) => (Ty::Void, multiplied(&helper)),
+            _ => {
+                return Err(unsupported(format!("`{name}` of {t} is not read"), place)
+                    .note("write out what it does: naga has no such function"));
+            }
+        };
         self.helpers.insert(helper.clone(), text);
+        let parts: Vec<String> = values.iter().map(|v| v.at(level::ASSIGNMENT)).collect();
         Ok(Ex::primary(
-            format!("{helper}({}, {})", value.text, out.text),
-            value.ty,
+            format!("{helper}({})", parts.join(", ")),
+            result,
         ))
+    }
+
+    /// The name of a function of ours; always the same for the same purpose.
+    fn helper_name(&self, wanted: &str) -> String {
+        let mut name = wanted.to_owned();
+        while self.stage.unit.names.contains(&name) {
+            name.push('_');
+        }
+        name
     }
 
     /// A call of a function of textures; `None` if it is none.
@@ -473,6 +554,21 @@ impl Lower<'_, '_> {
         let rest = self.values(&arguments[1..])?;
         self.sample(name, &function, sampler, rest, whole).map(Some)
     }
+}
+
+/// The 64 bits of a product, by halves.
+fn multiplied(name: &str) -> String {
+    [
+        &format!("void {name}(uint x, uint y, out uint high, out uint low) {{"),
+        "    uint a = (x & 0xFFFFu) * (y & 0xFFFFu);",
+        "    uint b = (x >> 16u) * (y & 0xFFFFu);",
+        "    uint c = (x & 0xFFFFu) * (y >> 16u);",
+        "    uint middle = (a >> 16u) + (b & 0xFFFFu) + (c & 0xFFFFu);",
+        "    low = x * y;",
+        "    high = (x >> 16u) * (y >> 16u) + (b >> 16u) + (c >> 16u) + (middle >> 16u);",
+        "}\n",
+    ]
+    .join("\n")
 }
 
 /// A matrix made of another: what it lacks is the identity's.

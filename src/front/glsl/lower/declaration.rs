@@ -5,7 +5,7 @@ use naga::ShaderStage;
 use super::super::interface::{Slot, index};
 use super::super::marks::unmarked;
 use super::super::stage::{Global, Storage, Variable, unsupported};
-use super::super::ty::{Kind, Member, Ty, stored};
+use super::super::ty::{Entry, Kind, Member, Ty, stored};
 use super::{Lower, Var};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
@@ -54,16 +54,25 @@ impl Lower<'_, '_> {
             let Some(of) = self.stage.structs.get(&name).cloned() else {
                 continue;
             };
-            let members: Vec<&Member> = of
-                .members
-                .iter()
-                .filter(|m| self.stage.structs.has_data(&m.ty))
-                .collect();
-            if members.is_empty() {
+            let entries = match of.hosted {
+                true => self.stage.structs.laid_out(&of.members, true),
+                false => {
+                    let data = of
+                        .members
+                        .iter()
+                        .filter(|m| self.stage.structs.has_data(&m.ty));
+                    data.map(Entry::Member).collect()
+                }
+            };
+            if entries.is_empty() {
                 continue;
             }
             out += &format!("struct {name} {{\n");
-            for member in members {
+            for (i, entry) in entries.into_iter().enumerate() {
+                let Entry::Member(member) = entry else {
+                    out += &format!("    float padding_{i};\n");
+                    continue;
+                };
                 out += &self.marks.mark(member.place);
                 let ty = match of.hosted {
                     true => stored(&member.ty),
@@ -112,8 +121,15 @@ impl Lower<'_, '_> {
             let mark = self.marks.mark(block.place);
             let word = if storage { "buffer" } else { "uniform" };
             let mut body = String::new();
-            for member in &block.members {
-                body += &self.member(member, hosted)?;
+            let entries = match hosted {
+                true => self.stage.structs.laid_out(&block.members, false),
+                false => block.members.iter().map(Entry::Member).collect(),
+            };
+            for (i, entry) in entries.into_iter().enumerate() {
+                body += &match entry {
+                    Entry::Member(member) => self.member(member, hosted)?,
+                    Entry::Padding => format!("    float {}_padding_{i};\n", block.name),
+                };
             }
             let name = self.safe(&block.name);
             out += &format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
@@ -239,8 +255,17 @@ impl Lower<'_, '_> {
         }
         let layout = Self::layout(self.interface.uniform_slot);
         let mut out = format!("layout({layout}) uniform {block} {{\n");
-        for member in &members {
-            out += &self.member(member, true)?;
+        for (i, entry) in self
+            .stage
+            .structs
+            .laid_out(&members, false)
+            .into_iter()
+            .enumerate()
+        {
+            out += &match entry {
+                Entry::Member(member) => self.member(member, true)?,
+                Entry::Padding => format!("    float padding_{i};\n"),
+            };
         }
         Ok(out + &format!("}} {instance};\n"))
     }

@@ -183,7 +183,24 @@ impl Lower<'_, '_> {
             }
             _ => {}
         }
-        // One and two dimensional shadow maps of the 1.x kind take three coordinates alike.
+        // Where there are no derivatives, GLSL samples the base level; a bias is then the level (4.60, section 8.9).
+        let implicit = name.starts_with("texture")
+            && !["Size", "Lod", "Grad", "Query", "Samples"]
+                .iter()
+                .any(|w| name.contains(w));
+        let cube_shadow = combined.starts_with("samplerCube") && shadow;
+        if self.is_vertex() && implicit && !cube_shadow {
+            let coordinates = usize::from(name.ends_with("Offset")) + 1;
+            if rest.len() == coordinates {
+                rest.insert(1, Ex::primary("0.0", Ty::FLOAT));
+            } else if coordinates == 2 {
+                rest.swap(1, 2);
+            }
+            name = match name.strip_suffix("Offset") {
+                Some(start) => format!("{start}LodOffset"),
+                None => format!("{name}Lod"),
+            };
+        }
         let call = |pair: Option<&Pair>| {
             let first = match pair {
                 Some(pair) => format!("{}({}, {})", pair.combined, pair.texture, pair.sampler),
