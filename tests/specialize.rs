@@ -7,8 +7,11 @@ mod render_support;
 use std::path::Path;
 
 use preshade::emit;
+use preshade::front::{self, Options, Source};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
 use preshade::passes::contract::Verdict;
+use preshade::passes::graph::Graph;
+use preshade::passes::naga;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::specialize::Params;
@@ -116,7 +119,11 @@ fn a_violated_guard_takes_the_original() {
         draw.values.insert("hall.fog_density".to_owned(), fog);
     }
     let original = drawn(&foggy, &measure::originals(&foggy));
-    assert_ne!(drawn(&foggy, &variant.plans), original, "the guard is needed");
+    assert_ne!(
+        drawn(&foggy, &variant.plans),
+        original,
+        "the guard is needed"
+    );
     let inputs = SceneInputs::new(gpu(), &foggy).unwrap();
     let frame = &foggy.cameras[0].frames[0];
     let violated = inputs.violated(&variant.plans, frame).unwrap();
@@ -137,7 +144,10 @@ fn the_guard_travels_with_the_plan() {
         for plan in specialized(&scene, recipe).plans {
             let options = emit::Options::default();
             let files = emit::emit(&plan, &[emit::Target::Wgsl], &options).unwrap();
-            let json = files.iter().find(|f| f.name.ends_with(".plan.json")).unwrap();
+            let json = files
+                .iter()
+                .find(|f| f.name.ends_with(".plan.json"))
+                .unwrap();
             let read: emit::PlanFile = serde_json::from_slice(&json.bytes).unwrap();
             let guard = read.plan.guard.clone().unwrap();
             assert!(!guard.values.is_empty());
@@ -187,4 +197,61 @@ fn effects_are_found_and_counted() {
         ("skinning", 5),
     ];
     assert_eq!(found, expected);
+}
+
+/// What a person makes of the museum for a kind of exhibit, frozen before there was a generator: the same picture, and no fewer operations.
+#[test]
+fn hand_specialised_exhibits_are_matched() {
+    let whole = museum();
+    for kind in ["plinth", "bronze", "banner", "puppet"] {
+        let mut scene = whole.clone();
+        scene.draws.retain(|d| d.name.starts_with(kind));
+        assert_eq!(scene.draws.len(), 5);
+        let material = &scene.materials[0];
+        let path = format!("fixtures/handwritten/museum-{kind}.wgsl");
+        let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path));
+        let source = Source::new(format!("{kind}.wgsl"), text.unwrap());
+        let parsed = front::parse(&[source], &Options::default()).unwrap();
+        let (name, fragment) = (&material.name, parsed.fragment.as_deref());
+        let (program, vertex) = (parsed.program, &parsed.vertex);
+        let hand = Plan::original(name, program, vertex, fragment, &material.state);
+        let generated = specialized(&scene, "specialize").plans.remove(0);
+        let original = drawn(&scene, &measure::originals(&scene));
+        assert_eq!(
+            drawn(&scene, std::slice::from_ref(&hand)),
+            original,
+            "{kind}"
+        );
+        assert_eq!(
+            drawn(&scene, std::slice::from_ref(&generated)),
+            original,
+            "{kind}"
+        );
+        let [by_hand, ours] = [&hand, &generated].map(|plan| {
+            let pass = plan.main().unwrap();
+            let program = plan.program(pass).unwrap();
+            let graph = Graph::build(program);
+            let stages = [
+                (naga::ShaderStage::Vertex, Some(pass.vertex.as_str())),
+                (naga::ShaderStage::Fragment, pass.fragment.as_deref()),
+            ];
+            stages.map(|(stage, name)| {
+                let (entry, _) = program.entry_point(stage, name.unwrap()).unwrap();
+                graph.entry_cost(entry)
+            })
+        });
+        for (ours, by_hand) in ours.into_iter().zip(by_hand) {
+            assert!(
+                ours <= by_hand / 0.95,
+                "{kind}: {ours} ops, by hand {by_hand}"
+            );
+        }
+        let used = |plan: &Plan| {
+            let pass = plan.main().unwrap();
+            let bindings = pass.bindings.iter().map(|b| b.name.clone());
+            let attributes = pass.attributes.iter().map(|a| a.name.clone());
+            bindings.chain(attributes).collect::<Vec<_>>()
+        };
+        assert_eq!(used(&generated), used(&hand), "{kind}");
+    }
 }
