@@ -371,6 +371,7 @@ fn layers(
         }],
         orders: vec![DrawOrder::AsGiven],
         light: Default::default(),
+        files: Vec::new(),
     }
 }
 

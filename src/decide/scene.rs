@@ -356,7 +356,7 @@ fn report(
     decision.switch_cost = switch_cost(&decision);
     let seen = scouted.seen(settings.model);
     decision.materials = (0..scouted.choices.len())
-        .map(|m| material(m, &seen, &decision, frames))
+        .map(|m| material(m, scene, &seen, &decision, frames))
         .collect();
     decision
 }
@@ -391,6 +391,7 @@ fn plan_report(
             },
             |s| s.verdict.clone(),
         ),
+        error: subject.and_then(|s| s.error.clone()),
         cost: subject.and_then(|s| s.cost),
         notes: frame.notes.clone(),
         by_view: by_view.collect(),
@@ -414,6 +415,7 @@ fn switch_cost(decision: &Decision) -> Option<SwitchCost> {
 /// What one material was found to call for.
 fn material(
     index: usize,
+    scene: &Scene,
     seen: &Seen<'_>,
     decision: &Decision,
     frames: &[Considered],
@@ -444,6 +446,9 @@ fn material(
     MaterialDecision {
         reasons: reasons::of(&choices.material, &recipes, &predicted, decision),
         material: choices.material.clone(),
+        draws: (0..scene.draws.len())
+            .filter(|d| scene.draws[*d].material == index)
+            .collect(),
         recipes,
         refused: choices.refused.clone(),
         predicted,
