@@ -263,11 +263,13 @@ fn refine<'a>(
     loop {
         let best = measured.table.best();
         let is_new = |c: &Considered| !frames.iter().any(|f| f.assignment == c.assignment);
-        let near = seen.neighbours(&frames[best].assignment);
-        let near: Vec<Considered> = near
+        let near: Vec<Considered> = seen
+            .neighbours(&frames[best].assignment)
             .into_iter()
             .filter(is_new)
             .take(left.min(LOT))
+            .filter_map(|c| seen.consider(c.assignment))
+            .filter(is_new)
             .collect();
         if near.is_empty() {
             return Ok(());
@@ -434,7 +436,7 @@ fn material(
         .filter_map(|pick| {
             let mut alone = Assignment::original(seen.choices);
             alone.0[index] = pick;
-            let considered = seen.consider(alone)?;
+            let considered = seen.predict(alone)?;
             let ratios = original.iter().zip(&considered.predicted);
             let ratios: Vec<f64> = ratios.map(|(before, after)| after / before).collect();
             Some(PredictedRecipe {
