@@ -91,6 +91,15 @@ pub struct Args {
     format: Format,
 }
 
+impl Args {
+    /// The files that it reads.
+    pub fn reads(&self) -> Vec<PathBuf> {
+        let of_scene = |path: &PathBuf| scene::load(path).map(|s| s.files).unwrap_or_default();
+        let below = self.scenes.iter().flat_map(of_scene);
+        self.scenes.iter().cloned().chain(below).collect()
+    }
+}
+
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum TimeArg {
     /// Predictions only.
