@@ -373,7 +373,6 @@ fn layers(
         }],
         orders: vec![DrawOrder::AsGiven],
         light: Default::default(),
-        files: Vec::new(),
     }
 }
 
