@@ -8,8 +8,12 @@ use indicatif::ProgressBar;
 use preshade::decide::{self, Decision, Exhausted, Hold, Model, RegretReport, Settings, Timed};
 use preshade::emit;
 use preshade::front::{self, Source};
+use preshade::lock::{Inputs, Lock, Locked, Measured};
 use preshade::measure::{self, TimingSettings};
 use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::program::Language;
+use preshade::passes::specialize;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
@@ -78,6 +82,10 @@ pub struct Args {
     /// Folder for the chosen plans' shaders, a `plan.json` each, and `decision.json`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Write the decision into this lock file (`preshade.lock` beside the shaders), which a build without
+    /// a GPU obeys. It holds one plan a material: no switch, and no groups of draws.
+    #[arg(long, value_name = "FILE")]
+    lock: Option<PathBuf>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -150,6 +158,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(dir) = &args.out {
         write(dir, &scene, &facts, &decision, json)?;
     }
+    if let Some(path) = &args.lock {
+        lock(path, &scene, &facts, &decision)?;
+    }
     Ok(match decision.is_broken() {
         true => Outcome::ContractBroken,
         false => Outcome::Fine,
@@ -220,7 +231,7 @@ fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
         frames_per_camera: args.frames,
         runners: args.runners,
         refinements: 6,
-        hold: match args.one {
+        hold: match args.one || args.lock.is_some() {
             true => Hold::One,
             false => Hold::Switching,
         },
@@ -300,7 +311,7 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             .ok_or_else(|| Failure(format!("error: --set {text}: expected NAME=VALUE")))?;
         variables.insert(name.trim().to_owned(), Variable::parse(value.trim()));
     }
-    let scene = match path.extension().is_some_and(|e| e == "toml") {
+    let mut scene = match path.extension().is_some_and(|e| e == "toml") {
         true => scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?,
         false => {
             let name = path.display().to_string();
@@ -315,11 +326,82 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             scene::synthesise(parsed, MaterialState::default())
         }
     };
+    // Draws of a material that want different versions are decided on apart.
+    if args.lock.is_none() {
+        scene = measure::grouped(&scene, &specialize::Params::default(), measure::MOST_GROUPS)?;
+    }
     let mut scene = args.view.of(scene)?;
     if !args.order.is_empty() {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
+}
+
+/// What a plan of the decision makes of a material; nothing where that is drawn as written.
+fn recipe(decision: &Decision, plan: usize, original: &Plan) -> Result<Recipe, Failure> {
+    let recipe = decision.plans[plan].recipes.get(&original.material);
+    Ok(match recipe {
+        Some(recipe) => Recipe::parse_list(recipe)?,
+        None => Recipe::default(),
+    })
+}
+
+/// Writes the decision into a lock file; materials of other scenes that are in it stay.
+fn lock(path: &Path, scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Failure> {
+    let mut lock = Lock::read(path)?.unwrap_or_default();
+    let plan = decision.drawn().first().copied().unwrap_or(0);
+    for (original, material) in measure::originals(scene).iter().zip(&scene.materials) {
+        let files = material.program.sources().files().iter();
+        let sources: Vec<Source> = files
+            .map(|f| Source::new(&f.name, f.text.to_string()))
+            .collect();
+        // The front end names GLSL's entry points itself.
+        let is_named = material.program.language() == Language::Wgsl;
+        let options = front::Options {
+            vertex: is_named.then(|| material.vertex.clone()),
+            fragment: material.fragment.clone().filter(|_| is_named),
+            ..front::Options::default()
+        };
+        let locked = Locked::resolve(
+            original,
+            &recipe(decision, plan, original)?,
+            facts,
+            Inputs::of(&sources, &options, &material.state),
+            measured(decision, plan),
+        )?;
+        lock.materials.insert(material.name.clone(), locked);
+    }
+    if lock.write(path)? {
+        output::message(&format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// The figures that spoke for a plan, in the view in which it gains most; `None` where nothing was timed.
+fn measured(decision: &Decision, plan: usize) -> Option<Measured> {
+    let (report, original) = (decision.plans.get(plan)?, decision.plans.first()?);
+    let views = report.by_view.iter().zip(&original.by_view);
+    let (own, before) = views
+        .filter(|(own, _)| own.speedup.is_some())
+        .max_by(|a, b| {
+            let gain = |v: &decide::decision::PlanView| v.speedup.map_or(0.0, |s| s.median);
+            gain(a.0).total_cmp(&gain(b.0))
+        })?;
+    let speedup = own.speedup?;
+    let error = report.error.clone().unwrap_or_default();
+    Some(Measured {
+        scene: decision.scene.clone(),
+        resolution: decision.resolution,
+        adapter: decision.adapter.name.clone(),
+        driver: decision.adapter.driver.clone(),
+        verdict: report.verdict.clone(),
+        original_ms: before.time_ms?.median,
+        variant_ms: own.time_ms?.median,
+        speedup: [speedup.median, speedup.low, speedup.high],
+        changed_pixels: error.changed_pixels,
+        max_abs: error.max_abs,
+        flip_mean: error.flip_mean,
+    })
 }
 
 /// Writes the shaders and `plan.json` of each plan that the policy draws with, and the decision. Where there are two, each has a folder: `below` and `above`.
@@ -339,13 +421,9 @@ fn write(
     for (plan, folder) in drawn.iter().zip(&folders) {
         let mut files = Vec::new();
         for original in measure::originals(scene) {
-            let recipe = decision.plans[*plan].recipes.get(&original.material);
-            let plan = match recipe {
-                Some(recipe) => Recipe::parse_list(recipe)?
-                    .apply(&original, facts)
-                    .map_err(|r| Failure(format!("error: {r}")))?,
-                None => original,
-            };
+            let plan = recipe(decision, *plan, &original)?
+                .apply(&original, facts)
+                .map_err(|r| Failure(format!("error: {r}")))?;
             files.extend(emit::emit(
                 &plan,
                 &[emit::Target::Wgsl],
