@@ -324,6 +324,14 @@ impl ShaderArgs {
         })
     }
 
+    /// Which effects of its materials a scene's draws call for; none of a shader.
+    pub fn effects(&self) -> Result<Vec<measure::EffectUse>, Failure> {
+        Ok(match self.input()? {
+            Input::Shader(..) => Vec::new(),
+            Input::Scene(scene) => measure::effects(&scene).unwrap_or_default(),
+        })
+    }
+
     /// The files that are given by name, stdin apart.
     fn given(&self) -> Vec<PathBuf> {
         let files = self.files.iter().chain(&self.state.state);

@@ -169,9 +169,7 @@ fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Fail
         let scene = scene(args, path)?;
         let start = Instant::now();
         let measured = prepare(args, gpu, &scene, bar).and_then(|(recipes, facts)| {
-            Ok(decide::regret::exhaust(
-                gpu, &scene, &recipes, &facts, &settings,
-            )?)
+            Ok(decide::exhaust(gpu, &scene, &recipes, &facts, &settings)?)
         });
         let spent = start.elapsed().as_secs_f64();
         bar.suspend(|| {

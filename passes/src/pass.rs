@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::plan::{Plan, Role};
 use crate::program::{Location, SourceMap};
+use crate::rasterizer::Rasterizer;
 
 /// What a pass says of itself.
 #[derive(Clone, Copy, Debug)]
@@ -163,6 +164,9 @@ pub struct Facts {
     /// What carrying each value of a fragment stage alone does to the picture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<Frequency>,
+    /// What the adapter does that no language decides; `None`: not looked at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rasterizer: Option<Rasterizer>,
 }
 
 /// A uniform, or a member of one, that is not the same in all frames.

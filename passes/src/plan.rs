@@ -242,6 +242,8 @@ pub enum BindingKind {
 pub struct Visibility {
     pub vertex: bool,
     pub fragment: bool,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub compute: bool,
 }
 
 /// A binding that a pass's entry points really use.

@@ -2,19 +2,21 @@
 //!
 //! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames and [`mod@constants`] what is, [`shading`] counts fragments and depth ties, [`timing`] times frames,
 //! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself ([`bounds`] proves how far that can be off);
-//! [`mod@junctions`] finds edges that two draws divide differently; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
+//! [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
 //! [`crossover`] tells at which value of a scene's variable one variant overtakes another.
 
 pub mod bounds;
 pub mod changing;
 pub mod constants;
 pub mod crossover;
+pub mod effects;
 pub mod error;
 pub mod frequency;
 pub mod groups;
 pub mod interpolation;
 pub mod junctions;
 pub mod ranges;
+pub mod rasterizer;
 pub mod shading;
 pub mod shadow;
 pub mod statistics;
@@ -26,6 +28,7 @@ mod vertices;
 
 pub use changing::changing;
 pub use constants::constants;
+pub use effects::{EffectUse, effects};
 pub use error::{ErrorLadder, compare};
 pub use frequency::{
     frequencies, interpolations, leaves_a_choice, promised, within_budget, written_out,
@@ -34,6 +37,7 @@ pub use groups::{MOST_GROUPS, grouped};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use ranges::ranges;
+pub use rasterizer::rasterizer;
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
 pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, estimate, time};

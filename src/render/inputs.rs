@@ -31,6 +31,7 @@ pub(super) struct DrawInputs {
     pub vertex_buffers: Vec<VertexInput>,
     pub indices: Option<IndexInput>,
     pub vertex_count: u32,
+    pub call: bind::Call,
     pub instances: u32,
 }
 
@@ -54,7 +55,6 @@ pub(super) struct VertexInput {
 pub(super) struct IndexInput {
     pub buffer: wgpu::Buffer,
     pub format: wgpu::IndexFormat,
-    pub count: u32,
     /// The buffer's content, for meshes made of this one.
     pub bytes: Arc<[u8]>,
 }
@@ -231,10 +231,8 @@ impl<'a> SceneInputs<'a> {
 
     /// Triangles of a draw of a triangle list, all instances together.
     pub fn triangles(&self, draw: usize) -> u64 {
-        self.draw(draw).map_or(0, |d| {
-            let corners = d.indices.as_ref().map_or(d.vertex_count, |i| i.count);
-            u64::from(corners / 3) * u64::from(d.instances)
-        })
+        self.draw(draw)
+            .map_or(0, |d| u64::from(d.call.count / 3) * u64::from(d.instances))
     }
 
     pub(super) fn draw(&self, index: usize) -> Option<&DrawInputs> {
@@ -308,7 +306,6 @@ impl Uploads {
                 wgpu::BufferUsages::INDEX | wgpu::BufferUsages::STORAGE,
             ),
             format: i.format,
-            count: i.count,
             bytes: Arc::clone(&i.data.bytes),
         });
         Ok(DrawInputs {
@@ -316,6 +313,7 @@ impl Uploads {
             vertex_buffers,
             indices,
             vertex_count: bound.vertex_count,
+            call: bound.call,
             instances: bound.instances,
         })
     }
