@@ -20,6 +20,7 @@ mod explain;
 mod explore;
 mod graph;
 mod input;
+mod lock;
 mod man;
 mod many;
 mod output;

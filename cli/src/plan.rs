@@ -28,6 +28,7 @@ Examples:
   preshade plan scene.toml
   preshade plan scene.toml --camera wall --order front-to-back --out chosen/
   preshade plan scene.toml --budget flip_mean=0.02 --one
+  preshade plan scene.toml --one --lock              kept in preshade.lock, for build scripts
   preshade plan scene.toml --model adapter.json      fitted once, read afterwards
   preshade plan scene.toml --time no                 predictions of a nominal model, no clock
   preshade plan scenes/*.toml --exhaustive --format json > regret.json
@@ -78,6 +79,9 @@ pub struct Args {
     /// Folder for the chosen plans' shaders, a `plan.json` each, and `decision.json`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of a policy with a switch, the plan below it.
+    #[arg(long)]
+    lock: bool,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -107,10 +111,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             "error: one scene at a time; several are for --exhaustive".to_owned(),
         ));
     }
-    if args.exhaustive && (args.out.is_some() || args.time == TimeArg::No) {
+    if args.exhaustive && (args.out.is_some() || args.lock || args.time == TimeArg::No) {
         return Err(Failure(
-            "error: --exhaustive measures, and writes nothing: it goes without --out and --time no"
+            "error: --exhaustive measures, and writes nothing: it goes without --out, --lock and --time no"
                 .to_owned(),
+        ));
+    }
+    if args.lock && args.time == TimeArg::No {
+        return Err(Failure(
+            "error: a prediction is not kept: --lock goes without --time no".to_owned(),
         ));
     }
     let choice = args
@@ -149,6 +158,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     if let Some(dir) = &args.out {
         write(dir, &scene, &facts, &decision, json)?;
+    }
+    if args.lock {
+        crate::lock::keep(&scene, &facts, &decision)?;
     }
     Ok(match decision.is_broken() {
         true => Outcome::ContractBroken,
