@@ -35,6 +35,36 @@ pub struct EffectUse {
     pub location: Option<Location>,
 }
 
+impl EffectUse {
+    /// How many draws call for it, in words.
+    pub fn called_for_by(&self) -> String {
+        let open = self.draws - self.called_for - self.not_called_for;
+        match (self.called_for, open) {
+            (0, 0) => "by no draw".to_owned(),
+            (yes, 0) if yes == self.draws => "by every draw".to_owned(),
+            (yes, 0) => format!("by {yes} of {}", self.draws),
+            (yes, open) => format!("by {yes} to {} of {}", yes + open, self.draws),
+        }
+    }
+
+    /// The values that decide it, in words.
+    pub fn evidence_said(&self) -> String {
+        let told = |of: &[Assumed], what: &str| {
+            let values: Vec<String> = of.iter().map(ToString::to_string).collect();
+            (!values.is_empty()).then(|| format!("{what}: {}", values.join(", ")))
+        };
+        let [yes, no] = &self.evidence;
+        let said: Vec<String> = [told(yes, "yes"), told(no, "no")]
+            .into_iter()
+            .flatten()
+            .collect();
+        match said.is_empty() {
+            true => "its values change".to_owned(),
+            false => said.join("; "),
+        }
+    }
+}
+
 /// The effects of a scene's materials, material by material, the dearest first.
 ///
 /// # Errors
