@@ -879,6 +879,28 @@ fn a_neighbour_that_moves_depth_keeps_it_from_being_split() {
 }
 
 #[test]
+fn a_neighbour_that_writes_no_depth_keeps_it_from_being_split() {
+    let mut scene = three_draws();
+    // A sky, drawn first.
+    scene.materials[1].state.depth_write = false;
+    scene.draws[0].material = 1;
+    let plans = originals(&scene);
+    for (recipe, kept) in [("visibility-buffer", 2), ("depth-prepass:form=biased", 1)] {
+        let recipe = Recipe::parse([recipe]).unwrap();
+        let variant = measure::variant(&plans, &recipe, seen());
+        let why: Vec<&str> = variant.kept.iter().map(|k| k.why.as_str()).collect();
+        assert_eq!(why.len(), kept, "{why:?}");
+        if kept == 2 {
+            assert!(why[1].contains("neighbour-without-depth"), "{why:?}");
+        }
+        let order = DrawOrder::AsGiven;
+        let [forward, drawn] =
+            [&plans, &variant.plans].map(|p| render_as(gpu(), &scene, p, order, ShaderForm::Text));
+        assert!(forward == drawn);
+    }
+}
+
+#[test]
 fn positions_are_the_authors_or_marked() {
     let mut scene = three_draws();
     let given = |scene: &Scene, recipe: &str| {

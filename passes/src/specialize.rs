@@ -122,13 +122,15 @@ impl Specialized {
                 "nothing-known",
                 match assumptions.values.is_empty() {
                     true => "no value of the material is known to stay as it is",
-                    false => "no branch, selection or integer rests on a value that is known to stay as it is",
+                    false => {
+                        "no branch, selection or integer rests on a value that is known to stay as it is"
+                    }
                 },
                 "give it a scene, or values by hand (specialize:set=NAME=NUMBER); fold=rounding folds weights of 0 and 1 too",
             )));
         }
-        let shrunk = shrink::shrink(&folded.program, &pass.vertex, pass.fragment.as_deref())
-            .map_err(bug)?;
+        let shrunk =
+            shrink::shrink(&folded.program, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
         let costs = |program: &Program| {
             let graph = Graph::build(program);
             let of = |stage, name: Option<&str>| {
@@ -294,7 +296,11 @@ fn folded(
             .enumerate()
             .filter_map(|(i, io)| match io.binding {
                 Some(Binding::Location { location, .. }) => {
-                    let value = if is_struct { result.part(i) } else { result.clone() };
+                    let value = if is_struct {
+                        result.part(i)
+                    } else {
+                        result.clone()
+                    };
                     Some((location, value))
                 }
                 _ => None,
@@ -358,7 +364,11 @@ fn folded(
     })
 }
 
-fn literal(module: &naga::Module, ty: naga::Handle<naga::Type>, value: f64) -> Option<naga::Literal> {
+fn literal(
+    module: &naga::Module,
+    ty: naga::Handle<naga::Type>,
+    value: f64,
+) -> Option<naga::Literal> {
     Some(match module.types[ty].inner.scalar()? {
         naga::Scalar::BOOL => naga::Literal::Bool(value != 0.0),
         naga::Scalar::I32 => naga::Literal::I32(value as i32),

@@ -33,8 +33,9 @@ fn set(values: &str) -> Params {
 fn specialized(plan: &Plan, params: &Params) -> Result<Plan, String> {
     let found = Specialize::sites(plan, &Facts::default(), params);
     match (&found.sites[..], &found.refusals[..]) {
-        ([site], []) => Specialize::apply(plan, &Facts::default(), &site.key, params)
-            .map_err(|r| r.to_string()),
+        ([site], []) => {
+            Specialize::apply(plan, &Facts::default(), &site.key, params).map_err(|r| r.to_string())
+        }
         (_, [refusal]) => Err(refusal.to_string()),
         _ => panic!("{found:#?}"),
     }
@@ -171,7 +172,10 @@ override OCTAVES: u32 = 8u;
 }";
     let plan = specialized(&original(source), &set("FANCY=0")).unwrap();
     let without = text(&plan);
-    assert!(!without.contains("sin") && !without.contains("FANCY"), "{without}");
+    assert!(
+        !without.contains("sin") && !without.contains("FANCY"),
+        "{without}"
+    );
     let plan = specialized(&original(source), &set("OCTAVES=2")).unwrap();
     let two = text(&plan);
     assert!(!two.contains("loop") && two.contains("if FANCY"), "{two}");
@@ -221,7 +225,11 @@ fn run(
     steering: &Value,
 ) -> Result<Written, Stuck> {
     let module = program.module();
-    let name = if stage == ShaderStage::Vertex { "vs" } else { "fs" };
+    let name = if stage == ShaderStage::Vertex {
+        "vs"
+    } else {
+        "fs"
+    };
     let (entry, point) = program.entry_point(stage, name).unwrap();
     let value = |binding: &Binding| match binding {
         Binding::Location { location, .. } => inputs[location].clone(),
@@ -247,7 +255,11 @@ fn run(
     };
     let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;
     let outputs = reflect::outputs(module, &point.function);
-    let is_struct = point.function.result.as_ref().is_some_and(|r| r.binding.is_none());
+    let is_struct = point
+        .function
+        .result
+        .as_ref()
+        .is_some_and(|r| r.binding.is_none());
     let values = match &outcome.result {
         Some(Value::Composite(parts)) if is_struct => parts.clone(),
         Some(one) => vec![one.clone()],

@@ -85,9 +85,12 @@ fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) ->
         .collect();
     let global = |group: u32, binding: u32| {
         let mut all = module.global_variables.iter().map(|(_, g)| g);
-        all.find(|g| g.binding.is_some_and(|b| (b.group, b.binding) == (group, binding)))
-            .and_then(|g| g.name.as_deref())
-            .unwrap_or("")
+        all.find(|g| {
+            g.binding
+                .is_some_and(|b| (b.group, b.binding) == (group, binding))
+        })
+        .and_then(|g| g.name.as_deref())
+        .unwrap_or("")
     };
     uniform_scalars(module)
         .into_iter()
@@ -96,7 +99,8 @@ fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) ->
             let path = scalar.name.strip_prefix(global(group, binding))?;
             let member = path.trim_start_matches('.');
             let member = member.split(['.', '[']).next();
-            if moving.contains(&(group, binding, None)) || moving.contains(&(group, binding, member))
+            if moving.contains(&(group, binding, None))
+                || moving.contains(&(group, binding, member))
             {
                 return None;
             }
@@ -137,7 +141,10 @@ fn attributes(pass: &GpuPass, bound: &DrawBindings) -> Vec<Assumed> {
             };
             for component in 0..(attribute.format.size() / 4) as u32 {
                 let at = attribute.offset as usize + 4 * component as usize;
-                let rows = buffer.data.bytes.chunks_exact(buffer.stride.max(1) as usize);
+                let rows = buffer
+                    .data
+                    .bytes
+                    .chunks_exact(buffer.stride.max(1) as usize);
                 let mut words = rows.map(|r| r.get(at..).and_then(|w| w.first_chunk::<4>()));
                 let Some(Some(first)) = words.next() else {
                     continue;

@@ -189,11 +189,7 @@ impl<'a> SceneInputs<'a> {
     ///
     /// # Errors
     /// As [`SceneInputs::new`].
-    pub fn violated(
-        &self,
-        plans: &[Plan],
-        frame: &Frame,
-    ) -> Result<Vec<(usize, Assumed)>, Error> {
+    pub fn violated(&self, plans: &[Plan], frame: &Frame) -> Result<Vec<(usize, Assumed)>, Error> {
         let mut found = Vec::new();
         for (index, plan) in plans.iter().enumerate() {
             let Some(guard) = &plan.guard else { continue };

@@ -11,15 +11,12 @@ pub fn unary(op: UnaryOperator, operand: &Known) -> Known {
     Known::zip(&[operand], &|s| match (op, s) {
         (UnaryOperator::LogicalNot, [Scalar::Bool(b)]) => Some(Scalar::Bool(!b)),
         (UnaryOperator::Negate, [Scalar::Float(a, b)]) => Some(Scalar::Float(-b, -a)),
-        (UnaryOperator::Negate, [Scalar::Sint(a, b)]) => {
-            Scalar::integer(ScalarKind::Sint, -b, -a)
-        }
-        (UnaryOperator::BitwiseNot, [Scalar::Uint(a, b)]) if a == b => {
-            Some(Scalar::Uint(i64::from(!(*a as u32)), i64::from(!(*a as u32))))
-        }
-        (UnaryOperator::BitwiseNot, [Scalar::Sint(a, b)]) if a == b => {
-            Some(Scalar::Sint(!*a, !*a))
-        }
+        (UnaryOperator::Negate, [Scalar::Sint(a, b)]) => Scalar::integer(ScalarKind::Sint, -b, -a),
+        (UnaryOperator::BitwiseNot, [Scalar::Uint(a, b)]) if a == b => Some(Scalar::Uint(
+            i64::from(!(*a as u32)),
+            i64::from(!(*a as u32)),
+        )),
+        (UnaryOperator::BitwiseNot, [Scalar::Sint(a, b)]) if a == b => Some(Scalar::Sint(!*a, !*a)),
         _ => None,
     })
 }

@@ -237,7 +237,8 @@ impl Assumptions {
         for (handle, constant) in module.overrides.iter() {
             let name = constant.name.clone().unwrap_or_default();
             if let Some(known) = leaves.get(&Place::Override { name }) {
-                let is_bool = module.types[constant.ty].inner.scalar_kind() == Some(ScalarKind::Bool);
+                let is_bool =
+                    module.types[constant.ty].inner.scalar_kind() == Some(ScalarKind::Bool);
                 let known = match is_bool {
                     true => super::arithmetic::converted(ScalarKind::Bool, known),
                     false => known.clone(),
@@ -318,9 +319,8 @@ fn known(index: usize, assumed: &Assumed) -> Known {
 
 /// What is known of a value of a type in memory, scalar by scalar.
 fn tree(module: &Module, ty: Handle<Type>, offset: u32, leaf: &dyn Fn(u32) -> Known) -> Known {
-    let vector = |count: u32, offset: u32| {
-        Known::Parts((0..count).map(|i| leaf(offset + 4 * i)).collect())
-    };
+    let vector =
+        |count: u32, offset: u32| Known::Parts((0..count).map(|i| leaf(offset + 4 * i)).collect());
     match &module.types[ty].inner {
         TypeInner::Scalar(_) => leaf(offset),
         TypeInner::Vector { size, .. } => vector(*size as u32, offset),
@@ -338,8 +338,7 @@ fn tree(module: &Module, ty: Handle<Type>, offset: u32, leaf: &dyn Fn(u32) -> Kn
             Known::Parts((0..count.get()).map(element).collect())
         }
         TypeInner::Struct { members, .. } => {
-            let member =
-                |m: &naga::StructMember| tree(module, m.ty, offset + m.offset, leaf);
+            let member = |m: &naga::StructMember| tree(module, m.ty, offset + m.offset, leaf);
             Known::Parts(members.iter().map(member).collect())
         }
         _ => Known::Unknown,

@@ -297,9 +297,11 @@ impl<'p> Folder<'p> {
                     .map(|c| of(*vector).part(*c as usize))
                     .collect(),
             ),
-            Expression::FunctionArgument(i) => {
-                frame.arguments.get(*i as usize).cloned().unwrap_or_default()
-            }
+            Expression::FunctionArgument(i) => frame
+                .arguments
+                .get(*i as usize)
+                .cloned()
+                .unwrap_or_default(),
             Expression::Load { pointer } => self.load(frame, *pointer),
             Expression::ImageSample {
                 image,
@@ -307,12 +309,10 @@ impl<'p> Folder<'p> {
                 depth_ref: None,
                 ..
             }
-            | Expression::ImageLoad { image, .. } => {
-                match frame.original.expressions[*image] {
-                    Expression::GlobalVariable(g) => self.assumptions.texel(g),
-                    _ => Known::Unknown,
-                }
-            }
+            | Expression::ImageLoad { image, .. } => match frame.original.expressions[*image] {
+                Expression::GlobalVariable(g) => self.assumptions.texel(g),
+                _ => Known::Unknown,
+            },
             Expression::Unary { op, expr } => arithmetic::unary(*op, of(*expr)),
             Expression::Binary { op, left, right } => {
                 let is_matrix = |e: Handle<Expression>| {
@@ -332,9 +332,7 @@ impl<'p> Folder<'p> {
                 Some(false) => of(*reject).clone(),
                 None => of(*accept).join(of(*reject)),
             },
-            Expression::Relational { fun, argument } => {
-                arithmetic::relational(*fun, of(*argument))
-            }
+            Expression::Relational { fun, argument } => arithmetic::relational(*fun, of(*argument)),
             Expression::Math {
                 fun,
                 arg,
@@ -379,12 +377,13 @@ impl<'p> Folder<'p> {
                 .find_map(|e| all_numbers(of(e), 0.0));
             if let Some(sources) = zero {
                 let zero = Known::Scalar(Scalar::float(0.0), sources);
-                let width = [left, right].into_iter().find_map(|e| {
-                    match frame.f.ty(self.module, e) {
-                        TypeInner::Vector { size, .. } => Some(*size as usize),
-                        _ => None,
-                    }
-                });
+                let width =
+                    [left, right]
+                        .into_iter()
+                        .find_map(|e| match frame.f.ty(self.module, e) {
+                            TypeInner::Vector { size, .. } => Some(*size as usize),
+                            _ => None,
+                        });
                 return match width {
                     Some(width) => Known::Parts(vec![zero; width]),
                     None => zero,

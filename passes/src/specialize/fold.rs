@@ -92,12 +92,7 @@ pub(super) enum Flow {
 
 impl<'p> Folder<'p> {
     /// A folder that has not folded anything.
-    pub fn new(
-        graph: &'p Graph<'p>,
-        assumptions: &'p Assumptions,
-        fold: Fold,
-        turns: u32,
-    ) -> Self {
+    pub fn new(graph: &'p Graph<'p>, assumptions: &'p Assumptions, fold: Fold, turns: u32) -> Self {
         Self {
             graph,
             module: graph.module(),
@@ -414,10 +409,13 @@ impl<'p> Folder<'p> {
     ) -> Flow {
         let span = frame.span;
         let [first, second] = frame.arms(id, accept);
-        self.decide(frame, id, condition, Kind::Branch, &[
-            (first, second),
-            (second, frame.f.statements.get(id).end),
-        ]);
+        self.decide(
+            frame,
+            id,
+            condition,
+            Kind::Branch,
+            &[(first, second), (second, frame.f.statements.get(id).end)],
+        );
         let known = frame.known[condition.index()].clone();
         if let Some((truth, sources)) = known.assumed_truth() {
             self.rests_on(sources);
@@ -662,7 +660,8 @@ impl<'p> Folder<'p> {
                 Flow::Away => break,
                 Flow::Next | Flow::Continue => {}
             }
-            if ended.is_some() || frame.function.expressions.len() > function.expressions.len() + MOST_ADDED
+            if ended.is_some()
+                || frame.function.expressions.len() > function.expressions.len() + MOST_ADDED
             {
                 break;
             }
@@ -735,13 +734,7 @@ impl<'p> Folder<'p> {
     }
 
     /// Notes a loop in place of the branch at its head, which is what ends it. `turns`: how many were written out.
-    fn decide_loop(
-        &mut self,
-        frame: &Frame<'p>,
-        id: StmtId,
-        body: &Block,
-        turns: Option<u32>,
-    ) {
+    fn decide_loop(&mut self, frame: &Frame<'p>, id: StmtId, body: &Block, turns: Option<u32>) {
         let Some(condition) = first_condition(body) else {
             return;
         };
@@ -838,8 +831,7 @@ impl Frame<'_> {
 
     /// Appends an expression that an `Emit` evaluates.
     pub fn emit(&mut self, expression: Expression, of: Handle<Expression>) -> Handle<Expression> {
-        self.emitting
-            .get_or_insert(self.function.expressions.len());
+        self.emitting.get_or_insert(self.function.expressions.len());
         let span = self.original.expressions.get_span(of);
         self.function.expressions.append(expression, span)
     }

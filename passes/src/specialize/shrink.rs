@@ -133,7 +133,12 @@ fn restore_names(module: &mut Module) {
         .iter()
         .filter_map(|(_, f)| f.name.clone())
         .chain(module.types.iter().filter_map(|(_, t)| t.name.clone()))
-        .chain(module.global_variables.iter().filter_map(|(_, g)| g.name.clone()))
+        .chain(
+            module
+                .global_variables
+                .iter()
+                .filter_map(|(_, g)| g.name.clone()),
+        )
         .chain(module.constants.iter().filter_map(|(_, c)| c.name.clone()))
         .chain(module.entry_points.iter().map(|e| e.name.clone()));
     for name in names {
