@@ -351,6 +351,7 @@ fn layers(
     draw: Draw,
 ) -> Scene {
     Scene {
+        files: Vec::new(),
         name: "handwritten".to_owned(),
         size,
         viewport: None,

@@ -97,7 +97,10 @@ mod tests {
         let names = error.split("match self {").nth(1).unwrap();
         let names = names.split('}').next().unwrap();
         for name in names.split('"').skip(1).step_by(2) {
-            assert!(explained.contains(name), "cli/src/codes.md says nothing of {name}");
+            assert!(
+                explained.contains(name),
+                "cli/src/codes.md says nothing of {name}"
+            );
         }
     }
 

@@ -78,7 +78,7 @@ pub struct Args {
     format: Table,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
-    shader: ShaderArgs,
+    pub shader: ShaderArgs,
 }
 
 /// Output form of what is a table.

@@ -1,5 +1,6 @@
 //! `preshade plan`: what a scene calls for on an adapter, material by material, chosen by measurement.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -82,6 +83,15 @@ pub struct Args {
     format: Format,
 }
 
+impl Args {
+    /// The files that it reads.
+    pub fn reads(&self) -> Vec<PathBuf> {
+        let of_scene = |path: &PathBuf| scene::load(path).map(|s| s.files).unwrap_or_default();
+        let below = self.scenes.iter().flat_map(of_scene);
+        self.scenes.iter().cloned().chain(below).collect()
+    }
+}
+
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum TimeArg {
     /// Predictions only.
@@ -159,9 +169,7 @@ fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Fail
         let scene = scene(args, path)?;
         let start = Instant::now();
         let measured = prepare(args, gpu, &scene, bar).and_then(|(recipes, facts)| {
-            Ok(decide::regret::exhaust(
-                gpu, &scene, &recipes, &facts, &settings,
-            )?)
+            Ok(decide::exhaust(gpu, &scene, &recipes, &facts, &settings)?)
         });
         let spent = start.elapsed().as_secs_f64();
         bar.suspend(|| {
@@ -271,6 +279,7 @@ fn prepare(
     bar.set_message("measuring what can be interpolated");
     facts.frequencies = measure::frequencies(gpu, scene, &facts, form, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
+        ControlFlow::Continue(())
     })?;
     let recipes = recipes
         .into_iter()

@@ -62,15 +62,6 @@ impl Bounds {
     }
 }
 
-impl std::fmt::Display for Bounds {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.low == self.high {
-            true => write!(f, "{}", self.low),
-            false => write!(f, "{}..{}", self.low, self.high),
-        }
-    }
-}
-
 /// Where an assumed number comes from.
 #[derive(
     Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
@@ -126,7 +117,16 @@ pub struct Assumed {
 
 impl std::fmt::Display for Assumed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} = {}", self.name, self.bounds)
+        let Bounds { low, high } = self.bounds;
+        let number = |n: f64| match self.ty {
+            // As short as the type allows.
+            ScalarType::F32 => (n as f32).to_string(),
+            ScalarType::I32 | ScalarType::U32 => n.to_string(),
+        };
+        match low == high {
+            true => write!(f, "{} = {}", self.name, number(low)),
+            false => write!(f, "{} = {}..{}", self.name, number(low), number(high)),
+        }
     }
 }
 

@@ -34,6 +34,7 @@ use crate::reflect;
 pub mod arithmetic;
 pub mod assume;
 pub mod decision;
+pub mod effects;
 mod expressions;
 pub mod fold;
 pub mod known;

@@ -126,6 +126,11 @@ fn variant(material: &str, drawn: &Drawn, shared: &Shared) -> String {
     );
     let _ = writeln!(text, "/// What was asked for and is not in it, and why.");
     let _ = writeln!(text, "pub const LEFT_OUT: &[&str] = &{:?};", drawn.left_out);
+    let _ = writeln!(
+        text,
+        "/// Values that it holds for alone, as JSON in the words of the plan; the host checks them. `null`: it holds for all."
+    );
+    let _ = writeln!(text, "pub const GUARD: &str = {:?};", json(&plan.guard));
     let _ = writeln!(text, "/// What the host should know.");
     let _ = writeln!(text, "pub const NOTES: &[&str] = &{:?};", plan.notes);
     let plan_file = format!("{}.plan.json", plan.material);

@@ -25,13 +25,16 @@ const PLAIN: &[&str] = &[
     "specialize,depth-prepass",
 ];
 
-/// What is tried besides where the user says how much may differ; `BUDGET` becomes `budget=VALUE,metric=METRIC`.
+/// What is tried besides where the user says how much may differ; `BUDGET` becomes `budget=VALUE,metric=METRIC`, of passes that count in one metric alone (`max_abs`) `MOST` the value.
 const WITHIN_BUDGET: &[&str] = &[
     "hoist:BUDGET",
     "hoist:BUDGET,depth-prepass",
     "hoist:BUDGET,tessellate:form=shared,level=2",
     "hoist:BUDGET,tessellate:form=shared,level=4",
     "hoist:BUDGET,tessellate:form=shared,level=8",
+    "visibility-buffer:budget=MOST",
+    "visibility-buffer:select=id,budget=MOST",
+    "visibility-buffer:form=compute,budget=MOST",
 ];
 
 /// The recipes to weigh, those left out that name a pass which this build does not have.
@@ -49,9 +52,12 @@ pub fn recipes(budget: Option<Budget>) -> Result<Vec<Recipe>, RecipeError> {
     };
     let within = budget.map(|budget| {
         let words = format!("budget={},metric={}", budget.most, budget.name());
+        let most = budget.most.to_string();
+        let is_counted = move |r: &&&str| !r.contains("MOST") || budget.name() == "max_abs";
         WITHIN_BUDGET
             .iter()
-            .map(move |r| r.replace("BUDGET", &words))
+            .filter(is_counted)
+            .map(move |r| r.replace("BUDGET", &words).replace("MOST", &most))
     });
     PLAIN
         .iter()

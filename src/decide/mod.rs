@@ -2,7 +2,7 @@
 //!
 //! [`candidates`] is the table of what is tried; [`work`] counts what a frame asks for off its plans and a few drawn counts ([`count`]); [`model`] turns that into milliseconds, fitted to the
 //! built-in frames of [`probes`]; [`assign`] weighs whole frames by it; [`stage`] draws and times the most promising beside the original; [`choose`] decides on what was measured alone; [`mod@decide`]
-//! is all of it for one scene, [`decision`] what it says, and [`regret`] how good the choices are where everything is measured.
+//! is all of it for one scene, [`decision`] what it says, and [`regret`] how good the choices are where everything is measured ([`mod@exhaust`]).
 //!
 //! A prediction decides what is measured, never what is chosen: no plan is taken that was not faster than the original on this adapter, beyond the noise of the clock.
 
@@ -12,6 +12,7 @@ pub mod choose;
 pub mod count;
 pub mod decide;
 pub mod decision;
+pub mod exhaust;
 pub mod model;
 pub mod probes;
 mod reasons;
@@ -26,8 +27,9 @@ pub use choose::{Hold, Policy, Switch};
 pub use count::View;
 pub use decide::{Settings, Timed, decide};
 pub use decision::Decision;
+pub use exhaust::{Exhausted, exhaust};
 pub use model::{Model, ModelError, Origin};
-pub use regret::{Exhausted, RegretReport};
+pub use regret::RegretReport;
 
 /// Why nothing was decided.
 #[derive(Debug, thiserror::Error)]

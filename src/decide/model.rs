@@ -96,23 +96,23 @@ impl Model {
         model
     }
 
-    /// A model of no adapter: an operation takes a hundredth of a picosecond, and everything else what about as many operations are worth.
+    /// A model of no adapter: a picosecond for an operation of a fragment, and everything else in proportion, about as fast graphics cards have it.
     pub fn nominal() -> Self {
         let picoseconds = [
-            (Term::Passes, 1e6),
+            (Term::Passes, 2e6),
             (Term::Draws, 1e6),
-            (Term::Vertices, 10.0),
-            (Term::VertexOps, 0.1),
-            (Term::Triangles, 10.0),
-            (Term::Tested, 1.0),
-            (Term::Fragments, 2.0),
-            (Term::FragmentOps, 0.1),
-            (Term::SampleOps, 0.1),
-            (Term::Bytes, 0.5),
-            (Term::AttachmentBytes, 0.5),
+            (Term::Vertices, 100.0),
+            (Term::VertexOps, 1.0),
+            (Term::Triangles, 100.0),
+            (Term::Tested, 10.0),
+            (Term::Fragments, 20.0),
+            (Term::FragmentOps, 1.0),
+            (Term::SampleOps, 1.0),
+            (Term::Bytes, 2.0),
+            (Term::AttachmentBytes, 1.0),
             (Term::Dispatches, 2e6),
-            (Term::ComputeInvocations, 2.0),
-            (Term::ComputeOps, 0.1),
+            (Term::ComputeInvocations, 20.0),
+            (Term::ComputeOps, 0.5),
         ];
         Self {
             schema: SCHEMA.to_owned(),

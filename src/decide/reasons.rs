@@ -37,7 +37,7 @@ pub fn of(
     reasons
 }
 
-/// Speedups of a plan in the views of a kind, the largest first.
+/// Speedups of a plan in the views of a kind, the largest first: measured, or where nothing was, predicted.
 fn speedups(
     decision: &Decision,
     plan: &PlanReport,
@@ -46,7 +46,18 @@ fn speedups(
     let each = (0..decision.views.len()).filter(|i| views(i));
     let mut all: Vec<(Estimate, String)> = each
         .filter_map(|i| {
-            let speedup = plan.by_view.get(i)?.speedup?;
+            let at = plan.by_view.get(i)?;
+            let before = decision.plans.first()?.by_view.get(i)?;
+            let ratio = before.predicted_ms / at.predicted_ms;
+            let predicted = Estimate {
+                median: ratio,
+                low: ratio,
+                high: ratio,
+            };
+            let speedup = match decision.clock {
+                Some(_) => at.speedup?,
+                None => predicted,
+            };
             Some((speedup, decision.views[i].view.to_string()))
         })
         .collect();
@@ -54,28 +65,28 @@ fn speedups(
     all
 }
 
-/// A ratio and its interval.
+/// A ratio and its interval; of a prediction, which has none, the ratio.
 pub fn ratio(e: &Estimate) -> String {
-    format!("{:.3}x [{:.3}, {:.3}]", e.median, e.low, e.high)
+    match e.low < e.high {
+        true => format!("{:.3}x [{:.3}, {:.3}]", e.median, e.low, e.high),
+        false => format!("{:.3}x", e.median),
+    }
 }
 
 fn gain(decision: &Decision, plan: usize, recipe: &str, views: &dyn Fn(&usize) -> bool) -> String {
-    let report = &decision.plans[plan];
-    let all = speedups(decision, report, views);
+    let all = speedups(decision, &decision.plans[plan], views);
+    let is = match decision.clock {
+        Some(_) => "is",
+        None => "is predicted to be",
+    };
     match (all.first(), all.last()) {
         (Some((best, at)), Some((worst, least))) if all.len() > 1 => format!(
-            "`{recipe}`: the frame is {} at {at}, and at the least {} at {least}",
+            "`{recipe}`: the frame {is} {} at {at}, and at the least {} at {least}",
             ratio(best),
             ratio(worst)
         ),
-        (Some((best, at)), _) => format!("`{recipe}`: the frame is {} at {at}", ratio(best)),
-        _ => {
-            let time = |p: &PlanReport| -> f64 { p.by_view.iter().map(|v| v.predicted_ms).sum() };
-            format!(
-                "`{recipe}`: predicted {:.2}x, not measured",
-                time(&decision.plans[0]) / time(report)
-            )
-        }
+        (Some((best, at)), _) => format!("`{recipe}`: the frame {is} {} at {at}", ratio(best)),
+        _ => format!("`{recipe}`: in no view that was looked at"),
     }
 }
 
@@ -104,7 +115,7 @@ fn left(
             .min_by(|a, b| a.relative_time.total_cmp(&b.relative_time));
         return least.map_or("nothing else was measured".to_owned(), |p| {
             format!(
-                "as written: the best predicted of it, `{}`, takes {:.3} of the frame's time",
+                "as written: nothing of it was among the runners-up; the best predicted, `{}`, takes {:.3} of the frame's time",
                 p.recipe, p.relative_time
             )
         });
@@ -119,21 +130,22 @@ fn left(
             ratio(loss)
         ),
         _ => format!(
-            "as written: nothing pays. The best tried, `{}`, is {} at {gained}{}",
+            "as written: nothing pays{}. The best tried, `{}`, is {} at {gained}{}",
+            match original.is_some() && drawn.len() > 1 {
+                true => " there",
+                false => "",
+            },
             plan.name,
             ratio(gain),
-            hidden(decision)
+            hidden(decision, &views)
         ),
     }
 }
 
 /// What there is to gain at most by hiding.
-fn hidden(decision: &Decision) -> String {
-    let most = decision
-        .views
-        .iter()
-        .map(|v| v.overdraw)
-        .fold(0.0, f64::max);
+fn hidden(decision: &Decision, views: &dyn Fn(&usize) -> bool) -> String {
+    let each = decision.views.iter().enumerate().filter(|(i, _)| views(i));
+    let most = each.map(|(_, v)| v.overdraw).fold(0.0, f64::max);
     match most < 1.1 {
         true => format!(
             "; {most:.2} fragments are shaded for each that is seen, so that depth ahead has next to nothing to hide"

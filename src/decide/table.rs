@@ -43,8 +43,15 @@ pub fn render(decision: &Decision) -> String {
                 .collect();
             lines.push(format!("  predicted time by itself: {}", each.join(", ")));
         }
-        let refused = material.refused.iter();
-        lines.extend(refused.map(|r| format!("  not {}: {}", r.recipe, r.why)));
+        let mut refused: Vec<(&str, Vec<&str>)> = Vec::new();
+        for r in &material.refused {
+            match refused.iter_mut().find(|(why, _)| *why == r.why) {
+                Some((_, recipes)) => recipes.push(&r.recipe),
+                None => refused.push((&r.why, vec![&r.recipe])),
+            }
+        }
+        let told = refused.into_iter();
+        lines.extend(told.map(|(why, recipes)| format!("  not {}: {why}", recipes.join(", nor "))));
     }
     lines.push(String::new());
     lines.extend(views(decision));
@@ -79,6 +86,9 @@ fn policy(decision: &Decision) -> Vec<String> {
         found.map_or(String::new(), |p| p.name.clone())
     };
     match &decision.policy {
+        Policy::One { plan: 0 } if decision.clock.is_none() => {
+            vec!["nothing is predicted to pay: draw every material as it is written".to_owned()]
+        }
         Policy::One { plan: 0 } => {
             vec!["nothing pays: draw every material as it is written".to_owned()]
         }

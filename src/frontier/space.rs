@@ -26,6 +26,9 @@ const FORMS: [&str; 3] = ["pulled", "shared", "static"];
 /// Levels that triangles are divided at: each has about half of the error of the one before.
 const LEVELS: [u32; 7] = [1, 2, 3, 4, 6, 8, 12];
 
+/// Turns that loops lose.
+const TURNS: [u32; 3] = [1, 2, 3];
+
 /// Most thresholds on measured errors: each chooses another set of values to carry.
 const MOST_THRESHOLDS: usize = 6;
 
@@ -88,6 +91,10 @@ pub fn seeds(facts: &Facts, metric: Metric) -> Vec<Candidate> {
     }
     for text in EXACT.iter().filter(|t| pass_named(t).is_some()) {
         add((*text).to_owned(), None, false);
+    }
+    for turns in TURNS {
+        let text = format!("trim-loop:budget=1,{}turns={turns}", named(metric));
+        add(text, None, false);
     }
     for threshold in thresholds(&facts.frequencies, metric) {
         let hoist = format!("hoist:budget=1,{}threshold={threshold}", named(metric));

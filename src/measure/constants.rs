@@ -75,6 +75,20 @@ pub fn of_draw(
     Ok(by_place.collect())
 }
 
+/// The same without elements of matrices, which are all that differs between many draws and next to nothing that a branch rests on: fewer draws to tell apart.
+pub(super) fn without_matrices(
+    plan: &Plan,
+    mut values: BTreeMap<Place, Assumed>,
+) -> BTreeMap<Place, Assumed> {
+    let program = plan.main().and_then(|p| plan.program(p));
+    let scalars = program.map(|p| uniform_scalars(p.module()));
+    let elements = scalars.iter().flatten().filter(|s| s.is_of_matrix);
+    for element in elements {
+        values.remove(&element.place());
+    }
+    values
+}
+
 fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) -> Vec<Assumed> {
     let module = material.program.module();
     // Members that change, by their path.

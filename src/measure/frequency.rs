@@ -6,11 +6,13 @@ use std::ops::ControlFlow;
 use preshade_passes::graph::Graph;
 use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Metric, Stages};
 use preshade_passes::pass::{Facts, Frequency, Pass};
+use preshade_passes::pass_named;
 use preshade_passes::plan::Plan;
 
 use super::bounds;
 use super::interpolation::{Points, interpolation};
 use super::{Error, ErrorLadder, compare, originals, variant};
+use crate::parameters::parameters;
 use crate::recipe::Recipe;
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant,
@@ -345,13 +347,16 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
     changed.then_some(recipe)
 }
 
-/// The recipe with its hoists under a promise of `budget`, and what they chose written out: what a host is given of a variant that was found to be within it. `None` if nothing is hoisted as an
-/// approximation.
+/// The recipe with its approximations under a promise of `budget`, and what they chose written out: what a host is given of a variant that was found to be within it. `None` if it approximates
+/// nothing.
 pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe> {
     let mut recipe = recipe.clone();
     let mut changed = false;
     for step in &mut recipe.steps {
-        if step.pass != Hoist::INFO.name || !step.params.contains_key("budget") {
+        // A budget without a metric is of another kind: what a rounding may become, say.
+        let has_metric = |p| parameters(p).iter().any(|p| p.name == "metric");
+        let counts = pass_named(&step.pass).is_some_and(has_metric);
+        if !counts || !step.params.contains_key("budget") {
             continue;
         }
         step.params.insert("budget".to_owned(), budget.most.into());

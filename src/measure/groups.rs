@@ -7,7 +7,7 @@ use preshade_passes::pass::{Constant, Facts};
 use preshade_passes::plan::Plan;
 use preshade_passes::specialize::{Params, Specialized};
 
-use super::constants::of_draw;
+use super::constants::{of_draw, without_matrices};
 use super::{changing, originals};
 use crate::scene::{Error, Scene};
 
@@ -38,6 +38,7 @@ pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, Err
         let mut seen: Vec<(BTreeMap<Place, Assumed>, Wanted)> = Vec::new();
         for draw in draws {
             let values = of_draw(scene, plan, draw, &changing)?;
+            let values = without_matrices(plan, values);
             let known = seen.iter().find(|(v, _)| *v == values);
             let wanted = match known {
                 Some((_, wanted)) => wanted.clone(),

@@ -9,6 +9,7 @@ pub mod bounds;
 pub mod changing;
 pub mod constants;
 pub mod crossover;
+pub mod effects;
 pub mod error;
 pub mod frequency;
 pub mod groups;
@@ -27,6 +28,7 @@ mod vertices;
 
 pub use changing::changing;
 pub use constants::constants;
+pub use effects::{EffectUse, effects};
 pub use error::{ErrorLadder, compare};
 pub use frequency::{
     frequencies, interpolations, leaves_a_choice, promised, within_budget, written_out,
@@ -63,6 +65,31 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
         constants: constants(scene).unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
         ..preshade_passes::pass::Facts::default()
+    }
+}
+
+/// [`known`], as far as the passes of `recipe` read it.
+pub fn known_for(
+    scene: &crate::scene::Scene,
+    recipe: &crate::recipe::Recipe,
+) -> preshade_passes::pass::Facts {
+    use preshade_passes::depth_prepass::DepthPrepass;
+    use preshade_passes::early_discard::EarlyDiscard;
+    use preshade_passes::pass::{Facts, Pass};
+    use preshade_passes::shadow::Shadow;
+    // The passes that read neither: all others may.
+    let names = [
+        DepthPrepass::INFO.name,
+        EarlyDiscard::INFO.name,
+        Shadow::INFO.name,
+    ];
+    match recipe
+        .steps
+        .iter()
+        .all(|s| names.contains(&s.pass.as_str()))
+    {
+        true => Facts::default(),
+        false => known(scene),
     }
 }
 

@@ -27,6 +27,8 @@ pub struct UniformScalar {
     pub offset: u32,
     /// Its type.
     pub ty: ScalarType,
+    /// It is an element of a matrix.
+    pub is_of_matrix: bool,
 }
 
 impl UniformScalar {
@@ -48,15 +50,22 @@ pub fn uniform_scalars(module: &Module) -> Vec<UniformScalar> {
             continue;
         };
         let name = global.name.clone().unwrap_or_default();
-        leaves(module, global.ty, name, 0, &mut |name, offset, ty| {
-            out.push(UniformScalar {
-                name,
-                group: at.group,
-                binding: at.binding,
-                offset,
-                ty,
-            });
-        });
+        leaves(
+            module,
+            global.ty,
+            name,
+            0,
+            &mut |name, offset, ty, is_of_matrix| {
+                out.push(UniformScalar {
+                    name,
+                    group: at.group,
+                    binding: at.binding,
+                    offset,
+                    ty,
+                    is_of_matrix,
+                });
+            },
+        );
     }
     out
 }
@@ -66,13 +75,13 @@ fn leaves(
     ty: Handle<Type>,
     name: String,
     offset: u32,
-    leaf: &mut dyn FnMut(String, u32, ScalarType),
+    leaf: &mut dyn FnMut(String, u32, ScalarType, bool),
 ) {
     let component = |i: usize| ["x", "y", "z", "w"][i.min(3)];
     match &module.types[ty].inner {
         TypeInner::Scalar(s) => {
             if let Some(ty) = scalar_type(*s) {
-                leaf(name, offset, ty);
+                leaf(name, offset, ty, false);
             }
         }
         TypeInner::Vector { size, scalar } => {
@@ -82,6 +91,7 @@ fn leaves(
                         format!("{name}.{}", component(i)),
                         offset + 4 * i as u32,
                         ty,
+                        false,
                     );
                 }
             }
@@ -96,7 +106,7 @@ fn leaves(
                 for c in 0..*columns as u32 {
                     for r in 0..*rows as usize {
                         let at = offset + c * stride + 4 * r as u32;
-                        leaf(format!("{name}[{c}].{}", component(r)), at, ty);
+                        leaf(format!("{name}[{c}].{}", component(r)), at, ty, true);
                     }
                 }
             }

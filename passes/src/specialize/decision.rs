@@ -31,6 +31,12 @@ pub struct Arm {
 /// A condition that the draw decides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
+    /// Its number among all of them.
+    pub id: usize,
+    /// The number of the one that it stands behind.
+    pub within: Option<usize>,
+    /// `vertex` or `fragment`.
+    pub stage: &'static str,
     /// The function it is in.
     pub function: FunctionId,
     /// The statement.

@@ -33,6 +33,12 @@ pub struct Folder<'p> {
     versions: BTreeMap<Handle<Function>, Vec<Version>>,
     /// What was decided, and what was left open though the draw decides it.
     pub decisions: Vec<Decision>,
+    /// The stage that is being folded.
+    stage: &'static str,
+    /// Decisions around the present statement, in callers too.
+    within: Vec<usize>,
+    /// Decisions numbered so far.
+    numbered: usize,
     /// Assumptions that something rests on.
     pub(super) used: BTreeSet<usize>,
     /// Float operations that were left out for what they add or multiply by.
@@ -66,6 +72,8 @@ pub(super) struct Frame<'p> {
     span: Span,
     /// How often it runs for one run of the stage, as far as that can be told.
     weight: f64,
+    /// What it rests on that the present statement runs at all: what is known behind it rests on that too.
+    pub running: Sources,
     /// Something was folded in it.
     pub changed: bool,
     /// Loops around that are being written out: what is known in them holds for this turn alone, whatever it rests on.
@@ -102,6 +110,9 @@ impl<'p> Folder<'p> {
             functions: Arena::new(),
             versions: BTreeMap::new(),
             decisions: Vec::new(),
+            stage: "",
+            within: Vec::new(),
+            numbered: 0,
             used: BTreeSet::new(),
             roundings: 0,
         }
@@ -109,6 +120,10 @@ impl<'p> Folder<'p> {
 
     /// The stage, what is known of its result, and whether anything was folded in it.
     pub fn stage(&mut self, entry: usize, arguments: Vec<Known>) -> (Function, Known, bool) {
+        self.stage = match self.module.entry_points[entry].stage {
+            naga::ShaderStage::Vertex => "vertex",
+            _ => "fragment",
+        };
         self.run(FunctionId::EntryPoint(entry), arguments, 1.0)
     }
 
@@ -155,6 +170,7 @@ impl<'p> Folder<'p> {
             emitting: None,
             span: Span::UNDEFINED,
             weight,
+            running: Sources::default(),
             changed: false,
             turning: 0,
         };
@@ -220,7 +236,13 @@ impl<'p> Folder<'p> {
         let versions = self.versions.entry(callee).or_default();
         let generic = match find(versions, &unknown()) {
             Some((function, _)) => function,
-            None => self.make(callee, unknown(), weight).0.0,
+            None => {
+                // What is decided in it was noted a moment ago.
+                let noted = self.decisions.len();
+                let made = self.make(callee, unknown(), weight).0.0;
+                self.decisions.truncate(noted);
+                made
+            }
         };
         let versions = self.versions.entry(callee).or_default();
         for version in versions.iter_mut().filter(|v| v.arguments == arguments) {
@@ -321,6 +343,7 @@ impl<'p> Folder<'p> {
             }
             Statement::Return { value } => {
                 let known = value.map_or(Known::Unknown, |v| frame.known[v.index()].clone());
+                let known = known.resting_on(&frame.running);
                 let value = value.map(|v| self.read(frame, v, out));
                 frame.flush(out);
                 out.push(Statement::Return { value }, span);
@@ -331,7 +354,9 @@ impl<'p> Folder<'p> {
                 return Flow::Return;
             }
             Statement::Store { pointer, value } => {
-                let known = frame.known[value.index()].clone();
+                let known = frame.known[value.index()]
+                    .clone()
+                    .resting_on(&frame.running);
                 frame.store(*pointer, known);
                 let value = self.read(frame, *value, out);
                 let pointer = frame.mapped(*pointer);
@@ -407,30 +432,45 @@ impl<'p> Folder<'p> {
         [accept, reject]: [&'p Block; 2],
         out: &mut Block,
     ) -> Flow {
-        let span = frame.span;
         let [first, second] = frame.arms(id, accept);
-        self.decide(
-            frame,
-            id,
-            condition,
-            Kind::Branch,
-            &[(first, second), (second, frame.f.statements.get(id).end)],
-        );
+        let arms = [(first, second), (second, frame.f.statements.get(id).end)];
+        let depth = self.within.len();
+        let decision = self.decide(frame, id, condition, Kind::Branch, &arms);
+        self.within.extend(decision);
+        let flow = self.arms(frame, condition, [accept, reject], [first, second], out);
+        self.within.truncate(depth);
+        flow
+    }
+
+    /// Both arms of a branch, or the one that is taken.
+    fn arms(
+        &mut self,
+        frame: &mut Frame<'p>,
+        condition: Handle<Expression>,
+        [accept, reject]: [&'p Block; 2],
+        [first, second]: [StmtId; 2],
+        out: &mut Block,
+    ) -> Flow {
+        let span = frame.span;
         let known = frame.known[condition.index()].clone();
         if let Some((truth, sources)) = known.assumed_truth() {
             self.rests_on(sources);
             frame.changed = true;
+            let outside = frame.run_on(sources, [accept, reject].into_iter());
             let (block, from) = match truth {
                 true => (accept, first),
                 false => (reject, second),
             };
             // A front end may drop what stands behind a discard in one block.
             if !block.iter().any(|s| matches!(s, Statement::Kill)) {
-                return self.block(frame, block, from, out);
+                let flow = self.block(frame, block, from, out);
+                frame.running = outside;
+                return flow;
             }
             let mut taken = Block::new();
             frame.flush(out);
             let flow = self.block(frame, block, from, &mut taken);
+            frame.running = outside;
             let condition = frame.literal(Literal::Bool(true), out);
             out.push(
                 Statement::If {
@@ -500,7 +540,9 @@ impl<'p> Folder<'p> {
             let mut body = Block::new();
             frame.flush(out);
             frame.breaks.push(Breaks::Switch(Vec::new()));
+            let outside = frame.run_on(&sources, cases.iter().map(|c| &c.body));
             let flow = self.block(frame, &cases[case].body, starts[case], &mut body);
+            frame.running = outside;
             let broken = frame.leave();
             let ends = matches!(body.last(), Some(Statement::Break));
             let jumps = body.len() - usize::from(ends);
@@ -632,6 +674,7 @@ impl<'p> Folder<'p> {
         let (map, known) = (frame.map.clone(), frame.known.clone());
         let locals = frame.locals.clone();
         let (returned, changed) = (frame.returned.clone(), frame.changed);
+        let running = Sources::clone(&frame.running);
         let (used, decisions) = (self.used.clone(), self.decisions.len());
         let roundings = self.roundings;
         let mut all = Block::new();
@@ -686,6 +729,7 @@ impl<'p> Folder<'p> {
         frame.function = function;
         (frame.map, frame.known, frame.locals) = (map, known, locals);
         (frame.returned, frame.changed) = (returned, changed);
+        frame.running = running;
         self.used = used;
         self.decisions.truncate(decisions);
         self.roundings = roundings;
@@ -700,7 +744,7 @@ impl<'p> Folder<'p> {
         condition: Handle<Expression>,
         kind: Kind,
         arms: &[(StmtId, StmtId)],
-    ) {
+    ) -> Option<usize> {
         let known = &frame.known[condition.index()];
         let sources = match known {
             Known::Scalar(_, sources) => Sources::clone(sources),
@@ -708,7 +752,7 @@ impl<'p> Folder<'p> {
         };
         let is_uniform = self.graph.rate(frame.id, condition) == Rate::Draw;
         if sources.is_empty() && !is_uniform {
-            return;
+            return None;
         }
         let taken = match (kind, known.literal()) {
             (Kind::Branch, _) => known.assumed_truth().map(|(t, _)| usize::from(!t)),
@@ -722,7 +766,10 @@ impl<'p> Folder<'p> {
             statements: (*a, *b),
             cost: frame.weight * super::decision::cost(self.graph, frame.id, *a, *b),
         });
-        self.decisions.push(Decision {
+        let id = self.note(Decision {
+            id: 0,
+            within: None,
+            stage: self.stage,
             function: frame.id,
             statement: id,
             condition,
@@ -731,6 +778,19 @@ impl<'p> Folder<'p> {
             arms: arms.collect(),
             sources,
         });
+        Some(id)
+    }
+
+    /// Numbers a decision and keeps it.
+    fn note(&mut self, decision: Decision) -> usize {
+        let id = self.numbered;
+        self.numbered += 1;
+        self.decisions.push(Decision {
+            id,
+            within: self.within.last().copied(),
+            ..decision
+        });
+        id
     }
 
     /// Notes a loop in place of the branch at its head, which is what ends it. `turns`: how many were written out.
@@ -748,7 +808,10 @@ impl<'p> Folder<'p> {
         }
         let end = frame.f.statements.get(id).end;
         let cost = frame.weight * super::decision::cost(self.graph, frame.id, id, end);
-        self.decisions.push(Decision {
+        self.note(Decision {
+            id: 0,
+            within: None,
+            stage: self.stage,
             function: frame.id,
             statement: id,
             condition,
@@ -818,7 +881,25 @@ fn has_jump(statement: &Statement, jump: Jump) -> bool {
     }
 }
 
+/// Whether a statement may go elsewhere than to the next.
+fn leaves(statement: &Statement) -> bool {
+    match statement {
+        Statement::Break | Statement::Continue | Statement::Return { .. } => true,
+        other => operands::blocks(other).into_iter().flatten().any(leaves),
+    }
+}
+
 impl Frame<'_> {
+    /// What runs from here on rests on `sources` too. Gives what it rests on behind the statement with these `arms`: the same where one of them may leave it.
+    fn run_on<'b>(&mut self, sources: &Sources, arms: impl Iterator<Item = &'b Block>) -> Sources {
+        let within = super::known::both(&self.running, sources);
+        let outside = std::mem::replace(&mut self.running, Sources::clone(&within));
+        match arms.flatten().any(leaves) {
+            true => within,
+            false => outside,
+        }
+    }
+
     /// Ends the present `Emit`.
     pub fn flush(&mut self, out: &mut Block) {
         if let Some(start) = self.emitting.take()
