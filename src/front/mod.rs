@@ -24,7 +24,7 @@ pub(crate) mod varying;
 mod wgsl;
 
 use std::borrow::Cow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use naga::ShaderStage;
@@ -74,7 +74,7 @@ impl Source {
     fn language(&self) -> Option<Language> {
         self.language.or_else(|| match extension(&self.name)? {
             "wgsl" => Some(Language::Wgsl),
-            "vert" | "vs" | "frag" | "fs" | "glsl" => Some(Language::Glsl),
+            "vert" | "vs" | "frag" | "fs" | "glsl" | "slang" => Some(Language::Glsl),
             _ => None,
         })
     }
@@ -109,6 +109,19 @@ pub struct Options {
     pub fragment: Option<String>,
     /// GLSL preprocessor definitions, name and value.
     pub defines: Vec<(String, String)>,
+    /// Folders in which GLSL's `#include` is looked up, after the including file's own.
+    pub include: Vec<PathBuf>,
+    /// The clip space that GLSL positions are written for; `None` goes by the dialect: OpenGL's, but for Vulkan's GLSL.
+    pub clip_space: Option<ClipSpace>,
+}
+
+/// The clip space that a GLSL text is written for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClipSpace {
+    /// WebGPU's and Vulkan's depth, 0 to 1: positions stay as they are written.
+    AsWritten,
+    /// OpenGL's depth, -1 to 1: `gl_Position.z` becomes `(z + w) / 2` where the vertex stage ends.
+    OpenGl,
 }
 
 /// A material's program and the entry points that draw it.
@@ -129,58 +142,84 @@ pub struct Parsed {
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
     let mut map = SourceMap::new();
     let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
-    let map = Arc::new(map);
-    parse_mapped(sources, &bases, &map, options).map_err(|e| e.with_sources(&map))
+    let (parsed, map) = parse_mapped(sources, &bases, map, options);
+    parsed.map_err(|e| e.with_sources(&map))
 }
 
 fn parse_mapped(
     sources: &[Source],
     bases: &[u32],
-    map: &Arc<SourceMap>,
+    mut map: SourceMap,
     options: &Options,
-) -> Result<Parsed, Error> {
-    let language = check_sources(sources)?;
-    for (source, base) in sources.iter().zip(bases) {
-        nesting::check(&source.text, *base)?;
-    }
-    let names = sources
-        .iter()
-        .map(|s| s.name.as_str())
-        .collect::<Vec<_>>()
-        .join(" and ");
-    guard::run(|| {
-        let mut modules = Vec::new();
+) -> (Result<Parsed, Error>, Arc<SourceMap>) {
+    let checked = check_sources(sources).and_then(|language| {
         for (source, base) in sources.iter().zip(bases) {
-            modules.push(match language {
-                Language::Wgsl => wgsl::parse(&without_mark(&source.text), *base)?,
-                Language::Glsl => parse_glsl(source, *base, options)?,
-            });
+            nesting::check(&source.text, *base)?;
         }
-        let mut modules = modules.into_iter();
-        let Some(mut module) = modules.next() else {
-            return Err(Error::new(Code::Empty, "no source is given"));
+        Ok(language)
+    });
+    let language = match checked {
+        Ok(language) => language,
+        Err(error) => return (Err(error), Arc::new(map)),
+    };
+    // Included files come into the map while the text is read.
+    let read = guard::run(|| match language {
+        Language::Wgsl => sources
+            .iter()
+            .zip(bases)
+            .map(|(source, base)| wgsl::parse(&without_mark(&source.text), *base))
+            .collect(),
+        Language::Glsl => parse_glsl(sources, bases, options, &mut map),
+    });
+    let map = Arc::new(map);
+    let parsed = read
+        .and_then(|modules| guard::run(|| assemble(modules?, bases, language, options, &map)))
+        .unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
+    (parsed, map)
+}
+
+fn bug(sources: &[Source], panicked: &guard::Panicked) -> Error {
+    let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+    Error::new(
+        Code::Panic,
+        format!(
+            "naga, the parser preshade uses, panicked on {}",
+            names.join(" and ")
+        ),
+    )
+    .note(panicked.0.clone())
+    .note("this is a bug in naga or in preshade; please report it with the file")
+}
+
+/// The files' modules as one program, with its entry points.
+fn assemble(
+    modules: Vec<naga::Module>,
+    bases: &[u32],
+    language: Language,
+    options: &Options,
+    map: &Arc<SourceMap>,
+) -> Result<Parsed, Error> {
+    let mut modules = modules.into_iter();
+    let Some(mut module) = modules.next() else {
+        return Err(Error::new(Code::Empty, "no source is given"));
+    };
+    if let Some(second) = modules.next() {
+        // GLSL's spans are the map's already.
+        let base = match language {
+            Language::Wgsl => bases.get(1).copied().unwrap_or(0),
+            Language::Glsl => 0,
         };
-        if let (Some(second), Some(base)) = (modules.next(), bases.get(1)) {
-            module = link(module, &second, *base, map)?;
-        }
-        let entries = entry::choose(&module, options, map)?;
-        entry::check_interface(&module, &entries, map)?;
-        let names = entry::names(&module);
-        let program = Program::new(module, Arc::clone(map), language)
-            .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
-        Ok(Parsed {
-            program,
-            vertex: entries.vertex,
-            fragment: entries.fragment,
-        })
-    })
-    .unwrap_or_else(|panicked| {
-        Err(Error::new(
-            Code::Panic,
-            format!("naga, the parser preshade uses, panicked on {names}"),
-        )
-        .note(panicked.0)
-        .note("this is a bug in naga or in preshade; please report it with the file"))
+        module = link(module, &second, base, map)?;
+    }
+    let entries = entry::choose(&module, options, map)?;
+    entry::check_interface(&module, &entries, map)?;
+    let names = entry::names(&module);
+    let program = Program::new(module, Arc::clone(map), language)
+        .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
+    Ok(Parsed {
+        program,
+        vertex: entries.vertex,
+        fragment: entries.fragment,
     })
 }
 
@@ -275,6 +314,10 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
         )
         .note("build preshade with the feature `glsl`"));
     }
+    #[cfg(feature = "glsl")]
+    if sources.len() == 1 && glsl::has_stages(&sources[0].text) {
+        return Ok(());
+    }
     let mut stages = Vec::new();
     for source in sources {
         match source.stage() {
@@ -312,15 +355,115 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
 }
 
 #[cfg(feature = "glsl")]
-fn parse_glsl(source: &Source, base: u32, options: &Options) -> Result<naga::Module, Error> {
-    let stage = source.stage().unwrap_or(ShaderStage::Fragment);
-    glsl::parse(&without_mark(&source.text), stage, &options.defines, base)
+fn parse_glsl(
+    sources: &[Source],
+    bases: &[u32],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<Vec<naga::Module>, Error> {
+    let stages = glsl_stages(sources, bases);
+    let texts: Vec<glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
+    glsl::parse(&texts, options, map)
+}
+
+/// One stage of GLSL, from a file of its own or one that both share.
+#[cfg(feature = "glsl")]
+struct GlslStage<'a> {
+    name: &'a str,
+    text: Cow<'a, str>,
+    stage: ShaderStage,
+    base: u32,
+}
+
+#[cfg(feature = "glsl")]
+impl GlslStage<'_> {
+    fn text(&self) -> glsl::Text<'_> {
+        glsl::Text {
+            name: self.name,
+            text: &self.text,
+            stage: self.stage,
+            base: self.base,
+        }
+    }
+}
+
+/// The stages of the sources; of one file with `#pragma stage` lines, each with the other's lines blank.
+#[cfg(feature = "glsl")]
+fn glsl_stages<'a>(sources: &'a [Source], bases: &[u32]) -> Vec<GlslStage<'a>> {
+    let mut out = Vec::new();
+    for (source, base) in sources.iter().zip(bases) {
+        let text = without_mark(&source.text);
+        let stage = source.stage().unwrap_or(ShaderStage::Fragment);
+        let both = [ShaderStage::Vertex, ShaderStage::Fragment];
+        match glsl::has_stages(&text) {
+            true => out.extend(both.map(|stage| GlslStage {
+                name: &source.name,
+                text: Cow::Owned(glsl::stage_of(&text, stage)),
+                stage,
+                base: *base,
+            })),
+            false => out.push(GlslStage {
+                name: &source.name,
+                text,
+                stage,
+                base: *base,
+            }),
+        }
+    }
+    out
 }
 
 #[cfg(not(feature = "glsl"))]
-fn parse_glsl(source: &Source, _: u32, _: &Options) -> Result<naga::Module, Error> {
+fn parse_glsl(
+    sources: &[Source],
+    _: &[u32],
+    _: &Options,
+    _: &mut SourceMap,
+) -> Result<Vec<naga::Module>, Error> {
     Err(Error::new(
         Code::Unsupported,
-        format!("{} is GLSL, which this build cannot read", source.name),
+        format!("{} is GLSL, which this build cannot read", sources[0].name),
     ))
+}
+
+/// One stage as the GLSL that naga reads, for people to look at and tests to compare.
+///
+/// # Errors
+/// As [`parse`]'s, without those of naga.
+#[cfg(feature = "glsl")]
+pub fn normalised_glsl(
+    sources: &[Source],
+    options: &Options,
+) -> Result<Vec<(ShaderStage, String)>, Error> {
+    let mut map = SourceMap::new();
+    let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
+    let stages = glsl_stages(sources, &bases);
+    let texts: Vec<glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
+    let read = guard::run(|| glsl::normalise(&texts, options, &mut map));
+    let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
+    let map = Arc::new(map);
+    let normalised = read.map_err(|e| e.with_sources(&map))?;
+    Ok(texts
+        .iter()
+        .zip(normalised)
+        .map(|(text, n)| (text.stage, n.text))
+        .collect())
+}
+
+/// A GLSL vertex stage that gives `fragment` whatever it reads, all zero, and passes `position` on: for looking at a fragment shader without its other half.
+///
+/// # Errors
+/// As [`parse`]'s, without those of naga.
+#[cfg(feature = "glsl")]
+pub fn vertex_stage_for(fragment: &Source, options: &Options) -> Result<String, Error> {
+    let mut map = SourceMap::new();
+    let base = map.add(&fragment.name, &fragment.text);
+    let stages = glsl_stages(std::slice::from_ref(fragment), &[base]);
+    let read = guard::run(|| match stages.first() {
+        Some(stage) => glsl::vertex_stage_for(&stage.text(), options, &mut map),
+        None => Err(Error::new(Code::Empty, "no source is given")),
+    });
+    let read = read.unwrap_or_else(|panicked| Err(bug(std::slice::from_ref(fragment), &panicked)));
+    let map = Arc::new(map);
+    read.map_err(|e| e.with_sources(&map))
 }

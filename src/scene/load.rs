@@ -265,7 +265,7 @@ impl Loader<'_> {
         let options = front::Options {
             vertex: entry.entry.vertex.clone(),
             fragment: entry.entry.fragment.clone(),
-            defines: Vec::new(),
+            ..front::Options::default()
         };
         let parsed = front::parse(&texts, &options).map_err(|e| {
             let what = Error::new(format!("the shader of material `{name}`: {e}"))

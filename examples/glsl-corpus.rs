@@ -1,0 +1,260 @@
+//! How much GLSL of other people's is read: over the folders named, a table of what is accepted and why the rest is refused.
+//!
+//! ```text
+//! cargo run --release --example glsl-corpus --features glsl,spirv -- [--verbose] [--include DIR] FOLDER..
+//! ```
+//!
+//! A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader by itself is given a vertex stage that writes what it reads, and a file with
+//! `#pragma stage` lines is a pair. Accepted is what parses, validates, is emitted as WGSL that reads back as the same program, and as GLSL 4.50 or ES 3.00 that is read in again.
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a tool that ends with a message"
+)]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use preshade::emit::{self, Target};
+use preshade::front::{self, Code, Options, Source};
+use preshade::passes::plan::Plan;
+use preshade::passes::state::MaterialState;
+
+/// What takes longer hangs.
+const LIMIT: Duration = Duration::from_secs(30);
+
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Outcome {
+    Accepted,
+    Refused(String),
+    Panicked(String),
+    Hung,
+}
+
+/// One material's files.
+struct Case {
+    name: String,
+    paths: Vec<PathBuf>,
+}
+
+fn main() {
+    let mut folders = Vec::new();
+    let mut include = Vec::new();
+    let mut verbose = false;
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--verbose" => verbose = true,
+            "--include" => include.extend(arguments.next().map(PathBuf::from)),
+            _ => folders.push(PathBuf::from(argument)),
+        }
+    }
+    assert!(!folders.is_empty(), "name a folder or more");
+    for folder in &folders {
+        table(folder, &include, verbose);
+    }
+}
+
+fn table(folder: &Path, include: &[PathBuf], verbose: bool) {
+    let mut files = Vec::new();
+    walk(folder, &mut files);
+    let (cases, others) = cases(&files);
+    let mut counted: BTreeMap<Outcome, Vec<String>> = BTreeMap::new();
+    let begun = Instant::now();
+    for case in &cases {
+        let outcome = limited(&case.paths, include);
+        if verbose && outcome != Outcome::Accepted {
+            println!("{}: {outcome:?}", case.name);
+        }
+        counted.entry(outcome).or_default().push(case.name.clone());
+    }
+    let accepted = counted.get(&Outcome::Accepted).map_or(0, Vec::len);
+    let panics = counted.keys().filter(|o| matches!(o, Outcome::Panicked(_)));
+    let panics: usize = panics.map(|o| counted[o].len()).sum();
+    let hung = counted.get(&Outcome::Hung).map_or(0, Vec::len);
+    println!("## {}", folder.display());
+    println!(
+        "| materials | accepted | share | refused | panics | hangs | files of other stages | seconds |\n|---|---|---|---|---|---|---|---|\n| {} | {accepted} | {:.1}% | {} | {panics} | {hung} | {others} | {:.1} |\n",
+        cases.len(),
+        100.0 * accepted as f64 / cases.len().max(1) as f64,
+        cases.len() - accepted - panics - hung,
+        begun.elapsed().as_secs_f64(),
+    );
+    let mut reasons: Vec<(usize, String, &String)> = counted
+        .iter()
+        .filter_map(|(outcome, names)| match outcome {
+            Outcome::Accepted => None,
+            Outcome::Refused(why) => Some((names.len(), why.clone(), &names[0])),
+            Outcome::Panicked(why) => Some((names.len(), format!("PANIC {why}"), &names[0])),
+            Outcome::Hung => Some((names.len(), "HANG".to_owned(), &names[0])),
+        })
+        .collect();
+    reasons.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+    if !reasons.is_empty() {
+        println!("| count | reason | first |\n|---|---|---|");
+        for (count, why, first) in &reasons {
+            println!("| {count} | {} | {first} |", why.replace('|', "\\|"));
+        }
+        println!();
+    }
+}
+
+fn walk(path: &Path, out: &mut Vec<PathBuf>) {
+    if path.is_file() {
+        out.push(path.to_owned());
+        return;
+    }
+    let mut inside: Vec<PathBuf> = std::fs::read_dir(path)
+        .into_iter()
+        .flatten()
+        .filter_map(|e| Some(e.ok()?.path()))
+        .collect();
+    inside.sort();
+    for path in inside {
+        walk(&path, out);
+    }
+}
+
+fn cases(files: &[PathBuf]) -> (Vec<Case>, usize) {
+    let mut by_stem: BTreeMap<PathBuf, [Option<PathBuf>; 2]> = BTreeMap::new();
+    let mut cases = Vec::new();
+    let mut others = 0;
+    // A pair with a stage between its two is no pair.
+    let between = |file: &Path| {
+        let mut stages = ["gs", "geom", "tcs", "tesc"].iter();
+        stages.any(|e| file.with_extension(e).is_file())
+    };
+    for file in files {
+        let stage = match file.extension().and_then(|e| e.to_str()) {
+            Some("vert" | "vs") => 0,
+            Some("frag" | "fs") => 1,
+            Some("slang") => {
+                cases.push(Case {
+                    name: file.display().to_string(),
+                    paths: vec![file.clone()],
+                });
+                continue;
+            }
+            Some("gs" | "geom" | "cs" | "comp" | "tcs" | "tes" | "tesc" | "tese") => {
+                others += 1;
+                continue;
+            }
+            _ => continue,
+        };
+        if between(file) {
+            others += 1;
+            continue;
+        }
+        by_stem.entry(file.with_extension("")).or_default()[stage] = Some(file.clone());
+    }
+    for (stem, pair) in by_stem {
+        cases.push(Case {
+            name: stem.display().to_string(),
+            paths: pair.into_iter().flatten().collect(),
+        });
+    }
+    cases.sort_by(|a, b| a.name.cmp(&b.name));
+    (cases, others)
+}
+
+fn limited(paths: &[PathBuf], include: &[PathBuf]) -> Outcome {
+    let (send, receive) = mpsc::channel();
+    let (paths, include) = (paths.to_vec(), include.to_vec());
+    let spawned = std::thread::Builder::new()
+        .stack_size(64 << 20)
+        .spawn(move || send.send(judge(&paths, include)).ok());
+    assert!(spawned.is_ok());
+    match receive.recv_timeout(LIMIT) {
+        Ok(outcome) => outcome,
+        Err(mpsc::RecvTimeoutError::Timeout) => Outcome::Hung,
+        Err(mpsc::RecvTimeoutError::Disconnected) => {
+            Outcome::Panicked("outside of naga".to_owned())
+        }
+    }
+}
+
+fn judge(paths: &[PathBuf], include: Vec<PathBuf>) -> Outcome {
+    let options = Options {
+        include,
+        ..Options::default()
+    };
+    let mut sources = Vec::new();
+    for path in paths {
+        let Ok(bytes) = std::fs::read(path) else {
+            return Outcome::Refused("the file cannot be read".to_owned());
+        };
+        sources.push(Source::new(
+            path.to_string_lossy(),
+            String::from_utf8_lossy(&bytes),
+        ));
+    }
+    let alone = paths.len() == 1
+        && paths[0]
+            .extension()
+            .is_some_and(|e| e == "frag" || e == "fs");
+    if alone {
+        match front::vertex_stage_for(&sources[0], &options) {
+            Ok(text) => sources.insert(0, Source::new("generated.vert", text)),
+            Err(error) => return refused(&error),
+        }
+    }
+    let parsed = match front::parse(&sources, &options) {
+        Ok(parsed) => parsed,
+        Err(error) => return refused(&error),
+    };
+    let plan = Plan::original(
+        "material",
+        parsed.program.clone(),
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    // The emitter itself reads WGSL back and compares.
+    if let Err(error) = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()) {
+        return Outcome::Refused(general(&error.to_string()));
+    }
+    let mut last = String::new();
+    for target in [Target::Glsl450, Target::GlslEs300] {
+        let files = match emit::emit(&plan, &[target], &emit::Options::default()) {
+            Ok(files) => files,
+            Err(error) => {
+                last = error.to_string();
+                continue;
+            }
+        };
+        let texts: Vec<Source> = files
+            .iter()
+            .filter(|f| f.name.ends_with(".vert") || f.name.ends_with(".frag"))
+            .map(|f| Source::new(&f.name, String::from_utf8_lossy(&f.bytes)))
+            .collect();
+        match front::parse(&texts, &Options::default()) {
+            Ok(_) => return Outcome::Accepted,
+            Err(error) => last = format!("read back: {}", error.message()),
+        }
+    }
+    Outcome::Refused(general(&last))
+}
+
+fn refused(error: &front::Error) -> Outcome {
+    match error.code() {
+        Code::Panic => Outcome::Panicked(error.notes().first().cloned().unwrap_or_default()),
+        code => Outcome::Refused(format!("{}: {}", code.name(), general(error.message()))),
+    }
+}
+
+/// The message without what is this file's alone.
+fn general(message: &str) -> String {
+    let mut out = String::new();
+    let mut quoted = false;
+    for c in message.chars() {
+        if c == '`' {
+            quoted = !quoted;
+            out.push(c);
+        } else if !quoted || message.len() < 90 {
+            out.push(c);
+        }
+    }
+    out.chars().take(160).collect()
+}

@@ -1,0 +1,61 @@
+//! `textureGather`, which naga's GLSL front end lacks and its IR has: functions of this name sample in the text, and are given a gather here.
+
+use naga::{
+    Block, Expression, Function, Module, Range, SampleLevel, Span, Statement, SwizzleComponent,
+};
+
+/// What the functions' names begin with; an underscore, the sampler's type, another and the component follow.
+pub(super) const NAME: &str = "gather";
+
+/// Replaces the bodies of the functions that stand for a gather.
+pub(super) fn replace(module: &mut Module) {
+    let handles: Vec<_> = module.functions.iter().map(|(h, _)| h).collect();
+    for handle in handles {
+        let span = module.functions.get_span(handle);
+        let function = &mut module.functions[handle];
+        let component = function
+            .name
+            .as_deref()
+            .and_then(|n| n.strip_prefix(NAME)?.strip_prefix("_")?.rsplit_once('_'))
+            .filter(|(of, _)| of.contains("sampler"))
+            .and_then(|(_, n)| n.parse::<u32>().ok());
+        if let Some(component) = component {
+            gather(function, component, span);
+        }
+    }
+}
+
+fn gather(function: &mut Function, component: u32, span: Span) {
+    let mut expressions = naga::Arena::new();
+    let mut argument = |i: u32| expressions.append(Expression::FunctionArgument(i), span);
+    let (image, sampler, coordinate) = (argument(0), argument(1), argument(2));
+    let depth_ref = (function.arguments.len() > 3).then(|| argument(3));
+    let component = SwizzleComponent::XYZW[component.min(3) as usize];
+    let sample = Expression::ImageSample {
+        image,
+        sampler,
+        gather: Some(component),
+        coordinate,
+        array_index: None,
+        offset: None,
+        level: SampleLevel::Zero,
+        depth_ref,
+        clamp_to_edge: false,
+    };
+    let sample = expressions.append(sample, span);
+    let mut body = Block::new();
+    body.push(
+        Statement::Emit(Range::new_from_bounds(sample, sample)),
+        span,
+    );
+    body.push(
+        Statement::Return {
+            value: Some(sample),
+        },
+        span,
+    );
+    function.expressions = expressions;
+    function.local_variables = naga::Arena::new();
+    function.named_expressions.clear();
+    function.body = body;
+}

@@ -1,0 +1,498 @@
+//! What the two stages agree on: which binding each resource has, which location each varying.
+//!
+//! A binding that the author gave is kept where it is free: OpenGL numbers textures and blocks apart, WebGPU does not. All others are numbered in group 0: first the block of loose
+//! uniforms, then what is declared, the vertex stage's before the fragment's. A location that the author gave is kept; varyings are matched by name, and by location where both
+//! stages give one.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use naga::{ShaderStage, Span};
+
+use super::stage::{Stage, Variable, unsupported};
+use super::ty::{Member, Struct, Ty};
+use crate::front::error::{Code, Error};
+
+/// Group and binding.
+pub(super) type Slot = (u32, u32);
+
+/// A combined sampler that became a texture and a sampler.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Pair {
+    /// `sampler2D`, or what else the author combined.
+    pub combined: String,
+    pub texture: String,
+    pub sampler: String,
+}
+
+/// A pair among the uniforms, with its bindings.
+#[derive(Clone, Debug)]
+pub(super) struct Bound {
+    pub pair: Pair,
+    pub slots: [Slot; 2],
+}
+
+/// What both stages declare alike.
+#[derive(Debug, Default)]
+pub(super) struct Interface {
+    /// The loose uniforms of both stages, without samplers.
+    pub uniforms: Vec<Member>,
+    /// The structs that the uniforms are made of and either stage may lack.
+    pub structs: Vec<Struct>,
+    pub uniform_slot: Slot,
+    /// Type and instance of the block of loose uniforms.
+    pub uniform_block: [String; 2],
+    /// By path: `map`, `material.diffuse`, `maps[2]`.
+    pub samplers: BTreeMap<String, Bound>,
+    pub opaque: HashMap<String, Slot>,
+    pub blocks: HashMap<String, Slot>,
+    /// Locations of inputs and outputs by key, a map for each stage.
+    pub inputs: [HashMap<String, u32>; 2],
+    pub outputs: [HashMap<String, u32>; 2],
+    /// How a varying is interpolated, as the fragment stage says.
+    pub interpolation: HashMap<String, [Option<&'static str>; 2]>,
+    /// Names that are taken.
+    pub names: HashSet<String>,
+}
+
+/// The stage's index in the maps above.
+pub(super) fn index(kind: ShaderStage) -> usize {
+    usize::from(kind == ShaderStage::Fragment)
+}
+
+impl Interface {
+    /// A name like `wanted` that no stage has yet.
+    pub(super) fn fresh(&mut self, wanted: &str) -> String {
+        let mut name = wanted.to_owned();
+        while !self.names.insert(name.clone()) {
+            name.push('_');
+        }
+        name
+    }
+
+    pub(super) fn of(stages: &mut [Stage<'_>]) -> Result<Self, Error> {
+        let mut out = Self::default();
+        for stage in stages.iter() {
+            out.names.extend(stage.unit.names.iter().cloned());
+        }
+        out.uniforms(stages)?;
+        out.bindings(stages)?;
+        out.attributes(stages)?;
+        out.varyings(stages)?;
+        out.targets(stages)?;
+        Ok(out)
+    }
+
+    fn uniforms(&mut self, stages: &mut [Stage<'_>]) -> Result<(), Error> {
+        let mut declared: HashMap<String, (Ty, Option<Span>)> = HashMap::new();
+        for stage in stages.iter_mut() {
+            for uniform in &stage.uniforms {
+                if let Some((ty, before)) = declared.get(&uniform.name) {
+                    if *ty != uniform.ty {
+                        let error = Error::new(
+                            Code::Link,
+                            format!(
+                                "the two stages declare the uniform `{}` differently",
+                                uniform.name
+                            ),
+                        );
+                        return Err(error
+                            .label_if(uniform.place)
+                            .label_if(*before)
+                            .note("OpenGL gives a program one uniform of a name"));
+                    }
+                    continue;
+                }
+                declared.insert(uniform.name.clone(), (uniform.ty.clone(), uniform.place));
+                if stage.structs.has_data(&uniform.ty) {
+                    self.uniforms.push(Member {
+                        name: uniform.name.clone(),
+                        ty: uniform.ty.clone(),
+                        row_major: uniform.qualifiers.says("row_major"),
+                        place: uniform.place,
+                    });
+                }
+            }
+        }
+        // Each stage declares the whole block, with the structs it needs.
+        for at in 0..stages.len() {
+            for name in stages[at].structs.order.clone() {
+                let Some(of) = stages[at].structs.get(&name).cloned() else {
+                    continue;
+                };
+                match self.structs.iter().find(|s| s.name == name) {
+                    None => self.structs.push(of),
+                    Some(other)
+                        if other
+                            .members
+                            .iter()
+                            .map(|m| (&m.name, &m.ty))
+                            .ne(of.members.iter().map(|m| (&m.name, &m.ty))) =>
+                    {
+                        let shared = self
+                            .uniforms
+                            .iter()
+                            .any(|u| names(&u.ty, &stages[at], &name));
+                        if shared {
+                            let place = of.members.first().and_then(|m| m.place);
+                            return Err(Error::new(
+                                Code::Link,
+                                format!("the two stages declare the struct `{name}` differently, and a uniform is made of it"),
+                            )
+                            .label_if(place));
+                        }
+                    }
+                    Some(_) => {}
+                }
+            }
+        }
+        for uniform in &self.uniforms {
+            for stage in stages.iter_mut() {
+                import(&uniform.ty, &self.structs, stage);
+                stage.structs.host(&uniform.ty);
+            }
+        }
+        for stage in stages.iter_mut() {
+            for block in stage.blocks.clone() {
+                if block.qualifiers.storage == Some(super::stage::Storage::Uniform)
+                    && !block.qualifiers.says("push_constant")
+                {
+                    for member in &block.members {
+                        stage.structs.host(&member.ty);
+                    }
+                }
+            }
+        }
+        self.uniform_block = [self.fresh("Uniforms"), self.fresh("uniforms")];
+        Ok(())
+    }
+
+    fn bindings(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
+        let mut taken: HashSet<Slot> = HashSet::new();
+        // What the author numbered comes first.
+        let explicit = |v: &super::stage::Qualifiers| {
+            let binding = v.number("binding")?;
+            Some((v.number("set").unwrap_or(0), binding))
+        };
+        // A slot is one resource: in both stages by name, or by number where the kinds agree.
+        let mut kinds: HashMap<Slot, (usize, String)> = HashMap::new();
+        let mut claim =
+            |stage: usize, kind: &str, slot: Option<Slot>, taken: &mut HashSet<Slot>| {
+                let slot = slot?;
+                match kinds.get(&slot) {
+                    None => {
+                        kinds.insert(slot, (stage, kind.to_owned()));
+                        taken.insert(slot);
+                        Some(slot)
+                    }
+                    Some((other, of)) if *other != stage && of == kind => Some(slot),
+                    Some(_) => None,
+                }
+            };
+        let mut waiting: Vec<(Waiting, u32)> = Vec::new();
+        for (at, stage) in stages.iter().enumerate() {
+            for block in &stage.blocks {
+                if block.qualifiers.says("push_constant") || self.blocks.contains_key(&block.name) {
+                    continue;
+                }
+                let set = block.qualifiers.number("set").unwrap_or(0);
+                match claim(at, "block", explicit(&block.qualifiers), &mut taken) {
+                    Some(slot) => {
+                        self.blocks.insert(block.name.clone(), slot);
+                    }
+                    None => waiting.push((Waiting::Block(block.name.clone()), set)),
+                }
+            }
+            for variable in &stage.opaque {
+                if self.opaque.contains_key(&variable.name) {
+                    continue;
+                }
+                if matches!(variable.ty, Ty::Array(..)) {
+                    return Err(unsupported(
+                        format!(
+                            "`{}` is an array of textures or samplers, which WebGPU has no bindings for",
+                            variable.name
+                        ),
+                        variable.place,
+                    ));
+                }
+                let set = variable.qualifiers.number("set").unwrap_or(0);
+                let kind = variable.ty.name();
+                match claim(at, &kind, explicit(&variable.qualifiers), &mut taken) {
+                    Some(slot) => {
+                        self.opaque.insert(variable.name.clone(), slot);
+                    }
+                    None => waiting.push((Waiting::Opaque(variable.name.clone()), set)),
+                }
+            }
+            for variable in &stage.uniforms {
+                let mut found = Vec::new();
+                stage
+                    .structs
+                    .samplers(&variable.ty, &variable.name, &mut found);
+                for (i, (path, combined)) in found.into_iter().enumerate() {
+                    if self.samplers.contains_key(&path) {
+                        continue;
+                    }
+                    refuse_sampler(&combined, variable)?;
+                    let texture = match path == variable.name {
+                        true => path.clone(),
+                        false => {
+                            let flat = flat(&path);
+                            self.fresh(&flat)
+                        }
+                    };
+                    let sampler = self.fresh(&format!("{texture}_sampler"));
+                    let pair = Pair {
+                        combined,
+                        texture,
+                        sampler,
+                    };
+                    // An array's elements follow one another, as in OpenGL.
+                    let slot = explicit(&variable.qualifiers).map(|(s, b)| (s, b + i as u32));
+                    let set = variable.qualifiers.number("set").unwrap_or(0);
+                    let texture = claim(at, &pair.combined, slot, &mut taken);
+                    self.samplers.insert(
+                        path.clone(),
+                        Bound {
+                            pair,
+                            slots: [texture.unwrap_or((u32::MAX, 0)); 2],
+                        },
+                    );
+                    waiting.push((Waiting::Sampler(path), set));
+                }
+            }
+        }
+        let mut next = |set: u32| {
+            let mut slot = (set, 0);
+            while !taken.insert(slot) {
+                slot.1 += 1;
+            }
+            slot
+        };
+        if !self.uniforms.is_empty() {
+            self.uniform_slot = next(0);
+        }
+        for (what, set) in waiting {
+            match what {
+                Waiting::Block(name) => {
+                    if !self.blocks.contains_key(&name) {
+                        self.blocks.insert(name, next(set));
+                    }
+                }
+                Waiting::Opaque(name) => {
+                    if !self.opaque.contains_key(&name) {
+                        self.opaque.insert(name, next(set));
+                    }
+                }
+                Waiting::Sampler(path) => {
+                    if let Some(bound) = self.samplers.get_mut(&path) {
+                        if bound.slots[0].0 == u32::MAX {
+                            bound.slots[0] = next(set);
+                        }
+                        bound.slots[1] = next(bound.slots[0].0);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn attributes(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
+        if let Some(vertex) = stages.iter().find(|s| s.kind == ShaderStage::Vertex) {
+            self.inputs[0] = numbered(vertex, &vertex.inputs, HashMap::new())?;
+        }
+        Ok(())
+    }
+
+    fn varyings(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
+        let vertex = stages.iter().find(|s| s.kind == ShaderStage::Vertex);
+        let fragment = stages.iter().find(|s| s.kind == ShaderStage::Fragment);
+        for variable in vertex
+            .iter()
+            .flat_map(|s| &s.outputs)
+            .chain(fragment.iter().flat_map(|s| &s.inputs))
+        {
+            let q = &variable.qualifiers;
+            // The fragment stage's come last, and stay.
+            self.interpolation
+                .insert(variable.key(), [q.interpolation, q.sampling]);
+        }
+        let (Some(vertex), Some(fragment)) = (vertex, fragment) else {
+            if let Some(vertex) = vertex {
+                self.outputs[0] = numbered(vertex, &vertex.outputs, HashMap::new())?;
+            }
+            if let Some(fragment) = fragment {
+                self.inputs[1] = numbered(fragment, &fragment.inputs, HashMap::new())?;
+            }
+            return Ok(());
+        };
+        // A location that only the fragment stage gives holds for the output of that name too.
+        let given: HashMap<String, u32> = fragment
+            .inputs
+            .iter()
+            .filter_map(|v| Some((v.key(), v.qualifiers.number("location")?)))
+            .collect();
+        let outputs = numbered(vertex, &vertex.outputs, given)?;
+        for input in &fragment.inputs {
+            let explicit = input.qualifiers.number("location");
+            let by_location = explicit.and_then(|at| {
+                vertex
+                    .outputs
+                    .iter()
+                    .find(|o| o.qualifiers.number("location") == Some(at))
+            });
+            let by_name = || vertex.outputs.iter().find(|o| o.key() == input.key());
+            let Some(output) = by_location.or_else(by_name) else {
+                let used = fragment.used.contains(&input.name)
+                    || input
+                        .block
+                        .as_ref()
+                        .and_then(|b| b.1.as_ref())
+                        .is_some_and(|i| fragment.used.contains(i));
+                if used {
+                    return Err(Error::new(
+                        Code::Interface,
+                        format!(
+                            "the fragment stage reads `{}`, which the vertex stage does not write",
+                            input.name
+                        ),
+                    )
+                    .label_if(input.place));
+                }
+                continue;
+            };
+            if output.ty != input.ty {
+                return Err(Error::new(
+                    Code::Interface,
+                    format!(
+                        "the varying `{}` is a {} in the vertex stage and a {} in the fragment stage",
+                        input.name,
+                        output.ty.name(),
+                        input.ty.name()
+                    ),
+                )
+                .label_if(input.place)
+                .label_if(output.place));
+            }
+            if let Some(at) = outputs.get(&output.key()) {
+                self.inputs[1].insert(input.key(), *at);
+                let q = &input.qualifiers;
+                self.interpolation
+                    .insert(output.key(), [q.interpolation, q.sampling]);
+            }
+        }
+        self.outputs[0] = outputs;
+        Ok(())
+    }
+
+    fn targets(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
+        if let Some(fragment) = stages.iter().find(|s| s.kind == ShaderStage::Fragment) {
+            self.outputs[1] = numbered(fragment, &fragment.outputs, HashMap::new())?;
+        }
+        Ok(())
+    }
+}
+
+enum Waiting {
+    Block(String),
+    Opaque(String),
+    Sampler(String),
+}
+
+/// Whether a type is made of the struct `name`.
+fn names(ty: &Ty, stage: &Stage<'_>, name: &str) -> bool {
+    match ty.innermost() {
+        Ty::Struct(of) => {
+            of == name
+                || stage
+                    .structs
+                    .get(of)
+                    .is_some_and(|s| s.members.iter().any(|m| names(&m.ty, stage, name)))
+        }
+        _ => false,
+    }
+}
+
+/// Adds the structs of `ty` to a stage that lacks them, inner ones first.
+fn import(ty: &Ty, all: &[Struct], stage: &mut Stage<'_>) {
+    let Ty::Struct(name) = ty.innermost() else {
+        return;
+    };
+    if stage.structs.get(name).is_some() {
+        return;
+    }
+    if let Some(of) = all.iter().find(|s| s.name == *name) {
+        for member in &of.members {
+            import(&member.ty, all, stage);
+        }
+        stage.structs.insert(of.clone());
+    }
+}
+
+/// A path as a name: `lights[1].map` is `lights_1_map`.
+pub(super) fn flat(path: &str) -> String {
+    path.replace(['[', '.'], "_").replace(']', "")
+}
+
+fn refuse_sampler(combined: &str, variable: &Variable) -> Result<(), Error> {
+    let why = match combined.trim_start_matches(['i', 'u']) {
+        "sampler2DRect" | "sampler2DRectShadow" => "rectangle textures",
+        "samplerBuffer" => "buffer textures",
+        "sampler1DShadow" | "sampler1DArray" | "sampler1DArrayShadow" => {
+            "such one-dimensional textures"
+        }
+        _ => return Ok(()),
+    };
+    Err(unsupported(
+        format!("`{}` is a {combined}: WebGPU has no {why}", variable.name),
+        variable.place,
+    ))
+}
+
+/// Locations for all of `variables`: what they say, what `given` says, and the next that are free.
+fn numbered(
+    stage: &Stage<'_>,
+    variables: &[Variable],
+    given: HashMap<String, u32>,
+) -> Result<HashMap<String, u32>, Error> {
+    let mut out: HashMap<String, u32> = HashMap::new();
+    let mut taken = HashSet::new();
+    let size = |v: &Variable| {
+        let mut leaves = Vec::new();
+        stage.structs.leaves(&v.ty, "", &mut leaves);
+        leaves.len().max(1) as u32
+    };
+    let said = |v: &Variable| {
+        v.qualifiers
+            .number("location")
+            .or_else(|| given.get(&v.key()).copied())
+    };
+    for variable in variables {
+        if let Ty::Array(_, None) = variable.ty {
+            return Err(unsupported(
+                format!(
+                    "`{}` has no length: such arrays belong to geometry and tessellation shaders",
+                    variable.name
+                ),
+                variable.place,
+            ));
+        }
+        if let Some(at) = said(variable) {
+            out.insert(variable.key(), at);
+            taken.extend(at..at + size(variable));
+        }
+    }
+    for variable in variables {
+        if out.contains_key(&variable.key()) {
+            continue;
+        }
+        let n = size(variable);
+        let mut at = 0;
+        while (at..at + n).any(|l| taken.contains(&l)) {
+            at += 1;
+        }
+        out.insert(variable.key(), at);
+        taken.extend(at..at + n);
+    }
+    Ok(out)
+}

@@ -1,0 +1,598 @@
+//! Calls: constructors, the author's functions, GLSL's own.
+
+use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
+
+use super::super::interface::Pair;
+use super::super::marks::unmarked;
+use super::super::stage::{Signature, Storage, spelled, unsupported};
+use super::super::ty::{Entry, Kind, Ty, is_stored_otherwise};
+use super::expression::{Ex, level, pack};
+use super::{Lower, builtin, texture};
+use crate::front::error::Error;
+
+impl Lower<'_, '_> {
+    pub(super) fn call(
+        &mut self,
+        name: &ast::FunIdentifier,
+        arguments: &[Expr],
+        whole: &Expr,
+    ) -> Result<Ex, Error> {
+        match &name.content {
+            FunIdentifierData::TypeSpecifier(spec) => {
+                let function = spelled(&spec.ty);
+                // Where Vulkan's types are known, `texture2D` is one.
+                if spec.array_specifier.is_none() && function.contains("texture") {
+                    return self.named(&function, arguments, whole);
+                }
+                let ty = self.stage.ty(spec, None, self.place(whole.span))?;
+                self.constructor(ty, arguments, whole)
+            }
+            FunIdentifierData::Expr(callee) => match &callee.content {
+                ExprData::Variable(function) => self.named(function.as_str(), arguments, whole),
+                ExprData::Dot(of, method) if method.as_str() == "length" => {
+                    let of = self.raw(of)?;
+                    let length = match &of.ty {
+                        Ty::Array(_, n) => *n,
+                        Ty::Vector(_, n) => Some(u32::from(*n)),
+                        Ty::Matrix(_, columns, _) => Some(u32::from(*columns)),
+                        _ => None,
+                    };
+                    Ok(match length {
+                        Some(n) => Ex::primary(n.to_string(), Ty::INT),
+                        None => Ex::new(
+                            format!("int({}.length())", of.at(level::POSTFIX)),
+                            Ty::INT,
+                            level::POSTFIX,
+                        ),
+                    })
+                }
+                _ => Err(unsupported("this cannot be called", self.place(whole.span))),
+            },
+        }
+    }
+
+    fn values(&mut self, arguments: &[Expr]) -> Result<Vec<Ex>, Error> {
+        arguments.iter().map(|a| self.expr(a)).collect()
+    }
+
+    fn constructor(&mut self, ty: Ty, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
+        let place = self.place(whole.span);
+        let values = self.values(arguments)?;
+        let texts = |values: &[Ex]| -> String {
+            let all: Vec<String> = values.iter().map(|v| v.at(level::ASSIGNMENT)).collect();
+            all.join(", ")
+        };
+        match &ty {
+            Ty::Combined(name) => {
+                let [texture, sampler] = &values[..] else {
+                    return Err(unsupported(
+                        format!("`{name}` takes a texture and a sampler"),
+                        place,
+                    ));
+                };
+                let mut ex = Ex::primary(
+                    format!("{name}({}, {})", texture.text, sampler.text),
+                    ty.clone(),
+                );
+                ex.pair = Some(Pair {
+                    combined: name.clone(),
+                    texture: texture.text.clone(),
+                    sampler: sampler.text.clone(),
+                });
+                Ok(ex)
+            }
+            Ty::Struct(name) => {
+                let members = self
+                    .stage
+                    .structs
+                    .get(name)
+                    .map(|s| (s.hosted, s.members.clone()));
+                let (hosted, members) = members.unwrap_or_default();
+                let entries = match hosted {
+                    true => self.stage.structs.laid_out(&members, true),
+                    false => members.iter().map(Entry::Member).collect(),
+                };
+                let mut parts = Vec::new();
+                let mut values = values.into_iter();
+                for entry in entries {
+                    let Entry::Member(member) = entry else {
+                        parts.push("0.0".to_owned());
+                        continue;
+                    };
+                    let Some(value) = values.next() else {
+                        break;
+                    };
+                    let value = self.coerce(value, &member.ty);
+                    parts.push(match hosted && is_stored_otherwise(&member.ty) {
+                        true => pack(&value, &member.ty).ok_or_else(|| {
+                            unsupported("a struct of this shape cannot be constructed", place)
+                        })?,
+                        false => value.at(level::ASSIGNMENT),
+                    });
+                }
+                Ok(Ex::primary(
+                    format!("{name}({})", parts.join(", ")),
+                    ty.clone(),
+                ))
+            }
+            Ty::Array(of, n) => {
+                let n = n.unwrap_or(values.len() as u32);
+                let values: Vec<Ex> = values.into_iter().map(|v| self.coerce(v, of)).collect();
+                let ty = Ty::Array(of.clone(), Some(n));
+                Ok(Ex::primary(
+                    format!("{}({})", ty.name(), texts(&values)),
+                    ty,
+                ))
+            }
+            Ty::Scalar(_) => {
+                // Of a vector or a matrix the first component.
+                let [value] = &values[..] else {
+                    return Ok(Ex::primary(
+                        format!("{}({})", ty.name(), texts(&values)),
+                        ty,
+                    ));
+                };
+                if value.ty == ty {
+                    return Ok(value.clone());
+                }
+                let text = match &value.ty {
+                    Ty::Vector(..) => format!("{}.x", value.at(level::POSTFIX)),
+                    Ty::Matrix(..) => format!("{}[0].x", value.at(level::POSTFIX)),
+                    _ => value.text.clone(),
+                };
+                Ok(Ex::primary(format!("{}({text})", ty.name()), ty))
+            }
+            Ty::Vector(kind, n) => {
+                if let [value] = &values[..] {
+                    match &value.ty {
+                        same if *same == ty => return Ok(value.clone()),
+                        // What is longer is cut.
+                        Ty::Vector(from, m) if m > n => {
+                            let cut = format!(
+                                "{}.{}",
+                                value.at(level::POSTFIX),
+                                &"xyzw"[..usize::from(*n)]
+                            );
+                            return Ok(match from == kind {
+                                true => Ex::new(cut, ty, level::POSTFIX),
+                                false => Ex::primary(format!("{}({cut})", ty.name()), ty),
+                            });
+                        }
+                        _ => {}
+                    }
+                }
+                self.components(&ty, *kind, usize::from(*n), values)
+            }
+            Ty::Matrix(kind, columns, rows) => {
+                let all = usize::from(*columns) * usize::from(*rows);
+                match &values[..] {
+                    [value] if value.ty == ty => Ok(value.clone()),
+                    [value] if matches!(value.ty, Ty::Matrix(..)) => Ok(resized(value, &ty)),
+                    [value] if matches!(value.ty, Ty::Vector(..)) => {
+                        let text = value.at(level::POSTFIX);
+                        let parts: Vec<String> = "xyzw"
+                            .chars()
+                            .take(all)
+                            .map(|c| format!("{text}.{c}"))
+                            .collect();
+                        Ok(Ex::primary(
+                            format!("{}({})", ty.name(), parts.join(", ")),
+                            ty,
+                        ))
+                    }
+                    _ => self.components(&ty, *kind, all, values),
+                }
+            }
+            _ => Ok(Ex::primary(
+                format!("{}({})", ty.name(), texts(&values)),
+                ty,
+            )),
+        }
+    }
+
+    /// A constructor of components: each of the right kind, and none too many.
+    fn components(
+        &mut self,
+        ty: &Ty,
+        kind: Kind,
+        wanted: usize,
+        values: Vec<Ex>,
+    ) -> Result<Ex, Error> {
+        let alone = values.len() == 1;
+        let mut parts = Vec::new();
+        let mut have = 0;
+        for value in values {
+            let n = usize::from(value.ty.components().unwrap_or(1));
+            // A last argument may bring more than is needed.
+            let value = match value.ty {
+                Ty::Vector(k, _) if have + n > wanted && have < wanted => {
+                    let rest = wanted - have;
+                    let text = format!("{}.{}", value.at(level::POSTFIX), &"xyzw"[..rest]);
+                    Ex::new(text, Ty::vector(k, rest as u8), level::POSTFIX)
+                }
+                _ => value,
+            };
+            have += n;
+            let from = value.ty.kind();
+            let converts = from.is_some_and(|f| f != kind);
+            parts.push(match converts && !alone {
+                // A literal stays one.
+                true => match (from, kind) {
+                    (Some(Kind::Int), Kind::Float) => self.coerce_kind(value, Some(kind)).text,
+                    _ => {
+                        let to = value.ty.with_kind(kind);
+                        format!("{}({})", to.name(), value.text)
+                    }
+                },
+                false => value.at(level::ASSIGNMENT),
+            });
+        }
+        Ok(Ex::primary(
+            format!("{}({})", ty.name(), parts.join(", ")),
+            ty.clone(),
+        ))
+    }
+
+    fn named(&mut self, name: &str, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
+        if let Some(signatures) = self.stage.signatures.get(name).cloned() {
+            return self.authors(name, &signatures, arguments, whole);
+        }
+        if let Some(ex) = self.textured(name, arguments, whole)? {
+            return Ok(ex);
+        }
+        self.own(name, arguments, whole)
+    }
+
+    /// A call of a function of the author's.
+    fn authors(
+        &mut self,
+        name: &str,
+        signatures: &[Signature],
+        arguments: &[Expr],
+        whole: &Expr,
+    ) -> Result<Ex, Error> {
+        let mut values = Vec::new();
+        for argument in arguments {
+            values.push(self.raw(argument)?);
+        }
+        // Exactly, or else with as few conversions as there are.
+        let distance = |s: &Signature| -> Option<u32> {
+            if s.parameters.len() != values.len() {
+                return None;
+            }
+            s.parameters
+                .iter()
+                .zip(&values)
+                .try_fold(0, |sum, ((_, to), from)| {
+                    if from.ty == *to {
+                        return Some(sum);
+                    }
+                    match (from.ty.kind(), to.kind()) {
+                        _ if from.ty == Ty::Unknown => Some(sum + 1),
+                        (Some(a), Some(b)) if from.ty.with_kind(b) == *to => {
+                            Some(sum + 1 + u32::from(b.power().abs_diff(a.power())))
+                        }
+                        (None, None) if from.ty.base_name() == to.base_name() => Some(sum + 1),
+                        _ => None,
+                    }
+                })
+        };
+        let best = signatures
+            .iter()
+            .filter_map(|s| Some((distance(s)?, s)))
+            .min_by_key(|(d, _)| *d);
+        let Some((_, signature)) = best else {
+            let given: Vec<String> = values.iter().map(|v| v.ty.name()).collect();
+            return Err(Error::new(
+                crate::front::error::Code::Parse,
+                format!("no `{name}` takes ({})", given.join(", ")),
+            )
+            .label_if(self.place(whole.span)));
+        };
+        let mut parts = Vec::new();
+        for (value, (storage, to)) in values.into_iter().zip(&signature.parameters) {
+            let path = value.path.clone();
+            let pair = value.pair.clone();
+            if value.choice.is_some() {
+                return Err(unsupported(
+                    "a sampler that is chosen by an index the GPU computes cannot be an argument",
+                    self.place(whole.span),
+                ));
+            }
+            if self.stage.structs.has_data(to) {
+                let value = match storage {
+                    Storage::In => {
+                        let value = self.value(value);
+                        self.coerce(value, to)
+                    }
+                    _ if value.hosted && is_stored_otherwise(&value.ty) => {
+                        return Err(unsupported(
+                            "this part of a uniform's struct cannot be an out argument",
+                            self.place(whole.span),
+                        ));
+                    }
+                    _ => value,
+                };
+                parts.push(value.at(level::ASSIGNMENT));
+            }
+            if !self.stage.structs.has_samplers(to) {
+                continue;
+            }
+            if let Some(pair) = pair {
+                parts.push(pair.texture);
+                parts.push(pair.sampler);
+                continue;
+            }
+            let path = path.unwrap_or_default();
+            let mut found = Vec::new();
+            self.stage.structs.samplers(to, &path, &mut found);
+            for (path, _) in found {
+                let pair = self.pairs.get(&path).cloned().ok_or_else(|| {
+                    unsupported(
+                        "these samplers cannot be told apart",
+                        self.place(whole.span),
+                    )
+                })?;
+                parts.push(pair.texture);
+                parts.push(pair.sampler);
+            }
+        }
+        let emitted = self
+            .renamed
+            .get(name)
+            .cloned()
+            .unwrap_or_else(|| name.to_owned());
+        Ok(Ex::primary(
+            format!("{emitted}({})", parts.join(", ")),
+            signature.result.clone(),
+        ))
+    }
+
+    /// A call of one of GLSL's functions that take no texture.
+    fn own(&mut self, name: &str, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
+        let place = self.place(whole.span);
+        if matches!(
+            name,
+            "modf" | "frexp" | "uaddCarry" | "usubBorrow" | "umulExtended" | "imulExtended"
+        ) {
+            return self.with_out(name, arguments, place);
+        }
+        let mut values = self.values(arguments)?;
+        let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
+        let result = builtin::result(name, &types);
+        // What GLSL converts without being asked.
+        if builtin::is_of_floats(name) {
+            values = values
+                .into_iter()
+                .map(|v| match v.ty.kind() {
+                    Some(Kind::Int | Kind::Uint) => self.coerce_kind(v, Some(Kind::Float)),
+                    _ => v,
+                })
+                .collect();
+        } else if matches!(name, "min" | "max" | "clamp" | "mix") {
+            let kind = types.iter().filter_map(Ty::kind).max_by_key(|k| k.power());
+            values = values
+                .into_iter()
+                .map(|v| self.coerce_kind(v, kind))
+                .collect();
+        }
+        let text = |i: usize| {
+            values
+                .get(i)
+                .map(|v| v.at(level::ASSIGNMENT))
+                .unwrap_or_default()
+        };
+        let post = |i: usize| {
+            values
+                .get(i)
+                .map(|v| v.at(level::POSTFIX))
+                .unwrap_or_default()
+        };
+        let at = |i: usize, level: u8| values.get(i).map(|v| v.at(level)).unwrap_or_default();
+        let rewritten = match (name, types.first()) {
+            ("matrixCompMult", Some(ty @ Ty::Matrix(_, columns, _))) => {
+                let columns: Vec<String> = (0..*columns)
+                    .map(|c| format!("{}[{c}] * {}[{c}]", post(0), post(1)))
+                    .collect();
+                Some(format!("{}({})", ty.name(), columns.join(", ")))
+            }
+            ("outerProduct", Some(Ty::Vector(..))) => match &result {
+                Ty::Matrix(_, columns, _) => {
+                    let column = |c: char| format!("{} * {}.{c}", at(0, 14), post(1));
+                    let columns: Vec<String> = "xyzw"
+                        .chars()
+                        .take(usize::from(*columns))
+                        .map(column)
+                        .collect();
+                    Some(format!("{}({})", result.name(), columns.join(", ")))
+                }
+                _ => None,
+            },
+            // naga knows these of vectors only.
+            ("dot", Some(Ty::Scalar(_))) => Some(format!("({} * {})", at(0, 14), at(1, 15))),
+            ("length", Some(Ty::Scalar(_))) => Some(format!("abs({})", text(0))),
+            ("distance", Some(Ty::Scalar(_))) => {
+                Some(format!("abs({} - {})", at(0, 13), at(1, 14)))
+            }
+            ("normalize", Some(Ty::Scalar(_))) => Some(format!("sign({})", text(0))),
+            // WGSL has neither: by their bits, which no compiler takes for constant.
+            ("isnan" | "isinf", Some(of)) => {
+                let bits = format!("floatBitsToUint({})", text(0));
+                Some(match (of, name) {
+                    (Ty::Vector(_, n), _) => {
+                        let compare = if name == "isnan" {
+                            "greaterThan"
+                        } else {
+                            "equal"
+                        };
+                        format!("{compare}({bits} & uvec{n}(0x7FFFFFFFu), uvec{n}(0x7F800000u))")
+                    }
+                    (_, "isnan") => format!("(({bits} & 0x7FFFFFFFu) > 0x7F800000u)"),
+                    _ => format!("(({bits} & 0x7FFFFFFFu) == 0x7F800000u)"),
+                })
+            }
+            ("memoryBarrier" | "groupMemoryBarrier" | "barrier", _) => {
+                return Err(unsupported(
+                    format!("`{name}` belongs to compute shaders"),
+                    place,
+                ));
+            }
+            ("interpolateAtCentroid" | "interpolateAtSample" | "interpolateAtOffset", _) => {
+                return Err(unsupported(
+                    format!("`{name}` is not read: WebGPU interpolates an input in one way"),
+                    place,
+                )
+                .note("qualify the input itself with `centroid` or `sample`"));
+            }
+            ("subpassLoad", _) => {
+                return Err(unsupported(
+                    "`subpassLoad` is not read: WebGPU has no subpasses",
+                    place,
+                ));
+            }
+            ("ftransform", _) => {
+                return Err(unsupported(
+                    "`ftransform` is not read: it rests on OpenGL's fixed functions",
+                    place,
+                ));
+            }
+            _ => None,
+        };
+        if let Some(text) = rewritten {
+            return Ok(Ex::primary(text, result));
+        }
+        let all: Vec<String> = (0..values.len()).map(text).collect();
+        if !builtin::is_known(name) && !name.starts_with("image") && !name.starts_with("subgroup") {
+            return Err(Error::new(
+                crate::front::error::Code::Unsupported,
+                format!("there is no function `{name}`"),
+            )
+            .label_if(place));
+        }
+        Ok(Ex::primary(format!("{name}({})", all.join(", ")), result))
+    }
+
+    /// GLSL's functions with an out parameter, written out.
+    fn with_out(
+        &mut self,
+        name: &str,
+        arguments: &[Expr],
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
+        let mut values = Vec::new();
+        for argument in arguments {
+            values.push(self.raw(argument)?);
+        }
+        let Some(ty) = values.first().map(|v| v.ty.clone()) else {
+            return Err(unsupported(format!("`{name}` takes arguments"), place));
+        };
+        let t = ty.name();
+        let helper = self.helper_name(&format!("{name}_{t}"));
+        // A sum that wraps is smaller than what was added; a difference borrows where less is taken from.
+        let less = |a: &str, b: &str| match ty.components() {
+            Some(1) => format!("{a} < {b} ? 1u : 0u"),
+            _ => format!("{t}(lessThan({a}, {b}))"),
+        };
+        let (result, text) = match (name, &ty) {
+            ("modf", _) => (
+                ty.clone(),
+                format!(
+                    "{t} {helper}({t} x, out {t} whole) {{\n    whole = trunc(x);\n    return x - whole;\n}}\n"
+                ),
+            ),
+            ("uaddCarry", _) => (
+                ty.clone(),
+                format!(
+                    "{t} {helper}({t} x, {t} y, out {t} carry) {{\n    {t} sum = x + y;\n    carry = {};\n    return sum;\n}}\n",
+                    less("sum", "x")
+                ),
+            ),
+            ("usubBorrow", _) => (
+                ty.clone(),
+                format!(
+                    "{t} {helper}({t} x, {t} y, out {t} borrow) {{\n    borrow = {};\n    return x - y;\n}}\n",
+                    less("x", "y")
+                ),
+            ),
+            ("umulExtended", Ty::Scalar(_)) => (Ty::Void, multiplied(&helper)),
+            _ => {
+                return Err(unsupported(format!("`{name}` of {t} is not read"), place)
+                    .note("write out what it does: naga has no such function"));
+            }
+        };
+        self.helpers.insert(helper.clone(), text);
+        let parts: Vec<String> = values.iter().map(|v| v.at(level::ASSIGNMENT)).collect();
+        Ok(Ex::primary(
+            format!("{helper}({})", parts.join(", ")),
+            result,
+        ))
+    }
+
+    /// The name of a function of ours; always the same for the same purpose.
+    fn helper_name(&self, wanted: &str) -> String {
+        let mut name = wanted.to_owned();
+        while self.stage.unit.names.contains(&name) {
+            name.push('_');
+        }
+        name
+    }
+
+    /// A call of a function of textures; `None` if it is none.
+    fn textured(
+        &mut self,
+        name: &str,
+        arguments: &[Expr],
+        whole: &Expr,
+    ) -> Result<Option<Ex>, Error> {
+        let Some(function) = texture::function(name) else {
+            return Ok(None);
+        };
+        let Some(first) = arguments.first() else {
+            return Ok(None);
+        };
+        let sampler = self.raw(first)?;
+        let rest = self.values(&arguments[1..])?;
+        self.sample(name, &function, sampler, rest, whole).map(Some)
+    }
+}
+
+/// The 64 bits of a product, by halves.
+fn multiplied(name: &str) -> String {
+    [
+        &format!("void {name}(uint x, uint y, out uint high, out uint low) {{"),
+        "    uint a = (x & 0xFFFFu) * (y & 0xFFFFu);",
+        "    uint b = (x >> 16u) * (y & 0xFFFFu);",
+        "    uint c = (x & 0xFFFFu) * (y >> 16u);",
+        "    uint middle = (a >> 16u) + (b & 0xFFFFu) + (c & 0xFFFFu);",
+        "    low = x * y;",
+        "    high = (x >> 16u) * (y >> 16u) + (b >> 16u) + (c >> 16u) + (middle >> 16u);",
+        "}\n",
+    ]
+    .join("\n")
+}
+
+/// A matrix made of another: what it lacks is the identity's.
+fn resized(value: &Ex, to: &Ty) -> Ex {
+    let (Ty::Matrix(_, columns, rows), Ty::Matrix(_, have_columns, have_rows)) = (to, &value.ty)
+    else {
+        return value.clone();
+    };
+    let text = value.at(level::POSTFIX);
+    // naga converts what is no larger by itself.
+    let simple = unmarked(&text)
+        .chars()
+        .all(|c| c.is_alphanumeric() || matches!(c, '_' | '.' | '[' | ']'));
+    if have_columns >= columns && have_rows >= rows || !simple {
+        return Ex::primary(format!("{}({})", to.name(), value.text), to.clone());
+    }
+    let mut parts = Vec::new();
+    for c in 0..*columns {
+        for r in 0..*rows {
+            parts.push(match c < *have_columns && r < *have_rows {
+                true => format!("{text}[{c}][{r}]"),
+                false => if c == r { "1.0" } else { "0.0" }.to_owned(),
+            });
+        }
+    }
+    Ex::primary(format!("{}({})", to.name(), parts.join(", ")), to.clone())
+}

@@ -1,0 +1,503 @@
+//! What stands outside of functions, in an order that naga can read: structs, resources, inputs and outputs, globals, functions.
+
+use naga::ShaderStage;
+
+use super::super::interface::{Slot, index};
+use super::super::marks::unmarked;
+use super::super::stage::{Global, Storage, Variable, unsupported};
+use super::super::ty::{Entry, Kind, Member, Ty, stored};
+use super::{Lower, Var};
+use crate::front::ClipSpace;
+use crate::front::error::Error;
+
+impl Lower<'_, '_> {
+    pub(super) fn stage(&mut self) -> Result<String, Error> {
+        let resources = self.resources()?;
+        let varyings = self.varyings()?;
+        let globals = self.globals()?;
+        if self.clip == ClipSpace::OpenGl
+            && self.is_vertex()
+            && self.stage.used.contains("gl_Position")
+        {
+            self.epilogue
+                .push("gl_Position.z = (gl_Position.z + gl_Position.w) * 0.5;".to_owned());
+        }
+        let functions = self.functions()?;
+        // Last, for local structs are told apart only when met.
+        let structs = self.structs();
+        let standins = self.standins_declared();
+
+        let mut out = "#version 450\n".to_owned();
+        if self.stage.early_fragment_tests && self.stage.kind == ShaderStage::Fragment {
+            out += "layout(early_fragment_tests) in;\n";
+        }
+        if self.stage.invariant && self.is_vertex() {
+            out += "invariant gl_Position;\n";
+        }
+        for part in [structs, resources, varyings, standins, globals] {
+            if !part.is_empty() {
+                out += "\n";
+                out += &part;
+            }
+        }
+        for helper in self.helpers.values() {
+            out += "\n";
+            out += helper;
+        }
+        out += &functions;
+        Ok(out)
+    }
+
+    fn structs(&mut self) -> String {
+        let mut out = String::new();
+        for name in self.stage.structs.order.clone() {
+            let Some(of) = self.stage.structs.get(&name).cloned() else {
+                continue;
+            };
+            let entries = match of.hosted {
+                true => self.stage.structs.laid_out(&of.members, true),
+                false => {
+                    let data = of
+                        .members
+                        .iter()
+                        .filter(|m| self.stage.structs.has_data(&m.ty));
+                    data.map(Entry::Member).collect()
+                }
+            };
+            if entries.is_empty() {
+                continue;
+            }
+            out += &format!("struct {name} {{\n");
+            for (i, entry) in entries.into_iter().enumerate() {
+                let Entry::Member(member) = entry else {
+                    out += &format!("    float padding_{i};\n");
+                    continue;
+                };
+                out += &self.marks.mark(member.place);
+                let ty = match of.hosted {
+                    true => stored(&member.ty),
+                    false => member.ty.clone(),
+                };
+                out += &format!("    {};\n", ty.declare(&member.name));
+            }
+            out += "};\n";
+        }
+        out
+    }
+
+    fn layout(slot: Slot) -> String {
+        format!("set = {}, binding = {}", slot.0, slot.1)
+    }
+
+    fn resources(&mut self) -> Result<String, Error> {
+        let mut out = self.loose_uniforms()?;
+        for block in self.stage.blocks.clone() {
+            let storage = block.qualifiers.storage == Some(Storage::Buffer);
+            let push = block.qualifiers.says("push_constant");
+            let hosted = !storage && !push;
+            let layout = match push {
+                true => "push_constant".to_owned(),
+                false => {
+                    let slot = self
+                        .interface
+                        .blocks
+                        .get(&block.name)
+                        .copied()
+                        .unwrap_or_default();
+                    let rules = match (storage, block.qualifiers.says("std140")) {
+                        (true, false) => ", std430",
+                        (true, true) => ", std140",
+                        _ => "",
+                    };
+                    Self::layout(slot) + rules
+                }
+            };
+            let memory: String = block
+                .qualifiers
+                .memory
+                .iter()
+                .map(|m| format!("{m} "))
+                .collect();
+            let mark = self.marks.mark(block.place);
+            let word = if storage { "buffer" } else { "uniform" };
+            let mut body = String::new();
+            let entries = match hosted {
+                true => self.stage.structs.laid_out(&block.members, false),
+                false => block.members.iter().map(Entry::Member).collect(),
+            };
+            for (i, entry) in entries.into_iter().enumerate() {
+                body += &match entry {
+                    Entry::Member(member) => self.member(member, hosted)?,
+                    Entry::Padding => format!("    float {}_padding_{i};\n", block.name),
+                };
+            }
+            let name = self.safe(&block.name);
+            out += &format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
+            let instance = match &block.instance {
+                Some(instance) => Some(self.safe(instance)),
+                None => None,
+            };
+            if let Some(instance) = &instance {
+                out += &format!(" {instance}");
+            }
+            out += ";\n";
+            let members: Vec<(String, Var)> = block
+                .members
+                .iter()
+                .map(|m| {
+                    let text = match &instance {
+                        Some(instance) => format!("{instance}.{}", m.name),
+                        None => m.name.clone(),
+                    };
+                    (
+                        m.name.clone(),
+                        Var {
+                            text,
+                            ty: m.ty.clone(),
+                            hosted,
+                            row_major: m.row_major,
+                            path: None,
+                        },
+                    )
+                })
+                .collect();
+            match &block.instance {
+                // Reached through members alone: a block is no value.
+                Some(instance) => {
+                    for (name, var) in members {
+                        self.bind(&format!("{instance}.{name}"), var);
+                    }
+                }
+                None => {
+                    for (name, var) in members {
+                        self.bind(&name, var);
+                    }
+                }
+            }
+        }
+        for variable in self.stage.opaque.clone() {
+            let slot = self
+                .interface
+                .opaque
+                .get(&variable.name)
+                .copied()
+                .unwrap_or_default();
+            let name = self.safe(&variable.name);
+            let format: String = variable
+                .qualifiers
+                .layout
+                .iter()
+                .filter(|(k, v)| v.is_none() && k.starts_with(['r']))
+                .map(|(k, _)| format!(", {k}"))
+                .collect();
+            let memory: String = variable
+                .qualifiers
+                .memory
+                .iter()
+                .map(|m| format!("{m} "))
+                .collect();
+            let mark = self.marks.mark(variable.place);
+            out += &format!(
+                "{mark}layout({}{format}) uniform {memory}{};\n",
+                Self::layout(slot),
+                variable.ty.declare(&name)
+            );
+            self.bind(&variable.name, Var::plain(name, variable.ty.clone()));
+        }
+        for uniform in self.stage.uniforms.clone() {
+            let mut found = Vec::new();
+            self.stage
+                .structs
+                .samplers(&uniform.ty, &uniform.name, &mut found);
+            for (path, _) in found {
+                let Some(bound) = self.interface.samplers.get(&path).cloned() else {
+                    continue;
+                };
+                // An unused texture is not active, as in OpenGL.
+                if !self.stage.used.contains(&uniform.name) {
+                    continue;
+                }
+                let mark = self.marks.mark(uniform.place);
+                let shadow = bound.pair.combined.ends_with("Shadow");
+                let texture = bound.pair.combined.replacen("sampler", "texture", 1);
+                let texture = texture.trim_end_matches("Shadow");
+                let sampler = if shadow { "samplerShadow" } else { "sampler" };
+                let [t, s] = bound.slots.map(Self::layout);
+                let texture_name = bound.pair.texture.clone();
+                out += &format!("{mark}layout({t}) uniform {texture} {texture_name};\n");
+                out += &format!("layout({s}) uniform {sampler} {};\n", bound.pair.sampler);
+            }
+        }
+        Ok(out)
+    }
+
+    fn loose_uniforms(&mut self) -> Result<String, Error> {
+        let [block, instance] = self.interface.uniform_block.clone();
+        let members = self.interface.uniforms.clone();
+        for uniform in self.stage.uniforms.clone() {
+            let path = self
+                .stage
+                .structs
+                .has_samplers(&uniform.ty)
+                .then(|| uniform.name.clone());
+            let var = Var {
+                text: format!("{instance}.{}", uniform.name),
+                ty: uniform.ty.clone(),
+                hosted: true,
+                row_major: uniform.qualifiers.says("row_major"),
+                path,
+            };
+            self.bind(&uniform.name, var);
+        }
+        // A stage that reads none declares none.
+        if !members.iter().any(|m| self.stage.used.contains(&m.name)) {
+            return Ok(String::new());
+        }
+        let layout = Self::layout(self.interface.uniform_slot);
+        let mut out = format!("layout({layout}) uniform {block} {{\n");
+        for (i, entry) in self
+            .stage
+            .structs
+            .laid_out(&members, false)
+            .into_iter()
+            .enumerate()
+        {
+            out += &match entry {
+                Entry::Member(member) => self.member(member, true)?,
+                Entry::Padding => format!("    float padding_{i};\n"),
+            };
+        }
+        Ok(out + &format!("}} {instance};\n"))
+    }
+
+    /// A member of a block, declared as it is stored.
+    fn member(&mut self, member: &Member, hosted: bool) -> Result<String, Error> {
+        let mark = self.marks.mark(member.place);
+        let ty = match (&member.ty, member.row_major) {
+            (ty, true) => match transposed(ty) {
+                Some(turned) => turned,
+                None if matches!(ty.innermost(), Ty::Struct(_)) && self.has_matrices(ty) => {
+                    return Err(unsupported(
+                        "a struct with matrices in a `row_major` block is not read: qualify matrices one by one, outside of structs",
+                        member.place,
+                    ));
+                }
+                None => ty.clone(),
+            },
+            (ty, false) => ty.clone(),
+        };
+        let ty = if hosted { stored(&ty) } else { ty };
+        Ok(format!("{mark}    {};\n", ty.declare(&member.name)))
+    }
+
+    fn has_matrices(&self, ty: &Ty) -> bool {
+        match ty.innermost() {
+            Ty::Matrix(..) => true,
+            Ty::Struct(name) => {
+                let of = self.stage.structs.get(name);
+                of.is_some_and(|s| s.members.iter().any(|m| self.has_matrices(&m.ty)))
+            }
+            _ => false,
+        }
+    }
+
+    fn varyings(&mut self) -> Result<String, Error> {
+        let at = index(self.stage.kind);
+        let mut out = String::new();
+        for variable in self.stage.inputs.clone() {
+            let name = variable
+                .block
+                .as_ref()
+                .and_then(|b| b.1.clone())
+                .unwrap_or_else(|| variable.name.clone());
+            let location = self.interface.inputs[at].get(&variable.key()).copied();
+            let used = self.stage.used.contains(&name);
+            self.varying(&variable, location.filter(|_| used), Storage::In, &mut out)?;
+        }
+        for variable in self.stage.outputs.clone() {
+            let name = variable
+                .block
+                .as_ref()
+                .and_then(|b| b.1.clone())
+                .unwrap_or_else(|| variable.name.clone());
+            let location = self.interface.outputs[at].get(&variable.key()).copied();
+            let read = self.interface.inputs[1].contains_key(&variable.key());
+            let used = self.stage.used.contains(&name) || at == 0 && read;
+            self.varying(&variable, location.filter(|_| used), Storage::Out, &mut out)?;
+        }
+        Ok(out)
+    }
+
+    /// One input or output: as it is, or, where it has more than one location, a variable of its own and a leaf for each.
+    fn varying(
+        &mut self,
+        variable: &Variable,
+        location: Option<u32>,
+        direction: Storage,
+        out: &mut String,
+    ) -> Result<(), Error> {
+        let emitted = variable.emitted();
+        let name = self.safe(&emitted);
+        let mut leaves = Vec::new();
+        self.stage.structs.leaves(&variable.ty, "", &mut leaves);
+        let var = Var::plain(name.clone(), variable.ty.clone());
+        match &variable.block {
+            Some((_, Some(instance))) => self.bind(&format!("{instance}.{}", variable.name), var),
+            _ => self.bind(&variable.name, var),
+        }
+        let Some(location) = location else {
+            return Ok(());
+        };
+        let word = if direction == Storage::In {
+            "in"
+        } else {
+            "out"
+        };
+        let travels = self.is_vertex() == (direction == Storage::Out);
+        let [how, at] = match travels {
+            true => self
+                .interface
+                .interpolation
+                .get(&variable.key())
+                .copied()
+                .unwrap_or_default(),
+            false => [None, None],
+        };
+        let index = variable
+            .qualifiers
+            .number("index")
+            .map(|i| format!(", index = {i}"))
+            .unwrap_or_default();
+        let mark = self.marks.mark(variable.place);
+        let mut declare = |at_location: u32, ty: &Ty, name: &str| -> Result<(), Error> {
+            let integer = matches!(ty.kind(), Some(Kind::Int | Kind::Uint));
+            if ty.kind() == Some(Kind::Bool) {
+                return Err(unsupported(
+                    "a bool cannot be an input or an output",
+                    variable.place,
+                ));
+            }
+            let how = match travels && integer {
+                true => Some("flat"),
+                false => how,
+            };
+            // What is flat is one vertex's: where it is taken does not matter.
+            let at = at.filter(|_| how != Some("flat"));
+            let words: String = [how, at]
+                .into_iter()
+                .flatten()
+                .map(|w| format!("{w} "))
+                .collect();
+            *out += &format!(
+                "{mark}layout(location = {at_location}{index}) {words}{word} {};\n",
+                ty.declare(name)
+            );
+            Ok(())
+        };
+        if let [(ending, ty)] = &leaves[..]
+            && ending.is_empty()
+        {
+            return declare(location, ty, &name);
+        }
+        let mut declared = Vec::new();
+        for (i, (ending, ty)) in leaves.iter().enumerate() {
+            let leaf = self.fresh(&format!("{name}{}", super::super::interface::flat(ending)));
+            declare(location + i as u32, ty, &leaf)?;
+            declared.push((leaf, format!("{name}{ending}")));
+        }
+        *out += &format!("{};\n", variable.ty.declare(&name));
+        for (leaf, part) in declared {
+            match direction {
+                Storage::In => self.prologue.push(format!("{part} = {leaf};")),
+                _ => self.epilogue.push(format!("{leaf} = {part};")),
+            }
+        }
+        Ok(())
+    }
+
+    fn globals(&mut self) -> Result<String, Error> {
+        let mut out = String::new();
+        let globals = std::mem::take(&mut self.stage.globals);
+        for global in &globals {
+            self.global(global, &mut out)?;
+        }
+        Ok(out)
+    }
+
+    fn global(&mut self, global: &Global<'_>, out: &mut String) -> Result<(), Error> {
+        let author = global.name.as_str();
+        let name = self.safe(author);
+        let hosted = self.is_hosted(&global.ty);
+        let mut var = Var::plain(name.clone(), global.ty.clone());
+        var.hosted = hosted;
+        if !self.stage.used.contains(author) && !global.qualifiers.says("constant_id") {
+            self.bind(author, var);
+            return Ok(());
+        }
+        let mark = self.marks.mark(global.place);
+        let declared = global.ty.declare(&name);
+        match global.init {
+            None => *out += &format!("{mark}{declared};\n"),
+            Some(init) => {
+                let value = self.initial(init, &global.ty)?;
+                let id = global.qualifiers.number("constant_id");
+                if let Some(id) = id {
+                    *out +=
+                        &format!("{mark}layout(constant_id = {id}) const {declared} = {value};\n");
+                } else if self.is_simple(init) {
+                    let word = match global.qualifiers.storage {
+                        Some(Storage::Const) => "const ",
+                        _ => "",
+                    };
+                    *out += &format!("{mark}{word}{declared} = {value};\n");
+                } else {
+                    *out += &format!("{mark}{declared};\n");
+                    let value = unmarked(&value);
+                    self.prologue.push(format!("{mark}{name} = {value};"));
+                }
+            }
+        }
+        self.bind(author, var);
+        Ok(())
+    }
+
+    /// Names for `gl_FragColor` and its like, which naga does not know.
+    fn standins_declared(&self) -> String {
+        let mut out = String::new();
+        for (of, name) in &self.standins {
+            out += &match *of {
+                "gl_FragColor" => format!("layout(location = 0) out vec4 {name};\n"),
+                _ => format!("float {name};\n"),
+            };
+        }
+        for target in &self.targets {
+            out += &format!(
+                "layout(location = {target}) out vec4 {};\n",
+                self.target_name(*target)
+            );
+        }
+        out
+    }
+
+    pub(super) fn target_name(&self, target: u32) -> String {
+        let mut name = format!("FragData_{target}");
+        while self.stage.unit.names.contains(&name) {
+            name.push('_');
+        }
+        name
+    }
+
+    /// Whether values of the type hold what is stored in another way than it is computed with.
+    pub(super) fn is_hosted(&self, ty: &Ty) -> bool {
+        matches!(ty.innermost(), Ty::Struct(name) if self.stage.structs.get(name).is_some_and(|s| s.hosted))
+    }
+}
+
+/// The type of a matrix, or array of matrices, with rows for columns.
+pub(super) fn transposed(ty: &Ty) -> Option<Ty> {
+    match ty {
+        Ty::Matrix(k, c, r) => Some(Ty::Matrix(*k, *r, *c)),
+        Ty::Array(of, n) => Some(Ty::Array(Box::new(transposed(of)?), *n)),
+        _ => None,
+    }
+}

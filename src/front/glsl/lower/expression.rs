@@ -1,0 +1,777 @@
+//! Expressions: printed with as few brackets as they need, with their types, since some rewrites go by them.
+
+use glsl_lang::ast;
+use glsl_lang::ast::{
+    AssignmentOpData as A, BinaryOpData as B, Expr, ExprData, InitializerData, UnaryOpData,
+};
+
+use super::super::constant;
+use super::super::interface::Pair;
+use super::super::marks::unmarked;
+use super::super::stage::{initial_length, unsupported};
+use super::super::ty::{Kind, Ty, is_stored_otherwise, stored};
+use super::{Lower, Var};
+use crate::front::error::Error;
+
+/// How tightly what was printed holds together, as in GLSL's table of operators turned round.
+pub(super) mod level {
+    pub const PRIMARY: u8 = 17;
+    pub const POSTFIX: u8 = 16;
+    pub const UNARY: u8 = 15;
+    pub const TERNARY: u8 = 3;
+    pub const ASSIGNMENT: u8 = 2;
+    pub const COMMA: u8 = 1;
+}
+
+/// An expression as text.
+#[derive(Clone, Debug)]
+pub(super) struct Ex {
+    pub text: String,
+    pub ty: Ty,
+    pub level: u8,
+    /// It is as it lies in a uniform block; [`Lower::value`] makes a value of it.
+    pub hosted: bool,
+    pub row_major: bool,
+    /// Where its samplers are found.
+    pub path: Option<String>,
+    /// It is a combined sampler.
+    pub pair: Option<Pair>,
+    /// It is one of several, by an index that is known to the GPU alone.
+    pub choice: Option<(String, Vec<Pair>)>,
+}
+
+impl Ex {
+    pub(super) fn new(text: impl Into<String>, ty: Ty, level: u8) -> Self {
+        Self {
+            text: text.into(),
+            ty,
+            level,
+            hosted: false,
+            row_major: false,
+            path: None,
+            pair: None,
+            choice: None,
+        }
+    }
+
+    pub(super) fn primary(text: impl Into<String>, ty: Ty) -> Self {
+        Self::new(text, ty, level::PRIMARY)
+    }
+
+    /// In brackets, unless it holds together at least as tightly as `level`.
+    pub(super) fn at(&self, level: u8) -> String {
+        match self.level >= level {
+            true => self.text.clone(),
+            false => format!("({})", self.text),
+        }
+    }
+}
+
+impl Lower<'_, '_> {
+    /// A value: what lies in a block otherwise is taken out of it.
+    pub(super) fn expr(&mut self, expr: &Expr) -> Result<Ex, Error> {
+        let ex = self.raw(expr)?;
+        Ok(self.value(ex))
+    }
+
+    pub(super) fn value(&self, ex: Ex) -> Ex {
+        if ex.row_major && super::declaration::transposed(&ex.ty).is_some() {
+            let turned = super::declaration::transposed(&ex.ty).unwrap_or(Ty::Unknown);
+            let inner = self.value(Ex {
+                ty: turned,
+                row_major: false,
+                ..ex.clone()
+            });
+            return match &ex.ty {
+                Ty::Matrix(..) => Ex::primary(format!("transpose({})", inner.text), ex.ty),
+                Ty::Array(of, Some(n)) => {
+                    let parts: Vec<String> = (0..*n)
+                        .map(|i| {
+                            let text = format!("{}[{i}]", inner.at(level::POSTFIX));
+                            let part = Ex {
+                                text,
+                                ty: (**of).clone(),
+                                level: level::POSTFIX,
+                                ..ex.clone()
+                            };
+                            self.value(part).text
+                        })
+                        .collect();
+                    Ex::primary(format!("{}({})", ex.ty.name(), parts.join(", ")), ex.ty)
+                }
+                _ => inner,
+            };
+        }
+        if !ex.hosted || !is_stored_otherwise(&ex.ty) {
+            return Ex {
+                hosted: false,
+                row_major: false,
+                ..ex
+            };
+        }
+        let text = ex.at(level::POSTFIX);
+        match &ex.ty {
+            Ty::Scalar(Kind::Bool) => Ex::new(format!("{text} != 0u"), Ty::BOOL, 10),
+            Ty::Vector(Kind::Bool, n) => {
+                Ex::primary(format!("notEqual({text}, uvec{n}(0u))"), ex.ty.clone())
+            }
+            Ty::Matrix(_, columns, _) => {
+                let columns: Vec<String> =
+                    (0..*columns).map(|c| format!("{text}[{c}].xy")).collect();
+                Ex::primary(
+                    format!("{}({})", ex.ty.name(), columns.join(", ")),
+                    ex.ty.clone(),
+                )
+            }
+            Ty::Array(_, Some(n)) => {
+                let parts: Vec<String> = (0..*n)
+                    .map(|i| self.value(element(&ex, &i.to_string())).text)
+                    .collect();
+                Ex::primary(
+                    format!("{}({})", ex.ty.name(), parts.join(", ")),
+                    ex.ty.clone(),
+                )
+            }
+            _ => ex,
+        }
+    }
+
+    /// The expression, still as it lies in a block.
+    pub(super) fn raw(&mut self, expr: &Expr) -> Result<Ex, Error> {
+        let place = self.place(expr.span);
+        Ok(match &expr.content {
+            ExprData::Variable(name) => {
+                let mark = self.mark(expr.span);
+                let mut ex = self.variable(name.as_str(), expr)?;
+                ex.text = mark + &ex.text;
+                ex
+            }
+            ExprData::IntConst(i) if *i < 0 => Ex::primary(format!("int({}u)", *i as u32), Ty::INT),
+            ExprData::IntConst(i) => Ex::primary(i.to_string(), Ty::INT),
+            ExprData::UIntConst(u) => Ex::primary(format!("{u}u"), Ty::UINT),
+            ExprData::BoolConst(b) => Ex::primary(b.to_string(), Ty::BOOL),
+            ExprData::FloatConst(f) => Ex::primary(float(*f), Ty::FLOAT),
+            ExprData::DoubleConst(d) => Ex::primary(format!("{d:?}lf"), Ty::Scalar(Kind::Double)),
+            ExprData::Unary(op, of) => self.unary(op, of)?,
+            ExprData::Binary(op, a, b) => self.binary(&op.content, a, b)?,
+            ExprData::Ternary(condition, a, b) => {
+                let condition = self.expr(condition)?;
+                let (a, b) = (self.expr(a)?, self.expr(b)?);
+                let ty = match (a.ty.kind(), b.ty.kind()) {
+                    (Some(x), Some(y)) if x.power() < y.power() => b.ty.clone(),
+                    _ => a.ty.clone(),
+                };
+                let (a, b) = (self.coerce(a, &ty), self.coerce(b, &ty));
+                let text = format!("{} ? {} : {}", condition.at(4), a.at(4), b.at(4));
+                Ex::new(text, ty, level::TERNARY)
+            }
+            ExprData::Assignment(to, op, from) => {
+                let target = self.raw(to)?;
+                let from = self.expr(from)?;
+                let word = assignment(&op.content);
+                let text = if word == "=" && target.hosted && is_stored_otherwise(&target.ty) {
+                    let packed =
+                        pack(&self.coerce(from, &target.ty), &target.ty).ok_or_else(|| {
+                            unsupported(
+                                "this part of a uniform's struct cannot be written to as a whole",
+                                place,
+                            )
+                        })?;
+                    format!("{} = {packed}", target.at(level::UNARY))
+                } else {
+                    let from = match word {
+                        "=" => self.coerce(from, &target.ty),
+                        "<<=" | ">>=" => from,
+                        _ => self.coerce_kind(from, target.ty.kind()),
+                    };
+                    format!(
+                        "{} {word} {}",
+                        target.at(level::UNARY),
+                        from.at(level::ASSIGNMENT)
+                    )
+                };
+                Ex::new(text, target.ty, level::ASSIGNMENT)
+            }
+            ExprData::Bracket(of, index) => self.index(of, index, expr)?,
+            ExprData::FunCall(name, arguments) => {
+                let mark = self.mark(expr.span);
+                let mut ex = self.call(name, arguments, expr)?;
+                ex.text = mark + &ex.text;
+                ex
+            }
+            ExprData::Dot(of, name) => self.dot(of, name.as_str(), expr)?,
+            ExprData::PostInc(of) => {
+                let of = self.raw(of)?;
+                Ex::new(
+                    format!("{}++", of.at(level::POSTFIX)),
+                    of.ty,
+                    level::POSTFIX,
+                )
+            }
+            ExprData::PostDec(of) => {
+                let of = self.raw(of)?;
+                Ex::new(
+                    format!("{}--", of.at(level::POSTFIX)),
+                    of.ty,
+                    level::POSTFIX,
+                )
+            }
+            ExprData::Comma(a, b) => {
+                let (a, b) = (self.expr(a)?, self.expr(b)?);
+                let text = format!("{}, {}", a.text, b.at(level::ASSIGNMENT));
+                Ex::new(text, b.ty, level::COMMA)
+            }
+        })
+    }
+
+    fn variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
+        if let Some(var) = self.lookup(name).cloned() {
+            return Ok(self.of_var(&var));
+        }
+        if name.starts_with("gl_") {
+            return self.own_variable(name, expr);
+        }
+        Err(Error::new(
+            crate::front::error::Code::Parse,
+            format!("`{name}` is not declared"),
+        )
+        .label_if(self.place(expr.span)))
+    }
+
+    pub(super) fn of_var(&self, var: &Var) -> Ex {
+        let level = match var.text.contains('.') {
+            true => level::POSTFIX,
+            false => level::PRIMARY,
+        };
+        let mut ex = Ex::new(var.text.clone(), var.ty.clone(), level);
+        ex.hosted = var.hosted;
+        ex.row_major = var.row_major;
+        ex.path = var.path.clone();
+        self.with_pair(ex)
+    }
+
+    /// A combined sampler with its texture and sampler.
+    fn with_pair(&self, mut ex: Ex) -> Ex {
+        if let (Ty::Combined(name), Some(path)) = (&ex.ty, &ex.path)
+            && let Some(pair) = self.pairs.get(path)
+        {
+            ex.text = format!("{name}({}, {})", pair.texture, pair.sampler);
+            ex.level = level::PRIMARY;
+            ex.pair = Some(pair.clone());
+        }
+        ex
+    }
+
+    /// A variable of GLSL's own.
+    fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
+        let place = self.place(expr.span);
+        let vec4 = || Ty::Vector(Kind::Float, 4);
+        let fragment = !self.is_vertex();
+        Ok(match name {
+            "gl_Position" if !fragment => Ex::primary(name, vec4()),
+            "gl_FragCoord" if fragment => Ex::primary(name, vec4()),
+            "gl_FrontFacing" if fragment => Ex::primary(name, Ty::BOOL),
+            "gl_FragDepth" | "gl_FragDepthEXT" if fragment => {
+                Ex::primary("gl_FragDepth", Ty::FLOAT)
+            }
+            "gl_VertexID" | "gl_VertexIndex" if !fragment => {
+                Ex::primary("int(gl_VertexIndex)", Ty::INT)
+            }
+            "gl_InstanceID" | "gl_InstanceIndex" | "gl_InstanceIDARB" if !fragment => {
+                Ex::primary("int(gl_InstanceIndex)", Ty::INT)
+            }
+            "gl_SampleID" if fragment => Ex::primary("int(gl_SampleID)", Ty::INT),
+            "gl_PrimitiveID" if fragment => Ex::primary("int(gl_PrimitiveID)", Ty::INT),
+            "gl_PointSize" if !fragment => {
+                Ex::primary(self.standin("gl_PointSize", "PointSize"), Ty::FLOAT)
+            }
+            "gl_FragColor" if fragment => {
+                Ex::primary(self.standin("gl_FragColor", "FragColor"), vec4())
+            }
+            "gl_MaxDrawBuffers" => Ex::primary("8", Ty::INT),
+            "gl_MaxVertexAttribs" => Ex::primary("16", Ty::INT),
+            "gl_MaxTextureImageUnits"
+            | "gl_MaxCombinedTextureImageUnits"
+            | "gl_MaxVertexTextureImageUnits" => Ex::primary("16", Ty::INT),
+            "gl_MaxVaryingVectors"
+            | "gl_MaxVertexUniformVectors"
+            | "gl_MaxFragmentUniformVectors" => Ex::primary("16", Ty::INT),
+            "gl_PointCoord" => {
+                return Err(unsupported(
+                    "`gl_PointCoord` is not read: WebGPU's points are one pixel large and have no coordinates inside",
+                    place,
+                )
+                .note("draw quads in their place, with a coordinate of their own"));
+            }
+            "gl_ClipDistance" | "gl_CullDistance" => {
+                return Err(unsupported(
+                    format!("`{name}` is not read: WebGPU clips by it only as an extension"),
+                    place,
+                )
+                .note("discard by the distance in the fragment stage"));
+            }
+            "gl_FragData" => {
+                return Err(unsupported(
+                    "`gl_FragData` can only be indexed by a constant here",
+                    place,
+                ));
+            }
+            _ => {
+                return Err(unsupported(
+                    format!("`{name}` is not read: WebGPU has nothing like it"),
+                    place,
+                ));
+            }
+        })
+    }
+
+    pub(super) fn standin(&mut self, of: &'static str, wanted: &str) -> String {
+        if let Some(name) = self.standins.get(of) {
+            return name.clone();
+        }
+        let name = self.fresh(wanted);
+        self.standins.insert(of, name.clone());
+        name
+    }
+
+    fn unary(&mut self, op: &ast::UnaryOp, of: &Expr) -> Result<Ex, Error> {
+        let word = match op.content {
+            UnaryOpData::Inc => "++",
+            UnaryOpData::Dec => "--",
+            UnaryOpData::Add => return self.expr(of),
+            UnaryOpData::Minus => "-",
+            UnaryOpData::Not => "!",
+            UnaryOpData::Complement => "~",
+        };
+        let of = match word {
+            "++" | "--" => self.raw(of)?,
+            _ => self.expr(of)?,
+        };
+        let mut text = of.at(level::UNARY);
+        if unmarked(&text).starts_with(['-', '+']) {
+            text = format!("({text})");
+        }
+        Ok(Ex::new(format!("{word}{text}"), of.ty, level::UNARY))
+    }
+
+    fn binary(&mut self, op: &B, a: &Expr, b: &Expr) -> Result<Ex, Error> {
+        let (a, b) = (self.expr(a)?, self.expr(b)?);
+        let (word, level) = operator(op);
+        if *op == B::Xor {
+            let text = format!("({}) != ({})", a.text, b.text);
+            return Ok(Ex::new(text, Ty::BOOL, 10));
+        }
+        let shift = matches!(op, B::LShift | B::RShift);
+        let (a, b) = match (a.ty.kind(), b.ty.kind()) {
+            _ if shift => (a, b),
+            (Some(x), Some(y)) if x.power() < y.power() => (self.coerce_kind(a, Some(y)), b),
+            (Some(x), Some(y)) if x.power() > y.power() => {
+                let b = self.coerce_kind(b, Some(x));
+                (a, b)
+            }
+            _ => (a, b),
+        };
+        let ty = match op {
+            B::Or | B::And | B::Equal | B::NonEqual | B::Lt | B::Gt | B::Lte | B::Gte => Ty::BOOL,
+            B::Mult => product(&a.ty, &b.ty),
+            _ if shift => a.ty.clone(),
+            _ => wider(&a.ty, &b.ty),
+        };
+        if matches!(op, B::Equal | B::NonEqual)
+            && let Some(text) = self.compared(&a, &b)
+        {
+            let text = match op {
+                B::Equal => text,
+                _ => format!("!({text})"),
+            };
+            return Ok(Ex::primary(format!("({text})"), Ty::BOOL));
+        }
+        Ok(Ex::new(
+            format!("{} {word} {}", a.at(level), b.at(level + 1)),
+            ty,
+            level,
+        ))
+    }
+
+    /// Structs and arrays compared part by part: naga has no operator for them.
+    fn compared(&mut self, a: &Ex, b: &Ex) -> Option<String> {
+        if !matches!(a.ty, Ty::Struct(_) | Ty::Array(..) | Ty::Matrix(..)) {
+            return None;
+        }
+        let mut leaves = Vec::new();
+        self.stage.structs.leaves(&a.ty, "", &mut leaves);
+        let part = |e: &Ex, ending: &str| format!("{}{ending}", e.at(level::POSTFIX));
+        let parts: Vec<String> = leaves
+            .iter()
+            .map(|(ending, _)| format!("{} == {}", part(a, ending), part(b, ending)))
+            .collect();
+        (!parts.is_empty()).then(|| parts.join(" && "))
+    }
+
+    fn index(&mut self, of: &Expr, index: &Expr, whole: &Expr) -> Result<Ex, Error> {
+        let place = self.place(whole.span);
+        let known = constant::evaluate(index, &self.stage.constants);
+        if let ExprData::Variable(name) = &of.content
+            && name.as_str() == "gl_FragData"
+        {
+            let Some(n) = known.and_then(|n| u32::try_from(n).ok()) else {
+                return Err(unsupported(
+                    "`gl_FragData` can only be indexed by a constant here",
+                    place,
+                ));
+            };
+            self.targets.insert(n);
+            return Ok(Ex::primary(self.target_name(n), Ty::Vector(Kind::Float, 4)));
+        }
+        let base = self.raw(of)?;
+        let index = self.expr(index)?;
+        if self.stage.structs.has_samplers(&base.ty) {
+            return self.index_samplers(base, &index, known, place);
+        }
+        if base.row_major && matches!(base.ty, Ty::Matrix(..)) {
+            let base = self.value(base);
+            return Ok(element(&base, &index.text));
+        }
+        let index = match index.ty.kind() {
+            Some(Kind::Float | Kind::Bool) => format!("int({})", index.text),
+            _ => index.text,
+        };
+        Ok(element(&base, &index))
+    }
+
+    /// An element of an array that holds samplers.
+    fn index_samplers(
+        &mut self,
+        base: Ex,
+        index: &Ex,
+        known: Option<i64>,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
+        let Ty::Array(of, length) = base.ty.clone() else {
+            return Ok(base);
+        };
+        let path = base.path.clone().unwrap_or_default();
+        let mut ex = element(&base, &index.text);
+        if let Some(n) = known {
+            ex.path = Some(format!("{path}[{n}]"));
+            return Ok(self.with_pair(ex));
+        }
+        if !matches!(*of, Ty::Combined(_)) {
+            return Err(unsupported(
+                "structs with samplers can only be indexed by a constant here",
+                place,
+            ));
+        }
+        let pairs = (0..length.unwrap_or(0))
+            .map(|i| self.pairs.get(&format!("{path}[{i}]")).cloned())
+            .collect::<Option<Vec<_>>>()
+            .ok_or_else(|| unsupported("these samplers cannot be told apart", place))?;
+        ex.choice = Some((index.text.clone(), pairs));
+        Ok(ex)
+    }
+
+    fn dot(&mut self, of: &Expr, name: &str, whole: &Expr) -> Result<Ex, Error> {
+        // A member of a block with an instance's name.
+        if let ExprData::Variable(instance) = &of.content
+            && self.lookup(instance.as_str()).is_none()
+            && let Some(var) = self
+                .lookup(&format!("{}.{name}", instance.as_str()))
+                .cloned()
+        {
+            let mark = self.mark(whole.span);
+            let mut ex = self.of_var(&var);
+            ex.text = mark + &ex.text;
+            return Ok(ex);
+        }
+        // `gl_in`'s and `gl_out`'s member, by an instance of `gl_PerVertex`.
+        if let ExprData::Variable(instance) = &of.content
+            && name.starts_with("gl_")
+            && self.lookup(instance.as_str()).is_none()
+        {
+            return self.own_variable(name, whole);
+        }
+        let base = self.raw(of)?;
+        match base.ty.clone() {
+            Ty::Struct(of) => {
+                let member = self
+                    .stage
+                    .structs
+                    .get(&of)
+                    .map(|s| (s.hosted, s.members.iter().find(|m| m.name == name).cloned()));
+                let Some((hosted, Some(member))) = member else {
+                    return Err(Error::new(
+                        crate::front::error::Code::Parse,
+                        format!("the struct `{of}` has no member `{name}`"),
+                    )
+                    .label_if(self.place(whole.span)));
+                };
+                let mut ex = Ex::new(
+                    format!("{}.{name}", base.at(level::POSTFIX)),
+                    member.ty,
+                    level::POSTFIX,
+                );
+                ex.hosted = hosted;
+                ex.path = base.path.map(|p| format!("{p}.{name}"));
+                Ok(self.with_pair(ex))
+            }
+            Ty::Scalar(kind) => {
+                let base = self.value(base);
+                let n = name.len().min(4) as u8;
+                Ok(match n {
+                    1 => base,
+                    _ => Ex::primary(
+                        format!("{}({})", Ty::Vector(kind, n).name(), base.text),
+                        Ty::Vector(kind, n),
+                    ),
+                })
+            }
+            Ty::Vector(kind, _) => {
+                let base = match base.hosted && kind == Kind::Bool {
+                    true => self.value(base),
+                    false => base,
+                };
+                let n = name.len().min(4) as u8;
+                Ok(Ex::new(
+                    format!("{}.{name}", base.at(level::POSTFIX)),
+                    Ty::vector(kind, n),
+                    level::POSTFIX,
+                ))
+            }
+            _ => Ok(Ex::new(
+                format!("{}.{name}", base.at(level::POSTFIX)),
+                Ty::Unknown,
+                level::POSTFIX,
+            )),
+        }
+    }
+
+    /// The expression as one of type `to`, where GLSL converts it without being asked.
+    pub(super) fn coerce(&self, ex: Ex, to: &Ty) -> Ex {
+        match (&ex.ty, to) {
+            (Ty::Scalar(_) | Ty::Vector(..) | Ty::Matrix(..), _)
+                if ex.ty != *to && ex.ty.with_kind(to.kind().unwrap_or(Kind::Bool)) == *to =>
+            {
+                self.coerce_kind(ex, to.kind())
+            }
+            _ => ex,
+        }
+    }
+
+    pub(super) fn coerce_kind(&self, ex: Ex, kind: Option<Kind>) -> Ex {
+        let (Some(from), Some(to)) = (ex.ty.kind(), kind) else {
+            return ex;
+        };
+        if from == to || from == Kind::Bool || to == Kind::Bool {
+            return ex;
+        }
+        let bare = unmarked(&ex.text);
+        if from == Kind::Int && to == Kind::Float && bare.bytes().all(|b| b.is_ascii_digit()) {
+            return Ex::primary(format!("{}.0", ex.text), Ty::FLOAT);
+        }
+        let ty = ex.ty.with_kind(to);
+        Ex::primary(format!("{}({})", ty.name(), ex.text), ty)
+    }
+
+    /// An initial value of type `ty`.
+    pub(super) fn initial(&mut self, init: &ast::Initializer, ty: &Ty) -> Result<String, Error> {
+        match &init.content {
+            InitializerData::Simple(e) => {
+                let ex = self.expr(e)?;
+                Ok(self.coerce(ex, ty).at(level::ASSIGNMENT))
+            }
+            InitializerData::List(list) => {
+                let parts: Vec<Ty> = match ty {
+                    Ty::Array(of, _) => vec![(**of).clone(); list.len()],
+                    Ty::Vector(k, _) => vec![Ty::Scalar(*k); list.len()],
+                    Ty::Matrix(k, _, rows) => vec![Ty::Vector(*k, *rows); list.len()],
+                    Ty::Struct(name) => match self.stage.structs.get(name) {
+                        Some(of) => of.members.iter().map(|m| m.ty.clone()).collect(),
+                        None => Vec::new(),
+                    },
+                    _ => vec![ty.clone(); list.len()],
+                };
+                let mut values = Vec::new();
+                for (part, ty) in list.iter().zip(&parts) {
+                    values.push(self.initial(part, ty)?);
+                }
+                let name = match ty {
+                    Ty::Array(of, None) => Ty::Array(of.clone(), initial_length(init)).name(),
+                    other => other.name(),
+                };
+                Ok(format!("{name}({})", values.join(", ")))
+            }
+        }
+    }
+
+    /// Whether naga can evaluate the initial value of a global while it parses.
+    pub(super) fn is_simple(&self, init: &ast::Initializer) -> bool {
+        match &init.content {
+            InitializerData::List(list) => list.iter().all(|i| self.is_simple(i)),
+            InitializerData::Simple(e) => self.is_simple_expr(e),
+        }
+    }
+
+    fn is_simple_expr(&self, e: &Expr) -> bool {
+        match &e.content {
+            ExprData::IntConst(_)
+            | ExprData::UIntConst(_)
+            | ExprData::BoolConst(_)
+            | ExprData::FloatConst(_)
+            | ExprData::DoubleConst(_) => true,
+            ExprData::Unary(op, of) => {
+                matches!(op.content, UnaryOpData::Minus) && self.is_simple_expr(of)
+            }
+            ExprData::Binary(op, a, b) => {
+                matches!(op.content, B::Add | B::Sub | B::Mult | B::Div)
+                    && self.is_scalar_literal(a)
+                    && self.is_scalar_literal(b)
+            }
+            ExprData::FunCall(name, arguments) => {
+                matches!(name.content, ast::FunIdentifierData::TypeSpecifier(_))
+                    && arguments.iter().all(|a| self.is_simple_expr(a))
+            }
+            _ => false,
+        }
+    }
+
+    fn is_scalar_literal(&self, e: &Expr) -> bool {
+        match &e.content {
+            ExprData::IntConst(_) | ExprData::UIntConst(_) | ExprData::FloatConst(_) => true,
+            ExprData::Unary(op, of) => {
+                matches!(op.content, UnaryOpData::Minus) && self.is_scalar_literal(of)
+            }
+            ExprData::Binary(op, a, b) => {
+                matches!(op.content, B::Add | B::Sub | B::Mult | B::Div)
+                    && self.is_scalar_literal(a)
+                    && self.is_scalar_literal(b)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// An element of an array, a column or a component, as it lies there.
+pub(super) fn element(base: &Ex, index: &str) -> Ex {
+    let text = format!("{}[{index}]", base.at(level::POSTFIX));
+    let (ty, ending) = match &base.ty {
+        Ty::Array(of, _) => {
+            // Padded to four components in a block.
+            let ending = match (&**of, base.hosted) {
+                (Ty::Scalar(_), true) => ".x",
+                (Ty::Vector(_, 2), true) => ".xy",
+                _ => "",
+            };
+            ((**of).clone(), ending)
+        }
+        Ty::Matrix(k, _, rows) => {
+            let ending = if base.hosted && *rows == 2 { ".xy" } else { "" };
+            (Ty::Vector(*k, *rows), ending)
+        }
+        Ty::Vector(k, _) => (Ty::Scalar(*k), ""),
+        _ => (Ty::Unknown, ""),
+    };
+    let mut ex = Ex::new(text + ending, ty, level::POSTFIX);
+    ex.hosted = base.hosted;
+    ex.row_major = base.row_major;
+    ex
+}
+
+/// A value as it lies in a block.
+pub(super) fn pack(value: &Ex, ty: &Ty) -> Option<String> {
+    Some(match ty {
+        Ty::Scalar(Kind::Bool) => format!("uint({})", value.text),
+        Ty::Vector(Kind::Bool, n) => format!("uvec{n}({})", value.text),
+        Ty::Matrix(_, columns, 2) => {
+            let parts: Vec<String> = (0..*columns)
+                .map(|c| format!("vec4({}[{c}], 0.0, 0.0)", value.at(level::POSTFIX)))
+                .collect();
+            format!("{}({})", stored(ty).name(), parts.join(", "))
+        }
+        Ty::Array(of, Some(n)) if matches!(**of, Ty::Scalar(_) | Ty::Vector(_, 2)) => {
+            let vector = match stored(ty) {
+                Ty::Array(of, _) => of.name(),
+                _ => return None,
+            };
+            let zeros = if matches!(**of, Ty::Scalar(_)) {
+                ", 0, 0, 0"
+            } else {
+                ", 0, 0"
+            };
+            let parts: Vec<String> = (0..*n)
+                .map(|i| format!("{vector}({}[{i}]{zeros})", value.at(level::POSTFIX)))
+                .collect();
+            format!("{}({})", stored(ty).name(), parts.join(", "))
+        }
+        other if !is_stored_otherwise(other) => value.text.clone(),
+        _ => return None,
+    })
+}
+
+/// A float with all its digits, as GLSL spells it.
+fn float(f: f32) -> String {
+    if f.is_infinite() {
+        return "3.40282347e38".to_owned();
+    }
+    let text = format!("{f:?}");
+    match text.contains(['.', 'e']) {
+        true => text,
+        false => text + ".0",
+    }
+}
+
+fn operator(op: &B) -> (&'static str, u8) {
+    match op {
+        B::Or => ("||", 4),
+        B::Xor => ("^^", 5),
+        B::And => ("&&", 6),
+        B::BitOr => ("|", 7),
+        B::BitXor => ("^", 8),
+        B::BitAnd => ("&", 9),
+        B::Equal => ("==", 10),
+        B::NonEqual => ("!=", 10),
+        B::Lt => ("<", 11),
+        B::Gt => (">", 11),
+        B::Lte => ("<=", 11),
+        B::Gte => (">=", 11),
+        B::LShift => ("<<", 12),
+        B::RShift => (">>", 12),
+        B::Add => ("+", 13),
+        B::Sub => ("-", 13),
+        B::Mult => ("*", 14),
+        B::Div => ("/", 14),
+        B::Mod => ("%", 14),
+    }
+}
+
+fn assignment(op: &A) -> &'static str {
+    match op {
+        A::Equal => "=",
+        A::Mult => "*=",
+        A::Div => "/=",
+        A::Mod => "%=",
+        A::Add => "+=",
+        A::Sub => "-=",
+        A::LShift => "<<=",
+        A::RShift => ">>=",
+        A::And => "&=",
+        A::Xor => "^=",
+        A::Or => "|=",
+    }
+}
+
+fn wider(a: &Ty, b: &Ty) -> Ty {
+    match (a, b) {
+        (Ty::Unknown, _) | (_, Ty::Unknown) => Ty::Unknown,
+        (Ty::Scalar(_), other) => other.clone(),
+        (other, _) => other.clone(),
+    }
+}
+
+fn product(a: &Ty, b: &Ty) -> Ty {
+    match (a, b) {
+        (Ty::Matrix(k, _, rows), Ty::Vector(..)) => Ty::Vector(*k, *rows),
+        (Ty::Vector(..), Ty::Matrix(k, columns, _)) => Ty::Vector(*k, *columns),
+        (Ty::Matrix(k, _, rows), Ty::Matrix(_, columns, _)) => Ty::Matrix(*k, *columns, *rows),
+        _ => wider(a, b),
+    }
+}

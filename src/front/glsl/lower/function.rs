@@ -1,0 +1,151 @@
+//! Functions: their parameters, with a combined sampler as a texture and a sampler; and `main`, with what is done before and after it.
+
+use std::mem;
+
+use glsl_lang::ast::{self, FunctionParameterDeclarationData as P};
+
+use super::super::interface::{Pair, flat};
+use super::super::stage::{Storage, unsupported};
+use super::super::ty::Ty;
+use super::{Lower, Var, builtin};
+use crate::front::error::Error;
+
+impl<'u> Lower<'_, 'u> {
+    pub(super) fn functions(&mut self) -> Result<String, Error> {
+        let functions = mem::take(&mut self.stage.functions);
+        for function in &functions {
+            let name = function.prototype.name.as_str();
+            if (builtin::is_known(name) || super::RESERVED.contains(&name))
+                && !self.renamed.contains_key(name)
+            {
+                let new = self.fresh(&format!("{name}_"));
+                self.renamed.insert(name.to_owned(), new);
+            }
+        }
+        let mut out = String::new();
+        for function in functions {
+            out += "\n";
+            out += &self.function(function)?;
+        }
+        Ok(out)
+    }
+
+    fn function(&mut self, function: &'u ast::FunctionDefinition) -> Result<String, Error> {
+        let prototype = &function.prototype;
+        let author = prototype.name.as_str();
+        let main = author == "main";
+        let signature = self.stage.signature(prototype)?;
+        let constants = self.stage.constants.clone();
+        self.scopes.push(Default::default());
+        let pairs = self.pairs.clone();
+        let mut parameters = Vec::new();
+        for parameter in &prototype.parameters {
+            self.parameter(parameter, &mut parameters)?;
+        }
+        let name = self
+            .renamed
+            .get(author)
+            .cloned()
+            .unwrap_or_else(|| author.to_owned());
+        let mark = self.mark(prototype.span);
+        let result = match self.stage.structs.has_data(&signature.result) {
+            true => signature.result.name(),
+            false => {
+                return Err(unsupported(
+                    "a function cannot return samplers",
+                    self.place(prototype.span),
+                ));
+            }
+        };
+        let mut out = format!("{mark}{result} {name}({}) {{\n", parameters.join(", "));
+        self.result = signature.result;
+        self.in_main = main;
+        if main {
+            self.indent = 1;
+            for first in self.prologue.clone() {
+                out += &self.line(&first);
+            }
+            self.indent = 0;
+        }
+        let statements = &function.statement.statement_list;
+        out += &self.block_of(statements)?;
+        let returned = statements.last().is_some_and(|s| {
+            matches!(&s.content, ast::StatementData::Jump(j) if matches!(j.content, ast::JumpStatementData::Return(_)))
+        });
+        if main && !returned {
+            self.indent = 1;
+            for last in self.epilogue.clone() {
+                out += &self.line(&last);
+            }
+            self.indent = 0;
+        }
+        self.scopes.pop();
+        self.pairs = pairs;
+        self.stage.constants = constants;
+        Ok(out + "}\n")
+    }
+
+    fn parameter(
+        &mut self,
+        parameter: &'u ast::FunctionParameterDeclaration,
+        out: &mut Vec<String>,
+    ) -> Result<(), Error> {
+        let place = self.place(parameter.span);
+        let (qualifier, ty, author) = match &parameter.content {
+            P::Named(q, d) => {
+                let ty = self.stage.ty(&d.ty, d.ident.array_spec.as_ref(), place)?;
+                (q, ty, d.ident.ident.as_str().to_owned())
+            }
+            P::Unnamed(q, ty) => (q, self.stage.ty(ty, None, place)?, String::new()),
+        };
+        if ty == Ty::Void {
+            return Ok(());
+        }
+        let author = match author.is_empty() {
+            true => self.fresh("unnamed"),
+            false => author,
+        };
+        let word = match self.stage.qualifiers(qualifier.as_ref())?.storage {
+            Some(Storage::Out) => "out ",
+            Some(Storage::InOut) => "inout ",
+            _ => "",
+        };
+        let name = self.safe(&author);
+        let mut var = Var::plain(name.clone(), ty.clone());
+        if self.stage.structs.has_data(&ty) {
+            out.push(format!("{word}{}", ty.declare(&name)));
+        }
+        if self.stage.structs.has_samplers(&ty) {
+            // A path that no uniform has, as it hides one of its name.
+            let path = format!("${author}");
+            let mut found = Vec::new();
+            self.stage.structs.samplers(&ty, &path, &mut found);
+            for (path, combined) in found {
+                let texture = flat(&path.replacen('$', "", 1));
+                let texture = match texture == author {
+                    true => name.clone(),
+                    false => self.fresh(&texture),
+                };
+                let sampler = self.fresh(&format!("{texture}_sampler"));
+                let shadow = combined.ends_with("Shadow");
+                let ty = combined.replacen("sampler", "texture", 1);
+                out.push(format!("{} {texture}", ty.trim_end_matches("Shadow")));
+                out.push(format!(
+                    "{} {sampler}",
+                    if shadow { "samplerShadow" } else { "sampler" }
+                ));
+                self.pairs.insert(
+                    path,
+                    Pair {
+                        combined,
+                        texture,
+                        sampler,
+                    },
+                );
+            }
+            var.path = Some(path);
+        }
+        self.bind(&author, var);
+        Ok(())
+    }
+}

@@ -1,0 +1,198 @@
+//! One stage's tree printed as the GLSL 4.50 that naga reads, with a mark before whatever comes from a place of the author's.
+//!
+//! Outside of functions: `declaration`. Inside: `statement` and `expression`, with `call` for calls and `texture` for those of textures.
+
+mod builtin;
+mod call;
+mod declaration;
+mod expression;
+mod function;
+mod statement;
+mod texture;
+
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+
+use glsl_lang::ast::NodeSpan;
+use naga::{ShaderStage, Span};
+
+use super::interface::{Interface, Pair};
+use super::marks::Marks;
+use super::stage::Stage;
+use super::ty::Ty;
+use crate::front::ClipSpace;
+use crate::front::error::Error;
+
+/// Words that naga's GLSL keeps for itself and older dialects allow as names.
+const RESERVED: &[&str] = &[
+    "sample",
+    "buffer",
+    "shared",
+    "patch",
+    "precise",
+    "coherent",
+    "readonly",
+    "writeonly",
+    "restrict",
+    "volatile",
+    "sampler",
+    "samplerShadow",
+    "texture1D",
+    "texture2D",
+    "texture3D",
+    "textureCube",
+    "texture2DArray",
+    "textureCubeArray",
+    "image2D",
+    "image3D",
+    "smooth",
+    "noperspective",
+    "flat",
+    "centroid",
+    "subroutine",
+    "atomic_uint",
+    "double",
+    "main_1",
+    "resource",
+    "half",
+    "fixed",
+    "common",
+    "partition",
+    "active",
+    "filter",
+];
+
+/// What a name stands for.
+#[derive(Clone, Debug)]
+struct Var {
+    /// How it is read.
+    text: String,
+    ty: Ty,
+    /// It lies in a uniform block, or in a struct that does: see [`super::ty::stored`].
+    hosted: bool,
+    row_major: bool,
+    /// Where the samplers in it are found: a path of [`Lower::pairs`].
+    path: Option<String>,
+}
+
+impl Var {
+    fn plain(text: impl Into<String>, ty: Ty) -> Self {
+        Self {
+            text: text.into(),
+            ty,
+            hosted: false,
+            row_major: false,
+            path: None,
+        }
+    }
+}
+
+/// A stage on its way into text.
+pub(super) struct Lower<'a, 'u> {
+    stage: &'a mut Stage<'u>,
+    interface: &'a mut Interface,
+    clip: ClipSpace,
+    marks: Marks,
+    /// Innermost last.
+    scopes: Vec<HashMap<String, Var>>,
+    /// The texture and sampler of each combined sampler, by path.
+    pairs: HashMap<String, Pair>,
+    /// Authors' functions whose names naga has.
+    renamed: HashMap<String, String>,
+    /// What `main` does first, and last.
+    prologue: Vec<String>,
+    epilogue: Vec<String>,
+    in_main: bool,
+    /// What the function returns that is printed.
+    result: Ty,
+    /// Names for what stands for GLSL's own variables: `gl_FragColor`, `gl_PointSize`.
+    standins: BTreeMap<&'static str, String>,
+    /// Elements of `gl_FragData` in use.
+    targets: BTreeSet<u32>,
+    /// Functions that stand for what naga's front end lacks, by name.
+    helpers: BTreeMap<String, String>,
+    indent: usize,
+    /// Names that this stage's text has got.
+    taken: HashSet<String>,
+}
+
+/// The rewritten text of a stage, its marks still in.
+pub(super) fn lower(
+    stage: &mut Stage<'_>,
+    interface: &mut Interface,
+    clip: ClipSpace,
+) -> Result<(String, Marks), Error> {
+    let pairs = interface
+        .samplers
+        .iter()
+        .map(|(path, bound)| (path.clone(), bound.pair.clone()))
+        .collect();
+    let mut lower = Lower {
+        stage,
+        interface,
+        clip,
+        marks: Marks::default(),
+        scopes: vec![HashMap::new()],
+        pairs,
+        renamed: HashMap::new(),
+        prologue: Vec::new(),
+        epilogue: Vec::new(),
+        in_main: false,
+        result: Ty::Void,
+        standins: BTreeMap::new(),
+        targets: BTreeSet::new(),
+        helpers: BTreeMap::new(),
+        indent: 0,
+        taken: HashSet::new(),
+    };
+    let text = lower.stage()?;
+    Ok((text, lower.marks))
+}
+
+impl Lower<'_, '_> {
+    fn place(&self, span: Option<NodeSpan>) -> Option<Span> {
+        self.stage.unit.place(span)
+    }
+
+    fn mark(&mut self, span: Option<NodeSpan>) -> String {
+        let place = self.place(span);
+        self.marks.mark(place)
+    }
+
+    fn is_vertex(&self) -> bool {
+        self.stage.kind == ShaderStage::Vertex
+    }
+
+    fn lookup(&self, name: &str) -> Option<&Var> {
+        self.scopes.iter().rev().find_map(|s| s.get(name))
+    }
+
+    fn bind(&mut self, name: &str, var: Var) {
+        if let Some(scope) = self.scopes.last_mut() {
+            scope.insert(name.to_owned(), var);
+        }
+    }
+
+    /// The author's name, or, where naga could not read it as one, the name with an underscore.
+    fn safe(&mut self, name: &str) -> String {
+        match RESERVED.contains(&name) || name.contains("__") {
+            true => {
+                let wanted = format!("{}_", name.replace("__", "_"));
+                self.fresh(&wanted)
+            }
+            false => name.to_owned(),
+        }
+    }
+
+    /// A name like `wanted` that this stage has not: the other may have it.
+    fn fresh(&mut self, wanted: &str) -> String {
+        let mut name = wanted.to_owned();
+        while self.stage.unit.names.contains(&name) || !self.taken.insert(name.clone()) {
+            name.push('_');
+        }
+        name
+    }
+
+    fn line(&self, text: &str) -> String {
+        format!("{}{text}\n", "    ".repeat(self.indent))
+    }
+}

@@ -1,0 +1,273 @@
+//! Statements, one a line.
+
+use glsl_lang::ast::{
+    self, CaseLabelData, ConditionData, DeclarationData, ForInitStatementData,
+    IterationStatementData, JumpStatementData, SelectionRestStatementData, Statement,
+    StatementData,
+};
+
+use super::super::constant;
+use super::super::stage::{Storage, unsupported};
+use super::super::ty::Ty;
+use super::{Lower, Var};
+use crate::front::error::Error;
+
+impl Lower<'_, '_> {
+    pub(super) fn statement(&mut self, statement: &Statement) -> Result<String, Error> {
+        let mark = self.mark(statement.span);
+        Ok(match &statement.content {
+            StatementData::Declaration(d) => {
+                let mut out = String::new();
+                for declared in self.declared(d)? {
+                    out += &self.line(&format!("{mark}{declared};"));
+                }
+                out
+            }
+            StatementData::Expression(e) => match &e.content.0 {
+                Some(e) => {
+                    let text = self.expr(e)?.text;
+                    self.line(&format!("{mark}{text};"))
+                }
+                None => String::new(),
+            },
+            StatementData::Compound(c) => {
+                let body = self.block_of(&c.statement_list)?;
+                self.line("{") + &body + &self.line("}")
+            }
+            StatementData::Selection(s) => {
+                let condition = self.expr(&s.cond)?.text;
+                let (then, other) = match &s.rest.content {
+                    SelectionRestStatementData::Statement(then) => (then, None),
+                    SelectionRestStatementData::Else(then, other) => (then, Some(other)),
+                };
+                let mut out = self.line(&format!("{mark}if ({condition}) {{"));
+                out += &self.body(then)?;
+                if let Some(other) = other {
+                    out += &self.line("} else {");
+                    out += &self.body(other)?;
+                }
+                out + &self.line("}")
+            }
+            StatementData::Switch(s) => {
+                let head = self.expr(&s.head)?;
+                let unsigned = head.ty == Ty::UINT;
+                let mut out = self.line(&format!("{mark}switch ({}) {{", head.text));
+                self.scopes.push(Default::default());
+                self.indent += 1;
+                for statement in &s.body {
+                    let inside = !matches!(statement.content, StatementData::CaseLabel(_));
+                    self.indent += usize::from(inside);
+                    out += &self.case(statement, unsigned)?;
+                    self.indent -= usize::from(inside);
+                }
+                self.indent -= 1;
+                self.scopes.pop();
+                out + &self.line("}")
+            }
+            StatementData::CaseLabel(_) => self.case(statement, false)?,
+            StatementData::Iteration(i) => self.iteration(i, &mark)?,
+            StatementData::Jump(j) => match &j.content {
+                JumpStatementData::Continue => self.line(&format!("{mark}continue;")),
+                JumpStatementData::Break => self.line(&format!("{mark}break;")),
+                JumpStatementData::Discard => self.line(&format!("{mark}discard;")),
+                JumpStatementData::Return(Some(e)) => {
+                    let ex = self.expr(e)?;
+                    let result = self.result.clone();
+                    let text = self.coerce(ex, &result).text;
+                    self.line(&format!("{mark}return {text};"))
+                }
+                JumpStatementData::Return(None) => {
+                    let mut out = String::new();
+                    if self.in_main {
+                        for last in self.epilogue.clone() {
+                            out += &self.line(&last);
+                        }
+                    }
+                    out + &self.line(&format!("{mark}return;"))
+                }
+            },
+        })
+    }
+
+    fn case(&mut self, statement: &Statement, unsigned: bool) -> Result<String, Error> {
+        let StatementData::CaseLabel(label) = &statement.content else {
+            return self.statement(statement);
+        };
+        match &label.content {
+            CaseLabelData::Def => Ok(self.line("default:")),
+            CaseLabelData::Case(e) => {
+                let value = constant::evaluate(e, &self.stage.constants).ok_or_else(|| {
+                    unsupported("a case must be an integer constant", self.place(e.span))
+                })?;
+                let ending = if unsigned { "u" } else { "" };
+                Ok(self.line(&format!("case {value}{ending}:")))
+            }
+        }
+    }
+
+    /// The statements of a block, in a scope of their own.
+    pub(super) fn block_of(&mut self, statements: &[Statement]) -> Result<String, Error> {
+        self.scopes.push(Default::default());
+        self.indent += 1;
+        let mut out = String::new();
+        for statement in statements {
+            out += &self.statement(statement)?;
+        }
+        self.indent -= 1;
+        self.scopes.pop();
+        Ok(out)
+    }
+
+    /// What stands in the braces of an `if` or a loop.
+    fn body(&mut self, statement: &Statement) -> Result<String, Error> {
+        match &statement.content {
+            StatementData::Compound(c) => self.block_of(&c.statement_list),
+            _ => self.block_of(std::slice::from_ref(statement)),
+        }
+    }
+
+    fn iteration(&mut self, i: &ast::IterationStatement, mark: &str) -> Result<String, Error> {
+        Ok(match &i.content {
+            IterationStatementData::While(condition, body) => {
+                let condition = self.condition(condition)?;
+                self.line(&format!("{mark}while ({condition}) {{"))
+                    + &self.body(body)?
+                    + &self.line("}")
+            }
+            IterationStatementData::DoWhile(body, condition) => {
+                let condition = self.expr(condition)?.text;
+                self.line(&format!("{mark}do {{"))
+                    + &self.body(body)?
+                    + &self.line(&format!("}} while ({condition});"))
+            }
+            IterationStatementData::For(init, rest, body) => {
+                self.scopes.push(Default::default());
+                // Several variables, or none that naga would take inside: before the loop, in a block.
+                let (before, init) = match &init.content {
+                    ForInitStatementData::Expression(None) => (Vec::new(), String::new()),
+                    ForInitStatementData::Expression(Some(e)) => (Vec::new(), self.expr(e)?.text),
+                    ForInitStatementData::Declaration(d) => {
+                        let mut all = self.declared(d)?;
+                        match all.len() {
+                            1 => (Vec::new(), all.remove(0)),
+                            _ => (all, String::new()),
+                        }
+                    }
+                };
+                let condition = match &rest.condition {
+                    Some(condition) => self.condition(condition)?,
+                    None => String::new(),
+                };
+                let post = match &rest.post_expr {
+                    Some(e) => self.expr(e)?.text,
+                    None => String::new(),
+                };
+                let mut out = String::new();
+                if !before.is_empty() {
+                    out += &self.line("{");
+                    self.indent += 1;
+                    for each in &before {
+                        out += &self.line(&format!("{mark}{each};"));
+                    }
+                }
+                out += &self.line(&format!("{mark}for ({init}; {condition}; {post}) {{"));
+                out += &self.body(body)?;
+                out += &self.line("}");
+                if !before.is_empty() {
+                    self.indent -= 1;
+                    out += &self.line("}");
+                }
+                self.scopes.pop();
+                out
+            }
+        })
+    }
+
+    fn condition(&mut self, condition: &ast::Condition) -> Result<String, Error> {
+        match &condition.content {
+            ConditionData::Expr(e) => Ok(self.expr(e)?.text),
+            ConditionData::Assignment(..) => Err(unsupported(
+                "a variable that is declared in a loop's condition is not read",
+                self.place(condition.span),
+            )
+            .note("declare it before the loop")),
+        }
+    }
+
+    /// Local variables, each declared by itself.
+    pub(super) fn declared(
+        &mut self,
+        declaration: &ast::Declaration,
+    ) -> Result<Vec<String>, Error> {
+        let place = self.place(declaration.span);
+        let list = match &declaration.content {
+            DeclarationData::InitDeclaratorList(list) => list,
+            DeclarationData::Precision(..)
+            | DeclarationData::FunctionPrototype(_)
+            | DeclarationData::Invariant(_) => return Ok(Vec::new()),
+            _ => {
+                return Err(unsupported(
+                    "this declaration cannot stand in a function",
+                    place,
+                ));
+            }
+        };
+        let head = &list.head;
+        let qualifiers = self.stage.qualifiers(head.ty.qualifier.as_ref())?;
+        let constant = qualifiers.storage == Some(Storage::Const);
+        let base = self.stage.ty(&head.ty.ty, None, place)?;
+        let mut out = Vec::new();
+        if let Some(name) = &head.name {
+            let ty = self
+                .stage
+                .dimensions(base.clone(), head.array_specifier.as_ref(), place)?;
+            out.push(self.local(name.as_str(), ty, head.initializer.as_ref(), constant)?);
+        }
+        for other in &list.tail {
+            let ty = self
+                .stage
+                .dimensions(base.clone(), other.ident.array_spec.as_ref(), place)?;
+            out.push(self.local(
+                other.ident.ident.as_str(),
+                ty,
+                other.initializer.as_ref(),
+                constant,
+            )?);
+        }
+        Ok(out)
+    }
+
+    fn local(
+        &mut self,
+        author: &str,
+        mut ty: Ty,
+        init: Option<&ast::Initializer>,
+        constant: bool,
+    ) -> Result<String, Error> {
+        if let (Ty::Array(of, None), Some(init)) = (&ty, init) {
+            ty = Ty::Array(of.clone(), super::super::stage::initial_length(init));
+        }
+        let value = match init {
+            Some(init) => Some(self.initial(init, &ty)?),
+            None => None,
+        };
+        if constant
+            && let Some(init) = init
+            && let ast::InitializerData::Simple(e) = &init.content
+            && matches!(ty, Ty::INT | Ty::UINT)
+            && let Some(n) = constant::evaluate(e, &self.stage.constants)
+        {
+            self.stage.constants.insert(author.to_owned(), n);
+        } else {
+            // It hides a constant of that name.
+            self.stage.constants.remove(author);
+        }
+        let name = self.safe(author);
+        let declared = ty.declare(&name);
+        self.bind(author, Var::plain(name, ty));
+        Ok(match value {
+            Some(value) => format!("{declared} = {value}"),
+            None => declared,
+        })
+    }
+}

@@ -1,0 +1,307 @@
+//! GLSL's functions of textures, whatever they are called in the dialect.
+
+use glsl_lang::ast::Expr;
+
+use super::super::interface::Pair;
+use super::super::marks::unmarked;
+use super::super::stage::unsupported;
+use super::super::ty::{Kind, Ty};
+use super::Lower;
+use super::expression::{Ex, level};
+use crate::front::error::Error;
+
+/// What a function of textures does.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Function {
+    /// What it is called in GLSL 4.50.
+    pub name: String,
+    /// It compares, and returns a vector: `shadow2D`.
+    pub compares_to_vector: bool,
+}
+
+/// The function of that name, of any version.
+pub(super) fn function(name: &str) -> Option<Function> {
+    let is = |name: &str| Function {
+        name: name.to_owned(),
+        compares_to_vector: false,
+    };
+    let modern = [
+        "texture",
+        "textureLod",
+        "textureGrad",
+        "textureOffset",
+        "textureLodOffset",
+        "textureGradOffset",
+        "textureProj",
+        "textureProjLod",
+        "textureProjGrad",
+        "textureProjOffset",
+        "textureProjLodOffset",
+        "textureProjGradOffset",
+        "texelFetch",
+        "texelFetchOffset",
+        "textureSize",
+        "textureQueryLevels",
+        "textureQueryLod",
+        "textureGather",
+        "textureGatherOffset",
+        "textureGatherOffsets",
+        "textureSamples",
+    ];
+    if modern.contains(&name) {
+        return Some(is(name));
+    }
+    let bare = name
+        .trim_end_matches("EXT")
+        .trim_end_matches("ARB")
+        .trim_end_matches("OES");
+    let shapes = [
+        "texture2DRect",
+        "texture1D",
+        "texture2D",
+        "texture3D",
+        "textureCube",
+        "shadow1D",
+        "shadow2D",
+    ];
+    let shape = shapes.iter().find(|s| bare.starts_with(**s))?;
+    let what = match &bare[shape.len()..] {
+        "" => "texture",
+        "Lod" => "textureLod",
+        "Grad" => "textureGrad",
+        "Proj" => "textureProj",
+        "ProjLod" => "textureProjLod",
+        "ProjGrad" => "textureProjGrad",
+        _ => return None,
+    };
+    Some(Function {
+        name: what.to_owned(),
+        // With `EXT`, from GLSL ES 1.00, it returns a float.
+        compares_to_vector: shape.starts_with("shadow") && !name.ends_with("EXT"),
+    })
+}
+
+/// Coordinates of a shape, without layers.
+fn coordinates(combined: &str) -> u8 {
+    match combined {
+        c if c.contains("1D") => 1,
+        c if c.contains("2D") => 2,
+        _ => 3,
+    }
+}
+
+impl Lower<'_, '_> {
+    pub(super) fn sample(
+        &mut self,
+        author: &str,
+        function: &Function,
+        sampler: Ex,
+        mut rest: Vec<Ex>,
+        whole: &Expr,
+    ) -> Result<Ex, Error> {
+        let place = self.place(whole.span);
+        let combined = match &sampler.ty {
+            Ty::Combined(name) => name.clone(),
+            // A texture by itself: a fetch, or its size.
+            Ty::Opaque(name) => name.clone(),
+            other => {
+                return Err(unsupported(
+                    format!("`{author}` takes a sampler, not a {}", other.name()),
+                    place,
+                ));
+            }
+        };
+        let kind = match combined.chars().next() {
+            Some('i') => Kind::Int,
+            Some('u') => Kind::Uint,
+            _ => Kind::Float,
+        };
+        let shadow = combined.ends_with("Shadow");
+        let texel = match shadow {
+            true => Ty::FLOAT,
+            false => Ty::Vector(kind, 4),
+        };
+        let layers = u8::from(combined.contains("Array"));
+        let mut result = match function.name.as_str() {
+            "textureSize" => Ty::vector(
+                Kind::Int,
+                if combined.contains("Cube") {
+                    2
+                } else {
+                    coordinates(&combined)
+                } + layers,
+            ),
+            "textureQueryLevels" | "textureSamples" => Ty::INT,
+            name if name.starts_with("textureGather") => Ty::Vector(kind, 4),
+            _ => texel,
+        };
+        let fetches = matches!(
+            function.name.as_str(),
+            "texelFetch" | "texelFetchOffset" | "textureSize" | "textureQueryLevels"
+        );
+        rest = rest
+            .into_iter()
+            .map(|v| match v.ty.kind() {
+                Some(Kind::Int | Kind::Uint) if !fetches && v.ty.components() == Some(1) => {
+                    self.coerce_kind(v, Some(Kind::Float))
+                }
+                Some(Kind::Uint) if fetches => self.coerce_kind(v, Some(Kind::Int)),
+                _ => v,
+            })
+            .collect();
+        let mut name = function.name.clone();
+        match name.as_str() {
+            "textureQueryLod" => {
+                return Err(unsupported(
+                    format!("`{author}` is not read: WebGPU has no such query"),
+                    place,
+                )
+                .note("take the level from the coordinates' derivatives"));
+            }
+            "textureGatherOffsets" => {
+                return Err(unsupported(
+                    "`textureGatherOffsets` is not read: WebGPU gathers one square",
+                    place,
+                ));
+            }
+            "textureGather" | "textureGatherOffset" => {
+                return self.gathered(&combined, &sampler, rest, result, place);
+            }
+            "textureProj" | "textureProjLod" | "textureProjGrad" | "textureProjOffset"
+                if shadow =>
+            {
+                // naga's projects no comparison: three coordinates, over the fourth.
+                if let Some(p) = rest.first_mut() {
+                    let text = p.at(level::POSTFIX);
+                    *p = Ex::new(
+                        format!("{text}.xyz / {text}.w"),
+                        Ty::Vector(Kind::Float, 3),
+                        14,
+                    );
+                    name = name.replacen("Proj", "", 1);
+                }
+            }
+            _ => {}
+        }
+        // Where there are no derivatives, GLSL samples the base level; a bias is then the level (4.60, section 8.9).
+        let implicit = name.starts_with("texture")
+            && !["Size", "Lod", "Grad", "Query", "Samples"]
+                .iter()
+                .any(|w| name.contains(w));
+        let cube_shadow = combined.starts_with("samplerCube") && shadow;
+        if self.is_vertex() && implicit && !cube_shadow {
+            let coordinates = usize::from(name.ends_with("Offset")) + 1;
+            if rest.len() == coordinates {
+                rest.insert(1, Ex::primary("0.0", Ty::FLOAT));
+            } else if coordinates == 2 {
+                rest.swap(1, 2);
+            }
+            name = match name.strip_suffix("Offset") {
+                Some(start) => format!("{start}LodOffset"),
+                None => format!("{name}Lod"),
+            };
+        }
+        let call = |pair: Option<&Pair>| {
+            let first = match pair {
+                Some(pair) => format!("{}({}, {})", pair.combined, pair.texture, pair.sampler),
+                None => sampler.text.clone(),
+            };
+            let mut all = vec![first];
+            all.extend(rest.iter().map(|r| r.at(level::ASSIGNMENT)));
+            format!("{name}({})", all.join(", "))
+        };
+        let mut ex = match &sampler.choice {
+            None => Ex::primary(call(None), result.clone()),
+            Some((index, pairs)) => {
+                // The index is the same for all that run together, by GLSL's own rule: so is the way taken here.
+                let bare = unmarked(index);
+                if bare.contains('(') || bare.contains('=') || bare.contains("++") {
+                    return Err(unsupported(
+                        "a sampler can be chosen by a variable, not by a call",
+                        place,
+                    )
+                    .note("put the index into a variable first"));
+                }
+                let Some((last, others)) = pairs.split_last() else {
+                    return Err(unsupported("this array of samplers is empty", place));
+                };
+                let mut text = String::new();
+                for (i, pair) in others.iter().enumerate() {
+                    text += &format!("({index}) == {i} ? {} : ", call(Some(pair)));
+                }
+                text += &call(Some(last));
+                Ex::new(text, result.clone(), level::TERNARY)
+            }
+        };
+        if function.compares_to_vector {
+            result = Ty::Vector(Kind::Float, 4);
+            ex = Ex::primary(format!("vec4({})", ex.text), result);
+        }
+        Ok(ex)
+    }
+
+    /// `textureGather`, which naga's front end lacks: a function that samples, whose body the module gets a gather for.
+    fn gathered(
+        &mut self,
+        combined: &str,
+        sampler: &Ex,
+        rest: Vec<Ex>,
+        result: Ty,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
+        let Some(pair) = &sampler.pair else {
+            return Err(unsupported(
+                "`textureGather` takes a sampler that is named",
+                place,
+            ));
+        };
+        let shadow = combined.ends_with("Shadow");
+        if rest.len() > if shadow { 2 } else { 2 } || combined.contains("Array") {
+            return Err(unsupported(
+                "`textureGather` is read for textures without layers, without an offset",
+                place,
+            ));
+        }
+        let component = match (shadow, rest.get(1)) {
+            (false, Some(c)) => unmarked(&c.text)
+                .trim_end_matches(".0")
+                .parse::<u32>()
+                .map_err(|_| unsupported("`textureGather`'s component must be a number", place))?,
+            _ => 0,
+        };
+        let helper = format!("{}_{combined}_{component}", super::super::gather::NAME);
+        let texture = combined.replacen("sampler", "texture", 1);
+        let texture = texture.trim_end_matches("Shadow");
+        let n = coordinates(combined);
+        let (of, extra, body) = match shadow {
+            false => (
+                "sampler",
+                "",
+                format!("textureLod({combined}(t, s), p, 0.0)"),
+            ),
+            true => {
+                let p = if n == 3 {
+                    "vec4(p, depth)"
+                } else {
+                    "vec3(p, depth)"
+                };
+                let call = if n == 3 {
+                    format!("texture({combined}(t, s), {p})")
+                } else {
+                    format!("textureLod({combined}(t, s), {p}, 0.0)")
+                };
+                ("samplerShadow", ", float depth", format!("vec4({call})"))
+            }
+        };
+        let text = format!(
+            "{} {helper}({texture} t, {of} s, {} p{extra}) {{\n    return {body};\n}}\n",
+            result.name(),
+            Ty::vector(Kind::Float, n).name()
+        );
+        self.helpers.insert(helper.clone(), text);
+        let mut all = vec![pair.texture.clone(), pair.sampler.clone()];
+        let taken = if shadow { 2 } else { 1 };
+        all.extend(rest.iter().take(taken).map(|r| r.at(level::ASSIGNMENT)));
+        Ok(Ex::primary(format!("{helper}({})", all.join(", ")), result))
+    }
+}

@@ -1,0 +1,307 @@
+//! GLSL as people write it, of every version, to naga modules.
+//!
+//! naga's own front end reads one dialect, that of Vulkan with all bindings and locations said. What it reads as it is stays as it is. Anything else is parsed, understood and
+//! printed as that dialect, in the order of these files:
+//!
+//! `syntax` preprocesses and parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `lower` prints; `marks` know which
+//! place of the author's each piece came from; `respan` moves the module's spans back there. `gather` puts in what the dialect cannot say.
+
+mod constant;
+mod gather;
+mod interface;
+mod lower;
+mod marks;
+mod respan;
+mod stage;
+mod syntax;
+mod ty;
+
+use std::path::Path;
+
+use naga::front::glsl::{Frontend, Options as NagaOptions};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{Module, ShaderStage, Span};
+use preshade_passes::link::offset;
+use preshade_passes::program::SourceMap;
+
+use self::interface::Interface;
+use self::marks::Map;
+use self::stage::Stage;
+use self::syntax::{Dialect, Input};
+use super::error::{Code, Error};
+use super::{ClipSpace, Options, macros, promote, switch};
+
+/// One stage's text.
+pub(super) struct Text<'a> {
+    /// The file's name, for what it includes.
+    pub name: &'a str,
+    pub text: &'a str,
+    pub stage: ShaderStage,
+    /// Where the file begins in the source map.
+    pub base: u32,
+}
+
+/// Parses the stages of one material, in the order given. The modules' spans are those of the source map, to which included files are added. Entry points are named
+/// `vertex_main` or `fragment_main`: a module has one name space, and both stages arrive as `main`.
+pub(super) fn parse(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<Vec<Module>, Error> {
+    for text in texts {
+        macros::check(text.text, &options.defines)?;
+    }
+    if options.clip_space != Some(ClipSpace::OpenGl)
+        && let Some(modules) = as_they_are(texts, options)
+    {
+        return Ok(modules);
+    }
+    let normalised = normalise(texts, options, map)?;
+    normalised
+        .iter()
+        .zip(texts)
+        .map(|(rewritten, text)| {
+            let place = |span: Span| rewritten.map.back(span);
+            let mut module = read(&rewritten.text, text.stage, &[], &place)?;
+            gather::replace(&mut module);
+            respan::respan(&mut module, &place);
+            finish(&mut module, text.stage);
+            Ok(module)
+        })
+        .collect()
+}
+
+/// A stage in naga's dialect.
+#[derive(Clone, Debug)]
+pub(super) struct Normalised {
+    pub text: String,
+    map: Map,
+}
+
+/// Rewrites the stages of one material for naga.
+pub(super) fn normalise(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<Vec<Normalised>, Error> {
+    let mut units = Vec::new();
+    for text in texts {
+        units.push(syntax::parse(
+            &Input {
+                text: text.text,
+                path: Path::new(text.name),
+                base: text.base,
+                defines: &options.defines,
+                include: &options.include,
+            },
+            map,
+        )?);
+    }
+    let mut stages = Vec::new();
+    for (unit, text) in units.iter().zip(texts) {
+        stages.push(Stage::collect(unit, text.stage)?);
+    }
+    let clip = options.clip_space.unwrap_or_else(|| clip_space(&stages));
+    let mut interface = Interface::of(&mut stages)?;
+    stages
+        .iter_mut()
+        .map(|stage| {
+            let (marked, marks) = lower::lower(stage, &mut interface, clip)?;
+            let (text, map) = marks.settle(&marked);
+            Ok(Normalised { text, map })
+        })
+        .collect()
+}
+
+/// The clip space that a text of this kind is written for: OpenGL's, unless it is Vulkan's GLSL, which says bindings and locations and has no uniforms outside of blocks.
+fn clip_space(stages: &[Stage<'_>]) -> ClipSpace {
+    let opengl = stages.iter().any(|s| {
+        let Dialect { version, es } = s.unit.dialect;
+        let loose = s
+            .uniforms
+            .iter()
+            .any(|u| !matches!(u.ty.innermost(), ty::Ty::Combined(_)));
+        let own = ["gl_VertexID", "gl_InstanceID", "gl_FragColor"];
+        es || version < 420 || loose || own.iter().any(|w| s.used.contains(*w))
+    });
+    match opengl {
+        true => ClipSpace::OpenGl,
+        false => ClipSpace::AsWritten,
+    }
+}
+
+/// The modules, where naga reads all of the texts, valid, without help.
+fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
+    let modules: Option<Vec<Module>> = texts
+        .iter()
+        .map(|text| {
+            let Dialect { version, es } = Dialect::of(text.text);
+            // What naga passes over in silence, it does not read.
+            let lost = ["precise", "#include", "STDGL"];
+            if es || version < 440 || lost.iter().any(|w| text.text.contains(w)) {
+                return None;
+            }
+            let place = |span: Span| span;
+            let read = || read(text.text, text.stage, &options.defines, &place).ok();
+            let mut module =
+                std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).ok()??;
+            if !is_valid(&module) {
+                return None;
+            }
+            respan::respan(&mut module, &|span| offset(span, text.base));
+            finish(&mut module, text.stage);
+            Some(module)
+        })
+        .collect();
+    modules
+}
+
+/// What naga makes of a text in its dialect; `place` finds its errors in the author's.
+fn read(
+    text: &str,
+    stage: ShaderStage,
+    defines: &[(String, String)],
+    place: &dyn Fn(Span) -> Span,
+) -> Result<Module, Error> {
+    let mut options = NagaOptions::from(stage);
+    options.defines.extend(defines.iter().cloned());
+    Frontend::default().parse(&options, text).map_err(|errors| {
+        let mut all = errors.errors.iter();
+        let Some(first) = all.next() else {
+            return Error::new(Code::Parse, "the GLSL parser gave up without saying why");
+        };
+        let error = Error::new(Code::Parse, first.kind.to_string()).label(place(first.meta), "");
+        all.fold(error, |error, other| {
+            error.label(place(other.meta), other.kind.to_string())
+        })
+    })
+}
+
+/// Makes the module one that the passes know how to read.
+fn finish(module: &mut Module, stage: ShaderStage) {
+    let name = match stage {
+        ShaderStage::Vertex => "vertex_main",
+        _ => "fragment_main",
+    };
+    for entry in &mut module.entry_points {
+        entry.name = name.to_owned();
+    }
+    switch::write_out_fall_through(module);
+    // An invalid module stays as it is for the validator's message on it.
+    if is_valid(module) {
+        promote::promote(module);
+    }
+}
+
+fn is_valid(module: &Module) -> bool {
+    Validator::new(ValidationFlags::all(), Capabilities::all())
+        .validate(module)
+        .is_ok()
+}
+
+/// Whether the file holds both stages, told apart by `#pragma stage vertex` and `#pragma stage fragment`, as RetroArch's shaders do.
+pub(super) fn has_stages(text: &str) -> bool {
+    text.lines()
+        .any(|l| stage_pragma(l) == Some(Some(ShaderStage::Vertex)))
+}
+
+/// The stage that a `#pragma stage` line begins, if it is such a line.
+fn stage_pragma(line: &str) -> Option<Option<ShaderStage>> {
+    let mut words = line
+        .trim_start()
+        .strip_prefix("#pragma")?
+        .split_whitespace();
+    (words.next() == Some("stage")).then(|| match words.next() {
+        Some("vertex") => Some(ShaderStage::Vertex),
+        Some("fragment") => Some(ShaderStage::Fragment),
+        _ => None,
+    })
+}
+
+/// The text with all lines blank, at their length, that belong to another stage.
+pub(super) fn stage_of(text: &str, stage: ShaderStage) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut ours = true;
+    for line in text.split_inclusive('\n') {
+        let pragma = stage_pragma(line);
+        if let Some(of) = pragma {
+            ours = of == Some(stage);
+        }
+        match ours && pragma.is_none() {
+            true => out.push_str(line),
+            false => out.extend(line.bytes().map(|b| if b == b'\n' { '\n' } else { ' ' })),
+        }
+    }
+    out
+}
+
+/// A vertex stage that gives a fragment stage all that it reads, for looking at one without its other half.
+pub(super) fn vertex_stage_for(
+    text: &Text<'_>,
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<String, Error> {
+    let unit = syntax::parse(
+        &Input {
+            text: text.text,
+            path: Path::new(text.name),
+            base: text.base,
+            defines: &options.defines,
+            include: &options.include,
+        },
+        map,
+    )?;
+    let stage = Stage::collect(&unit, ShaderStage::Fragment)?;
+    let mut out = "#version 450\n".to_owned();
+    for name in &stage.structs.order {
+        let made = |v: &stage::Variable| matches!(v.ty.innermost(), ty::Ty::Struct(n) if n == name);
+        let Some(of) = stage
+            .structs
+            .get(name)
+            .filter(|_| stage.inputs.iter().any(made))
+        else {
+            continue;
+        };
+        let members: Vec<String> = of
+            .members
+            .iter()
+            .map(|m| format!("    {};\n", m.ty.declare(&m.name)))
+            .collect();
+        out += &format!("struct {name} {{\n{}}};\n", members.concat());
+    }
+    out += "layout(location = 0) in vec4 position;\n";
+    let mut blocks: Vec<String> = Vec::new();
+    for variable in &stage.inputs {
+        let q = &variable.qualifiers;
+        let words: String = [q.interpolation, q.sampling]
+            .into_iter()
+            .flatten()
+            .map(|w| format!("{w} "))
+            .collect();
+        let at = q
+            .number("location")
+            .map(|n| format!("layout(location = {n}) "))
+            .unwrap_or_default();
+        let Some((block, instance)) = &variable.block else {
+            out += &format!("{at}{words}out {};\n", variable.ty.declare(&variable.name));
+            continue;
+        };
+        if blocks.contains(block) {
+            continue;
+        }
+        blocks.push(block.clone());
+        let of_block = stage
+            .inputs
+            .iter()
+            .filter(|v| v.block.as_ref().is_some_and(|b| b.0 == *block));
+        let members: Vec<String> = of_block
+            .map(|v| format!("    {};\n", v.ty.declare(&v.name)))
+            .collect();
+        let instance = instance
+            .as_deref()
+            .map(|i| format!(" {i}_out"))
+            .unwrap_or_default();
+        out += &format!("{at}out {block} {{\n{}}}{instance};\n", members.concat());
+    }
+    Ok(out + "void main() { gl_Position = position; }\n")
+}

@@ -1,0 +1,478 @@
+//! GLSL's types, and what becomes of them in a uniform block.
+
+use std::collections::HashMap;
+
+use naga::Span;
+
+/// What a scalar is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Bool,
+    Int,
+    Uint,
+    Float,
+    Double,
+}
+
+impl Kind {
+    /// What its vectors' names begin with.
+    fn prefix(self) -> &'static str {
+        match self {
+            Self::Bool => "b",
+            Self::Int => "i",
+            Self::Uint => "u",
+            Self::Float => "",
+            Self::Double => "d",
+        }
+    }
+
+    fn scalar(self) -> &'static str {
+        match self {
+            Self::Bool => "bool",
+            Self::Int => "int",
+            Self::Uint => "uint",
+            Self::Float => "float",
+            Self::Double => "double",
+        }
+    }
+
+    /// Where GLSL converts without being asked, it goes up this order.
+    pub(super) fn power(self) -> u8 {
+        match self {
+            Self::Bool => 0,
+            Self::Int => 1,
+            Self::Uint => 2,
+            Self::Float => 3,
+            Self::Double => 4,
+        }
+    }
+}
+
+/// A type of the author's.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Ty {
+    Void,
+    Scalar(Kind),
+    Vector(Kind, u8),
+    /// Columns and rows.
+    Matrix(Kind, u8, u8),
+    /// Outermost dimension first. `None`: unsized.
+    Array(Box<Ty>, Option<u32>),
+    /// By its name in [`Structs`].
+    Struct(String),
+    /// A texture with its sampler: `sampler2D`, `usamplerCube`, `sampler2DShadow`, by name.
+    Combined(String),
+    /// Any other opaque type, by name: `texture2D`, `sampler`, `image2D`.
+    Opaque(String),
+    /// What no rule here knows; naga will.
+    Unknown,
+}
+
+impl Ty {
+    pub(super) const FLOAT: Self = Self::Scalar(Kind::Float);
+    pub(super) const INT: Self = Self::Scalar(Kind::Int);
+    pub(super) const UINT: Self = Self::Scalar(Kind::Uint);
+    pub(super) const BOOL: Self = Self::Scalar(Kind::Bool);
+
+    /// The type that GLSL calls so, but for structs.
+    pub(super) fn named(name: &str) -> Self {
+        let scalar = match name {
+            "void" => return Self::Void,
+            "bool" => Some(Kind::Bool),
+            "int" => Some(Kind::Int),
+            "uint" => Some(Kind::Uint),
+            "float" => Some(Kind::Float),
+            "double" => Some(Kind::Double),
+            _ => None,
+        };
+        if let Some(kind) = scalar {
+            return Self::Scalar(kind);
+        }
+        for kind in [Kind::Bool, Kind::Int, Kind::Uint, Kind::Double, Kind::Float] {
+            if let Some(rest) = name.strip_prefix(kind.prefix()) {
+                let digit = |s: &str| s.parse::<u8>().ok().filter(|n| (2..=4).contains(n));
+                if let Some(size) = rest.strip_prefix("vec").and_then(digit) {
+                    return Self::Vector(kind, size);
+                }
+                if let Some(size) = rest.strip_prefix("mat") {
+                    if let Some(n) = digit(size) {
+                        return Self::Matrix(kind, n, n);
+                    }
+                    if let Some((c, r)) = size.split_once('x')
+                        && let (Some(c), Some(r)) = (digit(c), digit(r))
+                    {
+                        return Self::Matrix(kind, c, r);
+                    }
+                }
+            }
+        }
+        let after = name.trim_start_matches(['i', 'u']);
+        if after.starts_with("sampler") && after.len() > "sampler".len() && after != "samplerShadow"
+        {
+            return Self::Combined(name.to_owned());
+        }
+        Self::Opaque(name.to_owned())
+    }
+
+    /// The vector of `size` components, or for 1 the scalar.
+    pub(super) fn vector(kind: Kind, size: u8) -> Self {
+        match size {
+            1 => Self::Scalar(kind),
+            _ => Self::Vector(kind, size),
+        }
+    }
+
+    pub(super) fn kind(&self) -> Option<Kind> {
+        match self {
+            Self::Scalar(k) | Self::Vector(k, _) | Self::Matrix(k, ..) => Some(*k),
+            _ => None,
+        }
+    }
+
+    /// The same shape of another kind.
+    pub(super) fn with_kind(&self, kind: Kind) -> Self {
+        match self {
+            Self::Scalar(_) => Self::Scalar(kind),
+            Self::Vector(_, n) => Self::Vector(kind, *n),
+            Self::Matrix(_, c, r) => Self::Matrix(kind, *c, *r),
+            other => other.clone(),
+        }
+    }
+
+    /// Components of a scalar or vector.
+    pub(super) fn components(&self) -> Option<u8> {
+        match self {
+            Self::Scalar(_) => Some(1),
+            Self::Vector(_, n) => Some(*n),
+            _ => None,
+        }
+    }
+
+    /// The name, of an array that of its innermost element.
+    pub(super) fn base_name(&self) -> String {
+        match self {
+            Self::Void | Self::Unknown => "void".to_owned(),
+            Self::Scalar(k) => k.scalar().to_owned(),
+            Self::Vector(k, n) => format!("{}vec{n}", k.prefix()),
+            Self::Matrix(k, c, r) if c == r => format!("{}mat{c}", k.prefix()),
+            Self::Matrix(k, c, r) => format!("{}mat{c}x{r}", k.prefix()),
+            Self::Array(of, _) => of.base_name(),
+            Self::Struct(name) | Self::Combined(name) | Self::Opaque(name) => name.clone(),
+        }
+    }
+
+    /// The dimensions in brackets, nothing for what is no array.
+    pub(super) fn dimensions(&self) -> String {
+        match self {
+            Self::Array(of, Some(n)) => format!("[{n}]{}", of.dimensions()),
+            Self::Array(of, None) => format!("[]{}", of.dimensions()),
+            _ => String::new(),
+        }
+    }
+
+    /// The whole name, as in a constructor: `float[3]`.
+    pub(super) fn name(&self) -> String {
+        self.base_name() + &self.dimensions()
+    }
+
+    /// A declaration: `float x[3]`.
+    pub(super) fn declare(&self, name: &str) -> String {
+        format!("{} {name}{}", self.base_name(), self.dimensions())
+    }
+
+    /// What is not an array.
+    pub(super) fn innermost(&self) -> &Self {
+        match self {
+            Self::Array(of, _) => of.innermost(),
+            other => other,
+        }
+    }
+}
+
+/// A member of a struct or block.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Member {
+    pub name: String,
+    pub ty: Ty,
+    /// `layout(row_major)`.
+    pub row_major: bool,
+    pub place: Option<Span>,
+}
+
+/// A struct of the author's.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Struct {
+    pub name: String,
+    pub members: Vec<Member>,
+    /// It lies in a uniform block, so that its members are declared as they are stored there: [`stored`].
+    pub hosted: bool,
+}
+
+/// The structs of a stage, by name.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Structs {
+    /// In the order they were declared.
+    pub order: Vec<String>,
+    pub by_name: HashMap<String, Struct>,
+}
+
+impl Structs {
+    pub(super) fn get(&self, name: &str) -> Option<&Struct> {
+        self.by_name.get(name)
+    }
+
+    pub(super) fn insert(&mut self, of: Struct) {
+        if !self.by_name.contains_key(&of.name) {
+            self.order.push(of.name.clone());
+        }
+        self.by_name.insert(of.name.clone(), of);
+    }
+
+    /// Marks what a uniform of type `ty` brings into its block.
+    pub(super) fn host(&mut self, ty: &Ty) {
+        let Ty::Struct(name) = ty.innermost() else {
+            return;
+        };
+        let members = match self.by_name.get_mut(name) {
+            Some(of) if !of.hosted => {
+                of.hosted = true;
+                of.members.clone()
+            }
+            _ => return,
+        };
+        for member in members {
+            self.host(&member.ty);
+        }
+    }
+
+    /// Whether a value of the type holds combined samplers.
+    pub(super) fn has_samplers(&self, ty: &Ty) -> bool {
+        match ty {
+            Ty::Combined(_) => true,
+            Ty::Array(of, _) => self.has_samplers(of),
+            Ty::Struct(name) => {
+                let of = self.get(name);
+                of.is_some_and(|s| s.members.iter().any(|m| self.has_samplers(&m.ty)))
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether anything is left of the type once its samplers are taken out.
+    pub(super) fn has_data(&self, ty: &Ty) -> bool {
+        match ty {
+            Ty::Combined(_) => false,
+            Ty::Array(of, _) => self.has_data(of),
+            Ty::Struct(name) => {
+                let of = self.get(name);
+                of.is_none_or(|s| s.members.iter().any(|m| self.has_data(&m.ty)))
+            }
+            _ => true,
+        }
+    }
+
+    /// The samplers in a value at `path`, each with its own path and type: `material.maps[1]`.
+    pub(super) fn samplers(&self, ty: &Ty, path: &str, out: &mut Vec<(String, String)>) {
+        match ty {
+            Ty::Combined(name) => out.push((path.to_owned(), name.clone())),
+            Ty::Array(of, n) => {
+                if self.has_samplers(of) {
+                    for i in 0..n.unwrap_or(0) {
+                        self.samplers(of, &format!("{path}[{i}]"), out);
+                    }
+                }
+            }
+            Ty::Struct(name) => {
+                if let Some(of) = self.get(name) {
+                    for member in &of.members {
+                        self.samplers(&member.ty, &format!("{path}.{}", member.name), out);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Scalars, vectors and the rest that a varying of the type is made of: the ending of an expression for each, and its type.
+    pub(super) fn leaves(&self, ty: &Ty, path: &str, out: &mut Vec<(String, Ty)>) {
+        match ty {
+            Ty::Array(of, n) => {
+                for i in 0..n.unwrap_or(0) {
+                    self.leaves(of, &format!("{path}[{i}]"), out);
+                }
+            }
+            Ty::Matrix(kind, columns, rows) => {
+                for c in 0..*columns {
+                    out.push((format!("{path}[{c}]"), Ty::Vector(*kind, *rows)));
+                }
+            }
+            Ty::Struct(name) => {
+                if let Some(of) = self.get(name) {
+                    for member in &of.members {
+                        self.leaves(&member.ty, &format!("{path}.{}", member.name), out);
+                    }
+                }
+            }
+            other => out.push((path.to_owned(), other.clone())),
+        }
+    }
+}
+
+/// What a struct or block is declared to hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Entry<'a> {
+    Member(&'a Member),
+    /// A float of nothing.
+    Padding,
+}
+
+impl Structs {
+    /// Alignment and size of the type in a uniform block: OpenGL 4.6, section 7.6.2.2 (std140).
+    fn std140(&self, ty: &Ty) -> (u32, u32) {
+        let width = |k: &Kind| if *k == Kind::Double { 8 } else { 4 };
+        let vector = |k: &Kind, n: u8| {
+            (
+                width(k) * [1, 2, 4, 4][usize::from(n) - 1],
+                width(k) * u32::from(n),
+            )
+        };
+        match ty {
+            Ty::Scalar(k) => (width(k), width(k)),
+            Ty::Vector(k, n) => vector(k, *n),
+            Ty::Matrix(k, columns, rows) => {
+                let stride = vector(k, *rows).0.max(16);
+                (stride, stride * u32::from(*columns))
+            }
+            Ty::Array(of, n) => {
+                let (align, size) = self.std140(of);
+                let align = align.max(16);
+                (align, size.next_multiple_of(align) * n.unwrap_or(1))
+            }
+            Ty::Struct(name) => {
+                let members = self
+                    .get(name)
+                    .map(|s| s.members.as_slice())
+                    .unwrap_or_default();
+                let mut align = 16;
+                let mut end = 0;
+                for member in members.iter().filter(|m| self.has_data(&m.ty)) {
+                    let (a, size) = self.std140(&member.ty);
+                    align = align.max(a);
+                    end = u32::next_multiple_of(end, a) + size;
+                }
+                (align, end.next_multiple_of(align))
+            }
+            _ => (16, 16),
+        }
+    }
+
+    /// The alignment that naga gives the type: it does not raise that of a struct to 16.
+    fn naga_align(&self, ty: &Ty) -> u32 {
+        match ty {
+            Ty::Struct(name) => {
+                let members = self
+                    .get(name)
+                    .map(|s| s.members.as_slice())
+                    .unwrap_or_default();
+                let members = members.iter().filter(|m| self.has_data(&m.ty));
+                members.map(|m| self.naga_align(&m.ty)).max().unwrap_or(4)
+            }
+            other => self.std140(other).0,
+        }
+    }
+
+    /// The members that hold data, with padding where a struct's alignment asks for it; `whole`: up to the next 16 bytes at the end too, as a struct's is.
+    pub(super) fn laid_out<'a>(&self, members: &'a [Member], whole: bool) -> Vec<Entry<'a>> {
+        let mut out = Vec::new();
+        let mut end = 0u32;
+        let mut largest = 4;
+        for member in members.iter().filter(|m| self.has_data(&m.ty)) {
+            let (align, size) = self.std140(&member.ty);
+            let at = end.next_multiple_of(align);
+            let naga = self.naga_align(&member.ty);
+            largest = largest.max(naga);
+            if end.next_multiple_of(naga) != at {
+                out.extend((0..(at - end) / 4).map(|_| Entry::Padding));
+            }
+            out.push(Entry::Member(member));
+            end = at + size;
+        }
+        if whole && largest < 16 {
+            let rest = end.next_multiple_of(16) - end;
+            out.extend((0..rest / 4).map(|_| Entry::Padding));
+        }
+        out
+    }
+
+    /// Marks the structs whose members naga lays out as in a block wherever they are used: those with arrays of small elements, or with matrices of two rows.
+    pub(super) fn host_small(&mut self) {
+        for of in self.by_name.values_mut() {
+            of.hosted |= of
+                .members
+                .iter()
+                .any(|m| !matches!(m.ty.kind(), Some(Kind::Bool)) && is_stored_otherwise(&m.ty));
+        }
+    }
+}
+
+/// How a value of the type is declared in a uniform block: WebGPU's uniform address space has no `bool`, no array of an element that is smaller than 16 bytes
+/// and, in std140, no matrix of two rows. What is stored has the same offsets.
+pub(super) fn stored(ty: &Ty) -> Ty {
+    fn of_kind(kind: Kind) -> Kind {
+        match kind {
+            Kind::Bool => Kind::Uint,
+            other => other,
+        }
+    }
+    match ty {
+        Ty::Array(of, n) => {
+            let element = match &**of {
+                Ty::Scalar(k) | Ty::Vector(k, 2) => Ty::Vector(of_kind(*k), 4),
+                other => stored(other),
+            };
+            Ty::Array(Box::new(element), *n)
+        }
+        Ty::Matrix(Kind::Float, columns, 2) => Ty::Array(
+            Box::new(Ty::Vector(Kind::Float, 4)),
+            Some(u32::from(*columns)),
+        ),
+        Ty::Scalar(k) => Ty::Scalar(of_kind(*k)),
+        Ty::Vector(k, n) => Ty::Vector(of_kind(*k), *n),
+        other => other.clone(),
+    }
+}
+
+/// Whether [`stored`] changes the type.
+pub(super) fn is_stored_otherwise(ty: &Ty) -> bool {
+    stored(ty) != *ty
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_types_go_both_ways() {
+        for name in [
+            "bool", "uint", "vec3", "bvec2", "uvec4", "ivec2", "dvec3", "mat3", "mat4x3", "dmat2",
+        ] {
+            assert_eq!(Ty::named(name).name(), name);
+        }
+        assert_eq!(
+            Ty::named("usampler2DArray"),
+            Ty::Combined("usampler2DArray".into())
+        );
+        assert_eq!(Ty::named("sampler"), Ty::Opaque("sampler".into()));
+        assert_eq!(Ty::named("texture2D"), Ty::Opaque("texture2D".into()));
+    }
+
+    #[test]
+    fn what_is_stored_keeps_the_stride() {
+        let array = |of, n| Ty::Array(Box::new(of), Some(n));
+        assert_eq!(stored(&array(Ty::FLOAT, 5)).name(), "vec4[5]");
+        assert_eq!(stored(&array(Ty::named("bvec2"), 2)).name(), "uvec4[2]");
+        assert_eq!(stored(&Ty::named("mat2")).name(), "vec4[2]");
+        assert_eq!(stored(&array(Ty::named("mat2"), 3)).name(), "vec4[3][2]");
+        assert!(!is_stored_otherwise(&array(Ty::named("vec3"), 4)));
+    }
+}
