@@ -225,7 +225,6 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
             mesh: 0,
             material: 0,
             transform: Mat4::from_translation(Vec3::new(0.0, 0.0, depth)),
-            range: Default::default(),
             instances: 1,
             range: DrawRange::default(),
             instance_streams: BTreeMap::new(),

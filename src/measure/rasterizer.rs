@@ -213,7 +213,6 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
             }],
         }],
         orders: vec![DrawOrder::AsGiven],
-        files: Vec::new(),
         light: Light {
             direction: Vec3::Y,
             color: Vec3::ONE,
