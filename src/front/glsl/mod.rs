@@ -137,7 +137,14 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
         .map(|text| {
             let Dialect { version, es } = Dialect::of(text.text);
             // What naga passes over in silence, it does not read.
-            let lost = ["precise", "#include", "STDGL"];
+            let lost = [
+                "precise",
+                "#include",
+                "STDGL",
+                "outerProduct",
+                "isnan",
+                "isinf",
+            ];
             if es || version < 440 || lost.iter().any(|w| text.text.contains(w)) {
                 return None;
             }

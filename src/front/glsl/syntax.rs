@@ -139,7 +139,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     let vulkan = !dialect.es
         && (dialect.version >= 420 || dialect.version == 110)
         && input.text.contains("sampler")
-        && !old.iter().any(|w| input.text.contains(w));
+        && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
     let files = Files {
         include: input.include.to_vec(),
         read: Rc::default(),
@@ -255,12 +255,12 @@ fn explain(
             expected,
         } => Error::new(
             Code::Parse,
-            format!("unexpected `{token}`{}", one_of(&expected)),
+            format!("unexpected {token}{}", one_of(&expected)),
         )
         .label_if(at(start)),
         E::ExtraToken {
             token: (start, token, _),
-        } => Error::new(Code::Parse, format!("unexpected `{token}`")).label_if(at(start)),
+        } => Error::new(Code::Parse, format!("unexpected {token}")).label_if(at(start)),
         E::User { error } => {
             use lang_util::error::LexicalError as _;
             let message = error.to_string();

@@ -6,7 +6,7 @@ use glsl_lang::ast::{self, FunctionParameterDeclarationData as P};
 
 use super::super::interface::{Pair, flat};
 use super::super::stage::{Storage, unsupported};
-use super::super::ty::Ty;
+use super::super::ty::{Entry, Kind, Ty, stored};
 use super::{Lower, Var, builtin};
 use crate::front::error::Error;
 
@@ -79,10 +79,45 @@ impl<'u> Lower<'_, 'u> {
             }
             self.indent = 0;
         }
+        // Past the end GLSL leaves the value open.
+        if !returned && self.result != Ty::Void {
+            let zero = self.zero(&self.result);
+            out += &format!("    return {zero};\n");
+        }
         self.scopes.pop();
         self.pairs = pairs;
         self.stage.constants = constants;
         Ok(out + "}\n")
+    }
+
+    /// A value of the type with nothing in it, as it is stored.
+    fn zero(&self, ty: &Ty) -> String {
+        match ty {
+            Ty::Scalar(Kind::Bool) => "false".to_owned(),
+            Ty::Array(of, n) => {
+                let parts = vec![self.zero(of); n.unwrap_or(1) as usize];
+                format!("{}({})", ty.name(), parts.join(", "))
+            }
+            Ty::Struct(name) => {
+                let Some(of) = self.stage.structs.get(name) else {
+                    return format!("{name}()");
+                };
+                let entries = match of.hosted {
+                    true => self.stage.structs.laid_out(&of.members, true),
+                    false => of.members.iter().map(Entry::Member).collect(),
+                };
+                let parts: Vec<String> = entries
+                    .iter()
+                    .map(|e| match e {
+                        Entry::Member(m) if of.hosted => self.zero(&stored(&m.ty)),
+                        Entry::Member(m) => self.zero(&m.ty),
+                        Entry::Padding => "0.0".to_owned(),
+                    })
+                    .collect();
+                format!("{name}({})", parts.join(", "))
+            }
+            other => format!("{}(0)", other.name()),
+        }
     }
 
     fn parameter(
