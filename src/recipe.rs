@@ -5,13 +5,14 @@ use std::fmt;
 use preshade_passes::pass::{AnyPass, Facts, ParamError, Refusal, SiteKey};
 use preshade_passes::plan::Plan;
 use preshade_passes::{PASSES, pass_named};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::nearest::nearest;
 use crate::parameters::{Parameter, parameters};
 
 /// One step: a pass, its parameters, and the site if the recipe pins it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
     /// Name of the pass.
@@ -25,7 +26,7 @@ pub struct Step {
 }
 
 /// Steps, applied in order, each to the plan the one before it made.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Recipe {
     /// The steps.
@@ -293,6 +294,12 @@ impl Recipe {
     /// As [`Step::parse`].
     pub fn parse_list(text: &str) -> Result<Self, RecipeError> {
         Self::parse(split_list(text))
+    }
+
+    /// The arguments that `rewrite` makes it of.
+    pub fn as_passes(&self) -> String {
+        let steps: Vec<String> = self.steps.iter().map(|s| format!("--pass {s}")).collect();
+        steps.join(" ")
     }
 
     /// Applies every step. `plan` is untouched.

@@ -4,6 +4,7 @@
 
 mod render_support;
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use preshade::measure::{self, Settings, Timed, TimingSettings};
@@ -87,7 +88,10 @@ fn a_budget_is_kept_on_frames_the_choice_was_not_made_on() {
     scene.cameras = vec![path];
     let form = ShaderForm::Text;
     let mut facts = measure::facts(gpu(), &scene, form, measure::counting).unwrap();
-    facts.frequencies = measure::frequencies(gpu(), &scene, &facts, form, &mut |_| {}).unwrap();
+    facts.frequencies = measure::frequencies(gpu(), &scene, &facts, form, &mut |_| {
+        ControlFlow::Continue(())
+    })
+    .unwrap();
     assert!(!facts.frequencies.is_empty(), "{name}");
     // A picture as small as the test's has hardly more fragments than vertices; choose as for a large one.
     facts.vertices_per_fragment = Some(0.01);
@@ -106,8 +110,10 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
     let scene = scene("noise-grid-16");
     let form = ShaderForm::Text;
     let facts = Facts {
-        frequencies: measure::frequencies(gpu(), &scene, &Facts::default(), form, &mut |_| {})
-            .unwrap(),
+        frequencies: measure::frequencies(gpu(), &scene, &Facts::default(), form, &mut |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap(),
         ..Facts::default()
     };
     let open = Recipe::parse(["hoist:budget=0.02"]).unwrap();

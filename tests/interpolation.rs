@@ -4,6 +4,7 @@
 
 mod render_support;
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use preshade::measure;
@@ -22,7 +23,10 @@ fn frequencies(name: &str) -> Vec<Frequency> {
 
 fn measured(scene: &Scene) -> Vec<Frequency> {
     let form = ShaderForm::Text;
-    let found = measure::frequencies(gpu(), scene, &Facts::default(), form, &mut |_| {}).unwrap();
+    let found = measure::frequencies(gpu(), scene, &Facts::default(), form, &mut |_| {
+        ControlFlow::Continue(())
+    })
+    .unwrap();
     let facts = Facts {
         frequencies: found,
         ..Facts::default()

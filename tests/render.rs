@@ -276,6 +276,7 @@ fn reading_depth(plan: &Plan, kind: BindingKind, samples: u32) -> Plan {
         visibility: Visibility {
             vertex: false,
             fragment: true,
+            ..Visibility::default()
         },
         source: BindingSource::Attachment {
             name: SCENE_DEPTH.to_owned(),

@@ -5,17 +5,21 @@
 mod render_support;
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
 use preshade::emit::{self, Target};
 use preshade::measure::{self, Counter};
 use preshade::passes::contract::Assumption;
+use preshade::passes::draw_table::Entry;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role};
+use preshade::passes::rasterizer::{Neighbours, Rasterizer};
 use preshade::passes::state::{ColorTarget, CullMode, FrontFace};
 use preshade::recipe::Recipe;
-use preshade::render::{Rendered, SceneInputs, SelfTestResult, ShaderForm, self_test};
+use preshade::render::{
+    FrameSettings, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm, Variant, self_test,
+};
 use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use render_support::*;
 
@@ -39,9 +43,19 @@ const FORMS: [&str; 16] = [
     "visibility-buffer:vertices=kept,form=compute,select=tiles,formats=any",
 ];
 
+/// What the adapter was seen to do, as facts.
+fn seen() -> &'static Facts {
+    static SEEN: OnceLock<Facts> = OnceLock::new();
+    SEEN.get_or_init(|| Facts {
+        rasterizer: Some(measure::rasterizer(gpu()).unwrap()),
+        ..Facts::default()
+    })
+}
+
+/// Split for the adapter at hand.
 fn split(plan: &Plan, recipe: &str) -> Plan {
     let recipe = Recipe::parse([recipe]).unwrap();
-    recipe.apply(plan, &Facts::default()).unwrap()
+    recipe.apply(plan, seen()).unwrap()
 }
 
 fn refused(scene: &Scene) -> String {
@@ -88,11 +102,24 @@ fn difference(before: &Rendered, after: &Rendered) -> Difference {
 
 /// Draws `scene` forward and in every form, asserts that the forms agree and that coverage and depth are the forward ones, and returns how colours differ.
 fn compared(scene: &Scene) -> Difference {
+    compared_with(scene, &FORMS.map(str::to_owned))
+}
+
+/// The same of forms with a budget.
+fn compared_within(scene: &Scene, budget: &str) -> Difference {
+    let with = |form: &str| match form.contains(':') {
+        true => format!("{form},budget={budget}"),
+        false => format!("{form}:budget={budget}"),
+    };
+    compared_with(scene, &FORMS.map(with))
+}
+
+fn compared_with(scene: &Scene, forms: &[String]) -> Difference {
     let plans = originals(scene);
     let order = DrawOrder::AsGiven;
     let forward = render_as(gpu(), scene, &plans, order, ShaderForm::Text);
     let mut found: Option<Difference> = None;
-    for form in FORMS {
+    for form in forms {
         let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
         let drawn = render_as(gpu(), scene, &split, order, ShaderForm::Text);
         let difference = difference(&forward, &drawn);
@@ -204,6 +231,20 @@ fn pattern() -> Arc<Image> {
         ..Default::default()
     };
     Arc::new(recipe.generate())
+}
+
+#[test]
+fn the_adapter_is_looked_at() {
+    let seen = seen().rasterizer.unwrap();
+    if gpu().adapter().name.contains("llvmpipe") {
+        let expected = Rasterizer {
+            coarse: Neighbours::Own,
+            cubes: Neighbours::Own,
+            ..Rasterizer::default()
+        };
+        assert_eq!(seen, expected);
+    }
+    println!("{seen:?}");
 }
 
 #[test]
@@ -423,6 +464,61 @@ fn draws_of_several_materials_and_index_formats() {
     assert_rounds(&three_draws());
 }
 
+#[test]
+fn draws_of_parts_of_meshes_and_instances() {
+    assert_rounds(&parts::parts());
+}
+
+/// Each word of a draw's entry, got wrong, shows in those forms that read it.
+#[rustfmt::skip] // One row a word.
+#[test]
+fn every_word_of_the_draw_table_is_needed() {
+    let scene = parts::parts();
+    let inputs = SceneInputs::new(gpu(), &scene).unwrap();
+    let plans = originals(&scene);
+    let drawn = |form: &str, amend: fn(&mut Entry)| {
+        let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
+        let variant = Variant::new(&split, ShaderForm::Text).unwrap();
+        let settings = FrameSettings::of(&scene);
+        let mut prepared =
+            Prepared::with_entries(&inputs, &variant, &settings, amend).unwrap();
+        prepared.aim(&scene.cameras[0].frames[0], DrawOrder::AsGiven);
+        prepared.render().unwrap()
+    };
+    // What each form reads beside what all read.
+    let words: [(&str, fn(&mut Entry), &[&str]); 17] = [
+        ("first id", |e| e.first_id += 1, &["select=depth", "select=tiles", "form=binned"]),
+        ("instances", |e| e.instances -= 1, &["select=id", "form=compute", "select=tiles", "form=binned"]),
+        ("first instance", |e| e.first_instance += 1, &["select=depth", "ids=unindexed,select=id", "vertices=kept"]),
+        ("number", |e| e.number ^= 1, &["select=depth", "select=tiles", "form=binned"]),
+        ("first", |e| e.first += 3, &["select=depth", "ids=unindexed,select=id", "vertices=kept"]),
+        ("index bytes", |e| e.index_bytes ^= 6, &["select=depth", "ids=unindexed,select=id"]),
+        ("base vertex", |e| e.base_vertex += 1, &["select=depth", "ids=unindexed,select=id", "vertices=kept"]),
+        ("triangle bits", |e| e.triangle_bits += 1, &["words=one", "words=one,form=binned"]),
+        ("viewport x", |e| e.viewport[0] += 1.0, &["select=depth", "select=tiles", "form=binned"]),
+        ("viewport y", |e| e.viewport[1] += 1.0, &["select=depth", "select=tiles", "form=binned"]),
+        ("viewport width", |e| e.viewport[2] += 1.0, &["select=depth", "select=tiles", "form=binned"]),
+        ("viewport height", |e| e.viewport[3] += 1.0, &["select=depth", "select=tiles", "form=binned"]),
+        ("vertices", |e| e.vertices -= 1, &["vertices=kept"]),
+        ("offset", |e| e.streams.iter_mut().for_each(|s| s.offset += 4), &["select=depth", "ids=unindexed", "formats=any"]),
+        ("stride", |e| e.streams.iter_mut().for_each(|s| s.stride += 4), &["select=depth", "ids=unindexed", "formats=any"]),
+        ("format", |e| e.streams.iter_mut().for_each(|s| s.format = "unorm8x4".to_owned()), &["formats=any"]),
+        ("step", |e| e.streams.iter_mut().for_each(|s| s.by_instance = !s.by_instance), &["select=depth", "ids=unindexed"]),
+    ];
+    let mut right: BTreeMap<&str, Rendered> = BTreeMap::new();
+    let mut alike = Vec::new();
+    for (word, amend, forms) in words {
+        for form in forms {
+            let recipe = format!("visibility-buffer:{form}");
+            let right = right.entry(form).or_insert_with(|| drawn(&recipe, |_| {}));
+            if drawn(&recipe, amend) == *right {
+                alike.push(format!("{word}: {form}"));
+            }
+        }
+    }
+    assert!(alike.is_empty(), "{alike:?}");
+}
+
 /// Two draws of some hundred instances each, which their numbers place: more than one workgroup sorts.
 #[test]
 fn instances_by_the_hundred() {
@@ -493,11 +589,188 @@ fn a_biased_sample_and_a_sample_of_a_sample() {
     let mut material = shader("dependent", TEXTURES, "", "", body);
     material.textures.insert("albedo".to_owned(), pattern());
     material.textures.insert("relief".to_owned(), pattern());
-    let difference = compared(&floor(material));
+    let difference = compared_within(&floor(material), "0.02");
     assert!(
         difference.most <= 2 && difference.colors < 128 * 96 / 20,
         "{difference:?}"
     );
+}
+
+#[test]
+fn a_biased_sample_needs_a_budget() {
+    let body = "return textureSampleBias(albedo, smooth_sampler, in.uv, 1.0) * object.tint;";
+    let scene = floor(shader("biased", TEXTURES, "", "", body));
+    assert_eq!(refused(&scene), "biased-sample");
+    split(&originals(&scene)[0], "visibility-buffer:budget=0.02");
+}
+
+#[test]
+fn a_cube_is_sampled_at_the_levels_that_the_adapter_takes() {
+    let declared = "@group(1) @binding(1) var albedo: texture_cube<f32>;
+@group(1) @binding(2) var smooth_sampler: sampler;";
+    // A direction whose gradients differ from pixel to pixel.
+    let body = "let waves = vec3(sin(in.uv.x * 9.0), 0.6, cos(in.uv.y * 7.0));
+    return textureSample(albedo, smooth_sampler, waves) * object.tint;";
+    let mut material = shader("cube", declared, "", "", body);
+    let mut levels = (*mips(7)).clone();
+    levels.layers = 6;
+    for level in &mut levels.levels {
+        *level = level.repeat(6);
+    }
+    material
+        .textures
+        .insert("albedo".to_owned(), Arc::new(levels));
+    let scene = floor(material);
+    let difference = compared(&scene);
+    assert!(
+        difference.most <= 1 && difference.colors * 50 <= 128 * 96,
+        "{difference:?}"
+    );
+    // Other neighbours give other levels, so that the choice is seen.
+    let [own, quad] = ["own", "quad"].map(|of| {
+        let recipe = format!("visibility-buffer:cubes={of}");
+        let plans: Vec<Plan> = originals(&scene)
+            .iter()
+            .map(|p| split(p, &recipe))
+            .collect();
+        render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, ShaderForm::Text)
+    });
+    assert!(difference_of_levels(&own, &quad) > 100);
+}
+
+/// Pixels that differ by more than a step.
+fn difference_of_levels(a: &Rendered, b: &Rendered) -> usize {
+    let [a, b] = [a, b].map(|r| &r.colors[0].as_ref().unwrap().bytes);
+    let pixels = a.chunks_exact(4).zip(b.chunks_exact(4));
+    let far = |(p, q): &(&[u8], &[u8])| p.iter().zip(*q).any(|(p, q)| p.abs_diff(*q) > 1);
+    pixels.filter(far).count()
+}
+
+#[test]
+fn coarse_derivatives_are_those_of_the_adapter() {
+    let body = "let bent = in.uv.x * in.uv.y * 3.0;
+    return vec4(0.4 + dpdxCoarse(bent) * 4.0, 0.4 + dpdyCoarse(bent) * 4.0, fwidth(bent) * 2.0, 1.0) * object.tint;";
+    let difference = compared(&floor(shader("coarse", "", "", "", body)));
+    assert!(difference.most <= 1, "{difference:?}");
+}
+
+/// What drawing says of a scene that cannot be.
+fn not_drawn(scene: &Scene, recipe: &str) -> String {
+    let plans: Vec<Plan> = originals(scene).iter().map(|p| split(p, recipe)).collect();
+    let inputs = SceneInputs::new(gpu(), scene).unwrap();
+    let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+    let error = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap_err();
+    error.to_string()
+}
+
+#[test]
+fn more_than_ids_and_buffers_hold_is_told_before_it_is_drawn() {
+    let mut scene = floor(shader("many", "", "", "", "return object.tint;"));
+    scene.draws.push(scene.draws[0].clone());
+    for (instances, recipe, told) in [
+        (
+            3_000_000_000,
+            "visibility-buffer",
+            "they have 6000000000 instances, and ids tell 4294967294 apart",
+        ),
+        (
+            700_000_000,
+            "visibility-buffer:words=one",
+            "1400000000 instances, and 2 triangles with their sides, do not fit into ids of one word: take words=two",
+        ),
+        (
+            2_000_000_000,
+            "visibility-buffer:form=binned",
+            "the buffer `visibility-bin-instances` would have 16000000000 bytes, and the adapter binds",
+        ),
+        (
+            500_000_000,
+            "visibility-buffer:vertices=kept",
+            "the vertices of `floor` would take",
+        ),
+    ] {
+        for draw in &mut scene.draws {
+            draw.instances = instances;
+        }
+        let found = not_drawn(&scene, recipe);
+        assert!(found.contains(told), "{found}");
+    }
+    // 4,000,000 instances are no trouble.
+    for draw in &mut scene.draws {
+        draw.instances = 2_000_000;
+    }
+    let inputs = SceneInputs::new(gpu(), &scene).unwrap();
+    for form in ["words=one", "form=binned"] {
+        let recipe = format!("visibility-buffer:{form}");
+        let plans: Vec<Plan> = originals(&scene)
+            .iter()
+            .map(|p| split(p, &recipe))
+            .collect();
+        let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+        Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap();
+    }
+}
+
+#[test]
+fn an_id_beside_all_varyings_that_a_device_promises() {
+    let varyings: String = (2..16)
+        .map(|l| format!("@location({l}) more_{l}: f32, "))
+        .collect();
+    let given = vec!["uv.x"; 14].join(", ");
+    let body = "return object.tint + in.more_15 * 0.1;";
+    let mut scene = floor(shader("sixteen", "", &varyings, &given, body));
+    assert_eq!(refused(&scene), "too-many-varyings");
+    let limit = |recipe: &str| {
+        let plan = split(&originals(&scene)[0], recipe);
+        let ids = plan.passes.iter().find(|p| p.role == Role::Ids).unwrap();
+        ids.limits.get("maxInterStageShaderVariables").copied()
+    };
+    assert_eq!(limit("visibility-buffer:vertex=same"), Some(17));
+    assert_eq!(limit("visibility-buffer:vertex=sliced"), None);
+    scene = scene.with_invariant_positions();
+    assert_rounds(&scene);
+}
+
+#[test]
+fn what_selects_nothing_is_refused() {
+    let scene = floor(shader("plain", "", "", "", "return object.tint;"));
+    for parameters in [
+        "form=binned,select=tiles",
+        "form=binned,select=id",
+        "form=compute,select=depth",
+    ] {
+        let recipe = Recipe::parse([format!("visibility-buffer:{parameters}")]).unwrap();
+        let refusal = recipe.apply(&originals(&scene)[0], seen()).unwrap_err();
+        assert_eq!(refusal.code, "select", "{parameters}");
+    }
+}
+
+#[test]
+fn names_of_ours_may_be_the_authors() {
+    let body = "return vec4(0.5 + 0.4 * sin(in.world * 3.0), 1.0) * object.tint;";
+    let text = shader("names", "", "", "", body);
+    let text = text.program.author_text().unwrap().to_owned();
+    for (vertex, fragment) in [
+        ("vs_visible", "fs_visible"),
+        ("vs_visible_ids", "fs_visible_ids"),
+        ("cs_visible", "vs_visible"),
+    ] {
+        let text = text.replace("fn vs(", &format!("fn {vertex}("));
+        let text = text.replace("fn fs(", &format!("fn {fragment}("));
+        let mut material = material("names", &text);
+        (material.vertex, material.fragment) = (vertex.to_owned(), Some(fragment.to_owned()));
+        material.state.primitive.cull = CullMode::None;
+        assert_rounds(&floor(material));
+    }
+}
+
+#[test]
+fn a_fragment_stage_without_colours_is_refused() {
+    let text = shader("none", "", "", "", "return object.tint;");
+    let text = text.program.author_text().unwrap().to_owned();
+    let stage = "@fragment fn fs(in: Out) { if in.uv.x > 0.5 { discard; } }";
+    let text = format!("{}{stage}", &text[..text.find("@fragment").unwrap()]);
+    assert_eq!(refused(&floor(material("none", &text))), "no-color");
 }
 
 #[test]
@@ -855,7 +1128,10 @@ fn texts() {
         "visibility-buffer:select=tiles,corners=snapped",
         "visibility-buffer:form=binned,words=one",
     ] {
-        let plan = split(&originals(&scene)[0], recipe);
+        // For any adapter.
+        let recipe = Recipe::parse([recipe]).unwrap();
+        let plan = &originals(&scene)[0];
+        let plan = recipe.apply(plan, &Facts::default()).unwrap();
         let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
         for file in files {
             if file.name.ends_with(".wgsl") && !file.name.contains("original") {

@@ -332,6 +332,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             mesh: 0,
             material: 0,
             transform: Default::default(),
+            range: Default::default(),
             instances: stack.layers,
             instance_streams: BTreeMap::new(),
             joints: Vec::new(),
@@ -350,6 +351,7 @@ fn layers(
     draw: Draw,
 ) -> Scene {
     Scene {
+        files: Vec::new(),
         name: "handwritten".to_owned(),
         size,
         viewport: None,
@@ -431,6 +433,7 @@ fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
                 visibility: Visibility {
                     vertex: false,
                     fragment: true,
+                    ..Visibility::default()
                 },
                 source: BindingSource::Attachment {
                     name: "prepass-depth".to_owned(),

@@ -1,15 +1,18 @@
 //! `preshade explain`: where each pass applies, or why it does not.
 
+use std::ops::ControlFlow;
+
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
-use preshade::measure;
+use preshade::measure::{self, EffectUse};
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
+use preshade::passes::guard::Assumed;
 use preshade::passes::neighbours;
 use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, Sites};
 use preshade::passes::plan::Plan;
-use preshade::recipe::Step;
+use preshade::recipe::{Recipe, Step};
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
@@ -50,7 +53,7 @@ pub struct Args {
     format: Format,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
-    shader: ShaderArgs,
+    pub shader: ShaderArgs,
 }
 
 #[derive(Serialize)]
@@ -63,6 +66,9 @@ struct Report {
 struct Explained {
     material: String,
     stages: Vec<Stage>,
+    /// What the scene's draws call for; the dearest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    effects: Vec<EffectUse>,
     passes: Vec<PassExplained>,
     /// By error against saved cost, the best first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -101,11 +107,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .map(|p| Step::parse(p))
             .collect::<Result<Vec<_>, _>>()?
     };
+    let recipe = Recipe {
+        steps: steps.clone(),
+    };
     let Materials {
         asked: plans,
         frame,
         known,
-    } = args.shader.plans()?;
+        ..
+    } = args.shader.plans(&recipe)?;
     let facts = match args.scene {
         true => measured(args)?,
         false if args.view.is_given() => {
@@ -115,9 +125,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         false => known,
     };
+    let effects = args.shader.effects()?;
     let materials = plans
         .iter()
-        .map(|plan| explain(plan, &steps, &facts, &frame))
+        .map(|plan| explain(plan, &steps, &facts, &frame, &effects))
         .collect::<Result<Vec<_>, _>>()?;
     match args.format {
         Format::Json => output::json(&Report {
@@ -149,7 +160,10 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
     let bar = output::bar();
     bar.set_message("measuring what can be interpolated");
     let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
-    facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut progress)?;
+    facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut |done| {
+        progress(done);
+        ControlFlow::Continue(())
+    })?;
     bar.set_message("bounding how far it is off");
     facts.frequencies = measure::interpolations(&gpu, &scene, &facts, form, &mut progress)?;
     bar.finish_and_clear();
@@ -161,6 +175,7 @@ fn explain(
     steps: &[Step],
     facts: &Facts,
     frame: &[Plan],
+    effects: &[EffectUse],
 ) -> Result<Explained, Failure> {
     let mut frequencies: Vec<Frequency> = facts
         .frequencies
@@ -175,6 +190,11 @@ fn explain(
     Ok(Explained {
         frequencies,
         material: plan.material.clone(),
+        effects: effects
+            .iter()
+            .filter(|e| e.material == plan.material)
+            .cloned()
+            .collect(),
         stages: stages(plan),
         passes: steps
             .iter()
@@ -251,6 +271,7 @@ fn print(explained: &Explained, plan: &Plan) -> String {
             s.stage, s.entry_point, s.cost, s.expressions
         ));
     }
+    lines.extend(effect_table(&explained.effects));
     for p in &explained.passes {
         lines.push(format!("\n{}\n  {}", p.pass, p.summary));
         for site in &p.sites.sites {
@@ -315,6 +336,45 @@ fn print(explained: &Explained, plan: &Plan) -> String {
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// Which effects the draws of a material call for.
+fn effect_table(effects: &[EffectUse]) -> Vec<String> {
+    if effects.is_empty() {
+        return Vec::new();
+    }
+    let widest = effects.iter().map(|e| e.name.len()).max().unwrap_or(0);
+    let mut lines = vec![format!(
+        "\neffects that the draws decide, by static cost\n  {:<widest$}  {:<8}  {:>6}  {:<16}  evidence",
+        "effect", "stage", "ops", "called for"
+    )];
+    for e in effects {
+        let told = |of: &[Assumed], what: &str| {
+            let values: Vec<String> = of.iter().map(ToString::to_string).collect();
+            (!values.is_empty()).then(|| format!("{what}: {}", values.join(", ")))
+        };
+        let [yes, no] = &e.evidence;
+        let evidence: Vec<String> = [told(yes, "yes"), told(no, "no")]
+            .into_iter()
+            .flatten()
+            .collect();
+        let evidence = match evidence.is_empty() {
+            true => "its values change".to_owned(),
+            false => evidence.join("; "),
+        };
+        let open = e.draws - e.called_for - e.not_called_for;
+        let called_for = match (e.called_for, open) {
+            (0, 0) => "by no draw".to_owned(),
+            (yes, 0) if yes == e.draws => "by every draw".to_owned(),
+            (yes, 0) => format!("by {yes} of {}", e.draws),
+            (yes, open) => format!("by {yes} to {} of {}", yes + open, e.draws),
+        };
+        lines.push(format!(
+            "  {:<widest$}  {:<8}  {:>6.0}  {called_for:<16}  {evidence}",
+            e.name, e.stage, e.cost
+        ));
+    }
+    lines
 }
 
 /// A number in four digits or so.

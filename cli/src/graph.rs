@@ -1,6 +1,7 @@
 //! `preshade graph`: the dataflow graph, as dot or JSON.
 
 use preshade::passes::graph::Graph;
+use preshade::recipe::Recipe;
 
 use crate::input::ShaderArgs;
 use crate::output;
@@ -19,7 +20,7 @@ pub struct Args {
     format: GraphFormat,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
-    shader: ShaderArgs,
+    pub shader: ShaderArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -32,7 +33,7 @@ enum GraphFormat {
 
 /// Prints the graph.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let plans = args.shader.plans()?.asked;
+    let plans = args.shader.plans(&Recipe::default())?.asked;
     let [plan] = &plans[..] else {
         let names: Vec<&str> = plans.iter().map(|p| p.material.as_str()).collect();
         return Err(Failure(format!(

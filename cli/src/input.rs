@@ -14,16 +14,17 @@ use preshade::passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
 };
+use preshade::recipe::Recipe;
 use preshade::render;
 use preshade::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
 
 /// A shader and the state it is drawn with, or a scene.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct ShaderArgs {
     /// A WGSL file with both entry points, or a vertex and a fragment file, or a scene (.toml); `-` is stdin and needs --lang.
-    #[arg(required = true, num_args = 1..=2, value_name = "FILE")]
+    #[arg(required = true, num_args = 1.., value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Language of the input; needed for stdin, otherwise told by the file's ending.
     #[arg(long, value_enum)]
@@ -63,7 +64,7 @@ impl From<Lang> for Language {
 }
 
 /// Pipeline state, which no shader says of itself.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 #[command(next_help_heading = "Pipeline state")]
 pub struct StateArgs {
     /// A TOML or JSON file with the whole state; the flags below go on top of it.
@@ -271,19 +272,17 @@ pub struct Materials {
     pub asked: Vec<Plan>,
     /// All that are drawn in one frame with them, themselves among them.
     pub frame: Vec<Plan>,
-    /// What a scene tells of them without being drawn.
+    /// What a scene tells of them without being drawn, as far as the recipe asks.
     pub known: Facts,
+    /// Files that they were read from.
+    pub files: Vec<PathBuf>,
 }
 
 impl ShaderArgs {
-    /// The original plan of each material.
-    pub fn plans(&self) -> Result<Materials, Failure> {
-        let all = |plans: Vec<Plan>, known: Facts| Materials {
-            asked: plans.clone(),
-            frame: plans,
-            known,
-        };
-        match self.input()? {
+    /// The original plan of each material, and what a scene tells the steps of `recipe`.
+    pub fn plans(&self, recipe: &Recipe) -> Result<Materials, Failure> {
+        let mut files = self.given();
+        let (plans, known) = match self.input()? {
             Input::Shader(parsed, state) => {
                 let plan = Plan::original(
                     &self.material_name(),
@@ -292,25 +291,65 @@ impl ShaderArgs {
                     parsed.fragment.as_deref(),
                     &state,
                 );
-                Ok(all(vec![plan], Facts::default()))
+                return Ok(Materials {
+                    asked: vec![plan.clone()],
+                    frame: vec![plan],
+                    known: Facts::default(),
+                    files,
+                });
             }
             Input::Scene(scene) => {
-                let plans = measure::originals(&scene);
-                let known = measure::known(&scene);
-                let Some(name) = &self.name else {
-                    return Ok(all(plans, known));
-                };
-                let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
-                match plans.iter().find(|p| p.material == *name).cloned() {
-                    Some(plan) => Ok(Materials {
-                        asked: vec![plan],
-                        frame: plans,
-                        known,
-                    }),
-                    None => Err(Failure::unknown("material", name, &names)),
-                }
+                files.extend(scene.files.iter().cloned());
+                (
+                    measure::originals(&scene),
+                    measure::known_for(&scene, recipe),
+                )
             }
+        };
+        let asked = match &self.name {
+            None => plans.clone(),
+            Some(name) => match plans.iter().find(|p| p.material == *name) {
+                Some(plan) => vec![plan.clone()],
+                None => {
+                    let names: Vec<&str> = plans.iter().map(|p| p.material.as_str()).collect();
+                    return Err(Failure::unknown("material", name, &names));
+                }
+            },
+        };
+        Ok(Materials {
+            asked,
+            frame: plans,
+            known,
+            files,
+        })
+    }
+
+    /// Which effects of its materials a scene's draws call for; none of a shader.
+    pub fn effects(&self) -> Result<Vec<measure::EffectUse>, Failure> {
+        Ok(match self.input()? {
+            Input::Shader(..) => Vec::new(),
+            Input::Scene(scene) => measure::effects(&scene).unwrap_or_default(),
+        })
+    }
+
+    /// The files that are given by name, stdin apart.
+    fn given(&self) -> Vec<PathBuf> {
+        let files = self.files.iter().chain(&self.state.state);
+        files.filter(|f| !is_stdin(f)).cloned().collect()
+    }
+
+    /// The files that a command on these arguments reads, whether or not it could.
+    pub fn reads(&self) -> Vec<PathBuf> {
+        let mut files = self.given();
+        if let Ok(Input::Scene(scene)) = self.input() {
+            files.extend(scene.files);
         }
+        files
+    }
+
+    /// Whether stdin is among the files.
+    pub fn reads_stdin(&self) -> bool {
+        self.files.iter().any(|f| is_stdin(f))
     }
 
     /// Reads the files.
@@ -480,7 +519,7 @@ impl ShaderArgs {
     }
 }
 
-fn is_stdin(path: &Path) -> bool {
+pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 

@@ -2,23 +2,34 @@
 //!
 //! Exit status: 0 fine (a refusal is fine: the original is kept), 1 a contract broke, 2 bad usage or input.
 
+use std::ffi::OsString;
 use std::io::IsTerminal;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use preshade::nearest::nearest;
 
 mod adapters;
 mod bench;
+mod codes;
+mod completions;
+mod config;
 mod explain;
+mod explore;
 mod graph;
 mod input;
+mod man;
+mod many;
 mod output;
 mod passes;
+mod plan;
 mod rewrite;
 mod variable;
 mod verify;
 mod view;
+mod watch;
 
 /// Writes faster variants of a material's shaders, and proves each by picture and clock.
 #[derive(Parser)]
@@ -27,21 +38,58 @@ mod view;
     version,
     propagate_version = true,
     max_term_width = 110,
+    arg_required_else_help = true,
     after_help = "\
 Examples:
   preshade explain lit.wgsl
+  preshade --explain blended
   preshade rewrite lit.wgsl --pass depth-prepass --emit wgsl,glsl -o out/
   preshade verify lit.wgsl
   preshade verify scene.toml --pass depth-prepass:form=equal --out report/
 
-Data goes to stdout, messages to stderr.
+Data goes to stdout, messages to stderr. A flag goes before the environment (PRESHADE_ADAPTER for
+--adapter), and that before preshade.toml (adapter = \"llvmpipe\", or [verify] and then frames = 4).
 Exit status: 0 fine (also where a pass is refused: the original is kept), 1 a variant broke its
 contract, 2 bad usage or input."
 )]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
+    /// What a code in brackets means: `blended` of `note[depth-prepass/blended]`.
+    #[arg(long, value_name = "CODE")]
+    explain: Option<String>,
+    /// Colours on stderr; NO_COLOR counts where this is auto.
+    #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = Colors::Auto, help_heading = "All commands")]
+    color: Colors,
+    /// File with values for flags, in place of `preshade.toml` in the current folder.
+    #[arg(
+        long,
+        global = true,
+        value_name = "FILE",
+        help_heading = "All commands"
+    )]
+    config: Option<PathBuf>,
+    /// Print the value of each flag and where it comes from, and do nothing else.
+    #[arg(long, global = true, help_heading = "All commands")]
+    print_config: bool,
+    /// Run again whenever a file that was read changes.
+    #[arg(long, global = true, help_heading = "All commands")]
+    watch: bool,
 }
+
+/// When messages are in colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Colors {
+    /// On a terminal, unless NO_COLOR is set.
+    Auto,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
+}
+
+/// As `--color` says; set once, before anything is printed.
+static COLORS: OnceLock<Colors> = OnceLock::new();
 
 #[derive(Subcommand)]
 enum Command {
@@ -55,10 +103,50 @@ enum Command {
     Rewrite(rewrite::Args),
     /// Draws a scene (or a bare shader) with the original and its variants: error, time, verdict.
     Verify(verify::Args),
+    /// What a scene calls for on this adapter: per material the passes that pay, chosen by measurement.
+    Plan(plan::Args),
+    /// What accuracy costs in time: the recipes that no other beats in both.
+    Explore(explore::Args),
     /// What can be measured on.
     Adapters(adapters::Args),
     /// The frozen hand-written shaders beside what preshade makes of the same forward entry points.
     Bench(bench::Args),
+    /// A script that completes preshade's commands and flags in a shell.
+    Completions(completions::Args),
+    /// The manual pages.
+    Man(man::Args),
+}
+
+impl Command {
+    fn run(&self) -> Result<Outcome, Failure> {
+        match self {
+            Self::Explain(a) => explain::run(a),
+            Self::Graph(a) => graph::run(a),
+            Self::Passes(a) => passes::run(a),
+            Self::Rewrite(a) => rewrite::run(a),
+            Self::Verify(a) => verify::run(a),
+            Self::Plan(a) => plan::run(a),
+            Self::Explore(a) => explore::run(a),
+            Self::Adapters(a) => adapters::run(a),
+            Self::Bench(a) => bench::run(a),
+            Self::Completions(a) => completions::run(a, Cli::command()),
+            Self::Man(a) => man::run(a, Cli::command()),
+        }
+    }
+
+    /// The files that it reads; `None` where that is stdin, or nothing that could change.
+    fn reads(&self) -> Option<Vec<PathBuf>> {
+        let shader = match self {
+            Self::Explain(a) => &a.shader,
+            Self::Graph(a) => &a.shader,
+            Self::Rewrite(a) => return a.reads(),
+            Self::Verify(a) => &a.shader,
+            Self::Explore(a) => &a.shader,
+            Self::Plan(a) => return Some(a.reads()),
+            _ => return None,
+        };
+        (!shader.reads_stdin()).then(|| shader.reads())
+    }
 }
 
 /// How a command ended, apart from bad usage or input.
@@ -117,7 +205,14 @@ pub enum Format {
 
 /// Whether stderr takes colour.
 pub fn color_on_stderr() -> bool {
-    std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()) && std::io::stderr().is_terminal()
+    match COLORS.get() {
+        Some(Colors::Always) => true,
+        Some(Colors::Never) => false,
+        Some(Colors::Auto) | None => {
+            std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
+                && std::io::stderr().is_terminal()
+        }
+    }
 }
 
 /// Keeps Mesa's device-select layer from looking for a Wayland display where there is none, which it complains of on stderr: nothing is
@@ -140,21 +235,40 @@ fn keep_drivers_quiet() {
 
 fn main() -> ExitCode {
     keep_drivers_quiet();
-    let result = match Cli::parse().command {
-        Command::Explain(a) => explain::run(&a),
-        Command::Graph(a) => graph::run(&a),
-        Command::Passes(a) => passes::run(&a),
-        Command::Rewrite(a) => rewrite::run(&a),
-        Command::Verify(a) => verify::run(&a),
-        Command::Adapters(a) => adapters::run(&a),
-        Command::Bench(a) => bench::run(&a),
-    };
-    match result {
+    match run(&std::env::args_os().collect::<Vec<_>>()) {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
         Ok(Outcome::ContractBroken) => ExitCode::from(1),
         Err(Failure(message)) => {
             output::message(&message);
             ExitCode::from(2)
         }
+    }
+}
+
+/// Reads the command line over the environment over the configuration, and does what they say. Bad usage ends the process with status 2.
+fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
+    let config = config::Config::read(arguments, &Cli::command())?;
+    let mut command = config.apply(Cli::command());
+    let matches = command
+        .try_get_matches_from_mut(arguments)
+        .unwrap_or_else(|e| e.exit());
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.format(&mut command).exit());
+    COLORS.get_or_init(|| cli.color);
+    if let Some(code) = &cli.explain {
+        output::data(&codes::explain(code)?)?;
+        return Ok(Outcome::Fine);
+    }
+    if cli.print_config {
+        output::data(&config.print(&command, &matches))?;
+        return Ok(Outcome::Fine);
+    }
+    let Some(wanted) = &cli.command else {
+        return Err(Failure(
+            "error: no command is given; see `preshade --help`".to_owned(),
+        ));
+    };
+    match cli.watch {
+        true => watch::run(|| wanted.reads(), || wanted.run()),
+        false => wanted.run(),
     }
 }

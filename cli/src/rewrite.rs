@@ -1,17 +1,23 @@
 //! `preshade rewrite`: a recipe applied, the shaders and the plan written.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use preshade::emit::{self, Target};
-use preshade::passes::PASSES;
+use preshade::passes::contract::Contract;
 use preshade::passes::neighbours;
-use preshade::passes::pass::{AnyPass, Facts};
+use preshade::passes::pass::{AnyPass, Facts, Refusal};
 use preshade::passes::plan::Plan;
-use preshade::recipe::Recipe;
+use preshade::passes::{PASSES, pass_named};
+use preshade::recipe::{Recipe, Step};
+use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::input::{Materials, ShaderArgs};
+use crate::many::{self, Job};
 use crate::output;
-use crate::{Failure, Outcome};
+use crate::{Failure, Format, Outcome, unknown};
 
 /// Arguments of `rewrite`.
 #[derive(clap::Args)]
@@ -21,12 +27,13 @@ Examples:
   preshade rewrite lit.wgsl --pass depth-prepass:form=equal --emit wgsl,spirv -o out/
   preshade rewrite lit.vert lit.frag --pass early-discard:texture=float --emit glsl-es -o out/
   preshade rewrite scene.toml --pass depth-prepass -o out/             every material of a scene
+  preshade rewrite shaders/ --pass depth-prepass --out-dir out/        every shader below a folder
   preshade rewrite - --lang wgsl --pass depth-prepass < lit.wgsl
 
 A pass that does not apply is told on stderr with its reason, and the material is written without
 it. `preshade passes` lists the passes. A target that cannot say what a material does is told on
 stderr with its reason; the other targets are written, plan.json names those alone, and the exit
-status is 2. Files are written whole or not at all.")]
+status is 2. The files of a material are written whole or not at all.")]
 pub struct Args {
     /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
@@ -37,9 +44,56 @@ pub struct Args {
     /// Folder to write to, made if it is not there; without it the texts and the plan go to stdout.
     #[arg(short, long, alias = "out", value_name = "DIR")]
     output: Option<PathBuf>,
+    /// Take each FILE as a material of its own, and every shader below each that is a folder; write below this folder, in the same tree.
+    #[arg(long, value_name = "DIR", conflicts_with = "output")]
+    out_dir: Option<PathBuf>,
+    /// Write which files were read for which, in the form of a Makefile's rule.
+    #[arg(long, value_name = "FILE")]
+    depfile: Option<PathBuf>,
+    /// Print the WGSL after this pass to stderr, or after each of them: `all`.
+    #[arg(long, value_name = "PASS", value_parser = parse_pass)]
+    print_after: Vec<String>,
+    /// Print the time that reading, each pass and writing took to stderr.
+    #[arg(long)]
+    time_passes: bool,
+    /// Output form.
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
     shader: ShaderArgs,
+}
+
+impl Args {
+    /// The files that it reads; `None` for stdin.
+    pub fn reads(&self) -> Option<Vec<PathBuf>> {
+        let jobs = self.jobs().unwrap_or_default();
+        match self.shader.reads_stdin() {
+            true => None,
+            false => Some(jobs.iter().flat_map(|j| j.shader.reads()).collect()),
+        }
+    }
+
+    fn jobs(&self) -> Result<Vec<Job>, Failure> {
+        match &self.out_dir {
+            Some(out) => many::jobs(&self.shader, out),
+            None => Ok(vec![Job {
+                shader: self.shader.clone(),
+                folder: self.output.clone(),
+            }]),
+        }
+    }
+}
+
+/// The word for every pass.
+const ALL: &str = "all";
+
+fn parse_pass(name: &str) -> Result<String, String> {
+    let names = PASSES.iter().map(|p| p.info().name).chain([ALL]);
+    match name == ALL || pass_named(name).is_some() {
+        true => Ok(name.to_owned()),
+        false => Err(unknown("pass", name, &names.collect::<Vec<_>>())),
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -71,73 +125,282 @@ impl From<EmitTarget> for Target {
     }
 }
 
-/// Rewrites a material, or every material of a scene.
+/// What became of one material.
+#[derive(Serialize)]
+struct Rewritten {
+    material: String,
+    recipe: String,
+    contract: Contract,
+    refusals: Vec<Refusal>,
+    notes: Vec<String>,
+    files: Vec<Written>,
+}
+
+/// A file that was written, or would have been.
+#[derive(Serialize)]
+struct Written {
+    name: String,
+    /// Where it is, or what is in it where it was written nowhere.
+    #[serde(flatten)]
+    content: Content,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Content {
+    Path(PathBuf),
+    Text(String),
+}
+
+#[derive(Serialize)]
+struct Report {
+    schema: &'static str,
+    materials: Vec<Rewritten>,
+    errors: Vec<String>,
+}
+
+/// What a job came to, before anything is written.
+#[derive(Default)]
+struct Made {
+    materials: Vec<(Rewritten, Vec<emit::File>)>,
+    read: Vec<PathBuf>,
+    messages: Vec<String>,
+    errors: Vec<String>,
+    times: Times,
+}
+
+/// Time spent, by what it was spent on.
+#[derive(Default)]
+struct Times(BTreeMap<(u8, String), Duration>);
+
+impl Times {
+    /// Runs `work`; `order` is its line in the table.
+    fn took<T>(&mut self, order: u8, what: &str, work: impl FnOnce() -> T) -> T {
+        let began = Instant::now();
+        let done = work();
+        *self.0.entry((order, what.to_owned())).or_default() += began.elapsed();
+        done
+    }
+
+    fn table<'t>(all: impl Iterator<Item = &'t Self>) -> String {
+        let mut sums: BTreeMap<&(u8, String), Duration> = BTreeMap::new();
+        for (what, time) in all.flat_map(|t| &t.0) {
+            *sums.entry(what).or_default() += *time;
+        }
+        let line = |(what, time): (&str, Duration)| {
+            format!("{:>10.3} ms  {what}", time.as_secs_f64() * 1e3)
+        };
+        let whole: Duration = sums.values().sum();
+        let sums = sums.iter().map(|((_, what), time)| (what.as_str(), *time));
+        let lines: Vec<String> = sums.chain([("in all", whole)]).map(line).collect();
+        lines.join("\n")
+    }
+}
+
+/// Rewrites a material, every material of a scene, or with `--out-dir` many.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let recipe = Recipe::parse(&args.passes)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
-    if args.output.is_none() && targets.contains(&Target::Spirv) {
+    let nowhere = args.output.is_none() && args.out_dir.is_none();
+    if nowhere && targets.contains(&Target::Spirv) {
         return Err(Failure(
             "error: SPIR-V is binary: say with -o DIR where to write it".to_owned(),
         ));
     }
+    if nowhere && args.depfile.is_some() {
+        return Err(Failure(
+            "error: --depfile tells what files rest on: say with -o DIR where they are".to_owned(),
+        ));
+    }
+    let jobs = args.jobs()?;
+    let made: Vec<Result<Made, Failure>> = jobs
+        .par_iter()
+        .map(|job| make(job, args, &recipe, &targets))
+        .collect();
+    let (mut report, mut rules, mut all_times) = (Vec::new(), Vec::new(), Vec::new());
+    let mut errors: Vec<String> = Vec::new();
+    let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
+    for (job, made) in jobs.iter().zip(made) {
+        let Made {
+            materials,
+            read,
+            messages,
+            errors: failed,
+            times,
+        } = made.unwrap_or_else(|Failure(error)| Made {
+            errors: vec![error],
+            ..Made::default()
+        });
+        messages.iter().for_each(|m| output::message(m));
+        for error in failed {
+            if !errors.contains(&error) {
+                errors.push(error);
+            }
+        }
+        all_times.push(times);
+        let files: Vec<&emit::File> = materials.iter().flat_map(|(_, files)| files).collect();
+        if let Some(folder) = job.folder.as_ref().filter(|_| !files.is_empty()) {
+            let from = job
+                .shader
+                .files
+                .first()
+                .map_or(Path::new("-"), PathBuf::as_path);
+            let paths = files.iter().map(|f| folder.join(&f.name));
+            let twice = paths
+                .clone()
+                .find_map(|p| taken.get(&p).map(|first| (p, *first)));
+            if let Some((path, first)) = twice {
+                errors.push(format!(
+                    "error: {} is already written of {}: rename {}",
+                    path.display(),
+                    first.display(),
+                    from.display()
+                ));
+                continue;
+            }
+            taken.extend(paths.clone().map(|p| (p, from)));
+            rules.push((paths.collect(), read));
+            write(
+                folder,
+                files.into_iter().cloned().collect(),
+                args.format,
+                jobs.len(),
+            )?;
+        } else if args.format == Format::Human {
+            for file in files {
+                let text = String::from_utf8_lossy(&file.bytes);
+                output::data(&format!("// {}\n{text}", file.name))?;
+            }
+        }
+        report.extend(materials.into_iter().map(|(rewritten, _)| rewritten));
+    }
+    if let Some(path) = &args.depfile {
+        depfile(path, &rules)?;
+    }
+    if args.format == Format::Json {
+        output::json(&Report {
+            schema: "preshade.rewrite.v1",
+            materials: report,
+            errors: errors.clone(),
+        })?;
+    }
+    if args.time_passes {
+        output::message(&Times::table(all_times.iter()));
+    }
+    match errors.is_empty() {
+        true => Ok(Outcome::Fine),
+        false => Err(Failure(errors.join("\n"))),
+    }
+}
+
+/// Writes the files of one job, and tells which changed.
+fn write(
+    folder: &Path,
+    files: Vec<emit::File>,
+    format: Format,
+    jobs: usize,
+) -> Result<(), Failure> {
+    let changed = emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    if format == Format::Human {
+        for path in &changed {
+            output::message(&format!("wrote {}", path.display()));
+        }
+        if changed.is_empty() && jobs == 1 {
+            output::message(&format!("{} is up to date", folder.display()));
+        }
+    }
+    Ok(())
+}
+
+/// Writes `targets: prerequisites`, a rule a job.
+fn depfile(path: &Path, rules: &[(Vec<PathBuf>, Vec<PathBuf>)]) -> Result<(), Failure> {
+    let escaped = |paths: &[PathBuf]| -> Vec<String> {
+        let escape = |p: &PathBuf| {
+            let text = p.display().to_string().replace('$', "$$");
+            text.replace(' ', "\\ ").replace('#', "\\#")
+        };
+        paths.iter().map(escape).collect()
+    };
+    let rules = rules.iter().map(|(targets, read)| {
+        format!(
+            "{}: {}\n",
+            escaped(targets).join(" "),
+            escaped(read).join(" ")
+        )
+    });
+    let (folder, name) = (path.parent(), path.file_name());
+    let folder = folder.filter(|f| !f.as_os_str().is_empty());
+    let file = emit::File {
+        name: name.unwrap_or_default().to_string_lossy().into_owned(),
+        bytes: rules.collect::<String>().into_bytes(),
+    };
+    emit::write(folder.unwrap_or(Path::new(".")), &[file])
+        .map(|_| ())
+        .map_err(|e| Failure(format!("error: {e}")))
+}
+
+/// Reads, rewrites and emits the materials of one job.
+fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<Made, Failure> {
+    let mut made = Made::default();
+    let materials = made.times.took(0, "parse", || job.shader.plans(recipe))?;
     let Materials {
         asked: originals,
         frame,
         known,
-    } = args.shader.plans()?;
-    let (mut files, mut errors) = (Vec::new(), Vec::new());
+        files: read,
+    } = materials;
+    made.read = read;
     for original in &originals {
         check_name(&original.material)?;
-        let plan = apply(original, &recipe, &known, &frame);
+        let (plan, refusals) = apply(original, recipe, &known, &frame, args, &mut made);
         let budgets = plan.contract.budgets();
         if !budgets.is_empty() {
             let off: Vec<String> = budgets
                 .iter()
                 .map(|b| format!("{} ({})", b.budget, b.metric))
                 .collect();
-            output::message(&format!(
+            made.messages.push(format!(
                 "warning: `{}` is an approximation, allowed to be off by {}, and nothing is measured here: `preshade verify` tells whether it keeps \
                  that, and what to pass to `rewrite` for the choice it measured",
                 plan.material,
                 off.join(" and ")
             ));
         }
-        let emitted = emit_each(&plan, &targets)?;
-        files.extend(emitted.files);
-        for error in emitted.errors {
-            let error = format!("error: {error}");
-            if !errors.contains(&error) {
-                errors.push(error);
-            }
+        for note in &plan.notes {
+            made.messages
+                .push(format!("note: `{}`: {note}", plan.material));
         }
-    }
-    match &args.output {
-        _ if files.is_empty() => {}
-        Some(dir) => {
-            let changed = emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
-            for path in &changed {
-                output::message(&format!("wrote {}", path.display()));
-            }
-            if changed.is_empty() {
-                output::message(&format!("{} is up to date", dir.display()));
-            }
+        let emitted = made
+            .times
+            .took(u8::MAX, "emit", || emit_each(&plan, targets))?;
+        made.errors
+            .extend(emitted.errors.iter().map(|e| format!("error: {e}")));
+        if recipe.steps.is_empty() && emitted.errors.is_empty() && args.out_dir.is_none() {
+            made.messages.push(nothing_asked_for(original));
         }
-        None => {
-            for file in &files {
-                let text = String::from_utf8_lossy(&file.bytes);
-                output::data(&format!("// {}\n{text}", file.name))?;
-            }
-        }
+        let written = emitted.files.iter().map(|file| Written {
+            name: file.name.clone(),
+            content: match &job.folder {
+                Some(folder) => Content::Path(folder.join(&file.name)),
+                None => Content::Text(String::from_utf8_lossy(&file.bytes).into_owned()),
+            },
+        });
+        let rewritten = Rewritten {
+            material: plan.material.clone(),
+            recipe: plan
+                .steps
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>()
+                .join(" + "),
+            contract: plan.contract.clone(),
+            refusals,
+            notes: plan.notes.clone(),
+            files: written.collect(),
+        };
+        made.materials.push((rewritten, emitted.files));
     }
-    if !errors.is_empty() {
-        return Err(Failure(errors.join("\n")));
-    }
-    if recipe.steps.is_empty() {
-        for original in &originals {
-            output::message(&nothing_asked_for(original));
-        }
-    }
-    Ok(Outcome::Fine)
+    Ok(made)
 }
 
 /// What of a plan could be written.
@@ -194,25 +457,55 @@ fn nothing_asked_for(original: &Plan) -> String {
     format!("note: no --pass is given, so `{material}` is written as it is; {list}")
 }
 
-/// The steps of `recipe` that apply to a material drawn in one frame with `frame`; what is refused is told on stderr and left out.
-fn apply(original: &Plan, recipe: &Recipe, facts: &Facts, frame: &[Plan]) -> Plan {
-    let mut plan = original.clone();
-    for step in &recipe.steps {
-        let one = Recipe {
-            steps: vec![step.clone()],
-        };
-        let applied =
-            one.apply(&plan, facts)
-                .and_then(|next| match neighbours::conflict(&next, frame) {
-                    None => Ok(next),
-                    Some(refusal) => Err(Box::new(refusal)),
-                });
-        match applied {
+/// The steps of `recipe` that apply to a material drawn in one frame with `frame`; what is refused is told and left out.
+fn apply(
+    original: &Plan,
+    recipe: &Recipe,
+    facts: &Facts,
+    frame: &[Plan],
+    args: &Args,
+    made: &mut Made,
+) -> (Plan, Vec<Refusal>) {
+    let (mut plan, mut refusals) = (original.clone(), Vec::new());
+    for (order, step) in (1..).zip(&recipe.steps) {
+        match made
+            .times
+            .took(order, &step.pass, || one(step, &plan, facts, frame))
+        {
             Ok(next) => plan = next,
-            Err(refusal) => output::message(&crate::explain::refusal(&refusal, &plan)),
+            Err(refusal) => {
+                made.messages.push(crate::explain::refusal(&refusal, &plan));
+                refusals.push(*refusal);
+            }
+        }
+        if args.print_after.iter().any(|p| *p == step.pass || p == ALL) {
+            made.messages
+                .push(format!("// after {step}\n{}", texts(&plan)));
         }
     }
-    plan
+    (plan, refusals)
+}
+
+fn one(step: &Step, plan: &Plan, facts: &Facts, frame: &[Plan]) -> Result<Plan, Box<Refusal>> {
+    let recipe = Recipe {
+        steps: vec![step.clone()],
+    };
+    let next = recipe.apply(plan, facts)?;
+    match neighbours::conflict(&next, frame) {
+        None => Ok(next),
+        Some(refusal) => Err(Box::new(refusal)),
+    }
+}
+
+/// The WGSL of a plan.
+fn texts(plan: &Plan) -> String {
+    let emitted = match emit::emit(plan, &[Target::Wgsl], &emit::Options::default()) {
+        Ok(files) => files,
+        Err(error) => return format!("// {error}"),
+    };
+    let shaders = emitted.iter().filter(|f| f.name.ends_with(".wgsl"));
+    let texts = shaders.map(|f| format!("// {}\n{}", f.name, String::from_utf8_lossy(&f.bytes)));
+    texts.collect::<Vec<_>>().join("\n")
 }
 
 /// A material's name begins its files' names, so it must not lead out of the folder.

@@ -1,12 +1,14 @@
 //! `preshade verify`: a scene drawn with the original and its variants, what each costs in accuracy and gains in time.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::ProgressBar;
 use preshade::measure::crossover::{Point, Series};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
-use preshade::passes::pass::Facts;
+use preshade::passes::pass::{Facts, Pass};
+use preshade::passes::specialize::Specialize;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
@@ -86,7 +88,7 @@ pub struct Args {
     format: Format,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
-    shader: ShaderArgs,
+    pub shader: ShaderArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -102,7 +104,7 @@ enum TimeArg {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum FormArg {
+pub enum FormArg {
     /// What users ship.
     Text,
     /// naga IR.
@@ -111,7 +113,7 @@ enum FormArg {
 
 /// A draw order, by its name in scene files.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum OrderArg {
+pub enum OrderArg {
     /// By the distance of objects, nearest first, as a good engine draws.
     FrontToBack,
     /// Farthest first: the worst case.
@@ -134,7 +136,7 @@ impl From<OrderArg> for DrawOrder {
 }
 
 /// Reads a number of frames.
-fn parse_frames(text: &str) -> Result<usize, String> {
+pub fn parse_frames(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
         Ok(n @ 1..) => Ok(n),
         _ => Err("expected a whole number from 1".to_owned()),
@@ -154,12 +156,17 @@ const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-
 
 /// Verifies a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let sweeps = sweeps(args)?;
+    let mut sweeps = sweeps(&args.passes, &args.recipes)?;
+    if sweeps.is_empty() {
+        for pass in DEFAULT {
+            sweeps.push(Sweep::parse_step(pass)?);
+        }
+    }
     let first = match &args.sweep {
         None => Variables::new(),
         Some(axis) => axis.at(axis.values.first().copied().unwrap_or(1)),
     };
-    let first = scene(args, &first)?;
+    let first = grouped(scene(args, &first)?, &sweeps)?;
     let shared = args.share.as_deref().and_then(Path::parent);
     for dir in args.out.as_deref().into_iter().chain(shared) {
         check_folder(dir)?;
@@ -184,7 +191,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut pictures = Vec::new();
     for value in &axis.values {
         bar.suspend(|| output::message(&format!("{} = {value}", axis.variable)));
-        let scene = scene(args, &axis.at(*value))?;
+        let scene = grouped(scene(args, &axis.at(*value))?, &sweeps)?;
         let outcome = measured(args, &gpu, &scene, &sweeps, &bar)?;
         pictures = outcome.pictures;
         points.push(Point {
@@ -327,7 +334,7 @@ fn measured(
         if let Choice::Within { variant, .. } = &chosen.choice {
             let drawn = variants.iter().position(|v| v.name == *variant);
             let recipe = drawn.and_then(|i| measure::promised(&recipes[i], budget, &facts));
-            chosen.recipe = recipe.as_ref().map(as_passes);
+            chosen.recipe = recipe.as_ref().map(Recipe::as_passes);
         }
         chosen
     });
@@ -349,6 +356,7 @@ fn choose(
     bar.set_message("measuring what can be interpolated");
     facts.frequencies = measure::frequencies(gpu, scene, facts, form, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
+        ControlFlow::Continue(())
     })?;
     let originals = measure::originals(scene);
     recipes
@@ -365,7 +373,7 @@ fn choose(
                         bar.suspend(|| {
                             output::message(&format!(
                                 "{recipe}: chosen by measurement; `rewrite` makes the same of {}",
-                                as_passes(&written)
+                                written.as_passes()
                             ));
                         });
                     }
@@ -377,16 +385,9 @@ fn choose(
         .collect()
 }
 
-/// A recipe as `rewrite` takes it.
-fn as_passes(recipe: &Recipe) -> String {
-    let steps = recipe.steps.iter();
-    let steps: Vec<String> = steps.map(|step| format!("--pass {step}")).collect();
-    steps.join(" ")
-}
-
 /// Whether `dir` is a folder that can be written to, or can become one: before anything is drawn, so that a slip costs no minute. Nothing is left
 /// behind.
-fn check_folder(dir: &Path) -> Result<(), Failure> {
+pub fn check_folder(dir: &Path) -> Result<(), Failure> {
     let here = Path::new(".");
     let there = dir
         .ancestors()
@@ -429,10 +430,10 @@ fn guesses(scene: &Scene) -> Option<String> {
 }
 
 /// What is asked for: a `--pass` is a sweep of one step, or of two where it stands on a pass before it, a `--recipe` one of several.
-fn sweeps(args: &Args) -> Result<Vec<Sweep>, Failure> {
+pub fn sweeps(passes: &[String], recipes: &[String]) -> Result<Vec<Sweep>, Failure> {
     let mut sweeps = Vec::new();
-    for (i, pass) in args.passes.iter().enumerate() {
-        sweeps.push(match sweep::founded(pass, &args.passes[..i]) {
+    for (i, pass) in passes.iter().enumerate() {
+        sweeps.push(match sweep::founded(pass, &passes[..i]) {
             Some(recipe) => {
                 output::message(&format!(
                     "note: --pass {pass} stands on the pass before it: --recipe {recipe}"
@@ -442,13 +443,8 @@ fn sweeps(args: &Args) -> Result<Vec<Sweep>, Failure> {
             None => Sweep::parse_step(pass)?,
         });
     }
-    for list in &args.recipes {
+    for list in recipes {
         sweeps.push(Sweep::parse_list(list)?);
-    }
-    if sweeps.is_empty() {
-        for pass in DEFAULT {
-            sweeps.push(Sweep::parse_step(pass)?);
-        }
     }
     Ok(sweeps)
 }
@@ -465,8 +461,23 @@ fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
+/// The scene with draws of one material told apart, where a recipe specialises: each group gets a version of its own.
+fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
+    let name = Specialize::INFO.name;
+    let mut steps = sweeps
+        .iter()
+        .flat_map(|s| &s.points)
+        .flat_map(|p| &p.recipe.steps);
+    let Some(step) = steps.find(|s| s.pass == name) else {
+        return Ok(scene);
+    };
+    let params = serde_json::Value::Object(step.params.clone());
+    let params = serde_json::from_value(params).unwrap_or_default();
+    Ok(measure::grouped(&scene, &params, measure::MOST_GROUPS)?)
+}
+
 /// The command as it was typed, without the folder of the binary.
-fn command() -> String {
+pub fn command() -> String {
     let mut words = vec!["preshade".to_owned()];
     words.extend(std::env::args().skip(1));
     words.join(" ")

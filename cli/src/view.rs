@@ -40,6 +40,16 @@ impl ViewArgs {
         Ok(scene)
     }
 
+    /// The resolution asked for.
+    pub fn size(&self) -> Option<[u32; 2]> {
+        self.size
+    }
+
+    /// Whether a size is said.
+    pub fn is_sized(&self) -> bool {
+        self.size.is_some()
+    }
+
     /// Whether anything is said.
     pub fn is_given(&self) -> bool {
         self.size.is_some() || !self.camera.is_empty()

@@ -34,15 +34,21 @@ pub enum Assumption {
     FilteredTextures,
     /// An interpolated number is within 2^-18 of the largest at the corners of its triangle. No language says so; slivers many times as long as the screen go beyond it.
     FineInterpolation,
-    /// Which neighbours in its quad a pixel's derivative is taken of, where it is not fine, is the driver's choice: plain ones take the pixel's own, coarse ones the quad's first
-    /// pixel's, as the variant does.
+    /// Which neighbours in its quad a pixel's derivative is taken of, where it is not fine, and a sample's at an implicit level, is the driver's choice: it takes those that the
+    /// variant's parameters say ([`crate::rasterizer::Rasterizer`]).
     DerivativeNeighbours,
+    /// No triangle is clipped that has a varying interpolated linearly on the screen: between which corners that is then done is the driver's choice.
+    UnclippedLinear,
     /// Varyings, constants of the draw and texels are no further from 0 than 4, and what is divided by of the draw no nearer than a quarter: a rounding meets no larger factor.
     OrdinaryNumbers,
     /// Varyings and constants of the draw lie where they lay in the frames of the scene the variant was made for, and texels no further from 0 than 4.
     NumbersOfTheScene,
     /// Positions computed by two pipelines from one source differ by less than the pass's bias or tolerance.
     PositionWithinBias,
+    /// Which products a compiler fuses with a sum does not rest on branches that are not there any more.
+    SameContraction,
+    /// The values that a draw is made with lie where the plan's guard says ([`crate::guard`]).
+    ValuesOfTheGuard,
 }
 
 /// What a transform promises. Ordered from strongest to weakest; the contract of a plan is the weakest of its steps'.

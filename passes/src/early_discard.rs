@@ -396,6 +396,7 @@ fn transform(
             visibility: Visibility {
                 vertex: false,
                 fragment: true,
+                ..Visibility::default()
             },
             source: BindingSource::Attachment {
                 name: match params.texture {

@@ -140,6 +140,18 @@ pub enum FrameError {
         /// Attachment and aspect.
         attachment: String,
     },
+    /// A pass that runs once for the frame is another one in another plan.
+    #[error(
+        "the {role} pass runs once for the frame, and those of materials `{first}` and `{second}` are not the same"
+    )]
+    OnceMismatch {
+        /// Role of the pass.
+        role: &'static str,
+        /// First material.
+        first: String,
+        /// Second material.
+        second: String,
+    },
     /// A pass throws away what a later one has or reads.
     #[error(
         "the {role} pass of material `{material}` discards {attachment}, which a later pass of the frame needs"
@@ -220,10 +232,18 @@ impl FramePlan {
                     let colors = ColorAttachments::of(plan, pass)?;
                     let member = (plan.material.clone(), index);
                     if pass.draws == Draws::Once
-                        && passes[first_of_phase..]
+                        && let Some((first, stands)) = passes[first_of_phase..]
                             .iter()
-                            .any(|f| f.depth == depth && f.colors == colors)
+                            .filter(|f| f.depth == depth && f.colors == colors)
+                            .find_map(|f| once(plans.clone(), f))
                     {
+                        if stands != pass {
+                            return Err(FrameError::OnceMismatch {
+                                role: pass.role.name(),
+                                first,
+                                second: plan.material.clone(),
+                            });
+                        }
                         continue;
                     }
                     let same = passes[first_of_phase..].iter_mut().find(|f| {
@@ -251,4 +271,15 @@ impl FramePlan {
             passes,
         })
     }
+}
+
+/// The pass of a frame's pass that runs once for the frame, and the material whose plan has it.
+fn once<'a>(
+    plans: impl IntoIterator<Item = &'a Plan>,
+    frame: &FramePass,
+) -> Option<(String, &'a GpuPass)> {
+    let (material, index) = frame.members.first()?;
+    let plan = plans.into_iter().find(|p| p.material == *material)?;
+    let pass = plan.passes.get(*index)?;
+    (pass.draws == Draws::Once).then(|| (material.clone(), pass))
 }

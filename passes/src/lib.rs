@@ -7,7 +7,7 @@
 //! 2. [`graph`]: an analysis overlay on it (dependence, rate, effect, cost);
 //! 3. [`mod@slice`]: what decides a value, an output or an effect;
 //! 4. [`place`]: a slice rebuilt as an entry point of its own;
-//! 5. [`depth_prepass`], [`early_discard`], [`hoist`], [`tessellate`], [`visibility_buffer`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
+//! 5. [`mod@specialize`], [`depth_prepass`], [`early_discard`], [`hoist`], [`tessellate`], [`trim_loop`], [`visibility_buffer`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
 //! 6. [`frame`]: the plans of several materials merged into one frame.
 //!
 //! Nothing in here reads a file, touches a GPU or asks the time.
@@ -27,6 +27,7 @@ mod fetch;
 pub mod frame;
 pub mod geometry;
 pub mod graph;
+pub mod guard;
 pub mod hoist;
 pub mod limits;
 pub mod link;
@@ -37,24 +38,29 @@ pub mod pass;
 pub mod place;
 pub mod plan;
 pub mod program;
+pub mod rasterizer;
 pub mod reflect;
 pub mod returns;
 pub mod self_test;
 pub mod shadow;
 pub mod slice;
+pub mod specialize;
 pub mod state;
 pub mod tessellate;
+pub mod trim_loop;
 pub mod visibility_buffer;
 
 pub use naga;
 
 /// Every pass, in the order `explain` tells of them.
 pub const PASSES: &[&dyn pass::AnyPass] = &[
+    &pass::Erased::<specialize::Specialize>::NEW,
     &pass::Erased::<depth_prepass::DepthPrepass>::NEW,
     &pass::Erased::<early_discard::EarlyDiscard>::NEW,
     &pass::Erased::<shadow::Shadow>::NEW,
     &pass::Erased::<hoist::Hoist>::NEW,
     &pass::Erased::<tessellate::Tessellate>::NEW,
+    &pass::Erased::<trim_loop::TrimLoop>::NEW,
     &pass::Erased::<visibility_buffer::VisibilityBuffer>::NEW,
 ];
 

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::plan::{Plan, Role};
 use crate::program::{Location, SourceMap};
+use crate::rasterizer::Rasterizer;
 
 /// What a pass says of itself.
 #[derive(Clone, Copy, Debug)]
@@ -157,9 +158,15 @@ pub struct Facts {
     /// Between which numbers the varyings and the constants of the draw lie; empty where that was not looked at.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranges: Vec<SourceRange>,
+    /// Numbers that no frame changes, by material; empty where that was not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub constants: Vec<Constant>,
     /// What carrying each value of a fragment stage alone does to the picture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<Frequency>,
+    /// What the adapter does that no language decides; `None`: not looked at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rasterizer: Option<Rasterizer>,
 }
 
 /// A uniform, or a member of one, that is not the same in all frames.
@@ -173,6 +180,15 @@ pub struct Changing {
     pub binding: u32,
     /// Name of the member; `None` where the uniform is no struct.
     pub member: Option<String>,
+}
+
+/// A number that is the same, or lies within bounds, in all draws of a material and in every frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Constant {
+    /// Name of the material.
+    pub material: String,
+    /// The number.
+    pub value: crate::guard::Assumed,
 }
 
 /// Where a fragment stage's numbers come from.

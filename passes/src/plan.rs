@@ -242,6 +242,8 @@ pub enum BindingKind {
 pub struct Visibility {
     pub vertex: bool,
     pub fragment: bool,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub compute: bool,
 }
 
 /// A binding that a pass's entry points really use.
@@ -602,6 +604,9 @@ pub struct Plan {
     pub self_test: Option<SelfTest>,
     /// What to take instead where the self-test fails: [`ORIGINAL`], whose pass and files are in `plan.json`, or a recipe.
     pub fallback: Option<String>,
+    /// The values it was made for. Where a draw's are others the host draws [`ORIGINAL`] instead; `None` where it was made for all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guard: Option<crate::guard::Guard>,
     /// The plan before any transform, for the fallback to it. `None` in that plan itself, and in one that was read from JSON, which has its
     /// passes and files beside the plan's own.
     #[serde(skip)]
@@ -682,6 +687,7 @@ impl Plan {
             contract: Contract::exact(),
             self_test: None,
             fallback: None,
+            guard: None,
             original: None,
             notes: Vec::new(),
         };

@@ -239,6 +239,7 @@ pub fn bindings(
             match stage {
                 ShaderStage::Vertex => bindings[i].visibility.vertex = true,
                 ShaderStage::Fragment => bindings[i].visibility.fragment = true,
+                ShaderStage::Compute => bindings[i].visibility.compute = true,
                 _ => {}
             }
         }

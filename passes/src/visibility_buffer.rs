@@ -24,7 +24,7 @@ use crate::depth_only::{self, DepthOnly, VertexStage};
 use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
-use crate::plan::{Attachment, ClearValue, Plan, Step};
+use crate::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::self_test;
 
 mod build;
@@ -44,7 +44,7 @@ mod text;
 pub use count::counted;
 use jumps::Reached;
 use lists::Lists;
-pub use params::{Corners, Form, Ids, Params, Select, Vertices, Words};
+pub use params::{Form, Ids, Params, Select, Vertices, Words};
 use parts::slots;
 
 /// Name of the attachment of ids.
@@ -67,7 +67,11 @@ impl Pass for VisibilityBuffer {
         hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices",
     };
 
-    fn sites(plan: &Plan, _: &Facts, params: &Params) -> Sites {
+    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
+        let params = &match params.resolved(facts) {
+            Ok(params) => params,
+            Err(refusal) => return opaque::refused(vec![*refusal]),
+        };
         let plan = alone(plan);
         let examined = Material::examine(&plan, params).and_then(|material| {
             // What cannot be rebuilt is found by rebuilding it.
@@ -85,10 +89,11 @@ impl Pass for VisibilityBuffer {
 
     fn apply(
         plan: &Plan,
-        _: &Facts,
+        facts: &Facts,
         site: &SiteKey,
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
+        let params = &params.resolved(facts)?;
         let plan = alone(plan);
         let material = Material::examine(&plan, params).map_err(depth_only::first)?;
         material
@@ -98,7 +103,7 @@ impl Pass for VisibilityBuffer {
     }
 }
 
-/// The plan with nothing but the main pass's entry points in its program: what else the author's file has may be called as ours are.
+/// The plan with nothing but the main pass's entry points in its program, under names that are none of ours: what else the author's file has may be called as ours are.
 fn alone(plan: &Plan) -> Plan {
     let mut plan = plan.clone();
     let Some((pass, program)) = plan
@@ -115,11 +120,34 @@ fn alone(plan: &Plan) -> Plan {
         .into_iter()
         .filter_map(|(stage, name)| Some((stage, name?)))
         .collect();
+    let mut module = place::retain(program.module(), &kept);
+    for entry in &mut module.entry_points {
+        entry.name = named(&entry.name);
+    }
     // A program that was valid is so with less in it.
-    if let Ok(program) = program.with_module(place::retain(program.module(), &kept)) {
+    if let Ok(program) = program.with_module(module) {
         plan.programs.insert(pass.program, program);
+        for pass in plan.passes.iter_mut().filter(|p| p.role == Role::Main) {
+            pass.vertex = named(&pass.vertex);
+            pass.fragment = pass.fragment.as_deref().map(named);
+        }
     }
     plan
+}
+
+/// An author's entry point by a name that is none of ours.
+fn named(name: &str) -> String {
+    let ours = [
+        ids::VERTEX,
+        ids::FRAGMENT,
+        resolve::VERTEX,
+        resolve::FRAGMENT,
+        resolve::COMPUTE,
+    ];
+    match ours.contains(&name) {
+        true => format!("{name}_given"),
+        false => name.to_owned(),
+    }
 }
 
 fn refuse(code: &str, reason: impl Into<String>, remedy: &str) -> Refusal {
@@ -147,6 +175,15 @@ impl<'a> Material<'a> {
             ));
             return Err(refusals);
         };
+        let entry = &opaque.program.module().entry_points[fragment];
+        if resolve::colors_of(opaque.program.module(), &entry.function).is_empty() {
+            refusals.push(refuse(
+                "no-color",
+                "the fragment stage gives no colour: there is nothing to shade later",
+                "leave it as it is",
+            ));
+            return Err(refusals);
+        }
         refusals.extend(legal::fragment(&opaque, fragment));
         if !refusals.is_empty() {
             return Err(refusals);
@@ -214,7 +251,8 @@ impl<'a> Material<'a> {
             clear: ClearValue::Color([0.0; 4]),
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
-        if (params.form, params.select) == (Form::Fragment, Select::Depth) {
+        self.check_varyings(&next, params)?;
+        if (params.form, params.select()) == (Form::Fragment, Select::Depth) {
             self.classify(&mut next, params).map_err(bug)?;
         }
         let lists = Lists::of(params);
@@ -247,6 +285,26 @@ impl<'a> Material<'a> {
         Ok(next)
     }
 
+    /// The author's varyings and the id beside them may be one more than the author asks a device for. Who says `vertex=same` has it so.
+    fn check_varyings(&self, plan: &Plan, params: &Params) -> Result<(), Box<Refusal>> {
+        const LIMIT: &str = "maxInterStageShaderVariables";
+        let asked = |pass: &GpuPass| pass.limits.get(LIMIT).copied().unwrap_or(0);
+        let Some(ids) = plan.passes.iter().find(|p| p.role == Role::Ids) else {
+            return Ok(());
+        };
+        if params.vertex.is_some() || asked(ids) <= asked(self.opaque.pass) {
+            return Ok(());
+        }
+        Err(Box::new(refuse(
+            "too-many-varyings",
+            format!(
+                "the id pass hands on the author's varyings and the id, {} in all, which is more than the material asks a device for ({LIMIT})",
+                asked(ids)
+            ),
+            "mark the position @invariant, or take vertex=sliced, which needs no varying but the id; or vertex=same, where devices have the limit",
+        )))
+    }
+
     /// What the roundings of interpolated values reach; refused where it is a jump, and no budget allows for one.
     fn reached(&self, params: &Params) -> Result<Reached, Box<Refusal>> {
         let program = self.opaque.program;
@@ -265,6 +323,17 @@ impl<'a> Material<'a> {
                 )
                 .at(program.sources(), *span),
             )),
+            _ => Ok(()),
+        }?;
+        match reached.biased {
+            Some(span) if params.budget.is_none() => Err(Box::new(
+                refuse(
+                    "biased-sample",
+                    "a sample's level has a bias, which a resolve makes of scaled gradients: levels round differently, by more than the promise of rounding allows",
+                    "give budget=0.02, say, and let `verify` measure it, or sample with gradients or a level of your own",
+                )
+                .at(program.sources(), span),
+            )),
             _ => Ok(reached),
         }
     }
@@ -276,6 +345,7 @@ impl<'a> Material<'a> {
         given.extend(reached.samples.then_some(Assumption::FilteredTextures));
         let chosen = reached.chosen_neighbours;
         given.extend(chosen.then_some(Assumption::DerivativeNeighbours));
+        given.extend(reached.linear.then_some(Assumption::UnclippedLinear));
         given.extend([
             // The resolve runs the vertex stage in another stage.
             Assumption::StagesAgree,

@@ -4,7 +4,7 @@
 mod common;
 
 use naga::{Expression, ShaderStage, Statement};
-use preshade_passes::graph::{FunctionId, Graph, cost, text};
+use preshade_passes::graph::{FunctionId, Graph, counted, text};
 
 /// The rate of each named value of the fragment stage, `name: rate`, with the stages that can have it where not all can.
 fn rates(source: &str, stage: ShaderStage) -> Vec<String> {
@@ -159,7 +159,7 @@ fn trips(body: &str) -> Vec<Option<u32>> {
     f.statements
         .iter()
         .filter(|(_, n)| matches!(n.statement, Statement::Loop { .. }))
-        .map(|(id, _)| cost::trips(program.module(), f, id))
+        .map(|(id, _)| counted::trips(program.module(), f, id))
         .collect()
 }
 

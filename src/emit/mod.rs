@@ -237,9 +237,12 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
     let mut files = Vec::new();
     let written = write_programs(plan, targets, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
-        Some(original) if plan.fallback.as_deref() == Some(ORIGINAL) => Some(write_original(
-            plan, original, &written, targets, options, &mut files,
-        )?),
+        // What rests on a guard needs the original beside it, whatever a failed self-test calls for.
+        Some(original) if plan.fallback.as_deref() == Some(ORIGINAL) || plan.guard.is_some() => {
+            Some(write_original(
+                plan, original, &written, targets, options, &mut files,
+            )?)
+        }
         _ => None,
     };
     files.push(plan_json::file(plan, &written, fallback));

@@ -65,6 +65,7 @@ impl PlanFile {
                 contract: Contract::exact(),
                 self_test: None,
                 fallback: None,
+                guard: None,
                 notes: Vec::new(),
                 ..self.plan.clone()
             },

@@ -113,12 +113,7 @@ struct Drawn {
 
 impl Drawn {
     fn new(computed: Computed, bound: DrawBindings) -> Self {
-        let corners = bound
-            .indices
-            .as_ref()
-            .map_or(bound.vertex_count, |i| i.count)
-            / 3
-            * 3;
+        let corners = bound.call.count / 3 * 3;
         Self {
             triangles: u64::from(corners / 3) * u64::from(bound.instances),
             corners,

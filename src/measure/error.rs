@@ -1,11 +1,11 @@
 //! How far two pictures are apart, by the error ladder: bits first, then the largest difference, then what an eye sees.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::render::{ColorImage, DepthImage, Rendered};
 
 /// The difference between an original and a variant of one view.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorLadder {
     /// Pixels where any colour target's bits differ, alpha included.
     pub changed_pixels: u64,

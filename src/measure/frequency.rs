@@ -1,15 +1,18 @@
 //! How well each value of a fragment stage can be interpolated on a scene's own triangles, and the choice under a budget that rests on it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 
 use preshade_passes::graph::Graph;
 use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Metric, Stages};
 use preshade_passes::pass::{Facts, Frequency, Pass};
+use preshade_passes::pass_named;
 use preshade_passes::plan::Plan;
 
 use super::bounds;
 use super::interpolation::{Points, interpolation};
 use super::{Error, ErrorLadder, compare, originals, variant};
+use crate::parameters::parameters;
 use crate::recipe::Recipe;
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant,
@@ -18,7 +21,7 @@ use crate::report::Budget;
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
-/// frames that choices are made on ([`choosing`]). Of `facts` the ranges count. `progress` is told the part done.
+/// frames that choices are made on ([`choosing`]). Of `facts` the ranges count. The dearest come first; `progress` is told the part done, and may end it there: what was measured stands.
 ///
 /// # Errors
 /// As [`Prepared::new`] and [`Prepared::render`], of the original. A candidate that cannot be drawn is left out.
@@ -27,7 +30,7 @@ pub fn frequencies(
     scene: &Scene,
     facts: &Facts,
     form: ShaderForm,
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Vec<Frequency>, Error> {
     let scene = &small(scene);
     let inputs = SceneInputs::new(gpu, scene)?;
@@ -47,9 +50,16 @@ pub fn frequencies(
             of.push((material, found, candidate));
         }
     }
+    let mut candidates: Vec<_> = candidates.into_iter().collect();
+    let saved = |of: &[(usize, &Candidates<'_, '_>, &Candidate)]| -> f64 {
+        of.iter().map(|(_, _, c)| c.cost).fold(0.0, f64::max)
+    };
+    candidates.sort_by(|(_, a), (_, b)| saved(b).total_cmp(&saved(a)));
     let mut measured = Vec::new();
     for (done, (id, of)) in candidates.iter().enumerate() {
-        progress(done as f64 / candidates.len() as f64);
+        if progress(done as f64 / candidates.len() as f64).is_break() {
+            break;
+        }
         let mut alone: BTreeMap<usize, Plan> = BTreeMap::new();
         let carried: Vec<_> = of
             .iter()
@@ -337,13 +347,16 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
     changed.then_some(recipe)
 }
 
-/// The recipe with its hoists under a promise of `budget`, and what they chose written out: what a host is given of a variant that was found to be within it. `None` if nothing is hoisted as an
-/// approximation.
+/// The recipe with its approximations under a promise of `budget`, and what they chose written out: what a host is given of a variant that was found to be within it. `None` if it approximates
+/// nothing.
 pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe> {
     let mut recipe = recipe.clone();
     let mut changed = false;
     for step in &mut recipe.steps {
-        if step.pass != Hoist::INFO.name || !step.params.contains_key("budget") {
+        // A budget without a metric is of another kind: what a rounding may become, say.
+        let has_metric = |p| parameters(p).iter().any(|p| p.name == "metric");
+        let counts = pass_named(&step.pass).is_some_and(has_metric);
+        if !counts || !step.params.contains_key("budget") {
             continue;
         }
         step.params.insert("budget".to_owned(), budget.most.into());

@@ -12,7 +12,7 @@ use preshade_passes::plan::Plan;
 use preshade_passes::state::Topology;
 use serde::Serialize;
 
-use crate::scene::{Draw, Scene, Stream, mesh};
+use crate::scene::{Draw, DrawRange, Scene, Stream, mesh};
 
 /// Edges that two draws share and divide differently.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -82,10 +82,24 @@ fn edges(scene: &Scene, draw: &Draw) -> HashSet<Edge> {
         return HashSet::new();
     };
     let positions: Vec<_> = mesh::positions(mesh).collect();
+    let DrawRange {
+        first,
+        count,
+        base_vertex,
+        first_instance,
+    } = draw.range;
     let indices: Vec<u32> = match &mesh.indices {
-        Some(indices) => indices.clone(),
+        Some(indices) => indices
+            .iter()
+            .map(|i| i.wrapping_add_signed(base_vertex))
+            .collect(),
         None => (0..mesh.vertex_count).collect(),
     };
+    let indices: Vec<u32> = indices
+        .into_iter()
+        .skip(first as usize)
+        .take(count.map_or(usize::MAX, |c| c as usize))
+        .collect();
     let step = match material.state.primitive.topology {
         Topology::TriangleList => 3,
         Topology::TriangleStrip => 1,
@@ -97,6 +111,8 @@ fn edges(scene: &Scene, draw: &Draw) -> HashSet<Edge> {
             .0
             .iter()
             .map(Mat4::from_cols_array)
+            .skip(first_instance as usize)
+            .take(draw.instances as usize)
             .collect(),
         _ => vec![Mat4::IDENTITY],
     };

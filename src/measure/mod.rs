@@ -1,18 +1,22 @@
 //! What a variant costs in accuracy and gains in time, measured beside the original.
 //!
-//! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames, [`shading`] counts fragments and depth ties, [`timing`] times frames,
+//! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames and [`mod@constants`] what is, [`shading`] counts fragments and depth ties, [`timing`] times frames,
 //! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself ([`bounds`] proves how far that can be off);
-//! [`mod@junctions`] finds edges that two draws divide differently; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
+//! [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
 //! [`crossover`] tells at which value of a scene's variable one variant overtakes another.
 
 pub mod bounds;
 pub mod changing;
+pub mod constants;
 pub mod crossover;
+pub mod effects;
 pub mod error;
 pub mod frequency;
+pub mod groups;
 pub mod interpolation;
 pub mod junctions;
 pub mod ranges;
+pub mod rasterizer;
 pub mod shading;
 pub mod shadow;
 pub mod statistics;
@@ -23,16 +27,20 @@ pub mod verify;
 mod vertices;
 
 pub use changing::changing;
+pub use constants::constants;
+pub use effects::{EffectUse, effects};
 pub use error::{ErrorLadder, compare};
 pub use frequency::{
     frequencies, interpolations, leaves_a_choice, promised, within_budget, written_out,
 };
+pub use groups::{MOST_GROUPS, grouped};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use ranges::ranges;
+pub use rasterizer::rasterizer;
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
-pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, time};
+pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, estimate, time};
 pub use variant::{counting, variant};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
 
@@ -54,8 +62,34 @@ pub enum Error {
 pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
     preshade_passes::pass::Facts {
         changing: changing(scene).ok(),
+        constants: constants(scene).unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
         ..preshade_passes::pass::Facts::default()
+    }
+}
+
+/// [`known`], as far as the passes of `recipe` read it.
+pub fn known_for(
+    scene: &crate::scene::Scene,
+    recipe: &crate::recipe::Recipe,
+) -> preshade_passes::pass::Facts {
+    use preshade_passes::depth_prepass::DepthPrepass;
+    use preshade_passes::early_discard::EarlyDiscard;
+    use preshade_passes::pass::{Facts, Pass};
+    use preshade_passes::shadow::Shadow;
+    // The passes that read neither: all others may.
+    let names = [
+        DepthPrepass::INFO.name,
+        EarlyDiscard::INFO.name,
+        Shadow::INFO.name,
+    ];
+    match recipe
+        .steps
+        .iter()
+        .all(|s| names.contains(&s.pass.as_str()))
+    {
+        true => Facts::default(),
+        false => known(scene),
     }
 }
 

@@ -196,7 +196,7 @@ impl<'a> Counter<'a> {
     }
 }
 
-/// Counts the depth ties of a scene over every frame of every camera: what `equal` forms of a pre-pass must know.
+/// Counts the depth ties of a scene over every frame of every camera, which is what `equal` forms of a pre-pass must know, and looks at what the adapter does that no language decides.
 ///
 /// # Errors
 /// As [`Prepared::new`].
@@ -222,6 +222,8 @@ pub fn facts(
         undiscarded_depth_ties: ties(Discarded::Counted)?,
         near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
         vertices_per_fragment: vertices_per_fragment(&inputs, &plans, form, &count)?,
+        // Of an adapter that does not show it the usual is taken.
+        rasterizer: super::rasterizer(gpu).ok(),
         ..super::known(scene)
     })
 }

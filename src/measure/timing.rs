@@ -72,6 +72,8 @@ pub struct Timing {
     pub time: FrameTime,
     /// Time of the first variant over this one's, of the samples taken in the same round. 1 for the first itself.
     pub speedup: Estimate,
+    /// What that is the median of, round by round.
+    pub ratios: Vec<f64>,
     /// Frames a submission.
     pub frames: u32,
     /// Samples thrown away because the clock gave zero or ran backwards.
@@ -153,6 +155,7 @@ pub fn time(
                     },
                     _ => estimate(&ratios, seed),
                 },
+                ratios,
                 time: FrameTime {
                     estimate: estimate(&good, seed),
                     samples: good,

@@ -92,6 +92,10 @@ struct View<'s> {
 /// A variant on its way.
 struct Subject<'a> {
     prepared: Option<Prepared<'a>>,
+    /// Its plans.
+    plans: Vec<Plan>,
+    /// What is drawn where guards do not hold: the plans, by index, that are drawn as their author wrote them.
+    fallback: Option<(Vec<usize>, Prepared<'a>)>,
     counter: Option<Counter<'a>>,
     report: VariantReport,
     pictures: Option<Pictures>,
@@ -163,7 +167,7 @@ pub fn verify(
                 depth_ties = depth_ties.map(|sum| sum + n);
             }
             inputs.set_frame(view.frame)?;
-            compare_view(&mut subjects, view)?;
+            compare_view(&inputs, &mut subjects, view, settings.form)?;
             count_view(&mut subjects, view)?;
             if view.headline {
                 for subject in &mut subjects {
@@ -174,7 +178,7 @@ pub fn verify(
                 let tick = |part: f64| {
                     progress(at(0.5 + 0.5 * part, format!("timing {view}")));
                 };
-                clock = Some(time_view(gpu, &mut subjects, view, &settings.timing, tick)?);
+                clock = Some(time_view(&inputs, &mut subjects, view, settings, tick)?);
             }
             Ok(())
         };
@@ -271,23 +275,28 @@ impl Timed {
 }
 
 /// Draws the view with every subject and compares each with the first.
-fn compare_view(subjects: &mut [Subject<'_>], view: &View<'_>) -> Result<(), Error> {
+fn compare_view<'a>(
+    inputs: &'a SceneInputs<'a>,
+    subjects: &mut [Subject<'a>],
+    view: &View<'_>,
+    form: ShaderForm,
+) -> Result<(), Error> {
     let [original, variants @ ..] = subjects else {
         return Ok(());
     };
-    let Some(reference) = original.draw(view)? else {
+    let Some(reference) = original.draw(inputs, view, form)? else {
         return Ok(());
     };
     // The original again: an adapter that does not repeat itself proves nothing.
     if view.headline
-        && let Some(again) = original.draw(view)?
+        && let Some(again) = original.draw(inputs, view, form)?
     {
         original.compare(view, &reference, &again)?;
     } else {
         original.add_view(view, ErrorLadder::default());
     }
     for variant in variants {
-        match variant.draw(view) {
+        match variant.draw(inputs, view, form) {
             Ok(Some(picture)) => {
                 if let Err(error) = variant.compare(view, &reference, &picture) {
                     variant.give_up(&error);
@@ -333,24 +342,24 @@ fn count_view(subjects: &mut [Subject<'_>], view: &View<'_>) -> Result<(), Error
     Ok(())
 }
 
-fn time_view(
-    gpu: &Gpu,
-    subjects: &mut [Subject<'_>],
+fn time_view<'a>(
+    inputs: &'a SceneInputs<'a>,
+    subjects: &mut [Subject<'a>],
     view: &View<'_>,
-    settings: &TimingSettings,
+    settings: &Settings<'_>,
     tick: impl FnMut(f64),
 ) -> Result<Clock, Error> {
     let mut ready = Vec::new();
     let mut rows = Vec::new();
-    for subject in subjects {
-        if let Some(prepared) = &mut subject.prepared {
-            prepared.aim(view.frame, view.order);
-            ready.push(&*prepared);
-            rows.push(&mut subject.report);
+    for (i, subject) in subjects.iter_mut().enumerate() {
+        if let Some(prepared) = subject.aimed(inputs, view, settings.form)? {
+            ready.push(prepared);
+            rows.push(i);
         }
     }
-    let (clock, timings) = time(gpu, &ready, settings, tick)?;
-    for (report, timing) in rows.into_iter().zip(timings) {
+    let (clock, timings) = time(inputs.gpu(), &ready, &settings.timing, tick)?;
+    for (i, timing) in rows.into_iter().zip(timings) {
+        let report = &mut subjects[i].report;
         if let Some(row) = report.by_view.last_mut() {
             row.time_ms = Some(timing.time.clone());
             row.speedup = Some(timing.speedup);
@@ -380,6 +389,8 @@ impl<'a> Subject<'a> {
             .fold(Contract::exact(), |c, plan| c.and(plan.contract.clone()));
         let mut subject = Self {
             prepared: None,
+            plans: variant.plans.clone(),
+            fallback: None,
             counter: None,
             report: VariantReport {
                 name: variant.name.clone(),
@@ -442,12 +453,59 @@ impl<'a> Subject<'a> {
         Ok(subject)
     }
 
-    fn draw(&mut self, view: &View<'_>) -> Result<Option<Rendered>, Error> {
+    fn draw(
+        &mut self,
+        inputs: &'a SceneInputs<'a>,
+        view: &View<'_>,
+        form: ShaderForm,
+    ) -> Result<Option<Rendered>, Error> {
+        let Some(prepared) = self.aimed(inputs, view, form)? else {
+            return Ok(None);
+        };
+        Ok(Some(prepared.render()?))
+    }
+
+    /// What draws this view, as a host would choose it: the variant, or where a guard does not hold the author's own for that material.
+    fn aimed(
+        &mut self,
+        inputs: &'a SceneInputs<'a>,
+        view: &View<'_>,
+        form: ShaderForm,
+    ) -> Result<Option<&Prepared<'a>>, Error> {
         let Some(prepared) = &mut self.prepared else {
             return Ok(None);
         };
+        let violated = inputs.violated(&self.plans, view.frame)?;
+        if violated.is_empty() {
+            prepared.aim(view.frame, view.order);
+            return Ok(Some(prepared));
+        }
+        for (index, assumed) in &violated {
+            let material = &self.plans[*index].material;
+            if !self.report.kept.iter().any(|k| k.material == *material) {
+                self.report.kept.push(Kept {
+                    material: material.clone(),
+                    why: format!("its guard does not hold in {view}: {assumed} was assumed"),
+                });
+            }
+        }
+        let indices: Vec<usize> = violated.iter().map(|(i, _)| *i).collect();
+        let fallback = match self.fallback.take() {
+            Some((of, prepared)) if of == indices => (of, prepared),
+            _ => {
+                let plans = self.plans.iter().enumerate().map(|(i, plan)| {
+                    let original = plan.original.as_deref().filter(|_| indices.contains(&i));
+                    original.unwrap_or(plan).clone()
+                });
+                let plans: Vec<Plan> = plans.collect();
+                let host = HostVariant::new(&plans, form)?;
+                let frame = FrameSettings::of(inputs.scene());
+                (indices, Prepared::new(inputs, &host, &frame)?)
+            }
+        };
+        let (_, prepared) = self.fallback.insert(fallback);
         prepared.aim(view.frame, view.order);
-        Ok(Some(prepared.render()?))
+        Ok(Some(prepared))
     }
 
     fn compare(

@@ -37,11 +37,10 @@ impl Vertices {
 impl<F: Number> Vertices<F> {
     /// Vertices of one instance, each as often as it is drawn.
     pub fn of_instance(&self) -> u32 {
-        let indices = self.bound.indices.as_ref();
-        indices.map_or(self.bound.vertex_count, |i| i.count)
+        self.bound.call.count
     }
 
-    /// The varyings at a vertex, by location, and the steps that took.
+    /// The varyings at a vertex of an instance, which is counted from the first that is drawn, by location, and the steps that took.
     ///
     /// # Errors
     /// Why the vertex stage cannot be run, in a user's words.
@@ -53,6 +52,7 @@ impl<F: Number> Vertices<F> {
         instance: u32,
     ) -> Result<(BTreeMap<u32, Value<F>>, u64), String> {
         let function = &module.entry_points[entry].function;
+        let instance = self.bound.call.first_instance + instance;
         let arguments = function
             .arguments
             .iter()
@@ -223,12 +223,13 @@ pub fn resource<F: Number>(
 
 /// The vertex that the draw's `at`-th corner is.
 pub fn index(bound: &DrawBindings, at: u32) -> Option<u32> {
+    let at = bound.call.first.checked_add(at)?;
     let Some(indices) = &bound.indices else {
         return Some(at);
     };
     let bytes = &indices.data.bytes;
     let at = at as usize;
-    match indices.format {
+    let index = match indices.format {
         wgpu::IndexFormat::Uint16 => bytes
             .as_chunks::<2>()
             .0
@@ -239,5 +240,6 @@ pub fn index(bound: &DrawBindings, at: u32) -> Option<u32> {
             .0
             .get(at)
             .map(|b| u32::from_le_bytes(*b)),
-    }
+    };
+    index?.checked_add_signed(bound.call.base_vertex)
 }

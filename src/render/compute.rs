@@ -9,7 +9,7 @@ use super::Error;
 use super::drawn::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
-use super::layout::{self, Made, Stages};
+use super::layout::{self, Made};
 use super::limits;
 use super::shader::Variant;
 use super::subdivided::Meshes;
@@ -106,15 +106,9 @@ pub(super) fn prepare(
                     ),
                     (None, _) => return Err(failed("it computes no geometry".to_owned())),
                 };
-                let filled = layout::fill(
-                    &pass.bindings,
-                    bound,
-                    targets,
-                    made,
-                    Stages::Compute,
-                    &gpu.device.limits(),
-                )
-                .map_err(failed)?;
+                let filled =
+                    layout::fill(&pass.bindings, bound, targets, made, &gpu.device.limits())
+                        .map_err(failed)?;
                 let groups = gpu.checked(&what, || layout::bind(&gpu.device, &filled))?;
                 if pipeline.is_none() {
                     let layouts: Vec<_> = groups.iter().map(|(g, l, _)| (*g, l)).collect();

@@ -20,6 +20,8 @@ pub(super) struct DrawTable {
     first_ids: Vec<u32>,
     /// Of ids of one word; `None`: they do not fit.
     triangle_bits: Option<u32>,
+    /// Instances of all draws, and triangles of the draw that has the most.
+    counts: (u64, u32),
     viewport: [f32; 4],
     /// All first ids, for shaders.
     table: wgpu::Buffer,
@@ -27,7 +29,11 @@ pub(super) struct DrawTable {
     frame: BTreeMap<String, (FrameWords, wgpu::Buffer)>,
     /// The computed vertices of draws that are not subdivided, by draw and name.
     vertices: BTreeMap<(usize, String), wgpu::Buffer>,
+    amend: Amend,
 }
+
+/// What is done to each entry before it is uploaded.
+pub(super) type Amend = fn(&mut Entry);
 
 /// What one pass binds of a draw.
 pub(super) struct Drawn {
@@ -53,29 +59,30 @@ impl DrawTable {
     ///
     /// # Errors
     /// In words: the draws have more instances than ids tell apart, a buffer is larger than the adapter binds, or two plans say different things of one.
-    pub fn new(inputs: &SceneInputs<'_>, plans: &[Plan]) -> Result<Self, String> {
+    pub fn new(inputs: &SceneInputs<'_>, plans: &[Plan], amend: Amend) -> Result<Self, String> {
         let scene = inputs.scene();
         let draws = || (0..scene.draws.len()).map(|i| inputs.draw(i));
         let instances = draws().map(|d| d.map_or(0, |d| d.instances));
         let first_ids = draw_table::first_ids(instances).map_err(|n| {
             format!(
-                "its draws have {n} instances, and ids tell {} apart",
+                "they have {n} instances, and ids tell {} apart",
                 draw_table::MOST_INSTANCES
             )
         })?;
         let [w, h] = scene.size;
         let viewport = scene.viewport.unwrap_or([0, 0, w, h]);
-        let counts = draws().flatten().map(|d| (d.instances, vertices(d) / 3));
-        let triangle_bits = draw_table::triangle_bits(counts);
+        let counts = draws().flatten().map(|d| (d.instances, d.call.count / 3));
+        let triangle_bits = draw_table::triangle_bits(counts.clone());
+        let most = counts.map(|(_, triangles)| triangles).max().unwrap_or(0);
         let words = draw_table::table(triangle_bits.unwrap_or_default(), &first_ids);
         let table = buffer(inputs.gpu(), &words, wgpu::BufferUsages::STORAGE);
         let instances = draws().flatten().map(|d| u64::from(d.instances)).sum();
-        let counts = (first_ids.len() as u64, instances, scene.size);
+        let sizes = (first_ids.len() as u64, instances, scene.size);
         let mut frame = BTreeMap::new();
         for planned in plans.iter().flat_map(|p| &p.frame_buffers) {
             match frame.get(&planned.name) {
                 None => {
-                    let made = frame_buffer(inputs.gpu(), planned, counts)?;
+                    let made = frame_buffer(inputs.gpu(), planned, sizes)?;
                     frame.insert(planned.name.clone(), (planned.holds, made));
                 }
                 Some((holds, _)) if *holds == planned.holds => {}
@@ -93,26 +100,26 @@ impl DrawTable {
             viewport: viewport.map(|v| v as f32),
             first_ids,
             triangle_bits,
+            counts: (instances, most),
             table,
+            amend,
         })
     }
 
     /// Fails, in words, where the frame's ids are of one word and do not fit, or its draws are more than a depth tells apart.
     pub fn check(&self, attachments: &[Attachment]) -> Result<(), String> {
-        let draws = self.first_ids.len();
-        if draws > draw_table::MOST_DRAWS && attachments.iter().any(|a| a.name == DRAWS) {
-            return Err(format!(
-                "it has {draws} draws, and a depth of 16 bits tells {} apart: take select=id",
-                draw_table::MOST_DRAWS
-            ));
+        if attachments.iter().any(|a| a.name == DRAWS) {
+            check_draws(self.first_ids.len())?;
         }
         let one = Words::One.format();
         let is_one = |a: &Attachment| a.name == IDS && a.format == one;
         match (attachments.iter().any(is_one), self.triangle_bits) {
-            (true, None) => Err(
-                "its instances and triangles do not fit into ids of one word: take words=two"
-                    .to_owned(),
-            ),
+            (true, None) => {
+                let (instances, triangles) = self.counts;
+                Err(format!(
+                    "{instances} instances, and {triangles} triangles with their sides, do not fit into ids of one word: take words=two"
+                ))
+            }
             _ => Ok(()),
         }
     }
@@ -139,19 +146,20 @@ impl DrawTable {
             check_formats(bindings, listed, &streams)?;
         }
         let index_bytes = draw.indices.as_ref().map_or(0, |i| i.format.byte_size());
-        let entry = Entry {
+        let mut entry = Entry {
             first_id: self.first_ids.get(index).copied().unwrap_or_default(),
             instances: draw.instances,
-            first_instance: 0,
+            first_instance: draw.call.first_instance,
             number: index as u32,
-            first: 0,
+            first: draw.call.first,
             index_bytes,
-            base_vertex: 0,
+            base_vertex: draw.call.base_vertex,
             triangle_bits: self.triangle_bits.unwrap_or_default(),
             viewport: self.viewport,
             vertices: draw.vertex_count,
             streams,
         };
+        (self.amend)(&mut entry);
         let words = entry
             .words()
             .ok_or("a vertex format is not one of WebGPU's")?;
@@ -181,7 +189,7 @@ impl DrawTable {
             number: index as u64,
             entry: buffer(gpu, &words, wgpu::BufferUsages::UNIFORM),
             table: self.table.clone(),
-            triangles: vertices(draw) / 3,
+            triangles: draw.call.count / 3,
         })
     }
 
@@ -211,6 +219,17 @@ impl DrawTable {
         for (_, buffer) in self.frame.values() {
             encoder.clear_buffer(buffer, 0, None);
         }
+    }
+}
+
+/// Fails, in words, where so many draws are more than a depth tells apart.
+fn check_draws(draws: usize) -> Result<(), String> {
+    match draws {
+        0..=draw_table::MOST_DRAWS => Ok(()),
+        _ => Err(format!(
+            "there are {draws}, and a depth of 16 bits tells {} apart: take select=id",
+            draw_table::MOST_DRAWS
+        )),
     }
 }
 
@@ -281,11 +300,6 @@ fn frame_buffer(
     }))
 }
 
-/// Vertices that an instance draws, each index one.
-fn vertices(draw: &DrawInputs) -> u32 {
-    draw.indices.as_ref().map_or(draw.vertex_count, |i| i.count)
-}
-
 /// Fails, in words, where an attribute is not stored as its type is declared.
 fn check_formats(
     bindings: &[BindingUse],
@@ -345,5 +359,17 @@ impl Drawn {
     /// Any buffer, where a draw has no indices.
     pub fn filler(&self) -> &wgpu::Buffer {
         &self.table
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::check_draws;
+
+    #[test]
+    fn more_draws_than_a_depth_of_16_bits_tells_apart_are_told() {
+        assert_eq!(check_draws(65_534), Ok(()));
+        let told = check_draws(65_535).unwrap_err();
+        assert!(told.contains("tells 65534 apart: take select=id"), "{told}");
     }
 }

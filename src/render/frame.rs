@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use preshade_passes::draw_table;
 use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
 use preshade_passes::geometry::Geometry;
 use preshade_passes::plan::{Draws, Phase, When};
@@ -17,7 +18,7 @@ use super::shader::Variant;
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
-use crate::scene::{DrawOrder, Frame, Scene};
+use crate::scene::{DrawOrder, Frame, Scene, bind};
 
 /// What a frame is drawn with that is neither the scene's nor the plan's.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,6 +132,19 @@ impl<'a> Prepared<'a> {
         variant: &Variant,
         settings: &FrameSettings,
     ) -> Result<Self, Error> {
+        Self::with_entries(inputs, variant, settings, |_| {})
+    }
+
+    /// [`Self::new`], with the entries of the draw table amended: what a host draws that gets them wrong.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_entries(
+        inputs: &'a SceneInputs<'a>,
+        variant: &Variant,
+        settings: &FrameSettings,
+        amend: fn(&mut draw_table::Entry),
+    ) -> Result<Self, Error> {
         let (gpu, scene) = (inputs.gpu(), inputs.scene());
         check_loads(&variant.frame().passes)?;
         let targets = Targets::new(gpu, variant, scene.size)?;
@@ -138,13 +152,13 @@ impl<'a> Prepared<'a> {
         let shaders = variant.compile(gpu)?;
         let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
         let mut meshes = Meshes::new(scene.size);
-        let table = DrawTable::new(inputs, variant.plans())
+        let table = DrawTable::new(inputs, variant.plans(), amend)
             .and_then(|table| {
                 table.check(&variant.frame().attachments)?;
                 Ok(table)
             })
-            .map_err(|message| Error::Scene {
-                draw: scene.name.clone(),
+            .map_err(|message| Error::Draws {
+                scene: scene.name.clone(),
                 message,
             })?;
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;
@@ -600,6 +614,14 @@ impl<'a> Prepared<'a> {
                 let vertex = &draw.vertex_buffers[*source];
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
             }
+            let bind::Call {
+                first,
+                count,
+                base_vertex,
+                first_instance,
+            } = draw.call;
+            let corners = first..first + count;
+            let instances = first_instance..first_instance + draw.instances;
             match &item.call {
                 Call::AsGiven => {}
                 Call::Subdivided(subdivided) => {
@@ -607,7 +629,7 @@ impl<'a> Prepared<'a> {
                     continue;
                 }
                 Call::Unindexed(vertices) => {
-                    render.draw(0..*vertices, 0..draw.instances);
+                    render.draw(0..*vertices, instances);
                     continue;
                 }
                 Call::FullScreen => {
@@ -622,9 +644,9 @@ impl<'a> Prepared<'a> {
             match &draw.indices {
                 Some(indices) => {
                     render.set_index_buffer(indices.buffer.slice(..), indices.format);
-                    render.draw_indexed(0..indices.count, 0, 0..draw.instances);
+                    render.draw_indexed(corners, base_vertex, instances);
                 }
-                None => render.draw(0..draw.vertex_count, 0..draw.instances),
+                None => render.draw(corners, instances),
             }
         }
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::num::NonZeroU64;
 use std::sync::Arc;
 
+use preshade_passes::guard::Assumed;
 use preshade_passes::plan::{BindingKind, GpuPass, Plan};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
@@ -30,6 +31,7 @@ pub(super) struct DrawInputs {
     pub vertex_buffers: Vec<VertexInput>,
     pub indices: Option<IndexInput>,
     pub vertex_count: u32,
+    pub call: bind::Call,
     pub instances: u32,
 }
 
@@ -53,7 +55,6 @@ pub(super) struct VertexInput {
 pub(super) struct IndexInput {
     pub buffer: wgpu::Buffer,
     pub format: wgpu::IndexFormat,
-    pub count: u32,
     /// The buffer's content, for meshes made of this one.
     pub bytes: Arc<[u8]>,
 }
@@ -184,6 +185,40 @@ impl<'a> SceneInputs<'a> {
         })
     }
 
+    /// The plans whose guard some draw of their material violates in `frame`, by index, and the first value that does. A host draws the originals of these.
+    ///
+    /// # Errors
+    /// As [`SceneInputs::new`].
+    pub fn violated(&self, plans: &[Plan], frame: &Frame) -> Result<Vec<(usize, Assumed)>, Error> {
+        let mut found = Vec::new();
+        for (index, plan) in plans.iter().enumerate() {
+            let Some(guard) = &plan.guard else { continue };
+            for draw in &self.scene.draws {
+                let Some(material) = self.scene.materials.get(draw.material) else {
+                    continue;
+                };
+                if material.name != plan.material {
+                    continue;
+                }
+                let pass = &self.authored[draw.material];
+                let bound = bind::uniform_buffers(self.scene, material, pass, draw, frame);
+                let bound = bound.map_err(|e| Error::Scene {
+                    draw: draw.name.clone(),
+                    message: e.to_string(),
+                })?;
+                let bytes = |group, binding| {
+                    let at = |b: &&bind::BufferBinding| (b.group, b.binding) == (group, binding);
+                    bound.iter().find(at).map(|b| &*b.data.bytes)
+                };
+                if let Some(assumed) = guard.violated(bytes) {
+                    found.push((index, assumed.clone()));
+                    break;
+                }
+            }
+        }
+        Ok(found)
+    }
+
     /// The scene.
     pub fn scene(&self) -> &'a Scene {
         self.scene
@@ -196,10 +231,8 @@ impl<'a> SceneInputs<'a> {
 
     /// Triangles of a draw of a triangle list, all instances together.
     pub fn triangles(&self, draw: usize) -> u64 {
-        self.draw(draw).map_or(0, |d| {
-            let corners = d.indices.as_ref().map_or(d.vertex_count, |i| i.count);
-            u64::from(corners / 3) * u64::from(d.instances)
-        })
+        self.draw(draw)
+            .map_or(0, |d| u64::from(d.call.count / 3) * u64::from(d.instances))
     }
 
     pub(super) fn draw(&self, index: usize) -> Option<&DrawInputs> {
@@ -273,7 +306,6 @@ impl Uploads {
                 wgpu::BufferUsages::INDEX | wgpu::BufferUsages::STORAGE,
             ),
             format: i.format,
-            count: i.count,
             bytes: Arc::clone(&i.data.bytes),
         });
         Ok(DrawInputs {
@@ -281,6 +313,7 @@ impl Uploads {
             vertex_buffers,
             indices,
             vertex_count: bound.vertex_count,
+            call: bound.call,
             instances: bound.instances,
         })
     }

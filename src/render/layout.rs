@@ -96,7 +96,6 @@ pub(super) fn fill<'a>(
     draw: &'a DrawInputs,
     targets: &'a Targets,
     made: Made<'a>,
-    stages: Stages,
     limits: &wgpu::Limits,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();
@@ -109,7 +108,7 @@ pub(super) fn fill<'a>(
             }
             BindingSource::Geometry { part } => {
                 let (buffer, ty) = made.part(b, part, draw)?;
-                check_size(b, buffer, ty, limits)?;
+                check_size(b, buffer.size(), ty, limits)?;
                 Filled::Geometry(buffer, ty)
             }
             BindingSource::SceneColor { location } => {
@@ -140,7 +139,7 @@ pub(super) fn fill<'a>(
             }
         };
         let bound = Bound {
-            entry: entry(b, filled.provided(), stages)?,
+            entry: entry(b, filled.provided())?,
             filled,
         };
         groups.entry(b.group).or_default().push(bound);
@@ -151,29 +150,27 @@ pub(super) fn fill<'a>(
 /// Fails, in words, where a buffer of the draw is larger than the adapter binds.
 fn check_size(
     b: &BindingUse,
-    buffer: &wgpu::Buffer,
+    size: u64,
     ty: wgpu::BufferBindingType,
     limits: &wgpu::Limits,
 ) -> Result<(), String> {
-    let most = match ty {
-        wgpu::BufferBindingType::Uniform => limits.max_uniform_buffer_binding_size,
-        wgpu::BufferBindingType::Storage { .. } => limits.max_storage_buffer_binding_size,
+    let (most, name) = match ty {
+        wgpu::BufferBindingType::Uniform => (
+            limits.max_uniform_buffer_binding_size,
+            "maxUniformBufferBindingSize",
+        ),
+        wgpu::BufferBindingType::Storage { .. } => (
+            limits.max_storage_buffer_binding_size,
+            "maxStorageBufferBindingSize",
+        ),
     };
-    if buffer.size() <= most {
+    if size <= most {
         return Ok(());
     }
     Err(format!(
-        "{} would bind {} bytes, and the adapter binds {most} at most (maxStorageBufferBindingSize): split the draw",
-        place(b),
-        buffer.size()
+        "{} would bind {size} bytes, and the adapter binds {most} at most ({name}): split the draw",
+        place(b)
     ))
-}
-
-/// The kind of pipeline that bindings are for.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stages {
-    Raster,
-    Compute,
 }
 
 /// Layout and bind group of each group.
@@ -230,7 +227,6 @@ fn place(b: &BindingUse) -> String {
 fn entry(
     b: &BindingUse,
     provided: wgpu::BindingType,
-    stages: Stages,
 ) -> Result<wgpu::BindGroupLayoutEntry, String> {
     let layout = b.layout.as_ref().ok_or_else(|| {
         format!(
@@ -259,7 +255,7 @@ fn entry(
     let mut visibility = wgpu::ShaderStages::NONE;
     visibility.set(wgpu::ShaderStages::VERTEX, b.visibility.vertex);
     visibility.set(wgpu::ShaderStages::FRAGMENT, b.visibility.fragment);
-    visibility.set(wgpu::ShaderStages::COMPUTE, stages == Stages::Compute);
+    visibility.set(wgpu::ShaderStages::COMPUTE, b.visibility.compute);
     Ok(wgpu::BindGroupLayoutEntry {
         binding: b.binding,
         visibility,
@@ -499,6 +495,28 @@ mod tests {
                 "{planned:?} {provided:?}"
             );
         }
+    }
+
+    #[test]
+    fn a_buffer_larger_than_the_adapter_binds_is_told() {
+        let limits = wgpu::Limits::default();
+        let b = BindingUse {
+            group: 2,
+            binding: 4,
+            name: "visibility_stream_0_".to_owned(),
+            kind: BindingKind::StorageRead,
+            visibility: Default::default(),
+            source: BindingSource::Author,
+            layout: None,
+        };
+        let storage = wgpu::BufferBindingType::Storage { read_only: true };
+        // 4,000,000 instances of 16 bytes, and of a matrix each.
+        assert_eq!(check_size(&b, 64_000_000, storage, &limits), Ok(()));
+        let told = check_size(&b, 256_000_000, storage, &limits).unwrap_err();
+        assert!(
+            told.contains("binds 134217728 at most (maxStorageBufferBindingSize)"),
+            "{told}"
+        );
     }
 
     #[test]

@@ -91,6 +91,14 @@ pub enum Error {
         /// What is wrong with it.
         message: String,
     },
+    /// The draws of a scene, all together, are more than a frame's ids or buffers hold.
+    #[error("the draws of scene `{scene}`: {message}")]
+    Draws {
+        /// Name of the scene.
+        scene: String,
+        /// What is too much.
+        message: String,
+    },
     /// An attachment of a plan that cannot be.
     #[error("attachment `{name}`: {message}")]
     Attachment {

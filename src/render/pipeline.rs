@@ -8,7 +8,7 @@ use preshade_passes::state::ColorTarget;
 
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
-use super::layout::{Made, Stages};
+use super::layout::Made;
 use super::shader::Stage;
 use super::targets::Targets;
 use super::{Error, layout, limits, state, trusted};
@@ -138,7 +138,6 @@ impl Build<'_> {
             self.draw,
             self.targets,
             self.made,
-            Stages::Raster,
             &self.gpu.device.limits(),
         )
         .map_err(|m| self.failed(m))?;
@@ -192,13 +191,23 @@ impl Build<'_> {
             }
             ColorAttachments::Named(names) => names
                 .iter()
-                .map(|name| {
+                .zip(&self.pass.targets)
+                .map(|(name, own)| {
                     let Some(name) = name else { return Ok(None) };
                     let target = self.targets.named(name);
                     let target = target
                         .ok_or_else(|| self.failed(format!("it has no attachment `{name}`")))?;
                     self.check_samples(name, target.samples())?;
-                    Ok(Some(target.format()))
+                    let planned = own.as_ref().map(|t| t.format.as_str());
+                    let format = target.format();
+                    match planned.and_then(state::color_format) {
+                        Some(planned) if planned == format => Ok(Some(format)),
+                        _ => Err(self.failed(format!(
+                            "pass `{}` draws {} to `{name}`, which is {format:?}",
+                            self.pass.program,
+                            planned.unwrap_or("nothing"),
+                        ))),
+                    }
                 })
                 .collect::<Result<_, Error>>()?,
         };

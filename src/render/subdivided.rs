@@ -179,10 +179,8 @@ impl SubdividedMesh {
         draw: &DrawInputs,
         size: [u32; 2],
     ) -> Self {
-        let (count, index_bytes) = match &draw.indices {
-            Some(indices) => (indices.count, indices.format.byte_size()),
-            None => (draw.vertex_count, 0),
-        };
+        let count = draw.call.count;
+        let index_bytes = draw.indices.as_ref().map_or(0, |i| i.format.byte_size());
         // A strip is drawn as the list of its triangles.
         let listed = match subdivision.given {
             Topology::TriangleStrip => {
@@ -202,10 +200,14 @@ impl SubdividedMesh {
         let constants = Constants {
             triangles,
             batches: triangles.div_ceil(subdivision.batch),
-            first: 0,
+            // The list of a strip begins with the first triangle that is drawn.
+            first: match &listed {
+                Some(_) => 0,
+                None => draw.call.first,
+            },
             index_bytes,
-            base_vertex: 0,
-            first_instance: 0,
+            base_vertex: draw.call.base_vertex,
+            first_instance: draw.call.first_instance,
             vertices: 0,
             instances: draw.instances,
             viewport: subdivision.edge_pixels.map(|_| size),
@@ -365,8 +367,9 @@ fn strip_vertex(draw: &DrawInputs, at: u32) -> Option<u32> {
     (Some(index) != restart).then_some(index)
 }
 
-/// An index of the author's draw.
+/// An index of the author's draw, `base_vertex` not added.
 fn vertex(draw: &DrawInputs, at: u32) -> u32 {
+    let at = draw.call.first + at;
     let Some(indices) = &draw.indices else {
         return at;
     };

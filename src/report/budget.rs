@@ -36,7 +36,7 @@ impl Budget {
     }
 
     /// What of an error it counts.
-    fn of(self, error: &ErrorLadder) -> f64 {
+    pub fn of(self, error: &ErrorLadder) -> f64 {
         match self.metric {
             Metric::FlipMean => error.flip_mean,
             Metric::FlipP99 => error.flip_p99,

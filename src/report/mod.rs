@@ -2,6 +2,8 @@
 
 pub mod budget;
 pub mod crossover;
+pub mod frontier;
+pub mod html;
 pub mod path;
 pub mod picture;
 pub mod plot;

@@ -83,6 +83,26 @@ impl Pictures {
         })
     }
 
+    /// The FLIP error map (Andersson et al. 2020) of the two, from black where no eye sees a difference over magenta to white.
+    pub fn flip(&self) -> Picture {
+        let rgb = |picture: &Picture| {
+            let texels = picture.rgba.as_chunks::<4>().0.iter();
+            let bytes: Vec<u8> = texels.flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+            nv_flip::FlipImageRgb8::with_data(picture.size[0], picture.size[1], &bytes)
+        };
+        let map = nv_flip::flip(
+            rgb(&self.original),
+            rgb(&self.variant),
+            nv_flip::DEFAULT_PIXELS_PER_DEGREE,
+        );
+        let colors = map.apply_color_lut(&nv_flip::magma_lut()).to_vec();
+        let texels = colors.as_chunks::<3>().0.iter();
+        Picture {
+            size: self.original.size,
+            rgba: texels.flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect(),
+        }
+    }
+
     /// The PNG files: `original.png`, `NAME.png`, `NAME.difference.png`, `original.overdraw.png`, `NAME.overdraw.png`, where another view
     /// than the headline's is the worst `NAME.worst.png` and `NAME.worst.difference.png`, and the contact sheet `NAME.sheet.png`. [`crate::emit::write`] puts them on the disk, all or none.
     ///

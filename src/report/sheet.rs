@@ -174,7 +174,7 @@ pub fn rows(variants: &[(String, &Pictures)]) -> Picture {
 }
 
 /// Alpha is data, not coverage: what is shown is opaque.
-fn opaque(mut picture: Picture) -> Picture {
+pub(super) fn opaque(mut picture: Picture) -> Picture {
     for texel in picture.rgba.as_chunks_mut::<4>().0 {
         texel[3] = 255;
     }

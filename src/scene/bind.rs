@@ -14,7 +14,7 @@ use preshade_passes::state::CompareFunction;
 
 use super::layout::{self, Leaf};
 use super::semantic::{Known, normalise};
-use super::{Draw, Error, Frame, Image, Material, Sampler, Scene, Value, material};
+use super::{Draw, Error, Frame, Image, Material, Sampler, Scene, Value, material, range};
 
 mod guessed;
 mod held;
@@ -150,7 +150,7 @@ pub struct VertexBuffer {
 pub struct Indices {
     /// 16 bits when the mesh has at most 65,535 vertices.
     pub format: wgpu::IndexFormat,
-    /// Number of indices.
+    /// Number of indices in the buffer.
     pub count: u32,
     /// Content, padded to a multiple of 4 bytes.
     pub data: Data,
@@ -167,12 +167,27 @@ pub struct DrawBindings {
     pub samplers: Vec<SamplerBinding>,
     /// At most one by vertex and one by instance.
     pub vertex_buffers: Vec<VertexBuffer>,
-    /// Indices; `None` draws `vertex_count` vertices in order.
+    /// Indices; `None` draws vertices in order.
     pub indices: Option<Indices>,
-    /// Vertices to draw where there are no indices.
+    /// Vertices that there are.
     pub vertex_count: u32,
+    /// What is drawn of them.
+    pub call: Call,
     /// Instances to draw.
     pub instances: u32,
+}
+
+/// A draw call but for its number of instances: `drawIndexed(count, instances, first, base_vertex, first_instance)`, or `draw(count, instances, first, first_instance)`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Call {
+    /// First index, or first vertex without indices.
+    pub first: u32,
+    /// Indices, or vertices without indices.
+    pub count: u32,
+    /// Added to each index.
+    pub base_vertex: i32,
+    /// What `instance_index` begins with.
+    pub first_instance: u32,
 }
 
 /// Binds everything that `pass` lists, for one draw in one frame.
@@ -187,6 +202,9 @@ pub fn draw(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<DrawBindings, Error> {
+    if let Some(mesh) = scene.meshes.get(draw.mesh) {
+        range::check(mesh, draw)?;
+    }
     let streams = Streams::new(scene, material, draw)?;
     let module = material.program.module();
     let mut out = DrawBindings {
@@ -196,6 +214,7 @@ pub fn draw(
         vertex_buffers: streams.vertex_buffers(pass)?,
         indices: streams.indices(),
         vertex_count: streams.vertex_count(),
+        call: streams.call(),
         instances: draw.instances,
     };
     for binding in authored(pass) {
@@ -241,15 +260,27 @@ pub fn frame_buffers(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<Vec<BufferBinding>, Error> {
+    let mut bound = uniform_buffers(scene, material, pass, draw, frame)?;
+    bound.retain(|b| b.rate == Rate::Frame);
+    Ok(bound)
+}
+
+/// The uniform buffers of [`draw`].
+///
+/// # Errors
+/// As [`draw`].
+pub fn uniform_buffers(
+    scene: &Scene,
+    material: &Material,
+    pass: &GpuPass,
+    draw: &Draw,
+    frame: &Frame,
+) -> Result<Vec<BufferBinding>, Error> {
     let streams = Streams::new(scene, material, draw)?;
-    let mut out = Vec::new();
-    for binding in authored(pass).filter(|b| b.kind == BindingKind::Uniform) {
-        let bound = buffer(scene, material, &streams, binding, draw, frame, &mut ignore)?;
-        if bound.rate == Rate::Frame {
-            out.push(bound);
-        }
-    }
-    Ok(out)
+    authored(pass)
+        .filter(|b| b.kind == BindingKind::Uniform)
+        .map(|b| buffer(scene, material, &streams, b, draw, frame, &mut ignore))
+        .collect()
 }
 
 /// Packs the uniforms of one draw and drops them: whether its values fit their variables.

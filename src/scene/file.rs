@@ -232,9 +232,21 @@ pub(super) struct DrawEntry {
     pub rotate: [f32; 3],
     pub scale: Option<Scale>,
     pub field: Option<Spanned<Field>>,
+    pub range: Option<Spanned<Range>>,
     pub morph_weights: Option<Vec<f32>>,
     #[serde(default)]
     pub values: BTreeMap<String, Spanned<RawValue>>,
+}
+
+/// The part of a mesh and of a field that is drawn.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Range {
+    pub first: u32,
+    pub count: Option<u32>,
+    pub base_vertex: i32,
+    pub first_instance: u32,
+    pub instances: Option<u32>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -18,8 +18,8 @@ use super::file::{
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Camera, Draw, DrawOrder, Error, Light, Material, Scene, Stream, Value, Variables, bind, error,
-    material, meshes, variables,
+    Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Scene, Stream, Value, Variables,
+    bind, error, material, meshes, range, variables,
 };
 use crate::front;
 
@@ -185,6 +185,7 @@ impl Loader<'_> {
                 ],
             },
             light,
+            files: self.folder.files(),
         };
         for (i, entry) in f.cameras.iter().enumerate() {
             let camera = self
@@ -395,6 +396,7 @@ impl Loader<'_> {
             mesh,
             material,
             transform: transform(entry.translate, entry.rotate, entry.scale.as_ref()),
+            range: DrawRange::default(),
             instances: 1,
             instance_streams: BTreeMap::new(),
             joints: rigged.joints.clone(),
@@ -411,7 +413,13 @@ impl Loader<'_> {
                 None => e,
             });
         }
+        let take = |draw: &mut Draw, copies: Option<u32>| match &entry.range {
+            None => Ok(()),
+            Some(r) => range::take(*r.get_ref(), &rigged.mesh, draw, copies)
+                .map_err(|e| self.source.at(e, r.span())),
+        };
         let Some(field) = &entry.field else {
+            take(&mut draw, None)?;
             draws.push(draw);
             return Ok(());
         };
@@ -420,6 +428,7 @@ impl Loader<'_> {
         match field.get_ref().kind {
             FieldKind::Instances => {
                 draw.instances = places.len() as u32;
+                take(&mut draw, Some(places.len() as u32))?;
                 let transforms = places.iter().flat_map(|p| p.transform.to_cols_array());
                 let colors = places.iter().flat_map(|p| p.color);
                 let on_ground = places.iter().flat_map(|p| p.on_ground);
@@ -449,6 +458,7 @@ impl Loader<'_> {
                 draws.push(draw);
             }
             FieldKind::Draws => {
+                take(&mut draw, None)?;
                 for (i, place) in places.iter().enumerate() {
                     draws.push(Draw {
                         name: format!("{}[{i}]", draw.name),

@@ -12,6 +12,7 @@ mod material;
 mod meshes;
 mod noise;
 mod place;
+mod range;
 mod semantic;
 mod setup;
 mod synthesise;
@@ -66,6 +67,8 @@ pub struct Scene {
     pub orders: Vec<DrawOrder>,
     /// Directional light, and what its shadow map covers.
     pub light: Light,
+    /// Whole paths of the files that it was read from, its own apart; none of a scene that was made up.
+    pub files: Vec<std::path::PathBuf>,
 }
 
 /// Order of the opaque draws of a frame.
@@ -216,9 +219,11 @@ pub struct Draw {
     pub material: usize,
     /// Object to world.
     pub transform: Mat4,
+    /// What is drawn of the mesh, and from which instance on.
+    pub range: DrawRange,
     /// Number of instances.
     pub instances: u32,
-    /// Per-instance streams by name: `instance_transform` (16), `instance_color` (4) and so on.
+    /// Per-instance streams by name: `instance_transform` (16), `instance_color` (4) and so on. The first instance that is drawn is that of the range.
     pub instance_streams: BTreeMap<String, Stream>,
     /// Joint matrices of a skinned mesh, bind pose inverse applied.
     pub joints: Vec<Mat4>,
@@ -226,6 +231,19 @@ pub struct Draw {
     pub morph_weights: Vec<f32>,
     /// Values of this draw alone.
     pub values: BTreeMap<String, Value>,
+}
+
+/// The part of a mesh that a draw call takes, as `drawIndexed` and `draw` have it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DrawRange {
+    /// First index; without indices the first vertex.
+    pub first: u32,
+    /// Number of indices, or of vertices; `None`: all from the first on.
+    pub count: Option<u32>,
+    /// Added to each index; without indices it means nothing.
+    pub base_vertex: i32,
+    /// What `instance_index` begins with.
+    pub first_instance: u32,
 }
 
 /// A camera, or a path of them.

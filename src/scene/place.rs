@@ -3,6 +3,8 @@
 //! A path in a scene is relative to the scene's folder. It may go up, but not out of the scene's root: the nearest folder above it (its own
 //! included) that holds a `preshade.toml` or a `.git`, or else the parent of the scene's folder.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::Error;
@@ -11,6 +13,8 @@ use super::Error;
 pub(super) struct Folder {
     base: PathBuf,
     root: PathBuf,
+    /// Whole paths of the files that were read.
+    read: RefCell<BTreeSet<PathBuf>>,
 }
 
 impl Folder {
@@ -26,7 +30,11 @@ impl Folder {
             .or_else(|| base.parent())
             .unwrap_or(&base)
             .to_owned();
-        Ok(Self { base, root })
+        Ok(Self {
+            base,
+            root,
+            read: RefCell::default(),
+        })
     }
 
     /// The bytes of a file the scene names, and the path to show in messages.
@@ -45,8 +53,14 @@ impl Folder {
             ));
         }
         let bytes = std::fs::read(&real).map_err(|e| Error::read(&real, &e))?;
+        self.read.borrow_mut().insert(real.clone());
         let shown = real.strip_prefix(&self.root).unwrap_or(&real);
         Ok((shown.display().to_string(), bytes))
+    }
+
+    /// Whole paths of the files that were read, sorted.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        self.read.borrow().iter().cloned().collect()
     }
 
     /// [`Folder::read`], as text.

@@ -12,7 +12,7 @@ use super::camera::{Pose, Range};
 use super::mesh::{Cuboid, Morph, Plane, Skin, Sphere, Vertices, WireSphere};
 use super::noise::random;
 use super::semantic::normalise;
-use super::{Camera, Draw, DrawOrder, Light, Material, Mesh, Scene, Stream, material};
+use super::{Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, material};
 use crate::front::Parsed;
 
 /// A scene for a material of which nothing is known but its shader and its state: a floor, boxes and spheres in three rows before a camera, in three
@@ -45,6 +45,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             mesh,
             material: 0,
             transform,
+            range: DrawRange::default(),
             instances: 1,
             instance_streams: BTreeMap::new(),
             joints: joints.get(mesh).cloned().unwrap_or_default(),
@@ -100,6 +101,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             DrawOrder::Shuffled,
         ],
         light: Light::default(),
+        files: Vec::new(),
     }
 }
 

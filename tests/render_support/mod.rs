@@ -1,6 +1,8 @@
 //! Small scenes made by hand, whose pictures are known without drawing them.
 #![allow(dead_code)] // Each test binary uses its own part.
 
+pub mod parts;
+
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
@@ -12,7 +14,7 @@ use preshade::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
 use preshade::scene::{
-    Camera, Draw, DrawOrder, Frame, Light, Material, Mesh, Scene, Stream, Value,
+    Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream, Value,
 };
 
 /// The adapter of the environment's choice, opened once: some drivers deadlock when many devices come and go in one process. Tests fail
@@ -86,6 +88,7 @@ pub fn draw(name: &str, transform: Mat4, tint: [f64; 4]) -> Draw {
         mesh: 0,
         material: 0,
         transform,
+        range: DrawRange::default(),
         instances: 1,
         instance_streams: BTreeMap::new(),
         joints: Vec::new(),
@@ -117,6 +120,7 @@ pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scen
             }],
         }],
         orders: vec![DrawOrder::FrontToBack, DrawOrder::BackToFront],
+        files: Vec::new(),
         light: Light {
             direction: Vec3::Y,
             color: Vec3::ONE,

@@ -25,6 +25,8 @@ pub enum Held {
     Report(Report),
     /// Hand-written forms beside generated ones: `bench --format json`.
     Bench(Bench),
+    /// What `plan` decided, or what its decisions regret: no page is made of those.
+    Decision,
 }
 
 #[derive(Deserialize)]
@@ -180,6 +182,7 @@ pub fn held(text: &str) -> Result<Held, String> {
         Some("preshade.series.v1") => serde_json::from_value(json).map(Held::Series),
         Some("preshade.verify.v1") => serde_json::from_value(json).map(Held::Report),
         Some("preshade.bench.v1") => serde_json::from_value(json).map(Held::Bench),
+        Some("preshade.decision.v1" | "preshade.regret.v1") => return Ok(Held::Decision),
         Some(other) => return Err(format!("`{other}` is no schema that is known here")),
         None => return Err("there is no field `schema`".to_owned()),
     }

@@ -116,6 +116,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
             mesh: 0,
             material: 0,
             transform: Default::default(),
+            range: Default::default(),
             instances: count,
             instance_streams: BTreeMap::new(),
             joints: Vec::new(),

@@ -20,19 +20,14 @@
 //! [`DEFAULT_TRIPS`].
 
 use naga::{
-    AddressSpace, BinaryOperator, Expression, Handle, ImageQuery, Literal, LocalVariable,
-    MathFunction, Module, SampleLevel, ScalarKind, Statement, TypeInner,
+    AddressSpace, BinaryOperator, Expression, Handle, ImageQuery, MathFunction, Module,
+    SampleLevel, ScalarKind, Statement, TypeInner,
 };
 
-use super::cells::Root;
-use super::memory::{Origin, VersionId};
-use super::{FunctionGraph, StmtId};
+use super::{FunctionGraph, StmtId, counted};
 
 /// Turns a loop is taken to make when it is not seen how many it makes.
 pub const DEFAULT_TRIPS: f64 = 8.0;
-
-/// Longest run followed to count a loop's turns.
-const MOST_TRIPS: u32 = 4096;
 
 fn components(ty: &TypeInner) -> f64 {
     match ty {
@@ -164,142 +159,11 @@ pub fn multiplicity(module: &Module, f: &FunctionGraph<'_>) -> Vec<f64> {
     for (id, node) in f.statements.iter() {
         let outer = node.parent.map_or(1.0, |p| times[p.index()]);
         times.push(match node.statement {
-            Statement::Loop { .. } => outer * trips(module, f, id).map_or(DEFAULT_TRIPS, f64::from),
+            Statement::Loop { .. } => {
+                outer * counted::trips(module, f, id).map_or(DEFAULT_TRIPS, f64::from)
+            }
             _ => outer,
         });
     }
     times
-}
-
-/// The number of turns of a counted loop: a local that starts at a constant, is stepped by a constant once a turn, and is compared with a
-/// constant before anything else happens. `None` for any other loop, and where the counter would leave the range of its type: there it wraps, and the loop
-/// may never end.
-pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> {
-    let Statement::Loop { body, .. } = f.statements.get(id).statement else {
-        return None;
-    };
-    let (condition, while_true) = body.iter().find_map(|s| match s {
-        Statement::Emit(_) => None,
-        Statement::If {
-            condition,
-            accept,
-            reject,
-        } => match (accept.as_ref(), reject.as_ref()) {
-            ([], [Statement::Break]) => Some(Some((*condition, true))),
-            ([Statement::Break], []) => Some(Some((*condition, false))),
-            _ => Some(None),
-        },
-        _ => Some(None),
-    })??;
-    let (condition, while_true) = match f.function.expressions[condition] {
-        Expression::Unary {
-            op: naga::UnaryOperator::LogicalNot,
-            expr,
-        } => (expr, !while_true),
-        _ => (condition, while_true),
-    };
-    let Expression::Binary { op, left, right } = f.function.expressions[condition] else {
-        return None;
-    };
-    let (counter, seen) = counter_version(f, left)?;
-    let bound = integer(module, f, right)?;
-    let Origin::Phi {
-        at: Some(at),
-        operands,
-    } = f.memory.origin(seen)
-    else {
-        return None;
-    };
-    let [start, latch] = operands.as_slice() else {
-        return None;
-    };
-    if *at != id {
-        return None;
-    }
-    let start = match f.memory.origin(*start) {
-        Origin::Initial => match f.function.local_variables[counter].init {
-            Some(init) => integer(module, f, init)?,
-            None => 0,
-        },
-        Origin::Written { by, over: None } => match f.statements.get(*by).statement {
-            Statement::Store { value, .. } => integer(module, f, *value)?,
-            _ => return None,
-        },
-        _ => return None,
-    };
-    let Origin::Written { by, over: None } = f.memory.origin(*latch) else {
-        return None;
-    };
-    let Statement::Store { value, .. } = f.statements.get(*by).statement else {
-        return None;
-    };
-    let Expression::Binary {
-        op: step_op,
-        left: stepped,
-        right: step,
-    } = f.function.expressions[*value]
-    else {
-        return None;
-    };
-    if counter_version(f, stepped)? != (counter, seen) {
-        return None;
-    }
-    let step = integer(module, f, step)?;
-    let range = match module.types[f.function.local_variables[counter].ty].inner {
-        TypeInner::Scalar(naga::Scalar::I32) => i64::from(i32::MIN)..=i64::from(i32::MAX),
-        TypeInner::Scalar(naga::Scalar::U32) => 0..=i64::from(u32::MAX),
-        _ => return None,
-    };
-    let mut value = start;
-    for turn in 0..MOST_TRIPS {
-        let holds = match op {
-            BinaryOperator::Less => value < bound,
-            BinaryOperator::LessEqual => value <= bound,
-            BinaryOperator::Greater => value > bound,
-            BinaryOperator::GreaterEqual => value >= bound,
-            BinaryOperator::NotEqual => value != bound,
-            BinaryOperator::Equal => value == bound,
-            _ => return None,
-        };
-        if holds != while_true {
-            return Some(turn);
-        }
-        value = match step_op {
-            BinaryOperator::Add => value.checked_add(step)?,
-            BinaryOperator::Subtract => value.checked_sub(step)?,
-            BinaryOperator::Multiply => value.checked_mul(step)?,
-            _ => return None,
-        };
-        if !range.contains(&value) {
-            return None;
-        }
-    }
-    None
-}
-
-/// The local an expression loads whole, and the version it sees.
-fn counter_version(
-    f: &FunctionGraph<'_>,
-    e: Handle<Expression>,
-) -> Option<(Handle<LocalVariable>, VersionId)> {
-    let [seen] = f.memory.loads.get(&e)?.as_slice() else {
-        return None;
-    };
-    match f.memory.cell(*seen).root {
-        Root::Local(v) if f.memory.cell(*seen).path.is_empty() => Some((v, *seen)),
-        _ => None,
-    }
-}
-
-fn integer(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> Option<i64> {
-    let literal = |e: &Expression| match e {
-        Expression::Literal(Literal::I32(v)) => Some(i64::from(*v)),
-        Expression::Literal(Literal::U32(v)) => Some(i64::from(*v)),
-        Expression::ZeroValue(_) => Some(0),
-        _ => None,
-    };
-    match &f.function.expressions[e] {
-        Expression::Constant(c) => literal(&module.global_expressions[module.constants[*c].init]),
-        e => literal(e),
-    }
 }

@@ -16,6 +16,7 @@ use crate::program::Program;
 pub mod cells;
 pub mod control;
 pub mod cost;
+pub mod counted;
 mod dot;
 pub mod effect;
 pub mod export;
@@ -125,7 +126,7 @@ impl<'p> Graph<'p> {
             for (id, node) in f.statements.iter() {
                 if f.control.is_reachable(id) {
                     below.loops |= matches!(node.statement, Statement::Loop { .. })
-                        && cost::trips(module, f, id).is_none();
+                        && counted::trips(module, f, id).is_none();
                 }
             }
             below.effects = effect::own(module, f);
@@ -242,7 +243,7 @@ impl<'p> Graph<'p> {
             .collect()
     }
 
-    /// Whether a function, or something it calls, has a loop that is not seen to end ([`cost::trips`]).
+    /// Whether a function, or something it calls, has a loop that is not seen to end ([`counted::trips`]).
     pub fn may_loop(&self, function: FunctionId) -> bool {
         self.reach[self.index(function)].loops
     }

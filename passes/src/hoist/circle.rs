@@ -7,7 +7,7 @@ use petgraph::algo::kosaraju_scc;
 use petgraph::graph::DiGraph;
 
 use super::values::{Node, ValueId, Values};
-use crate::graph::cost;
+use crate::graph::counted;
 use crate::graph::memory::Origin;
 
 /// The values so that each comes after all that rest on it, those in a circle together.
@@ -89,7 +89,7 @@ impl Merges {
             };
             if matches!(f.statements.get(at).statement, Statement::Loop { .. }) {
                 of.push(*id);
-                loops.insert((context, at), cost::trips(values.graph.module(), f, at));
+                loops.insert((context, at), counted::trips(values.graph.module(), f, at));
             }
         }
         let turns = loops.values().try_fold(1_usize, |product, trips| {

@@ -43,7 +43,7 @@ impl Metric {
         }
     }
 
-    pub(super) fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::FlipMean => "flip_mean",
             Self::FlipP99 => "flip_p99",

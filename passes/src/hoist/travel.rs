@@ -16,7 +16,7 @@ use super::turn::turning;
 use super::values::{Node, ValueId, Values};
 use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
-use crate::graph::{FunctionId, StmtId, cost, effect};
+use crate::graph::{FunctionId, StmtId, counted, effect};
 use crate::pass::SourceRange;
 
 /// As what a value may travel. Ordered from the strongest promise to the weakest.
@@ -372,7 +372,7 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
                 matches!(f.statements.get(s).statement, Statement::Loop { .. })
                     && *seen
                         .entry((f.id, s))
-                        .or_insert_with(|| cost::trips(module, f, s).is_none())
+                        .or_insert_with(|| counted::trips(module, f, s).is_none())
             })
     };
     let all = 0..values.values.len();

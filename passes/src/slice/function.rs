@@ -10,7 +10,7 @@ use super::need::Need;
 use super::{Demand, Termination};
 use crate::graph::cells::{self, Cell, Root};
 use crate::graph::memory::{self, Origin, VersionId};
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, cost, operands};
+use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, counted, operands};
 
 /// What of a function decides what its caller demands.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -149,7 +149,7 @@ impl<'g, 'p> Work<'g, 'p> {
                 }
                 Statement::Loop { .. }
                     if termination == Termination::Preserved
-                        && cost::trips(graph.module(), f, id).is_none() =>
+                        && counted::trips(graph.module(), f, id).is_none() =>
                 {
                     this.keep(id);
                     for inner in id.index() + 1..node.end.index() {

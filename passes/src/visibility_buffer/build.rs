@@ -175,13 +175,15 @@ impl Material<'_> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         let opaque = &self.opaque;
         let (shaded, fragment) = resolve::shaded(opaque.program, self.fragment).map_err(bug)?;
-        let explicit = gradients::explicit(&shaded, fragment).map_err(|failed| match failed {
-            Failed::Bug(why) => bug(why),
-            Failed::Refused(code, reason, span) => Box::new(
-                refuse(code, reason, "sample with gradients or a level of your own")
-                    .at(opaque.program.sources(), span),
-            ),
-        })?;
+        let like = params.rasterizer();
+        let explicit =
+            gradients::explicit(&shaded, fragment, &like).map_err(|failed| match failed {
+                Failed::Bug(why) => bug(why),
+                Failed::Refused(code, reason, span) => Box::new(
+                    refuse(code, reason, gradients::remedy(code))
+                        .at(opaque.program.sources(), span),
+                ),
+            })?;
         Resolve {
             explicit,
             fragment,
@@ -192,7 +194,7 @@ impl Material<'_> {
             runs,
             formats: params.formats,
             words: params.words,
-            corners: params.corners,
+            corners: like.corners,
             lists: Lists::of(params),
             vertices: params.vertices,
         }

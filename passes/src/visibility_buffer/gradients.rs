@@ -25,6 +25,7 @@ use crate::hoist::isolate::{self, isolate};
 use crate::hoist::values::{ContextId, Node, ValueId, Values};
 use crate::place::{self, Builder, Replacement, Rewrite};
 use crate::program::Program;
+use crate::rasterizer::{Neighbours, Rasterizer};
 
 /// Locations of inputs that hold gradients begin here, past any of the author's.
 pub const GRADIENTS: u32 = 1 << 16;
@@ -34,15 +35,6 @@ const NAMES: hoisted::Names = hoisted::Names {
     function: "gradient_roots",
     values: "GradientRoots",
 };
-
-/// Which neighbours a derivative is taken of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Neighbours {
-    /// The quad's first pixel and those beside it: what an implicit sample does.
-    Quad,
-    /// The pixel itself and the ones beside it.
-    Own,
-}
 
 /// A function whose differences between pixels are gradients.
 #[derive(Clone, Debug)]
@@ -83,15 +75,29 @@ impl Failed {
     }
 }
 
-/// Takes the derivatives out of the fragment entry point of that index.
+/// What would make a refused derivative legal.
+pub fn remedy(code: &str) -> &'static str {
+    match code {
+        "gradient-in-loop" => {
+            "take the derivative ahead of the loop, and sample with gradients or a level of your own in it"
+        }
+        "no-gradient-form" => {
+            "compare with textureSampleCompareLevel, which takes level 0; else sample a level of your own"
+        }
+        "gradient-of-gradient" => "sample with gradients or a level of your own",
+        _ => "leave it as it is",
+    }
+}
+
+/// Takes the derivatives out of the fragment entry point of that index, of the neighbours that a rasteriser takes.
 ///
 /// # Errors
 /// [`Failed`].
-pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
+pub fn explicit(program: &Program, entry: usize, like: &Rasterizer) -> Result<Explicit, Failed> {
     let mut program = program.clone();
     let mut levels = Vec::new();
-    // Gradients that are read as derivatives, which each pixel of a quad may have its own of (of coarse ones, too: that is the driver's choice). The function of a further
-    // level is called for the pixel's neighbours with this pixel's gradients, which only a sample's are for sure.
+    // Gradients that each pixel of a quad may have its own of: derivatives (coarse ones, too: that is the driver's choice), and samples where the adapter does so. The function of
+    // a further level is called for the pixel's neighbours with this pixel's gradients.
     let mut read = BTreeSet::new();
     let mut next = GRADIENTS;
     loop {
@@ -102,7 +108,7 @@ pub fn explicit(program: &Program, entry: usize) -> Result<Explicit, Failed> {
         let graph = Graph::build(&program);
         let values = Values::new(&graph, entry)
             .map_err(|e| Failed::Refused("too-large", e.to_string(), Span::UNDEFINED))?;
-        let sites = sites(&values)?;
+        let sites = sites(&values, like)?;
         let Some(neighbours) = sites.first().map(|s| s.neighbours) else {
             break;
         };
@@ -228,12 +234,12 @@ struct Site {
     expression: Handle<Expression>,
     root: Handle<Expression>,
     neighbours: Neighbours,
-    /// Whether it gives a gradient, and not a texel.
-    is_derivative: bool,
+    /// Whether all pixels of the quad have the one gradient: that of a sample, unless the adapter gives each its own.
+    is_shared: bool,
 }
 
 /// The derivatives that rest on no other, of one kind of neighbours.
-fn sites(values: &Values<'_, '_>) -> Result<Vec<Site>, Failed> {
+fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Vec<Site>, Failed> {
     let effect_of = |id: ValueId| match &values.values[id].node {
         Node::Expression(context, e, path) if path.is_empty() => {
             let expression = &values.function(*context).function.expressions[*e];
@@ -273,19 +279,26 @@ fn sites(values: &Values<'_, '_>) -> Result<Vec<Site>, Failed> {
             continue;
         }
         let neighbours = match expression {
-            Expression::ImageSample { .. }
-            | Expression::Derivative {
-                ctrl: DerivativeControl::Coarse,
-                ..
-            } => Neighbours::Quad,
+            Expression::ImageSample { image, .. } => {
+                match dimension(values.graph.module(), f.function, *image) {
+                    Some(ImageDimension::Cube) => like.cubes,
+                    _ => like.samples,
+                }
+            }
+            Expression::Derivative { ctrl, .. } => match ctrl {
+                DerivativeControl::None => like.derivatives,
+                DerivativeControl::Coarse => like.coarse,
+                DerivativeControl::Fine => Neighbours::Own,
+            },
             _ => Neighbours::Own,
         };
+        let is_derivative = matches!(expression, Expression::Derivative { .. });
         found.push(Site {
             context,
             expression: e,
             root,
             neighbours,
-            is_derivative: matches!(expression, Expression::Derivative { .. }),
+            is_shared: neighbours == Neighbours::Quad && !is_derivative,
         });
     }
     if let Some(first) = found.first().map(|s| s.neighbours) {
@@ -347,19 +360,39 @@ fn has_gradient_form(module: &Module, function: &naga::Function, sample: &Expres
     else {
         return false;
     };
-    let ty = match function.expressions[*image] {
-        Expression::GlobalVariable(g) => module.global_variables[g].ty,
-        Expression::FunctionArgument(i) => function.arguments[i as usize].ty,
-        _ => return false,
-    };
     matches!(
-        module.types[ty].inner,
-        TypeInner::Image {
+        texture(module, function, *image),
+        Some(TypeInner::Image {
             dim: ImageDimension::D2 | ImageDimension::D3 | ImageDimension::Cube,
             class: ImageClass::Sampled { multi: false, .. },
             ..
-        }
+        })
     )
+}
+
+/// The type of a texture.
+fn texture<'m>(
+    module: &'m Module,
+    function: &naga::Function,
+    image: Handle<Expression>,
+) -> Option<&'m TypeInner> {
+    let ty = match function.expressions[image] {
+        Expression::GlobalVariable(g) => module.global_variables[g].ty,
+        Expression::FunctionArgument(i) => function.arguments[i as usize].ty,
+        _ => return None,
+    };
+    Some(&module.types[ty].inner)
+}
+
+fn dimension(
+    module: &Module,
+    function: &naga::Function,
+    image: Handle<Expression>,
+) -> Option<ImageDimension> {
+    match texture(module, function, image)? {
+        TypeInner::Image { dim, .. } => Some(*dim),
+        _ => None,
+    }
 }
 
 /// One level on its way.
@@ -400,14 +433,14 @@ impl Round {
         }
     }
 
-    /// Locations of the gradients that are read as derivatives.
+    /// Locations of the gradients that each pixel may have its own of.
     fn read(&self) -> impl Iterator<Item = u32> {
-        let of_derivative = self
+        let of_each = self
             .sites
             .iter()
             .zip(&self.of_site)
-            .filter_map(|(site, i)| site.is_derivative.then_some(self.first + 2 * (*i)? as u32));
-        of_derivative.flat_map(|x| [x, x + 1])
+            .filter_map(|(site, i)| (!site.is_shared).then_some(self.first + 2 * (*i)? as u32));
+        of_each.flat_map(|x| [x, x + 1])
     }
 
     /// The refusal of a level whose function would need its neighbours' gradients, placed at the first derivative that does.

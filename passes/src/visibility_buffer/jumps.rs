@@ -3,7 +3,10 @@
 //! A rasteriser and a resolve interpolate the same function of real numbers, and round differently. What follows passes that on as a rounding, until an operation jumps: a
 //! comparison at the edge, a `floor` at an integer, a shadow test. What does not vary, the pixel's place, its side and flat values are the same in both.
 
-use naga::{Binding, BuiltIn, DerivativeControl, Expression, MathFunction, Span, SwizzleComponent};
+use naga::{
+    Binding, BuiltIn, DerivativeControl, Expression, MathFunction, SampleLevel, Span,
+    SwizzleComponent,
+};
 
 use crate::graph::Graph;
 use crate::hoist::travel::jump;
@@ -18,8 +21,12 @@ pub struct Reached {
     pub jump: Option<(String, Span)>,
     /// A texture is sampled there, which is continuous if it is filtered.
     pub samples: bool,
-    /// Somewhere in the stage a derivative is taken that is not fine: of which neighbours is the driver's choice.
+    /// Somewhere in the stage a derivative is taken that is not fine, or a sample at an implicit level: of which neighbours is the driver's choice.
     pub chosen_neighbours: bool,
+    /// The place of the first sample whose implicit level has a bias: a resolve scales gradients by 2 to the bias, and a sampler adds the bias to the level.
+    pub biased: Option<Span>,
+    /// A varying is interpolated linearly on the screen: between which corners, where the triangle is clipped, is the driver's choice.
+    pub linear: bool,
 }
 
 /// Follows them from the inputs of the fragment entry point of that index.
@@ -47,18 +54,34 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             Some(Kind::Same) | None => {}
         }
     }
-    let is_chosen = |node: &Node| match node {
-        Node::Expression(context, e, _) => matches!(
-            values.function(*context).function.expressions[*e],
-            Expression::Derivative {
-                ctrl: DerivativeControl::None | DerivativeControl::Coarse,
-                ..
-            }
-        ),
+    let expressions = values.values.iter().filter_map(|v| match &v.node {
+        Node::Expression(context, e, _) => {
+            let expressions = &values.function(*context).function.expressions;
+            Some((&expressions[*e], expressions.get_span(*e)))
+        }
+        _ => None,
+    });
+    let is_chosen = |e: &Expression| match e {
+        Expression::Derivative { ctrl, .. } => *ctrl != DerivativeControl::Fine,
+        Expression::ImageSample { level, .. } => {
+            matches!(level, SampleLevel::Auto | SampleLevel::Bias(_))
+        }
         _ => false,
     };
+    let is_biased = |e: &Expression| {
+        let biased = |level: &SampleLevel| matches!(level, SampleLevel::Bias(_));
+        matches!(e, Expression::ImageSample { level, .. } if biased(level))
+    };
+    let is_linear = |input: &Io| {
+        let linear = Some(naga::Interpolation::Linear);
+        matches!(input.binding, Some(Binding::Location { interpolation, .. }) if interpolation == linear)
+    };
     let mut out = Reached {
-        chosen_neighbours: values.values.iter().any(|v| is_chosen(&v.node)),
+        chosen_neighbours: expressions.clone().any(|(e, _)| is_chosen(e)),
+        biased: expressions
+            .clone()
+            .find_map(|(e, span)| is_biased(e).then_some(span)),
+        linear: inputs.iter().any(is_linear),
         ..Reached::default()
     };
     let mut first: Option<ValueId> = None;

@@ -44,7 +44,7 @@ const SCANNED: u32 = 256;
 
 impl Lists {
     pub fn of(params: &Params) -> Self {
-        match (params.form, params.select) {
+        match (params.form, params.select()) {
             (Form::Binned, _) => Self::Bins,
             (Form::Fragment, Select::Tiles) => Self::Quads,
             (Form::Compute, Select::Tiles) => Self::Groups,

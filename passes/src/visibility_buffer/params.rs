@@ -3,10 +3,13 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::refuse;
 use crate::depth_only::{Invariance, VertexStage};
 use crate::geometry::Formats;
 use crate::opaque::Opaque;
+use crate::pass::{Facts, Refusal};
 use crate::plan::AttachmentFormat;
+use crate::rasterizer::{Corners, Neighbours, Rasterizer};
 
 /// How the id pass knows a triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -81,18 +84,6 @@ pub enum Vertices {
     Kept,
 }
 
-/// Where the corners of a triangle lie when a resolve interpolates between them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Corners {
-    /// Where the vertex stage puts them: nearest to what the author means, and to rasterisers that interpolate from unsnapped positions.
-    #[default]
-    AsGiven,
-    /// On the nearest 1/256 of a pixel, where rasterisers put them (Direct3D asks for 8 bits; Vulkan reports `subPixelPrecisionBits`), if the triangle is not clipped and no
-    /// corner is more than 131,072 pixels away: for those that interpolate from there.
-    Snapped,
-}
-
 /// Parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
@@ -103,12 +94,26 @@ pub struct Params {
     pub ids: Ids,
     /// Words of an id.
     pub words: Words,
-    /// How a draw's resolve passes over the pixels of other draws; `form=compute` has no depth test, and looks at the id unless it has tiles; `form=binned` has a list of the draw's own pixels.
-    pub select: Select,
+    /// How a draw's resolve passes over the pixels of other draws. Default: `depth`; with `form=compute`, which has no depth test, `id`. `form=binned` has a list of the draw's own pixels, and takes none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub select: Option<Select>,
     /// Formats that the attributes of vertices may be stored in.
     pub formats: Formats,
-    /// Where the corners of a triangle lie when the resolve interpolates between them.
-    pub corners: Corners,
+    /// Where the corners of a triangle lie when the resolve interpolates between them. Default: as the adapter was seen to do, else `as-given`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corners: Option<Corners>,
+    /// Which neighbours `dpdx`, `dpdy` and `fwidth` are taken of. Default: as the adapter was seen to do, else the pixel's `own`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub derivatives: Option<Neighbours>,
+    /// The same of coarse ones. Default: as seen, else the `quad`'s first pixel's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coarse: Option<Neighbours>,
+    /// The same of samples at an implicit level, but of cubes. Default: as seen, else the `quad`'s first pixel's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub samples: Option<Neighbours>,
+    /// The same of cubes. Default: as seen, else the `quad`'s first pixel's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cubes: Option<Neighbours>,
     /// Where the resolve has the vertex stage's results from.
     pub vertices: Vertices,
     /// Vertex stage of the id pass: the author's whole one with the id beside its outputs, or its slice. Default: `sliced` where the author's position is `@invariant`, else `same`.
@@ -124,13 +129,54 @@ pub struct Params {
 }
 
 impl Params {
+    /// With what is left to choose chosen, by what is known of the adapter.
+    pub(super) fn resolved(&self, facts: &Facts) -> Result<Self, Box<Refusal>> {
+        let select = match (self.form, self.select) {
+            (Form::Fragment, select) => Some(select.unwrap_or_default()),
+            (Form::Compute, None) => Some(Select::Id),
+            (Form::Compute, Some(Select::Depth)) => {
+                return Err(Box::new(refuse(
+                    "select",
+                    "a compute pass has no depth test to tell draws apart by",
+                    "leave select out, or take select=tiles",
+                )));
+            }
+            (Form::Compute, select) => select,
+            (Form::Binned, None) => None,
+            (Form::Binned, Some(_)) => {
+                return Err(Box::new(refuse(
+                    "select",
+                    "with form=binned each draw has a list of its own pixels, and nothing is left to select",
+                    "leave select out",
+                )));
+            }
+        };
+        let seen = facts.rasterizer.unwrap_or_default();
+        Ok(Self {
+            select,
+            corners: self.corners.or(Some(seen.corners)),
+            derivatives: self.derivatives.or(Some(seen.derivatives)),
+            coarse: self.coarse.or(Some(seen.coarse)),
+            samples: self.samples.or(Some(seen.samples)),
+            cubes: self.cubes.or(Some(seen.cubes)),
+            ..self.clone()
+        })
+    }
+
+    /// Pixels of other draws are not listed by `form=binned`.
     pub(super) fn select(&self) -> Select {
-        match self.form {
-            Form::Fragment => self.select,
-            Form::Compute if self.select == Select::Tiles => Select::Tiles,
-            Form::Compute => Select::Id,
-            // Pixels of other draws are not listed.
-            Form::Binned => Select::Depth,
+        self.select.unwrap_or_default()
+    }
+
+    /// What the resolve does as a rasteriser.
+    pub(super) fn rasterizer(&self) -> Rasterizer {
+        let usual = Rasterizer::default();
+        Rasterizer {
+            corners: self.corners.unwrap_or(usual.corners),
+            derivatives: self.derivatives.unwrap_or(usual.derivatives),
+            coarse: self.coarse.unwrap_or(usual.coarse),
+            samples: self.samples.unwrap_or(usual.samples),
+            cubes: self.cubes.unwrap_or(usual.cubes),
         }
     }
 

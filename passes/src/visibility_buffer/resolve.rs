@@ -21,7 +21,7 @@ use super::legal::Stored;
 use super::lists::Lists;
 use super::stage::{Shader, Stage, colors};
 use super::text::{self, Slots};
-use super::{Corners, Select, Vertices, Words};
+use super::{Select, Vertices, Words};
 use crate::fetch::{Author, Linked, corner, ours};
 use crate::geometry::Formats;
 use crate::graph::{FunctionId, Graph};
@@ -29,6 +29,7 @@ use crate::hoist::hoisted::as_function;
 use crate::place::{self, PositionInvariance, Rewrite};
 use crate::plan::AttributeUse;
 use crate::program::Program;
+use crate::rasterizer::Corners;
 use crate::reflect::{self, Io};
 use crate::slice::{self, Criterion, OutputFilter};
 

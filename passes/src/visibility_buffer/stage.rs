@@ -8,10 +8,11 @@ use naga::{
 };
 
 use super::Select;
-use super::gradients::{GRADIENTS, Level, Neighbours};
+use super::gradients::{GRADIENTS, Level};
 use super::ids::Facing;
 use super::resolve::{Runs, VertexStage, width};
 use crate::place::Builder;
+use crate::rasterizer::Neighbours;
 use crate::reflect::Io;
 
 /// An input of the fragment stage.

@@ -8,12 +8,13 @@
 
 use std::fmt::Write;
 
+use super::Words;
 use super::ids::Facing;
 use super::legal::{Encoding, Stored};
-use super::{Corners, Words};
 use crate::fetch::{self, Names};
 use crate::geometry::Formats;
 use crate::plan::AttributeUse;
+use crate::rasterizer::Corners;
 
 /// How functions and variables of ours begin.
 pub const NAMES: Names = Names {

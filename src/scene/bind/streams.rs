@@ -6,8 +6,8 @@ use preshade_passes::plan::GpuPass;
 
 use super::super::layout::{self, Leaf};
 use super::super::semantic::normalise;
-use super::super::{Draw, Error, Material, Mesh, Scene, Semantic, Stream, material};
-use super::{Data, Indices, VertexAttribute, VertexBuffer, hash01, vertex_inputs};
+use super::super::{Draw, DrawRange, Error, Material, Mesh, Scene, Semantic, Stream, material};
+use super::{Call, Data, Indices, VertexAttribute, VertexBuffer, hash01, vertex_inputs};
 
 /// Names of attributes, normalised, and the streams they mean.
 const ALIASES: &[(&str, &str)] = &[
@@ -114,6 +114,8 @@ pub(super) struct Streams<'a> {
     attributes: Vec<Attribute>,
     /// Instance to world, or to the model's space where the program multiplies by the model matrix itself.
     instances: Vec<Mat4>,
+    /// The same of an instance that has no transform of its own.
+    placed: Mat4,
     pulls_indices: bool,
 }
 
@@ -155,7 +157,7 @@ impl<'a> Streams<'a> {
             Some(Stream::Float { data, .. }) => {
                 data.chunks_exact(16).map(Mat4::from_cols_slice).collect()
             }
-            _ => vec![Mat4::IDENTITY; draw.instances.max(1) as usize],
+            _ => Vec::new(),
         };
         let outer = if reads_model(material) {
             Mat4::IDENTITY
@@ -167,7 +169,8 @@ impl<'a> Streams<'a> {
             draw,
             mesh,
             attributes,
-            instances: given.into_iter().map(|m| outer * m).collect(),
+            instances: given.into_iter().map(|m: Mat4| outer * m).collect(),
+            placed: outer,
             pulls_indices: material::globals(&material.program)
                 .any(|g| is_index_buffer(g.name) && g.is_storage),
         })
@@ -200,12 +203,12 @@ impl<'a> Streams<'a> {
                 continue;
             }
             let count = if by_instance {
-                self.draw.instances
+                instances_held(self.draw)
             } else {
-                self.mesh.vertex_count
+                self.mesh.vertex_count as usize
             };
-            let mut bytes = Vec::with_capacity(count as usize * stride as usize);
-            for i in 0..count as usize {
+            let mut bytes = Vec::with_capacity(count * stride as usize);
+            for i in 0..count {
                 for a in &members {
                     for c in 0..a.components as usize {
                         let mut word = [0; 4];
@@ -245,7 +248,7 @@ impl<'a> Streams<'a> {
     }
 
     fn instance(&self, i: usize) -> Mat4 {
-        self.instances.get(i).copied().unwrap_or(Mat4::IDENTITY)
+        self.instances.get(i).copied().unwrap_or(self.placed)
     }
 
     /// The indices, unless the program fetches them itself.
@@ -266,11 +269,33 @@ impl<'a> Streams<'a> {
         })
     }
 
-    /// Vertices to draw without indices: of the mesh, or its indices where the program fetches them itself.
+    /// Vertices that there are: of the mesh, or its indices where the program fetches them itself.
     pub(super) fn vertex_count(&self) -> u32 {
         match &self.mesh.indices {
             Some(indices) if self.pulls_indices => indices.len() as u32,
             _ => self.mesh.vertex_count,
+        }
+    }
+
+    /// What is drawn.
+    pub(super) fn call(&self) -> Call {
+        let DrawRange {
+            first,
+            count,
+            base_vertex,
+            first_instance,
+        } = self.draw.range;
+        let indices = self.mesh.indices.as_ref();
+        let there = indices.map_or(self.mesh.vertex_count, |i| i.len() as u32);
+        let left = there.saturating_sub(first);
+        Call {
+            first,
+            count: count.map_or(left, |count| count.min(left)),
+            base_vertex: match indices {
+                Some(_) if !self.pulls_indices => base_vertex,
+                _ => 0,
+            },
+            first_instance,
         }
     }
 
@@ -314,7 +339,7 @@ impl<'a> Streams<'a> {
             return self.mesh.vertex_count.max(1) as usize;
         }
         if INSTANCE_BUFFERS.contains(&normal.as_str()) || normal.starts_with("instance") {
-            return self.draw.instances.max(1) as usize;
+            return instances_held(self.draw);
         }
         match Semantic::from_name(name) {
             Some(Semantic::Joints) => self.draw.joints.len().max(1),
@@ -403,6 +428,11 @@ impl<'a> Streams<'a> {
         }
         None
     }
+}
+
+/// Instances that a buffer of them must hold: those ahead of the first that is drawn, too.
+fn instances_held(draw: &Draw) -> usize {
+    draw.range.first_instance as usize + draw.instances.max(1) as usize
 }
 
 fn alias(normal: &str) -> Option<&'static str> {

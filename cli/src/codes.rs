@@ -1,0 +1,116 @@
+//! What each code in brackets means: `preshade --explain CODE`.
+
+use crate::Failure;
+
+/// One section a code, by name.
+const TEXT: &str = include_str!("codes.md");
+
+/// Every code with its explanation.
+pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
+    TEXT.split("## ").skip(1).filter_map(|section| {
+        let (code, text) = section.split_once('\n')?;
+        Some((code.trim(), text.trim()))
+    })
+}
+
+/// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`.
+///
+/// # Errors
+/// There is none of that name.
+pub fn explain(code: &str) -> Result<String, Failure> {
+    let bare = code.rsplit(['/', '[']).next().unwrap_or(code);
+    let bare = bare.trim_end_matches(']');
+    let known: Vec<&str> = all().map(|(code, _)| code).collect();
+    all()
+        .find(|(known, _)| *known == bare)
+        .map(|(code, text)| format!("{code}\n\n{text}\n"))
+        .ok_or_else(|| Failure::unknown("code", bare, &known))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::panic)]
+
+    use std::collections::BTreeSet;
+    use std::path::{Path, PathBuf};
+
+    use super::*;
+
+    fn sources(folder: &Path, all: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+            match entry.path() {
+                path if path.is_dir() => sources(&path, all),
+                path if path.extension().is_some_and(|e| e == "rs") => all.push(path),
+                _ => {}
+            }
+        }
+    }
+
+    fn is_code(word: &str) -> bool {
+        word.starts_with(|c: char| c.is_ascii_lowercase())
+            && word
+                .chars()
+                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')
+    }
+
+    /// The codes that a source gives to refusals: in a call of a function that makes one, a word, and behind it a sentence or a `format!` of one.
+    fn codes(text: &str) -> BTreeSet<String> {
+        let text = text.split("#[cfg(test)]").next().unwrap();
+        let mut found = BTreeSet::new();
+        for call in ["Refusal::new(", "refuse(", "Refused(", "refusal("] {
+            for (at, _) in text.match_indices(call) {
+                let arguments: String = text[at + call.len()..].chars().take(300).collect();
+                // `code, reason, remedy` or `pass, code, reason, remedy`.
+                let literals: Vec<&str> = arguments.split('"').skip(1).step_by(2).collect();
+                let between = arguments.split('"').next().unwrap();
+                let is_first = between.chars().filter(|c| *c == ',').count() <= 1
+                    && !between.contains(['{', ';', ')']);
+                if let ([code, reason, ..], true) = (&literals[..], is_first)
+                    && is_code(code)
+                    && reason.contains(' ')
+                {
+                    found.insert((*code).to_owned());
+                }
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn every_code_is_explained() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let mut files = vec![root.join("src/recipe.rs")];
+        sources(&root.join("passes/src"), &mut files);
+        let explained: BTreeSet<String> = all().map(|(code, _)| code.to_owned()).collect();
+        let mut used: BTreeSet<String> = BTreeSet::new();
+        for file in files {
+            used.extend(codes(&std::fs::read_to_string(file).unwrap()));
+        }
+        assert!(used.len() > 60, "{used:?}");
+        let missing: Vec<&String> = used.difference(&explained).collect();
+        assert!(
+            missing.is_empty(),
+            "cli/src/codes.md says nothing of {missing:?}"
+        );
+        // Of the front ends' errors the type says all.
+        let error = std::fs::read_to_string(root.join("src/front/error.rs")).unwrap();
+        let names = error.split("match self {").nth(1).unwrap();
+        let names = names.split('}').next().unwrap();
+        for name in names.split('"').skip(1).step_by(2) {
+            assert!(
+                explained.contains(name),
+                "cli/src/codes.md says nothing of {name}"
+            );
+        }
+    }
+
+    #[test]
+    fn codes_are_found_as_messages_print_them() {
+        let blended = explain("blended").ok();
+        for code in ["depth-prepass/blended", "note[depth-prepass/blended]"] {
+            assert_eq!(explain(code).ok(), blended);
+        }
+        let said = explain("blendid").err().map(|f| f.0).unwrap_or_default();
+        assert!(said.contains("did you mean `blended`?"), "{said}");
+    }
+}

@@ -1,0 +1,217 @@
+//! `preshade explore`: what accuracy costs in time.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+use preshade::emit::File;
+use preshade::frontier::{self, Journal, Settings};
+use preshade::measure;
+use preshade::passes::contract::Verdict;
+use preshade::passes::hoist::Metric;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::report::{self, Budget};
+use preshade::scene::{DrawOrder, Scene};
+
+use crate::input::ShaderArgs;
+use crate::verify::{FormArg, OrderArg, check_folder, command, parse_seconds, sweeps};
+use crate::view::ViewArgs;
+use crate::{Failure, Outcome, output};
+
+/// Arguments of `explore`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade explore scene.toml
+  preshade explore scene.toml --budget flip_mean=0.02 --out report/     report/report.html
+  preshade explore lit.wgsl --seconds 20
+  preshade explore scene.toml --recipe hoist:budget=1,threshold=1,tessellate:level=1..12,form=all
+
+Looks at ways to shade fewer fragments and at ways to compute less in one, alone and then the best
+of them together; drops on the way what another beats in both error and time, beyond the intervals;
+verifies what is left along every camera's path. With --out what was measured is kept: the same
+command again goes on where it ended, also after Ctrl-C.
+Exit status 1: a finalist broke its contract.")]
+pub struct Args {
+    /// Search only as far as this error: flip_mean, flip_p99 or max_abs. It is the metric of the
+    /// frontier too; default: flip_mean, without an end.
+    #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
+    budget: Option<Budget>,
+    /// Look at this pass alone, ranges allowed; may be given several times.
+    #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
+    passes: Vec<String>,
+    /// Look at these passes together, ranges allowed.
+    #[arg(long = "recipe", value_name = "NAME[:k=v,..],NAME..")]
+    recipes: Vec<String>,
+    #[command(flatten)]
+    view: ViewArgs,
+    /// Draw in this order; default: the scene's first.
+    #[arg(long, value_name = "ORDER", value_enum)]
+    order: Option<OrderArg>,
+    /// Seconds to spend in all.
+    #[arg(long, value_name = "SECONDS", default_value_t = 45.0, value_parser = parse_seconds)]
+    seconds: f64,
+    /// Most candidates to draw.
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    candidates: usize,
+    /// Most of them to verify at the end.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    finalists: usize,
+    /// Frames of each camera path to verify them on, evenly spaced.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    frames: usize,
+    /// Seed of the confidence intervals.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Part of an adapter's name, driver or backend.
+    #[arg(long, value_name = "TEXT")]
+    adapter: Option<String>,
+    /// Give shaders to the driver as emitted text, or as IR.
+    #[arg(long, value_enum, default_value_t = FormArg::Text)]
+    form: FormArg,
+    /// Folder for `report.html`, `report.json`, `report.csv`, and what was measured.
+    #[arg(short, long, alias = "output", value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Output form.
+    #[arg(long, value_enum, default_value_t = Table::Human)]
+    format: Table,
+    // Last, for its help heading holds for what follows it.
+    #[command(flatten)]
+    pub shader: ShaderArgs,
+}
+
+/// Output form of what is a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Table {
+    /// For reading.
+    Human,
+    /// For programs.
+    Json,
+    /// For spreadsheets.
+    Csv,
+}
+
+/// Largest picture that is drawn on a software adapter where no size is said: a frontier in less than a minute on two cores.
+const SOFTWARE_PIXELS: f64 = 480.0 * 270.0;
+
+/// Name of the file that keeps what was measured.
+const JOURNAL: &str = "measured.jsonl";
+
+/// How often Ctrl-C was pressed.
+static INTERRUPTS: AtomicU32 = AtomicU32::new(0);
+
+/// Explores a scene or a shader.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    let points = sweeps(&args.passes, &args.recipes)?;
+    let recipes = points
+        .into_iter()
+        .flat_map(|s| s.points)
+        .map(|p| p.recipe)
+        .collect();
+    let mut scene = args.view.of(args.shader.scene()?)?;
+    if let Some(order) = args.order {
+        scene.orders = vec![DrawOrder::from(order)];
+    }
+    if let Some(dir) = &args.out {
+        check_folder(dir)?;
+    }
+    let choice = args
+        .adapter
+        .clone()
+        .map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    let gpu = Gpu::new(&choice)?;
+    if !args.view.is_sized() && gpu.adapter().kind == "software" {
+        scene = reduced(scene);
+    }
+    let mut journal = match &args.out {
+        None => Journal::new(),
+        Some(dir) => Journal::open(&dir.join(JOURNAL))
+            .map_err(|e| Failure(format!("error: {}: {e}", dir.join(JOURNAL).display())))?,
+    };
+    let settings = Settings {
+        form: match args.form {
+            FormArg::Text => ShaderForm::Text,
+            FormArg::Ir => ShaderForm::Ir,
+        },
+        metric: args.budget.map_or_else(Metric::default, |b| b.metric),
+        budget: args.budget.map(|b| b.most),
+        recipes,
+        time: Duration::from_secs_f64(args.seconds),
+        most: args.candidates,
+        finalists: args.finalists,
+        frames_per_camera: args.frames,
+        seed: args.seed,
+        count: &measure::counting,
+        command: command(),
+    };
+    // The first Ctrl-C ends the search and tells what was measured; the second ends it all. Where no handler can be set, the first does.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTS.fetch_add(1, Ordering::Relaxed) > 0 {
+            std::process::exit(130);
+        }
+    });
+    let bar = output::bar();
+    let found = frontier::explore(&gpu, &scene, &settings, &mut journal, &mut |p| {
+        bar.set_position((p.done * 1000.0) as u64);
+        bar.set_message(format!("{:.0} s left, {}", p.left.as_secs_f64(), p.what));
+        match INTERRUPTS.load(Ordering::Relaxed) {
+            0 => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(()),
+        }
+    })?;
+    bar.finish_and_clear();
+    if let Some(trouble) = journal.trouble() {
+        output::message(&format!(
+            "warning: what was measured is not kept: {trouble}"
+        ));
+    }
+    // Told before it is written: a full disk does not lose what was measured.
+    let exploration = &found.exploration;
+    let json = serde_json::to_string_pretty(exploration)? + "\n";
+    let csv = report::frontier::csv(exploration);
+    let table = report::frontier::table(exploration);
+    output::data(match args.format {
+        Table::Human => &table,
+        Table::Json => &json,
+        Table::Csv => &csv,
+    })?;
+    if let Some(dir) = &args.out {
+        let html = report::html::page(&found, &scene)?;
+        let file = |name: &str, text: String| File {
+            name: name.to_owned(),
+            bytes: text.into_bytes(),
+        };
+        let files = [
+            file("report.html", html),
+            file("report.json", json),
+            file("report.csv", csv),
+        ];
+        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        output::message(&format!("wrote {}", dir.join("report.html").display()));
+    }
+    let broken = exploration.report.as_ref().is_some_and(|r| {
+        r.variants
+            .iter()
+            .any(|v| matches!(v.verdict, Verdict::Broken { .. }))
+    });
+    Ok(match broken {
+        true => Outcome::ContractBroken,
+        false => Outcome::Fine,
+    })
+}
+
+/// The scene at a size that a software adapter draws often enough.
+fn reduced(scene: Scene) -> Scene {
+    let [w, h] = scene.size.map(f64::from);
+    let scale = (SOFTWARE_PIXELS / (w * h)).sqrt();
+    if scale >= 1.0 {
+        return scene;
+    }
+    let size = [w, h].map(|side| ((side * scale) as u32).max(1));
+    output::message(&format!(
+        "note: drawn at {}x{}, since this is a software adapter (--size says another)",
+        size[0], size[1]
+    ));
+    scene.resized(size)
+}

@@ -1,0 +1,50 @@
+//! `preshade man`: the manual pages.
+
+use std::path::PathBuf;
+
+use clap_mangen::Man;
+use preshade::emit::{self, File};
+
+use crate::output;
+use crate::{Failure, Outcome};
+
+/// Arguments of `man`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade man | man -l -
+  preshade man -o ~/.local/share/man/man1        preshade.1, and preshade-rewrite.1 and so on")]
+pub struct Args {
+    /// Folder to write a page a command to; without it the main page goes to stdout.
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+}
+
+/// Prints the page, or writes all of them.
+pub fn run(args: &Args, mut command: clap::Command) -> Result<Outcome, Failure> {
+    command.build();
+    let page = |command: clap::Command| -> Result<Vec<u8>, Failure> {
+        let mut page = Vec::new();
+        Man::new(command).render(&mut page)?;
+        Ok(page)
+    };
+    let Some(folder) = &args.output else {
+        output::data(&String::from_utf8_lossy(&page(command)?))?;
+        return Ok(Outcome::Fine);
+    };
+    let mut pages = vec![File {
+        name: "preshade.1".to_owned(),
+        bytes: page(command.clone())?,
+    }];
+    for sub in command.get_subcommands().filter(|c| c.get_name() != "help") {
+        let name = format!("preshade-{}", sub.get_name());
+        pages.push(File {
+            name: format!("{name}.1"),
+            bytes: page(sub.clone().name(name))?,
+        });
+    }
+    for path in emit::write(folder, &pages).map_err(|e| Failure(format!("error: {e}")))? {
+        output::message(&format!("wrote {}", path.display()));
+    }
+    Ok(Outcome::Fine)
+}

@@ -1,0 +1,365 @@
+//! `preshade plan`: what a scene calls for on an adapter, material by material, chosen by measurement.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use indicatif::ProgressBar;
+use preshade::decide::{self, Decision, Exhausted, Hold, Model, RegretReport, Settings, Timed};
+use preshade::emit;
+use preshade::front::{self, Source};
+use preshade::measure::{self, TimingSettings};
+use preshade::passes::pass::Facts;
+use preshade::passes::state::MaterialState;
+use preshade::recipe::Recipe;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::report::Budget;
+use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
+
+use crate::output;
+use crate::verify::{OrderArg, parse_frames, parse_seconds};
+use crate::view::ViewArgs;
+use crate::{Failure, Format, Outcome};
+
+/// Arguments of `plan`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade plan scene.toml
+  preshade plan scene.toml --camera wall --order front-to-back --out chosen/
+  preshade plan scene.toml --budget flip_mean=0.02 --one
+  preshade plan scene.toml --model adapter.json      fitted once, read afterwards
+  preshade plan scene.toml --time no                 predictions of a nominal model, no clock
+  preshade plan scenes/*.toml --exhaustive --format json > regret.json
+
+A recipe is taken where it was measured to be faster than the original beyond noise, and by 1 % at
+least; where none is, nothing is, and the reasons are told. docs/deciding.md says how.
+Exit status 1: a plan broke its contract (it is not taken).")]
+pub struct Args {
+    /// A scene (.toml), or a bare WGSL shader; several with --exhaustive.
+    #[arg(required = true, value_name = "SCENE")]
+    scenes: Vec<PathBuf>,
+    /// Set a variable of the scene; may be given several times.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    #[command(flatten)]
+    view: ViewArgs,
+    /// Draw in these orders only.
+    #[arg(long, value_name = "ORDER", value_enum)]
+    order: Vec<OrderArg>,
+    /// Weigh recipes that may differ by so much too: flip_mean, flip_p99 or max_abs.
+    #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
+    budget: Option<Budget>,
+    /// Hold to one plan: no switch between views.
+    #[arg(long)]
+    one: bool,
+    /// Frames of each camera path to look at, evenly spaced.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = parse_frames)]
+    frames: usize,
+    /// Plans to measure beside the original.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = parse_frames)]
+    runners: usize,
+    /// Whether to measure; without, the choice is a prediction and says so.
+    #[arg(long, value_enum, default_value_t = TimeArg::Yes)]
+    time: TimeArg,
+    /// Seconds to spend on timing each view.
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = parse_seconds)]
+    seconds: f64,
+    /// Read the adapter's cost model from here; where there is no such file, fit one and write it.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Measure every candidate in every view of every scene, and tell what the choices regret. Every
+    /// other scene is held out of the fit.
+    #[arg(long)]
+    exhaustive: bool,
+    /// Part of an adapter's name, driver or backend.
+    #[arg(long, value_name = "TEXT")]
+    adapter: Option<String>,
+    /// Folder for the chosen plans' shaders, a `plan.json` each, and `decision.json`.
+    #[arg(short, long, alias = "output", value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Output form.
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
+}
+
+impl Args {
+    /// The files that it reads.
+    pub fn reads(&self) -> Vec<PathBuf> {
+        let of_scene = |path: &PathBuf| scene::load(path).map(|s| s.files).unwrap_or_default();
+        let below = self.scenes.iter().flat_map(of_scene);
+        self.scenes.iter().cloned().chain(below).collect()
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum TimeArg {
+    /// Predictions only.
+    No,
+    /// What the choice rests on.
+    Yes,
+}
+
+/// Plans a scene, or judges the planning of several.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    if args.scenes.len() > 1 && !args.exhaustive {
+        return Err(Failure(
+            "error: one scene at a time; several are for --exhaustive".to_owned(),
+        ));
+    }
+    if args.exhaustive && (args.out.is_some() || args.time == TimeArg::No) {
+        return Err(Failure(
+            "error: --exhaustive measures, and writes nothing: it goes without --out and --time no"
+                .to_owned(),
+        ));
+    }
+    let choice = args
+        .adapter
+        .clone()
+        .map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    let bar = output::bar();
+    if args.exhaustive {
+        let gpu = Gpu::new(&choice)?;
+        return exhaustive(args, &gpu, &bar);
+    }
+    let scene = scene(args, &args.scenes[0])?;
+    let gpu = Gpu::new(&choice)?;
+    let model = match args.time {
+        TimeArg::No if args.model.is_none() => Model::nominal(),
+        _ => model(args, &gpu, &bar)?.0,
+    };
+    let settings = settings(args, &model);
+    let (recipes, facts) = prepare(args, &gpu, &scene, &bar)?;
+    let decision = decide::decide(
+        &gpu,
+        &scene,
+        &recipes,
+        &facts,
+        &settings,
+        &mut |done, what| {
+            bar.set_position((done * 1000.0) as u64);
+            bar.set_message(what);
+        },
+    )?;
+    bar.finish_and_clear();
+    let json = decision.to_json()?;
+    match args.format {
+        Format::Human => output::data(&decide::table::render(&decision))?,
+        Format::Json => output::data(&json)?,
+    }
+    if let Some(dir) = &args.out {
+        write(dir, &scene, &facts, &decision, json)?;
+    }
+    Ok(match decision.is_broken() {
+        true => Outcome::ContractBroken,
+        false => Outcome::Fine,
+    })
+}
+
+/// Measures everything, and holds the choices against it.
+fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Failure> {
+    let (model, probes) = model(args, gpu, bar)?;
+    let settings = settings(args, &model);
+    let mut scenes: Vec<Exhausted> = Vec::new();
+    let mut failed = Vec::new();
+    for (done, path) in args.scenes.iter().enumerate() {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        bar.set_position((done * 1000 / args.scenes.len()) as u64);
+        bar.set_message(name.to_string());
+        let scene = scene(args, path)?;
+        let start = Instant::now();
+        let measured = prepare(args, gpu, &scene, bar).and_then(|(recipes, facts)| {
+            Ok(decide::exhaust(gpu, &scene, &recipes, &facts, &settings)?)
+        });
+        let spent = start.elapsed().as_secs_f64();
+        bar.suspend(|| {
+            output::message(&match &measured {
+                Ok(m) => format!(
+                    "{name}: {} plans, {} views, {spent:.1} s",
+                    m.plans.len(),
+                    m.views.len()
+                ),
+                Err(Failure(why)) => format!("{name}: not measured: {why}"),
+            });
+        });
+        match measured {
+            Ok(measured) => scenes.push(Exhausted {
+                scene: name.into_owned(),
+                ..measured
+            }),
+            // One scene that this adapter cannot draw is told, and no reason to lose the others.
+            Err(Failure(why)) => failed.push((name.into_owned(), why)),
+        }
+    }
+    bar.finish_and_clear();
+    let report = RegretReport {
+        resolution: args.view.size(),
+        failed,
+        ..decide::regret::evaluate(gpu.adapter(), &probes, &scenes, &settings)
+    };
+    match args.format {
+        Format::Human => output::data(&report.render())?,
+        Format::Json => output::data(&report.to_json()?)?,
+    }
+    Ok(Outcome::Fine)
+}
+
+fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
+    Settings {
+        form: ShaderForm::Text,
+        timed: match args.time {
+            TimeArg::No => Timed::No,
+            TimeArg::Yes => Timed::Yes,
+        },
+        timing: TimingSettings {
+            budget: Duration::from_secs_f64(args.seconds),
+            min_samples: if args.exhaustive { 16 } else { 8 },
+            submission: Duration::from_millis(if args.exhaustive { 5 } else { 10 }),
+            ..TimingSettings::default()
+        },
+        frames_per_camera: args.frames,
+        runners: args.runners,
+        refinements: 6,
+        hold: match args.one {
+            true => Hold::One,
+            false => Hold::Switching,
+        },
+        model,
+        command: crate::verify::command(),
+    }
+}
+
+/// The cost model: read, or fitted to the built-in probes, and then kept where that is asked for.
+fn model(
+    args: &Args,
+    gpu: &Gpu,
+    bar: &ProgressBar,
+) -> Result<(Model, Vec<decide::model::Observation>), Failure> {
+    let told =
+        |path: &Path, e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
+    if let Some(path) = args.model.as_deref().filter(|p| p.exists()) {
+        let text = std::fs::read_to_string(path).map_err(|e| told(path, &e))?;
+        let model = Model::from_json(&text).map_err(|e| told(path, &e))?;
+        if let decide::Origin::Fitted { adapter, .. } = &model.origin
+            && *adapter != gpu.adapter().name
+        {
+            output::message(&format!(
+                "warning: {} was fitted on {adapter}, and this is {}",
+                path.display(),
+                gpu.adapter().name
+            ));
+        }
+        return Ok((model, Vec::new()));
+    }
+    bar.set_message("fitting the cost model");
+    let (model, observations) = decide::probes::fit(gpu, &mut |done| {
+        bar.set_position((done * 1000.0) as u64);
+    })?;
+    if let Some(path) = &args.model {
+        std::fs::write(path, model.to_json()? + "\n").map_err(|e| told(path, &e))?;
+        bar.suspend(|| output::message(&format!("wrote {}", path.display())));
+    }
+    Ok((model, observations))
+}
+
+/// The recipes to weigh, with whatever they leave to measurement chosen, and what is known of the scene.
+fn prepare(
+    args: &Args,
+    gpu: &Gpu,
+    scene: &Scene,
+    bar: &ProgressBar,
+) -> Result<(Vec<Recipe>, Facts), Failure> {
+    let form = ShaderForm::Text;
+    bar.set_message("looking for depth ties");
+    let mut facts = measure::facts(gpu, scene, form, measure::counting)?;
+    let recipes = decide::recipes(args.budget)?;
+    if !recipes.iter().any(measure::leaves_a_choice) {
+        return Ok((recipes, facts));
+    }
+    bar.set_message("measuring what can be interpolated");
+    facts.frequencies = measure::frequencies(gpu, scene, &facts, form, &mut |done| {
+        bar.set_position((done * 1000.0) as u64);
+        ControlFlow::Continue(())
+    })?;
+    let recipes = recipes
+        .into_iter()
+        .map(|recipe| match measure::leaves_a_choice(&recipe) {
+            true => measure::within_budget(gpu, scene, &recipe, &facts, form),
+            false => Ok(recipe),
+        })
+        .collect::<Result<_, _>>()?;
+    Ok((recipes, facts))
+}
+
+/// Reads a scene, or makes one up for a shader.
+fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
+    let mut variables = Variables::new();
+    for text in &args.set {
+        let (name, value) = text
+            .split_once('=')
+            .ok_or_else(|| Failure(format!("error: --set {text}: expected NAME=VALUE")))?;
+        variables.insert(name.trim().to_owned(), Variable::parse(value.trim()));
+    }
+    let scene = match path.extension().is_some_and(|e| e == "toml") {
+        true => scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?,
+        false => {
+            let name = path.display().to_string();
+            let text = std::fs::read_to_string(path)
+                .map_err(|e| Failure(format!("error: {name}: {e}")))?;
+            let color = match crate::color_on_stderr() {
+                true => front::Color::Always,
+                false => front::Color::Never,
+            };
+            let parsed = front::parse(&[Source::new(&name, text)], &front::Options::default())
+                .map_err(|e| Failure(e.render(color)))?;
+            scene::synthesise(parsed, MaterialState::default())
+        }
+    };
+    let mut scene = args.view.of(scene)?;
+    if !args.order.is_empty() {
+        scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
+    }
+    Ok(scene)
+}
+
+/// Writes the shaders and `plan.json` of each plan that the policy draws with, and the decision. Where there are two, each has a folder: `below` and `above`.
+fn write(
+    dir: &Path,
+    scene: &Scene,
+    facts: &Facts,
+    decision: &Decision,
+    json: String,
+) -> Result<(), Failure> {
+    let drawn = decision.drawn();
+    let folders = match drawn.len() {
+        1 => vec![dir.to_owned()],
+        _ => vec![dir.join("below"), dir.join("above")],
+    };
+    let mut written = 1;
+    for (plan, folder) in drawn.iter().zip(&folders) {
+        let mut files = Vec::new();
+        for original in measure::originals(scene) {
+            let recipe = decision.plans[*plan].recipes.get(&original.material);
+            let plan = match recipe {
+                Some(recipe) => Recipe::parse_list(recipe)?
+                    .apply(&original, facts)
+                    .map_err(|r| Failure(format!("error: {r}")))?,
+                None => original,
+            };
+            files.extend(emit::emit(
+                &plan,
+                &[emit::Target::Wgsl],
+                &emit::Options::default(),
+            )?);
+        }
+        written += files.len();
+        emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    }
+    let decision = emit::File {
+        name: "decision.json".to_owned(),
+        bytes: json.into_bytes(),
+    };
+    emit::write(dir, &[decision]).map_err(|e| Failure(format!("error: {e}")))?;
+    output::message(&format!("wrote {written} files to {}", dir.display()));
+    Ok(())
+}

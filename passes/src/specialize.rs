@@ -1,0 +1,424 @@
+//! `specialize`: only what a scene calls for is left of a material that can do everything.
+//!
+//! Goal: engines write one material with every effect, and uniforms say which of them a draw wants. Nobody changes most of these uniforms (Crawford and O'Boyle 2019 found 48 to 91% of them
+//! constant at run time), yet every fragment pays for what they switch off: registers, branches, varyings, bindings.
+//!
+//! ```text
+//! before:  fs(normal, tangent, world): if material.fog_density > 0 { fog(..) }  if has(NORMAL_MAP) { .. }  ..
+//!          a draw has fog_density = 0, flags = 0
+//!
+//! after:   fs(normal): ..                          guard: material.fog_density = 0, material.flags = 0
+//! ```
+//!
+//! What is known (uniforms that no frame changes, attributes and textures of one value, values given by hand) goes through the stages by online partial evaluation ([`fold`]), as intervals that
+//! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write ([`shrink`]), which takes dead work,
+//! varyings, attributes and bindings along.
+//!
+//! The promise is `Exact`: only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
+//! `fold=rounding`, sums with 0 and products with 0 and 1 go too.
+//!
+//! What was assumed is the plan's [`crate::guard::Guard`]. It hurts where values change after all: each change of variant is another pipeline.
+
+use std::collections::BTreeSet;
+
+use naga::{Binding, Interpolation, ShaderStage};
+
+use crate::contract::{Assumption, Contract};
+use crate::graph::Graph;
+use crate::guard::Guard;
+use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
+use crate::program::Program;
+use crate::reflect;
+
+pub mod arithmetic;
+pub mod assume;
+pub mod decision;
+pub mod effects;
+mod expressions;
+pub mod fold;
+pub mod known;
+mod params;
+mod shrink;
+
+pub use params::{Fold, Params};
+
+use assume::Assumptions;
+use decision::Decision;
+use fold::Folder;
+use known::{Known, Scalar};
+
+/// The pass.
+pub struct Specialize;
+
+impl Pass for Specialize {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "specialize",
+        summary: "leaves out what the scene's own values switch off, with a guard that says which values",
+        source: "Crawford and O'Boyle, Specialization Opportunities in Graphical Workloads (2019)",
+        hurts: "where values change from frame to frame, and where many draws want many variants",
+    };
+
+    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
+        match Specialized::new(plan, facts, params) {
+            Ok(done) => Sites {
+                sites: vec![done.site()],
+                ..Sites::default()
+            },
+            Err(refusal) => Sites {
+                refusals: vec![*refusal],
+                ..Sites::default()
+            },
+        }
+    }
+
+    fn apply(
+        plan: &Plan,
+        facts: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
+        let done = Specialized::new(plan, facts, params)?;
+        if *site != done.key {
+            return Err(Box::new(refusal(
+                "stale",
+                "the site is not one of this plan's",
+                "find the sites anew",
+            )));
+        }
+        Ok(done.plan(plan, params))
+    }
+}
+
+fn refusal(code: &str, reason: impl Into<String>, remedy: impl Into<String>) -> Refusal {
+    Refusal::new(Specialize::INFO.name, code, reason, remedy)
+}
+
+/// A material's main pass, specialised.
+pub struct Specialized {
+    /// What was assumed.
+    pub guard: Guard,
+    /// Static cost of the vertex and of the fragment stage, before and after.
+    pub cost: [[f64; 2]; 2],
+    program: Program,
+    key: SiteKey,
+    /// Key of the program it takes the place of.
+    of: String,
+    roundings: u32,
+}
+
+impl Specialized {
+    /// Specialises a plan's main pass to what `facts` and `params` say of its values.
+    ///
+    /// # Errors
+    /// A refusal: nothing of the stages rests on what is known.
+    pub fn new(plan: &Plan, facts: &Facts, params: &Params) -> Result<Self, Box<Refusal>> {
+        let (pass, program) = examine(plan)?;
+        let assumptions = assumptions(plan, program, facts, params)?;
+        let folded = folded(pass, program, &assumptions, params).map_err(bug)?;
+        if folded.used.is_empty() {
+            return Err(Box::new(refusal(
+                "nothing-known",
+                match assumptions.values.is_empty() {
+                    true => "no value of the material is known to stay as it is",
+                    false => {
+                        "no branch, selection or integer rests on a value that is known to stay as it is"
+                    }
+                },
+                "give it a scene, or values by hand (specialize:set=NAME=NUMBER); fold=rounding folds weights of 0 and 1 too",
+            )));
+        }
+        let shrunk =
+            shrink::shrink(&folded.program, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
+        let costs = |program: &Program| {
+            let graph = Graph::build(program);
+            let of = |stage, name: Option<&str>| {
+                name.and_then(|n| program.entry_point(stage, n))
+                    .map_or(0.0, |(i, _)| graph.entry_cost(i))
+            };
+            [
+                of(ShaderStage::Vertex, Some(&pass.vertex)),
+                of(ShaderStage::Fragment, pass.fragment.as_deref()),
+            ]
+        };
+        let (before, after) = (costs(program), costs(&shrunk.program));
+        Ok(Self {
+            guard: assumptions.guard(&folded.used),
+            cost: [[before[0], after[0]], [before[1], after[1]]],
+            key: SiteKey {
+                role: Role::Main,
+                entry_point: pass.fragment.clone().unwrap_or_else(|| pass.vertex.clone()),
+                slice: shrunk.hash,
+                ordinal: 0,
+            },
+            program: shrunk.program,
+            of: pass.program.clone(),
+            roundings: folded.roundings,
+        })
+    }
+
+    /// A hash of what is left: the same for two draws whose values lead to the same stages.
+    pub fn hash(&self) -> &str {
+        &self.key.slice
+    }
+
+    fn site(&self) -> Site {
+        let [_, [before, after]] = self.cost;
+        Site {
+            key: self.key.clone(),
+            what: self.describe(),
+            location: None,
+            cost: SiteCost {
+                slice: before - after,
+                whole: before,
+            },
+        }
+    }
+
+    fn describe(&self) -> String {
+        let [[vertex, less], [fragment, left]] = self.cost;
+        let names: Vec<String> = self.guard.values.iter().map(ToString::to_string).collect();
+        format!(
+            "with {}: a fragment costs {left:.0} ops instead of {fragment:.0}, a vertex {less:.0} instead of {vertex:.0}",
+            names.join(", ")
+        )
+    }
+
+    fn plan(self, plan: &Plan, params: &Params) -> Plan {
+        let mut next = plan.clone();
+        for pass in &mut next.passes {
+            if pass.program == self.of {
+                reflect::fill(pass, &self.program);
+            }
+        }
+        let given = vec![Assumption::SameContraction, Assumption::ValuesOfTheGuard];
+        let contract = match self.roundings {
+            0 => Contract::Exact { given },
+            k => Contract::Rounding { k, given },
+        };
+        next.notes.push(self.describe());
+        next.steps.push(Step {
+            pass: Specialize::INFO.name.to_owned(),
+            site: self.key,
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: contract.clone(),
+        });
+        next.contract = next.contract.and(contract);
+        next.guard = Some(next.guard.unwrap_or_default().and(self.guard));
+        next.fallback = Some(ORIGINAL.to_owned());
+        next.programs.insert(self.of, self.program);
+        next
+    }
+}
+
+fn bug(what: impl std::fmt::Display) -> Box<Refusal> {
+    Box::new(Refusal::bug(Specialize::INFO.name, what))
+}
+
+fn examine(plan: &Plan) -> Result<(&GpuPass, &Program), Box<Refusal>> {
+    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+        return Err(Box::new(refusal(
+            "no-main-pass",
+            "the plan has no main pass",
+            "start from the original plan",
+        )));
+    };
+    if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
+        return Err(Box::new(refusal(
+            "not-first",
+            "another pass of the plan draws the same surface, with stages that were made of the ones that would change",
+            "specialise first, then apply the other passes",
+        )));
+    }
+    Ok((pass, program))
+}
+
+fn assumptions(
+    plan: &Plan,
+    program: &Program,
+    facts: &Facts,
+    params: &Params,
+) -> Result<Assumptions, Box<Refusal>> {
+    Assumptions::new(
+        program.module(),
+        &plan.material,
+        facts,
+        params.set.as_deref(),
+    )
+    .map_err(|e| {
+        Box::new(refusal(
+            "unfit-values",
+            e.to_string(),
+            "`set` is `name=number`, joined by `+`; names are those of the shader",
+        ))
+    })
+}
+
+/// Both stages folded.
+struct Folded {
+    program: Program,
+    used: BTreeSet<usize>,
+    roundings: u32,
+    #[allow(dead_code)] // Told by `explain` next.
+    decisions: Vec<Decision>,
+}
+
+fn folded(
+    pass: &GpuPass,
+    program: &Program,
+    assumptions: &Assumptions,
+    params: &Params,
+) -> Result<Folded, Box<crate::program::Invalid>> {
+    let graph = Graph::build(program);
+    let module = program.module();
+    let mut folder = Folder::new(&graph, assumptions, params.fold, params.unroll);
+    let mut stages = Vec::new();
+    let mut varyings = Vec::new();
+    if let Some((vertex, point)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) {
+        let known = |io: &reflect::Io| match io.binding {
+            Some(Binding::Location { location, .. }) => {
+                assumptions.attribute(location, components(module, io.ty))
+            }
+            _ => Known::Unknown,
+        };
+        let arguments = arguments(module, &point.function, &known);
+        let (function, result, _) = folder.stage(vertex, arguments);
+        stages.push((vertex, function));
+        let outputs = reflect::outputs(module, &point.function);
+        let is_struct = point
+            .function
+            .result
+            .as_ref()
+            .is_some_and(|r| r.binding.is_none());
+        varyings = outputs
+            .into_iter()
+            .enumerate()
+            .filter_map(|(i, io)| match io.binding {
+                Some(Binding::Location { location, .. }) => {
+                    let value = if is_struct {
+                        result.part(i)
+                    } else {
+                        result.clone()
+                    };
+                    Some((location, value))
+                }
+                _ => None,
+            })
+            .collect();
+    }
+    let fragment = pass
+        .fragment
+        .as_deref()
+        .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+    if let Some((fragment, point)) = fragment {
+        let known = |io: &reflect::Io| match io.binding {
+            Some(Binding::Location {
+                location,
+                interpolation,
+                ..
+            }) => {
+                let found = varyings.iter().find(|(l, _)| *l == location);
+                let value = found.map(|(_, v)| v.assumed_only()).unwrap_or_default();
+                match interpolation {
+                    Some(Interpolation::Flat) => value,
+                    _ => interpolated(&value),
+                }
+            }
+            _ => Known::Unknown,
+        };
+        let arguments = arguments(module, &point.function, &known);
+        let (function, _, _) = folder.stage(fragment, arguments);
+        stages.push((fragment, function));
+    }
+    let used = folder.used().clone();
+    let roundings = folder.roundings;
+    let decisions = std::mem::take(&mut folder.decisions);
+    let mut module = module.clone();
+    module.functions = folder.into_functions();
+    let kept: Vec<usize> = stages.iter().map(|(entry, _)| *entry).collect();
+    for (entry, function) in stages {
+        module.entry_points[entry].function = function;
+    }
+    // Other entry points call functions that are not there any more.
+    let mut index = 0;
+    module.entry_points.retain(|_| {
+        index += 1;
+        kept.contains(&(index - 1))
+    });
+    for (handle, value) in assumptions.set_overrides() {
+        let ty = module.overrides[handle].ty;
+        if let Some(literal) = literal(&module, ty, value) {
+            let literal = naga::Expression::Literal(literal);
+            let init = module
+                .global_expressions
+                .append(literal, naga::Span::UNDEFINED);
+            module.overrides[handle].init = Some(init);
+        }
+    }
+    Ok(Folded {
+        program: program.with_module(module)?,
+        used,
+        roundings,
+        decisions,
+    })
+}
+
+fn literal(
+    module: &naga::Module,
+    ty: naga::Handle<naga::Type>,
+    value: f64,
+) -> Option<naga::Literal> {
+    Some(match module.types[ty].inner.scalar()? {
+        naga::Scalar::BOOL => naga::Literal::Bool(value != 0.0),
+        naga::Scalar::I32 => naga::Literal::I32(value as i32),
+        naga::Scalar::U32 => naga::Literal::U32(value as u32),
+        naga::Scalar::F32 => naga::Literal::F32(value as f32),
+        _ => return None,
+    })
+}
+
+fn components(module: &naga::Module, ty: naga::Handle<naga::Type>) -> Option<u32> {
+    match module.types[ty].inner {
+        naga::TypeInner::Vector { size, .. } => Some(size as u32),
+        _ => None,
+    }
+}
+
+/// What is known of each argument of an entry point, struct arguments by member.
+fn arguments(
+    module: &naga::Module,
+    function: &naga::Function,
+    known: &dyn Fn(&reflect::Io) -> Known,
+) -> Vec<Known> {
+    function
+        .arguments
+        .iter()
+        .map(|argument| {
+            let members = reflect::opened(module, std::slice::from_ref(argument));
+            let is_struct = argument.binding.is_none()
+                && matches!(
+                    module.types[argument.ty].inner,
+                    naga::TypeInner::Struct { .. }
+                );
+            match (is_struct, members.as_slice()) {
+                (true, members) => Known::Parts(members.iter().map(known).collect()),
+                (false, [one]) => known(one),
+                _ => Known::Unknown,
+            }
+        })
+        .collect()
+}
+
+/// What is known between vertices of what is known at each: equal values do not interpolate to quite the same.
+fn interpolated(known: &Known) -> Known {
+    match known {
+        Known::Parts(parts) => Known::Parts(parts.iter().map(interpolated).collect()),
+        Known::Scalar(Scalar::Float(a, b), sources) => match Scalar::rounded(*a, *b, 64.0) {
+            Some(scalar) => Known::Scalar(scalar, known::Sources::clone(sources)),
+            None => Known::Unknown,
+        },
+        _ => Known::Unknown,
+    }
+}

@@ -1,0 +1,508 @@
+//! Expressions copied, and what is known of each.
+
+use naga::{
+    ArraySize, BinaryOperator, Block, Expression, Handle, Literal, LocalVariable, MathFunction,
+    Module, Type, TypeInner,
+};
+
+use super::arithmetic;
+use super::fold::{Folder, Frame};
+use super::known::{Known, Scalar, Sources};
+use super::params::Fold;
+use crate::graph::operands;
+
+/// Where a pointer leads.
+enum Root {
+    Local(Handle<LocalVariable>),
+    Global(Handle<naga::GlobalVariable>),
+    Elsewhere,
+}
+
+/// A pointer's variable and its path there; `dynamic` where the path ends at an index that is not known.
+struct Place {
+    root: Root,
+    path: Vec<u32>,
+    sources: Sources,
+    dynamic: bool,
+}
+
+/// What is known of the zero of a type.
+pub(super) fn zero(module: &Module, ty: Handle<Type>) -> Known {
+    let scalar = |s: naga::Scalar| match (s.kind, s.width) {
+        (naga::ScalarKind::Bool, _) => Known::constant(Scalar::Bool(false)),
+        (naga::ScalarKind::Sint, 4) => Known::constant(Scalar::Sint(0, 0)),
+        (naga::ScalarKind::Uint, 4) => Known::constant(Scalar::Uint(0, 0)),
+        (naga::ScalarKind::Float, 4) => Known::constant(Scalar::float(0.0)),
+        _ => Known::Unknown,
+    };
+    match &module.types[ty].inner {
+        TypeInner::Scalar(s) => scalar(*s),
+        TypeInner::Vector { size, scalar: s } => Known::Parts(vec![scalar(*s); *size as usize]),
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar: s,
+        } => {
+            let column = Known::Parts(vec![scalar(*s); *rows as usize]);
+            Known::Parts(vec![column; *columns as usize])
+        }
+        TypeInner::Array {
+            base,
+            size: ArraySize::Constant(n),
+            ..
+        } if n.get() <= 64 => Known::Parts(vec![zero(module, *base); n.get() as usize]),
+        TypeInner::Struct { members, .. } => {
+            Known::Parts(members.iter().map(|m| zero(module, m.ty)).collect())
+        }
+        _ => Known::Unknown,
+    }
+}
+
+fn literal(literal: &Literal) -> Known {
+    match literal {
+        Literal::Bool(b) => Known::constant(Scalar::Bool(*b)),
+        Literal::I32(v) => Known::constant(Scalar::Sint((*v).into(), (*v).into())),
+        Literal::U32(v) => Known::constant(Scalar::Uint((*v).into(), (*v).into())),
+        Literal::F32(v) if v.is_finite() => Known::constant(Scalar::float(f64::from(*v))),
+        _ => Known::Unknown,
+    }
+}
+
+/// What is known of a constant expression of the module.
+fn constant(module: &Module, e: Handle<Expression>) -> Known {
+    match &module.global_expressions[e] {
+        Expression::Literal(l) => literal(l),
+        Expression::Constant(c) => constant(module, module.constants[*c].init),
+        Expression::ZeroValue(ty) => zero(module, *ty),
+        Expression::Compose { ty, components } => {
+            let components = components.iter().map(|c| constant(module, *c)).collect();
+            composed(module, *ty, components)
+        }
+        Expression::Splat { size, value } => {
+            Known::Parts(vec![constant(module, *value); *size as usize])
+        }
+        _ => Known::Unknown,
+    }
+}
+
+/// A vector may be made of vectors.
+fn composed(module: &Module, ty: Handle<Type>, components: Vec<Known>) -> Known {
+    let TypeInner::Vector { size, .. } = module.types[ty].inner else {
+        return Known::Parts(components);
+    };
+    if components.len() == size as usize {
+        return Known::Parts(components);
+    }
+    let mut parts = Vec::new();
+    for component in components {
+        match component {
+            Known::Parts(of) => parts.extend(of),
+            scalar @ Known::Scalar(..) => parts.push(scalar),
+            // Of how many components it is one is not told by what is not known.
+            Known::Unknown => return Known::Unknown,
+        }
+    }
+    match parts.len() == size as usize {
+        true => Known::Parts(parts),
+        false => Known::Unknown,
+    }
+}
+
+/// Elements of what is indexed; `None` where that is not told by its type.
+fn length(module: &Module, inner: &TypeInner) -> Option<u32> {
+    Some(match inner {
+        TypeInner::Vector { size, .. } => *size as u32,
+        TypeInner::Matrix { columns, .. } => *columns as u32,
+        TypeInner::Array {
+            size: ArraySize::Constant(n),
+            ..
+        } => n.get(),
+        TypeInner::ValuePointer {
+            size: Some(size), ..
+        } => *size as u32,
+        TypeInner::Pointer { base, .. } => return length(module, &module.types[*base].inner),
+        _ => return None,
+    })
+}
+
+impl<'p> Folder<'p> {
+    /// Copies an expression, and notes what is known of it. `ahead`: it stands ahead of all statements, where no `Emit` is.
+    pub(super) fn copy(
+        &mut self,
+        frame: &mut Frame<'p>,
+        e: Handle<Expression>,
+        out: &mut Block,
+        ahead: bool,
+    ) {
+        let known = self.evaluate(frame, e);
+        frame.known[e.index()] = known;
+        if let Some(same) = self.stands_for(frame, e) {
+            frame.changed = true;
+            frame.map[e.index()] = Some(frame.mapped(same));
+            frame.known[e.index()] = frame.known[same.index()].clone();
+            return;
+        }
+        let mut expression = frame.original.expressions[e].clone();
+        if let Expression::Access { base, index } = expression
+            && let Some(at) = self.static_index(frame, base, index)
+        {
+            frame.changed = true;
+            expression = Expression::AccessIndex { base, index: at };
+        }
+        let original = expression.clone();
+        operands::map_expression(&mut expression, &mut |operand| {
+            let literal = frame.known[operand.index()].literal();
+            match literal {
+                Some((value, sources))
+                    if arithmetic::takes_literal(&original, *operand) && !ahead =>
+                {
+                    self.used.extend(sources.iter().copied());
+                    frame.changed = true;
+                    *operand = frame.literal(value, out);
+                }
+                _ => *operand = frame.mapped(*operand),
+            }
+        });
+        let copy = match ahead || expression.needs_pre_emit() {
+            true => frame.append(expression, e),
+            false => frame.emit(expression, e),
+        };
+        frame.map[e.index()] = Some(copy);
+        frame.name(e, copy);
+    }
+
+    /// What a statement reads: the copy, or the integer or truth it is known to be.
+    pub(super) fn read(
+        &mut self,
+        frame: &mut Frame<'p>,
+        e: Handle<Expression>,
+        out: &mut Block,
+    ) -> Handle<Expression> {
+        let Some((literal, sources)) = frame.known[e.index()].literal() else {
+            return frame.mapped(e);
+        };
+        let sources = Sources::clone(sources);
+        self.rests_on(&sources);
+        frame.changed = true;
+        frame.literal(literal, out)
+    }
+
+    /// The index of an access that assumptions decide, within bounds.
+    fn static_index(
+        &mut self,
+        frame: &Frame<'p>,
+        base: Handle<Expression>,
+        index: Handle<Expression>,
+    ) -> Option<u32> {
+        let (at, sources) = frame.known[index.index()].index()?;
+        let length = length(self.module, frame.f.ty(self.module, base))?;
+        if (sources.is_empty() && frame.turning == 0) || at >= length {
+            return None;
+        }
+        let sources = Sources::clone(sources);
+        self.rests_on(&sources);
+        Some(at)
+    }
+
+    /// The operand that an expression is known to be the same as.
+    fn stands_for(
+        &mut self,
+        frame: &Frame<'p>,
+        e: Handle<Expression>,
+    ) -> Option<Handle<Expression>> {
+        let (same, sources) = match frame.original.expressions[e] {
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => {
+                let (truth, sources) = all_the_same(&frame.known[condition.index()])?;
+                (if truth { accept } else { reject }, sources)
+            }
+            _ if self.fold == Fold::Rounding => {
+                let (same, sources) = self.neutral(frame, e)?;
+                self.roundings += 1;
+                (same, sources)
+            }
+            _ => return None,
+        };
+        self.rests_on(&sources);
+        Some(same)
+    }
+
+    /// The operand that adding 0, multiplying by 1 or mixing by 0 or 1 leaves, in real numbers.
+    fn neutral(
+        &self,
+        frame: &Frame<'p>,
+        e: Handle<Expression>,
+    ) -> Option<(Handle<Expression>, Sources)> {
+        let is = |operand: Handle<Expression>, value: f64| {
+            all_numbers(&frame.known[operand.index()], value)
+        };
+        let same_type = |operand: Handle<Expression>| {
+            frame.f.ty(self.module, operand) == frame.f.ty(self.module, e)
+        };
+        let found = match frame.original.expressions[e] {
+            Expression::Binary { op, left, right } => match op {
+                BinaryOperator::Add => is(right, 0.0)
+                    .map(|s| (left, s))
+                    .or_else(|| is(left, 0.0).map(|s| (right, s))),
+                BinaryOperator::Subtract => is(right, 0.0).map(|s| (left, s)),
+                BinaryOperator::Multiply => is(right, 1.0)
+                    .map(|s| (left, s))
+                    .or_else(|| is(left, 1.0).map(|s| (right, s))),
+                BinaryOperator::Divide => is(right, 1.0).map(|s| (left, s)),
+                _ => None,
+            },
+            Expression::Math {
+                fun: MathFunction::Mix,
+                arg,
+                arg1: Some(arg1),
+                arg2: Some(arg2),
+                ..
+            } => is(arg2, 0.0)
+                .map(|s| (arg, s))
+                .or_else(|| is(arg2, 1.0).map(|s| (arg1, s))),
+            _ => None,
+        };
+        found.filter(|(same, sources)| !sources.is_empty() && same_type(*same))
+    }
+
+    fn evaluate(&self, frame: &Frame<'p>, e: Handle<Expression>) -> Known {
+        let of = |e: Handle<Expression>| &frame.known[e.index()];
+        match &frame.original.expressions[e] {
+            Expression::Literal(l) => literal(l),
+            Expression::Constant(c) => constant(self.module, self.module.constants[*c].init),
+            Expression::Override(o) => self.assumptions.constant(*o),
+            Expression::ZeroValue(ty) => zero(self.module, *ty),
+            Expression::Compose { ty, components } => {
+                let components = components.iter().map(|c| of(*c).clone()).collect();
+                composed(self.module, *ty, components)
+            }
+            Expression::Access { base, index } => match of(*index).index() {
+                Some((at, sources)) => of(*base).part(at as usize).resting_on(sources),
+                None => Known::Unknown,
+            },
+            Expression::AccessIndex { base, index } => of(*base).part(*index as usize),
+            Expression::Splat { size, value } => {
+                Known::Parts(vec![of(*value).clone(); *size as usize])
+            }
+            Expression::Swizzle {
+                size,
+                vector,
+                pattern,
+            } => Known::Parts(
+                pattern[..*size as usize]
+                    .iter()
+                    .map(|c| of(*vector).part(*c as usize))
+                    .collect(),
+            ),
+            Expression::FunctionArgument(i) => frame
+                .arguments
+                .get(*i as usize)
+                .cloned()
+                .unwrap_or_default(),
+            Expression::Load { pointer } => self.load(frame, *pointer),
+            Expression::ImageSample {
+                image,
+                gather: None,
+                depth_ref: None,
+                ..
+            }
+            | Expression::ImageLoad { image, .. } => match frame.original.expressions[*image] {
+                Expression::GlobalVariable(g) => self.assumptions.texel(g),
+                _ => Known::Unknown,
+            },
+            Expression::Unary { op, expr } => arithmetic::unary(*op, of(*expr)),
+            Expression::Binary { op, left, right } => {
+                let is_matrix = |e: Handle<Expression>| {
+                    matches!(frame.f.ty(self.module, e), TypeInner::Matrix { .. })
+                };
+                match is_matrix(*left) || is_matrix(*right) {
+                    true => Known::Unknown,
+                    false => self.product(frame, *op, *left, *right),
+                }
+            }
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => match of(*condition).truth() {
+                Some(true) => of(*accept).clone(),
+                Some(false) => of(*reject).clone(),
+                None => of(*accept).join(of(*reject)),
+            },
+            Expression::Relational { fun, argument } => arithmetic::relational(*fun, of(*argument)),
+            Expression::Math {
+                fun,
+                arg,
+                arg1,
+                arg2,
+                arg3,
+            } => {
+                let arguments: Vec<&Known> = [Some(*arg), *arg1, *arg2, *arg3]
+                    .into_iter()
+                    .flatten()
+                    .map(of)
+                    .collect();
+                arithmetic::math(*fun, &arguments)
+            }
+            Expression::As {
+                expr,
+                kind,
+                convert: Some(width),
+            } if matches!((kind, width), (naga::ScalarKind::Bool, _) | (_, 4)) => {
+                let is_matrix = matches!(frame.f.ty(self.module, *expr), TypeInner::Matrix { .. });
+                match is_matrix {
+                    true => Known::Unknown,
+                    false => arithmetic::converted(*kind, of(*expr)),
+                }
+            }
+            _ => Known::Unknown,
+        }
+    }
+
+    /// An operator; with `fold=rounding` what is multiplied by 0 is 0.
+    fn product(
+        &self,
+        frame: &Frame<'p>,
+        op: BinaryOperator,
+        left: Handle<Expression>,
+        right: Handle<Expression>,
+    ) -> Known {
+        let of = |e: Handle<Expression>| &frame.known[e.index()];
+        if self.fold == Fold::Rounding && op == BinaryOperator::Multiply {
+            let zero = [left, right]
+                .into_iter()
+                .find_map(|e| all_numbers(of(e), 0.0));
+            if let Some(sources) = zero {
+                let zero = Known::Scalar(Scalar::float(0.0), sources);
+                let width =
+                    [left, right]
+                        .into_iter()
+                        .find_map(|e| match frame.f.ty(self.module, e) {
+                            TypeInner::Vector { size, .. } => Some(*size as usize),
+                            _ => None,
+                        });
+                return match width {
+                    Some(width) => Known::Parts(vec![zero; width]),
+                    None => zero,
+                };
+            }
+        }
+        arithmetic::binary(op, of(left), of(right))
+    }
+
+    fn load(&self, frame: &Frame<'p>, pointer: Handle<Expression>) -> Known {
+        let place = frame.place(pointer);
+        if place.dynamic {
+            return Known::Unknown;
+        }
+        let content = match place.root {
+            Root::Local(v) => frame.locals.get(v.index()).cloned().unwrap_or_default(),
+            Root::Global(g) => self.assumptions.content(g),
+            Root::Elsewhere => return Known::Unknown,
+        };
+        content.at(&place.path).resting_on(&place.sources)
+    }
+}
+
+impl Frame<'_> {
+    fn place(&self, pointer: Handle<Expression>) -> Place {
+        match self.original.expressions[pointer] {
+            Expression::LocalVariable(v) => Place::at(Root::Local(v)),
+            Expression::GlobalVariable(g) => Place::at(Root::Global(g)),
+            Expression::AccessIndex { base, index } => self.place(base).step(Some(index), None),
+            Expression::Access { base, index } => match self.known[index.index()].index() {
+                Some((at, sources)) => self.place(base).step(Some(at), Some(sources)),
+                None => self.place(base).step(None, None),
+            },
+            _ => Place::at(Root::Elsewhere),
+        }
+    }
+
+    /// A store through a pointer.
+    pub(super) fn store(&mut self, pointer: Handle<Expression>, value: Known) {
+        let place = self.place(pointer);
+        if let Root::Local(v) = place.root
+            && let Some(local) = self.locals.get_mut(v.index())
+        {
+            let value = match place.dynamic {
+                true => Known::Unknown,
+                // Where it goes rests on these.
+                false => value.resting_on(&place.sources),
+            };
+            local.set(&place.path, value);
+        }
+    }
+
+    /// Something unknown is written somewhere in the variable that a pointer leads to.
+    pub(super) fn forget_all(&mut self, pointer: Handle<Expression>) {
+        if let Root::Local(v) = self.place(pointer).root
+            && let Some(local) = self.locals.get_mut(v.index())
+        {
+            *local = Known::Unknown;
+        }
+    }
+}
+
+impl Place {
+    fn at(root: Root) -> Self {
+        Self {
+            root,
+            path: Vec::new(),
+            sources: Sources::default(),
+            dynamic: false,
+        }
+    }
+
+    fn step(mut self, index: Option<u32>, sources: Option<&Sources>) -> Self {
+        if let Some(sources) = sources {
+            self.sources = super::known::both(&self.sources, sources);
+        }
+        match index {
+            Some(index) if !self.dynamic => self.path.push(index),
+            Some(_) => {}
+            None => self.dynamic = true,
+        }
+        self
+    }
+}
+
+/// The truth that all components are known to be, by an assumption.
+fn all_the_same(known: &Known) -> Option<(bool, Sources)> {
+    match known {
+        Known::Parts(parts) => {
+            let mut all = parts.iter().map(all_the_same);
+            let (first, mut sources) = all.next()??;
+            for next in all {
+                let (truth, more) = next?;
+                if truth != first {
+                    return None;
+                }
+                sources = super::known::both(&sources, &more);
+            }
+            Some((first, sources))
+        }
+        scalar => scalar
+            .assumed_truth()
+            .map(|(truth, sources)| (truth, Sources::clone(sources))),
+    }
+}
+
+/// What it rests on that all components are this number, exactly.
+fn all_numbers(known: &Known, value: f64) -> Option<Sources> {
+    match known {
+        Known::Parts(parts) => {
+            let mut sources = Sources::default();
+            for part in parts {
+                sources = super::known::both(&sources, &all_numbers(part, value)?);
+            }
+            (!parts.is_empty()).then_some(sources)
+        }
+        Known::Scalar(Scalar::Float(a, b), sources) if *a == value && *b == value => {
+            Some(Sources::clone(sources))
+        }
+        _ => None,
+    }
+}

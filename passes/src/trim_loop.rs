@@ -1,0 +1,443 @@
+//! `trim-loop`: the last turns of a loop are left out.
+//!
+//! Goal: octaves of noise, steps of a march, samples of a filter. Many loops add less with every turn, and their authors chose a number that is enough wherever the shader is ever seen. What the
+//! last turns are worth on a scene is a thing to measure; what they cost is known.
+//!
+//! ```text
+//! before:  for (var i = 0; i < 4; i++) { sum += amplitude * noise(p); amplitude *= 0.5; p *= 2.0; }
+//!
+//! after:   for (var i = 0; i < 3; i++) { .. }
+//! ```
+//!
+//! Of every counted loop of the fragment stage ([`Counted`]), those of its callees included, `turns` turns go, at least one stays; `of=fbm+ridges` names the functions whose loops are meant. What is added up is not made up for: a sum
+//! of four octaves that is divided by its amplitudes stays right, one that is not gets darker.
+//!
+//! The promise is the user's budget, and nothing else: the picture says what a turn is worth. So loops stay that decide a discard, a depth or a coverage, that write memory, and that the vertex stage
+//! runs too: with them the surface would move.
+//!
+//! It hurts nowhere but in the picture. Sitthi-Amorn et al. (2011) and Pellacini (2005) search such simplifications over whole expressions; loops are where most of the time is.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::{Literal, ShaderStage, Span, Statement};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::contract::Contract;
+use crate::coverage::Decides;
+use crate::graph::counted::Counted;
+use crate::graph::effect::Effect;
+use crate::graph::operands;
+use crate::graph::{FunctionId, Graph, StmtId};
+use crate::hoist::Metric;
+use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::place::{Replacement, Rewrite, rewritten};
+use crate::plan::{GpuPass, Plan, Role, Step};
+use crate::program::Program;
+use crate::reflect;
+use crate::slice::{self, Criterion, OutputFilter};
+
+/// The pass.
+pub struct TrimLoop;
+
+/// Parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Turns that each loop loses; at least one stays.
+    #[schemars(range(min = 1, max = 64))]
+    pub turns: u32,
+    /// Functions whose loops are meant, joined by `+`; default: all that the fragment stage calls, and itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<String>,
+    /// How much the picture may differ, by `metric`, above 0 and at most 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub budget: Option<f64>,
+    /// What the budget counts.
+    pub metric: Metric,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            turns: 1,
+            of: None,
+            budget: None,
+            metric: Metric::default(),
+        }
+    }
+}
+
+impl Pass for TrimLoop {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "trim-loop",
+        summary: "leaves out the last turns of loops, as octaves of noise, within a budget",
+        source: "Pellacini, User-Configurable Automatic Shader Simplification (2005); Sitthi-Amorn et al., Genetic Programming for Shader Simplification (2011)",
+        hurts: "where the last turns are seen: a sum that is not divided by its weights gets darker",
+    };
+
+    fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
+        match Trimmed::new(plan, params) {
+            Ok(trimmed) => Sites {
+                sites: vec![trimmed.site],
+                left: trimmed.left,
+                ..Sites::default()
+            },
+            Err((refusal, left)) => Sites {
+                refusals: vec![*refusal],
+                left,
+                ..Sites::default()
+            },
+        }
+    }
+
+    fn apply(
+        plan: &Plan,
+        _facts: &Facts,
+        site: &SiteKey,
+        params: &Params,
+    ) -> Result<Plan, Box<Refusal>> {
+        let trimmed = Trimmed::new(plan, params).map_err(|(refusal, _)| refusal)?;
+        if *site != trimmed.site.key {
+            return Err(refuse(
+                "stale",
+                "the site is not one of this plan's",
+                "find the sites anew",
+            ));
+        }
+        Ok(trimmed.plan(plan, params))
+    }
+}
+
+fn refuse(code: &str, reason: impl Into<String>, remedy: impl Into<String>) -> Box<Refusal> {
+    Box::new(Refusal::new(TrimLoop::INFO.name, code, reason, remedy))
+}
+
+/// A loop, and why it stays as it is where it does.
+struct Found {
+    function: FunctionId,
+    at: StmtId,
+    span: Span,
+    counted: Result<Counted, &'static str>,
+}
+
+/// A material's main pass with less turns.
+struct Trimmed {
+    program: Program,
+    /// Key of the program it takes the place of.
+    of: String,
+    site: Site,
+    left: Vec<Left>,
+    contract: Contract,
+}
+
+type Refused = (Box<Refusal>, Vec<Left>);
+
+impl Trimmed {
+    fn new(plan: &Plan, params: &Params) -> Result<Self, Refused> {
+        let alone = |refusal| (refusal, Vec::new());
+        let (pass, program, fragment) = examine(plan).map_err(alone)?;
+        let Some(budget) = params.budget else {
+            return Err(alone(refuse(
+                "no-budget",
+                "less turns are another picture, and how much it may differ is not said",
+                "give budget=0.01 (of flip_mean, or say metric=max_abs)",
+            )));
+        };
+        let graph = Graph::build(program);
+        let meant = meant(&graph, fragment, params).map_err(alone)?;
+        let found = found(&graph, pass, fragment, &meant);
+        let left = left(&graph, &found);
+        let chosen: Vec<(&Found, &Counted)> = found
+            .iter()
+            .filter_map(|f| Some((f, f.counted.as_ref().ok()?)))
+            .collect();
+        if chosen.is_empty() {
+            let reason = match found.is_empty() {
+                true => "the fragment stage has no loop",
+                false => "no loop of the fragment stage can lose a turn",
+            };
+            let remedy = "explain lists its loops, and why each stays";
+            return Err((refuse("no-loop", reason, remedy), left));
+        }
+        let module = trimmed(&graph, &chosen, params.turns);
+        let bug = |e| (Box::new(Refusal::bug(TrimLoop::INFO.name, e)), Vec::new());
+        let after = program.with_module(module).map_err(bug)?;
+        let whole = graph.entry_cost(fragment);
+        let rest = Graph::build(&after).entry_cost(fragment);
+        let (first, _) = chosen[0];
+        let all = [Criterion::Output(OutputFilter::All)];
+        Ok(Self {
+            site: Site {
+                key: SiteKey {
+                    role: Role::Main,
+                    entry_point: pass.fragment.clone().unwrap_or_default(),
+                    slice: slice::backward(&graph, fragment, &all).hash,
+                    ordinal: 0,
+                },
+                what: described(&graph, &chosen, params.turns, [whole, rest]),
+                location: program.sources().locate(first.span),
+                cost: SiteCost {
+                    slice: whole - rest,
+                    whole,
+                },
+            },
+            program: after,
+            of: pass.program.clone(),
+            left,
+            contract: Contract::Approximate {
+                metric: params.metric.name().to_owned(),
+                budget,
+                given: Vec::new(),
+            },
+        })
+    }
+
+    fn plan(self, plan: &Plan, params: &Params) -> Plan {
+        let mut next = plan.clone();
+        for pass in next.passes.iter_mut().filter(|p| p.program == self.of) {
+            reflect::fill(pass, &self.program);
+        }
+        next.notes.push(self.site.what);
+        next.steps.push(Step {
+            pass: TrimLoop::INFO.name.to_owned(),
+            site: self.site.key,
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: self.contract.clone(),
+        });
+        next.contract = next.contract.and(self.contract);
+        next.programs.insert(self.of, self.program);
+        next
+    }
+}
+
+/// The main pass, its program and its fragment entry point.
+fn examine(plan: &Plan) -> Result<(&GpuPass, &Program, usize), Box<Refusal>> {
+    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+        return Err(refuse(
+            "no-main-pass",
+            "the plan has no main pass",
+            "start from the original plan",
+        ));
+    };
+    if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
+        return Err(refuse(
+            "not-first",
+            "another pass of the plan was made of the stage that would change",
+            "trim first, then apply the other passes",
+        ));
+    }
+    let fragment = pass.fragment.as_deref();
+    let found = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+    let Some((fragment, _)) = found else {
+        return Err(refuse(
+            "no-fragment-stage",
+            "the material has no fragment stage",
+            "there is nothing to trim",
+        ));
+    };
+    Ok((pass, program, fragment))
+}
+
+/// The functions whose loops are meant.
+fn meant(
+    graph: &Graph<'_>,
+    fragment: usize,
+    params: &Params,
+) -> Result<BTreeSet<FunctionId>, Box<Refusal>> {
+    let entry = FunctionId::EntryPoint(fragment);
+    let below = graph.functions().iter().map(|f| f.id);
+    let below: BTreeSet<FunctionId> = below.filter(|id| graph.reaches(entry, *id)).collect();
+    let Some(of) = &params.of else {
+        return Ok(below);
+    };
+    let mut meant = BTreeSet::new();
+    for name in of.split('+').map(str::trim) {
+        let found = below.iter().find(|id| graph.name(**id) == name);
+        let Some(id) = found else {
+            let names: Vec<String> = below.iter().map(|id| graph.name(*id)).collect();
+            return Err(refuse(
+                "unknown-function",
+                format!("the fragment stage calls no `{name}`"),
+                format!("`of` names functions of its own: {}", names.join(", ")),
+            ));
+        };
+        meant.insert(*id);
+    }
+    Ok(meant)
+}
+
+/// The loops of functions, and which of them can lose a turn.
+fn found(
+    graph: &Graph<'_>,
+    pass: &GpuPass,
+    fragment: usize,
+    meant: &BTreeSet<FunctionId>,
+) -> Vec<Found> {
+    let program = graph.program();
+    let decides = Decides::of(graph, program, fragment, pass);
+    let covers = decides.anything().then(|| decides.slice(graph, fragment));
+    let decides_coverage = |function: FunctionId, at: StmtId| {
+        covers.as_ref().is_some_and(|slice| {
+            let parts = slice.parts.iter().filter(|p| p.function == function);
+            parts
+                .clone()
+                .any(|p| p.kept.statements.get(at.index()) == Some(&true))
+        })
+    };
+    let others: Vec<FunctionId> = (0..program.module().entry_points.len())
+        .filter(|i| *i != fragment)
+        .map(FunctionId::EntryPoint)
+        .collect();
+    let mut all = Vec::new();
+    for id in meant {
+        let f = graph.function(*id);
+        let uses = uses(f.function);
+        let stores = [Effect::Store, Effect::ImageStore, Effect::Atomic];
+        let writes = graph.effects(*id).iter().any(|e| stores.contains(e));
+        let is_shared = others.iter().any(|entry| graph.reaches(*entry, *id));
+        for (at, node) in f.statements.iter() {
+            let is_loop = matches!(node.statement, Statement::Loop { .. });
+            if !is_loop || !f.control.is_reachable(at) {
+                continue;
+            }
+            let counted = match Counted::of(program.module(), f, at) {
+                _ if is_shared => {
+                    Err("the vertex stage runs it too, and its turns decide where the surface is")
+                }
+                _ if writes => Err("it stands in a function that writes memory"),
+                _ if decides_coverage(*id, at) => {
+                    Err("it decides a discard, a depth or a coverage")
+                }
+                None => Err("it is not seen how many turns it makes: its bound is no number"),
+                Some(c) if c.turns < 2 => Err("it makes one turn, or none"),
+                Some(c) if uses.get(&c.bound) != Some(&1) => {
+                    Err("the number that its counter is compared with is used elsewhere too")
+                }
+                Some(c) => Ok(c),
+            };
+            all.push(Found {
+                function: *id,
+                at,
+                span: node.span,
+                counted,
+            });
+        }
+    }
+    all
+}
+
+/// How often each expression of a function is read.
+fn uses(function: &naga::Function) -> BTreeMap<naga::Handle<naga::Expression>, usize> {
+    let mut uses = BTreeMap::new();
+    let mut add = |of: Vec<naga::Handle<naga::Expression>>| {
+        for e in of {
+            *uses.entry(e).or_insert(0) += 1;
+        }
+    };
+    for (_, expression) in function.expressions.iter() {
+        add(operands::of_expression(expression));
+    }
+    let mut blocks = vec![&function.body];
+    while let Some(block) = blocks.pop() {
+        for statement in block {
+            add(operands::of_statement(statement));
+            blocks.extend(operands::blocks(statement));
+        }
+    }
+    uses
+}
+
+/// The module with less turns: what each counter is compared with is another number.
+fn trimmed(graph: &Graph<'_>, chosen: &[(&Found, &Counted)], turns: u32) -> naga::Module {
+    let mut module = graph.module().clone();
+    let functions: BTreeSet<FunctionId> = chosen.iter().map(|(f, _)| f.function).collect();
+    for id in functions {
+        let of = chosen.iter().filter(|(f, _)| f.function == id);
+        module = rewritten(&module, id, |build| {
+            let mut rewrite = Rewrite::default();
+            for (_, counted) in of {
+                let left = stays(counted, turns);
+                // A counter that is compared for equality may have no such number: it stays.
+                let Some(bound) = counted.bound_for(left) else {
+                    continue;
+                };
+                let literal = match counted.signed {
+                    true => Literal::I32(bound as i32),
+                    false => Literal::U32(bound as u32),
+                };
+                let value = Replacement::Value(build.literal(literal));
+                rewrite.replacements.insert(counted.bound, value);
+            }
+            rewrite
+        });
+    }
+    module
+}
+
+/// Turns that stay.
+fn stays(counted: &Counted, turns: u32) -> u32 {
+    counted.turns.saturating_sub(turns).max(1)
+}
+
+fn described(
+    graph: &Graph<'_>,
+    chosen: &[(&Found, &Counted)],
+    turns: u32,
+    [whole, rest]: [f64; 2],
+) -> String {
+    let sources = graph.program().sources();
+    let loops: Vec<String> = chosen
+        .iter()
+        .map(|(f, c)| {
+            let line = sources
+                .locate(f.span)
+                .map(|l| format!(" in line {}", l.line));
+            format!(
+                "the loop of `{}`{} makes {} turns instead of {}",
+                graph.name(f.function),
+                line.unwrap_or_default(),
+                stays(c, turns),
+                c.turns
+            )
+        })
+        .collect();
+    format!(
+        "{}: a fragment costs {rest:.0} ops instead of {whole:.0}",
+        loops.join(", ")
+    )
+}
+
+/// The loops that stay as they are, and why.
+fn left(graph: &Graph<'_>, found: &[Found]) -> Vec<Left> {
+    let sources = graph.program().sources();
+    let mut left: Vec<Left> = found
+        .iter()
+        .filter_map(|f| {
+            let reason = f.counted.as_ref().err()?;
+            Some(Left {
+                name: format!("loop of {}", graph.name(f.function)),
+                reason: (*reason).to_owned(),
+                cost: cost(graph, f),
+                location: sources.locate(f.span),
+            })
+        })
+        .collect();
+    left.sort_by(|a, b| b.cost.total_cmp(&a.cost));
+    left
+}
+
+/// Static cost of all turns of a loop, for one run of its function.
+fn cost(graph: &Graph<'_>, found: &Found) -> f64 {
+    let f = graph.function(found.function);
+    let end = f.statements.get(found.at).end;
+    let is_within = |s: StmtId| (found.at..end).contains(&s);
+    let calls = f.calls().filter(|(at, _)| is_within(*at));
+    let called: f64 = calls
+        .map(|(at, callee)| graph.cost(FunctionId::Function(callee)) * f.times[at.index()])
+        .sum();
+    called + f.own_cost(graph.module(), is_within, |_| true)
+}

@@ -1,0 +1,140 @@
+//! Bind groups of a generated material: the author's resources are laid out alike in every pass, so that one bind group serves them all.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::plan::{BindingSource, BindingUse, Plan};
+
+use super::generate::json;
+use super::wgpu_words as words;
+
+/// The author's resources by group and binding, each as all passes of all plans together see it.
+pub(super) struct Shared(BTreeMap<(u32, u32), Resource>);
+
+struct Resource {
+    name: String,
+    /// `wgpu::BindingType`, as Rust.
+    ty: String,
+    stages: Stages,
+}
+
+/// Stages that see a binding.
+#[derive(Clone, Copy)]
+struct Stages {
+    vertex: bool,
+    fragment: bool,
+    compute: bool,
+}
+
+/// The kind of pass that bindings are of.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Raster,
+    Compute,
+}
+
+impl Stages {
+    fn of(binding: &BindingUse, kind: Kind) -> Self {
+        Self {
+            vertex: binding.visibility.vertex,
+            fragment: binding.visibility.fragment,
+            compute: kind == Kind::Compute,
+        }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            vertex: self.vertex || other.vertex,
+            fragment: self.fragment || other.fragment,
+            compute: self.compute || other.compute,
+        }
+    }
+
+    fn text(self) -> String {
+        let all = [
+            (self.vertex, "VERTEX"),
+            (self.fragment, "FRAGMENT"),
+            (self.compute, "COMPUTE"),
+        ];
+        let seen = all.iter().filter(|(is, _)| *is);
+        seen.fold("wgpu::ShaderStages::NONE".to_owned(), |text, (_, stage)| {
+            format!("{text}.union(wgpu::ShaderStages::{stage})")
+        })
+    }
+}
+
+impl Shared {
+    /// Of the plans of one material.
+    pub(super) fn of<'p>(plans: impl Iterator<Item = &'p Plan>) -> Self {
+        let mut all: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
+        for plan in plans {
+            let raster = plan.passes.iter().map(|p| (&p.bindings, Kind::Raster));
+            let compute = plan.compute.iter().map(|c| (&c.bindings, Kind::Compute));
+            for (bindings, kind) in raster.chain(compute) {
+                for binding in bindings {
+                    if binding.source != BindingSource::Author {
+                        continue;
+                    }
+                    let stages = Stages::of(binding, kind);
+                    let key = (binding.group, binding.binding);
+                    let resource = all.entry(key).or_insert_with(|| Resource {
+                        name: binding.name.clone(),
+                        ty: words::binding_type(binding),
+                        stages,
+                    });
+                    resource.stages = resource.stages.and(stages);
+                }
+            }
+        }
+        Self(all)
+    }
+
+    /// The bind groups of a pass that uses `bindings`, as Rust: of each group that it uses anything of, all that the author has in it.
+    pub(super) fn groups(&self, bindings: &[BindingUse], kind: Kind) -> String {
+        let count = bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
+        let groups: Vec<String> = (0..count)
+            .map(|group| self.group(group, bindings, kind))
+            .collect();
+        format!("&[{}]", groups.join(", "))
+    }
+
+    fn group(&self, group: u32, bindings: &[BindingUse], kind: Kind) -> String {
+        let own: Vec<&BindingUse> = bindings.iter().filter(|b| b.group == group).collect();
+        if own.is_empty() {
+            return "&[]".to_owned();
+        }
+        let mut entries: BTreeMap<u32, String> = BTreeMap::new();
+        for ((_, at), resource) in self.0.range((group, 0)..=(group, u32::MAX)) {
+            let Resource { name, ty, stages } = resource;
+            entries.insert(*at, entry(name, "Source::Author", *at, *stages, ty));
+        }
+        for binding in own {
+            let ty = words::binding_type(binding);
+            let shared = self.0.get(&(group, binding.binding));
+            let is_shared = binding.source == BindingSource::Author
+                && shared.is_some_and(|resource| resource.ty == ty);
+            if !is_shared {
+                let (at, stages) = (binding.binding, Stages::of(binding, kind));
+                let text = entry(&binding.name, &source(&binding.source), at, stages, &ty);
+                entries.insert(at, text);
+            }
+        }
+        let entries: Vec<String> = entries.into_values().collect();
+        format!("&[{}]", entries.join(", "))
+    }
+}
+
+fn entry(name: &str, source: &str, binding: u32, stages: Stages, ty: &str) -> String {
+    format!(
+        "Binding {{ name: {name:?}, source: {source}, entry: wgpu::BindGroupLayoutEntry {{ binding: {binding}, visibility: {}, ty: {ty}, count: None }} }}",
+        stages.text()
+    )
+}
+
+fn source(source: &BindingSource) -> String {
+    match source {
+        BindingSource::Author => "Source::Author".to_owned(),
+        BindingSource::Attachment { name } => format!("Source::Attachment({name:?})"),
+        BindingSource::SceneColor { location } => format!("Source::SceneColor({location})"),
+        BindingSource::Geometry { part } => format!("Source::Geometry({:?})", json(part)),
+    }
+}

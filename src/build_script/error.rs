@@ -1,0 +1,53 @@
+//! What ends a build.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+
+use crate::emit;
+use crate::front;
+use crate::lock::LockError;
+use crate::recipe::RecipeError;
+
+/// Why a material was not compiled. Its debug form is fit to read, since that is what a `main` that returns it prints.
+#[derive(thiserror::Error)]
+pub enum Error {
+    /// A file cannot be read.
+    #[error("{}: {error}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        #[source]
+        error: io::Error,
+    },
+    /// The shader is not one that preshade can read.
+    #[error("{}", .0.render(front::Color::Never))]
+    Shader(front::Error),
+    /// A pass cannot be read.
+    #[error(transparent)]
+    Recipe(#[from] RecipeError),
+    /// The lock file cannot be read.
+    #[error(transparent)]
+    Lock(#[from] LockError),
+    /// A plan cannot be written as WGSL.
+    #[error(transparent)]
+    Emit(#[from] emit::Error),
+    /// The files cannot be written.
+    #[error("{0}")]
+    Write(#[source] io::Error),
+    /// A material's name must be able to begin a file's, and a variant's to be a module's.
+    #[error(
+        "`{0}` cannot be the name of a material (it begins a file's) or of a variant (it is a module's: small letters, digits and `_`, and not `original` or `variant`)"
+    )]
+    Name(String),
+    /// Not run by cargo, and no folder is given.
+    #[error("OUT_DIR is not set: call this from a build script, or give `out_dir`")]
+    NoOutDir,
+}
+
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{self}")
+    }
+}

@@ -1,0 +1,641 @@
+// What a host needs to draw with a generated material: plain data of wgpu's own types, and the calls that make wgpu objects of it. Nothing here knows preshade.
+
+/// One GPU pass of a material.
+#[derive(Clone, Debug)]
+pub struct Pass {
+    /// What it is for: `main`, `prepass`, `shadow`, `ids`, `classify`, `resolve` or `clear`.
+    pub role: &'static str,
+    /// When in the frame it runs: no pass of a phase starts before those of earlier phases, over all materials, have ended.
+    pub phase: Phase,
+    /// WGSL of the pass.
+    pub wgsl: &'static str,
+    /// Vertex entry point.
+    pub vertex: &'static str,
+    /// Fragment entry point; `None` draws depth alone.
+    pub fragment: Option<&'static str>,
+    /// Primitive state.
+    pub primitive: wgpu::PrimitiveState,
+    /// Depth and stencil.
+    pub depth: Option<Depth>,
+    /// Multisampling.
+    pub multisample: wgpu::MultisampleState,
+    /// Colour targets, by location.
+    pub targets: &'static [Option<wgpu::ColorTargetState>],
+    /// What is done with each of them in a render pass.
+    pub colors: &'static [Option<Color>],
+    /// Bindings of each bind group. Those of the author's resources are laid out alike in all passes of the material, so that one bind group serves them all.
+    pub groups: &'static [&'static [Binding]],
+    /// Vertex attributes that it reads.
+    pub attributes: &'static [Attribute],
+    /// Features that the device must have.
+    pub features: wgpu::Features,
+    /// Raises limits to what the pass needs.
+    pub raise_limits: fn(&mut wgpu::Limits),
+    /// Which draws of the material it draws.
+    pub draws: Draws,
+    /// What is drawn of them, as in the plan: `as-given`, or what the plan's JSON says more of.
+    pub geometry: &'static str,
+    /// Uniforms that must come from another view than the camera's: the light's, for a shadow pass.
+    pub view_dependent: &'static [&'static str],
+}
+
+/// When a pass runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Phase {
+    /// Shadow maps: the light's view, outside the camera's frame.
+    Shadow,
+    /// Depth only, opaque draws; ids with it.
+    Depth,
+    /// What each pixel shows is told apart, over all materials.
+    Classify,
+    /// Shaded from ids.
+    Resolve,
+    /// Shaded, opaque draws.
+    Opaque,
+    /// Blended draws, last, in the host's order.
+    Blended,
+}
+
+/// Which draws a pass draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Draws {
+    /// All of the material.
+    All,
+    /// The opaque ones.
+    Opaque,
+    /// None: once for the frame.
+    Once,
+}
+
+/// The depth state of a pass.
+#[derive(Clone, Debug)]
+pub struct Depth {
+    /// Name of the attachment, one of `ATTACHMENTS`.
+    pub attachment: &'static str,
+    /// For the pipeline.
+    pub state: wgpu::DepthStencilState,
+    /// Reference value of the stencil test.
+    pub stencil_reference: u32,
+    /// It is bound read-only, and may be sampled in the same pass.
+    pub read_only: bool,
+    /// What the depth aspect is cleared to.
+    pub clear: f32,
+    /// What the pass finds and leaves.
+    pub ops: Ops,
+    /// The same of the stencil aspect, where the format has one.
+    pub stencil_ops: Option<Ops>,
+}
+
+/// What a pass does with a colour attachment.
+#[derive(Clone, Copy, Debug)]
+pub struct Color {
+    /// Attachment of the material's own that is drawn to; `None`: the scene's colour of this location.
+    pub attachment: Option<&'static str>,
+    /// What the pass finds and leaves.
+    pub ops: Ops,
+}
+
+/// Load and store operations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ops {
+    /// The first render pass of the frame that has the attachment clears it; otherwise all of them load.
+    pub clear_first: bool,
+    /// What the pass leaves.
+    pub store: wgpu::StoreOp,
+}
+
+/// A binding of a pass.
+#[derive(Clone, Copy, Debug)]
+pub struct Binding {
+    /// Variable's name in the shader.
+    pub name: &'static str,
+    /// Who provides the resource.
+    pub source: Source,
+    /// For the bind group layout.
+    pub entry: wgpu::BindGroupLayoutEntry,
+}
+
+/// Where a binding's resource comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The author's own resource of that group and binding.
+    Author,
+    /// The whole of an attachment that an earlier pass wrote.
+    Attachment(&'static str),
+    /// The scene's colour of a location, as a storage texture.
+    SceneColor(u32),
+    /// A part of the draw's geometry, as JSON in the words of the plan.
+    Geometry(&'static str),
+}
+
+/// A texture that passes write or read, of the size of the scene's colour.
+#[derive(Clone, Copy, Debug)]
+pub struct Attachment {
+    /// The name that passes refer to it by. `scene-depth` is the one that all main passes of a frame share.
+    pub name: &'static str,
+    /// Format.
+    pub format: wgpu::TextureFormat,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Usages it needs.
+    pub usage: wgpu::TextureUsages,
+}
+
+/// A vertex attribute that a pass reads.
+#[derive(Clone, Copy, Debug)]
+pub struct Attribute {
+    /// `@location`.
+    pub location: u32,
+    /// The author's name for it.
+    pub name: &'static str,
+    /// The format that holds the shader's type as it is.
+    pub format: wgpu::VertexFormat,
+}
+
+/// Work of a compute pass.
+#[derive(Clone, Debug)]
+pub struct Compute {
+    /// WGSL.
+    pub wgsl: &'static str,
+    /// Entry point.
+    pub entry_point: &'static str,
+    /// Invocations of a workgroup, as the plan counts them.
+    pub workgroup: u32,
+    /// What it is run over and when, as JSON in the words of the plan.
+    pub geometry: &'static str,
+    /// When it runs, as JSON in the words of the plan.
+    pub when: &'static str,
+    /// Bindings of each bind group.
+    pub groups: &'static [&'static [Binding]],
+    /// Features that the device must have.
+    pub features: wgpu::Features,
+    /// Raises limits to what the pass needs.
+    pub raise_limits: fn(&mut wgpu::Limits),
+}
+
+/// The host's vertex buffers do not hold what a pass reads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unfit(pub String);
+
+impl std::fmt::Display for Unfit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Unfit {}
+
+/// The host's vertex buffers, with the attributes that a pass reads and no others. Slots stay where they are.
+#[derive(Clone, Debug)]
+pub struct VertexBuffers(
+    Vec<(
+        wgpu::BufferAddress,
+        wgpu::VertexStepMode,
+        Vec<wgpu::VertexAttribute>,
+    )>,
+);
+
+impl VertexBuffers {
+    /// For the pipeline.
+    pub fn layouts(&self) -> Vec<Option<wgpu::VertexBufferLayout<'_>>> {
+        self.0
+            .iter()
+            .map(|(array_stride, step_mode, attributes)| {
+                (!attributes.is_empty()).then_some(wgpu::VertexBufferLayout {
+                    array_stride: *array_stride,
+                    step_mode: *step_mode,
+                    attributes,
+                })
+            })
+            .collect()
+    }
+}
+
+fn group_layouts(device: &wgpu::Device, groups: &[&[Binding]]) -> Vec<wgpu::BindGroupLayout> {
+    let layout = |bindings: &&[Binding]| {
+        let entries: Vec<wgpu::BindGroupLayoutEntry> = bindings.iter().map(|b| b.entry).collect();
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &entries,
+        })
+    };
+    groups.iter().map(layout).collect()
+}
+
+fn pipeline_layout(device: &wgpu::Device, groups: &[&[Binding]]) -> wgpu::PipelineLayout {
+    let layouts = group_layouts(device, groups);
+    let layouts: Vec<Option<&wgpu::BindGroupLayout>> = layouts.iter().map(Some).collect();
+    device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: &layouts,
+        immediate_size: 0,
+    })
+}
+
+fn module(device: &wgpu::Device, label: &str, wgsl: &'static str) -> wgpu::ShaderModule {
+    device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(label),
+        source: wgpu::ShaderSource::Wgsl(wgsl.into()),
+    })
+}
+
+impl Pass {
+    /// Layouts of its bind groups.
+    pub fn bind_group_layouts(&self, device: &wgpu::Device) -> Vec<wgpu::BindGroupLayout> {
+        group_layouts(device, self.groups)
+    }
+
+    /// The host's vertex buffers as this pass reads them. `buffers` hold what the author's shader reads, slot by slot.
+    ///
+    /// # Errors
+    /// An attribute is in none of them, or in a format whose numbers are of another kind.
+    pub fn vertex_buffers(
+        &self,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+    ) -> Result<VertexBuffers, Unfit> {
+        for wanted in self.attributes {
+            let all = buffers.iter().flat_map(|b| b.attributes);
+            let Some(has) = all.clone().find(|a| a.shader_location == wanted.location) else {
+                return Err(Unfit(format!(
+                    "no vertex buffer has `{}` at location {}",
+                    wanted.name, wanted.location
+                )));
+            };
+            let kind = |format: wgpu::VertexFormat| {
+                let name = format!("{format:?}");
+                (name.starts_with("Sint"), name.starts_with("Uint"))
+            };
+            if kind(has.format) != kind(wanted.format) {
+                return Err(Unfit(format!(
+                    "`{}` is read as {:?}, which {:?} does not feed",
+                    wanted.name, wanted.format, has.format
+                )));
+            }
+        }
+        let read = |a: &&wgpu::VertexAttribute| {
+            self.attributes
+                .iter()
+                .any(|w| w.location == a.shader_location)
+        };
+        let buffer = |b: &wgpu::VertexBufferLayout<'_>| {
+            (
+                b.array_stride,
+                b.step_mode,
+                b.attributes.iter().filter(read).copied().collect(),
+            )
+        };
+        Ok(VertexBuffers(buffers.iter().map(buffer).collect()))
+    }
+
+    /// The pipeline, complete: shader, layout, states, targets.
+    ///
+    /// # Errors
+    /// As [`Pass::vertex_buffers`].
+    pub fn pipeline(
+        &self,
+        device: &wgpu::Device,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+    ) -> Result<wgpu::RenderPipeline, Unfit> {
+        let depth = self.depth.as_ref().map(|d| d.state.clone());
+        self.pipeline_with(device, buffers, depth)
+    }
+
+    fn pipeline_with(
+        &self,
+        device: &wgpu::Device,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+        depth_stencil: Option<wgpu::DepthStencilState>,
+    ) -> Result<wgpu::RenderPipeline, Unfit> {
+        let buffers = self.vertex_buffers(buffers)?;
+        let module = module(device, self.role, self.wgsl);
+        Ok(
+            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(self.role),
+                layout: Some(&pipeline_layout(device, self.groups)),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some(self.vertex),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    buffers: &buffers.layouts(),
+                },
+                primitive: self.primitive,
+                depth_stencil,
+                multisample: self.multisample,
+                fragment: self.fragment.map(|entry| wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some(entry),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    targets: self.targets,
+                }),
+                multiview_mask: None,
+                cache: None,
+            }),
+        )
+    }
+}
+
+impl Compute {
+    /// Layouts of its bind groups.
+    pub fn bind_group_layouts(&self, device: &wgpu::Device) -> Vec<wgpu::BindGroupLayout> {
+        group_layouts(device, self.groups)
+    }
+
+    /// The pipeline.
+    pub fn pipeline(&self, device: &wgpu::Device) -> wgpu::ComputePipeline {
+        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(self.entry_point),
+            layout: Some(&pipeline_layout(device, self.groups)),
+            module: &module(device, self.entry_point, self.wgsl),
+            entry_point: Some(self.entry_point),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        })
+    }
+}
+
+impl Ops {
+    fn of<V>(self, first: bool, clear: V) -> wgpu::Operations<V> {
+        let load = match self.clear_first && first {
+            true => wgpu::LoadOp::Clear(clear),
+            false => wgpu::LoadOp::Load,
+        };
+        wgpu::Operations {
+            load,
+            store: self.store,
+        }
+    }
+}
+
+impl Depth {
+    /// For the render pass; `first`: no render pass of the frame before it had this attachment.
+    pub fn attach<'v>(
+        &self,
+        view: &'v wgpu::TextureView,
+        first: bool,
+    ) -> wgpu::RenderPassDepthStencilAttachment<'v> {
+        wgpu::RenderPassDepthStencilAttachment {
+            view,
+            depth_ops: (!self.read_only).then(|| self.ops.of(first, self.clear)),
+            stencil_ops: match self.read_only {
+                true => None,
+                false => self.stencil_ops.map(|ops| ops.of(first, 0)),
+            },
+        }
+    }
+}
+
+impl Color {
+    /// For the render pass; `first`: no render pass of the frame before it had this attachment.
+    pub fn attach<'v>(
+        &self,
+        view: &'v wgpu::TextureView,
+        first: bool,
+        clear: wgpu::Color,
+    ) -> wgpu::RenderPassColorAttachment<'v> {
+        wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: self.ops.of(first, clear),
+        }
+    }
+}
+
+impl Attachment {
+    /// The texture.
+    pub fn texture(&self, device: &wgpu::Device, size: wgpu::Extent3d) -> wgpu::Texture {
+        device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(self.name),
+            size,
+            mip_level_count: 1,
+            sample_count: self.samples,
+            dimension: wgpu::TextureDimension::D2,
+            format: self.format,
+            usage: self.usage,
+            view_formats: &[],
+        })
+    }
+}
+
+/// What a host draws when it loads a variant, because some promises are the driver's: where it fails, draw `original` instead.
+#[derive(Clone, Debug)]
+pub struct SelfTest {
+    /// Attachments of the test: its own, and those of the material.
+    pub attachments: &'static [Attachment],
+    /// All of them must pass.
+    pub runs: &'static [Run],
+}
+
+/// Draws one after the other, each in a render pass of its own.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// What is wrong where samples pass that must not.
+    pub failure: &'static str,
+    /// In order.
+    pub draws: &'static [TestDraw],
+}
+
+/// One draw of a self-test.
+#[derive(Clone, Debug)]
+pub struct TestDraw {
+    /// The pass to draw as.
+    pub pass: &'static Pass,
+    /// Name of the depth attachment.
+    pub attachment: &'static str,
+    /// Depth comparison.
+    pub compare: wgpu::CompareFunction,
+    /// Depth is written.
+    pub write: bool,
+    /// Whether samples must pass, or must not.
+    pub must_pass: bool,
+}
+
+/// What a self-test said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tested {
+    /// The variant may be drawn.
+    Held,
+    /// It may not: take `original`.
+    Failed(&'static str),
+    /// Nothing of the material was in view: ask again with another camera, or take `original`.
+    SawNothing,
+}
+
+impl SelfTest {
+    /// Runs the test on draws of the material: `draw` binds the bind groups of the pass, vertex and index buffers and draws, the same in each call. It is given the test's attachments by name,
+    /// for a pass that samples one. `buffers` are the host's vertex buffers, as for [`Pass::pipeline`]. Waits for the device.
+    ///
+    /// # Errors
+    /// As [`Pass::vertex_buffers`].
+    pub fn run(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        size: wgpu::Extent3d,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+        mut draw: impl FnMut(
+            &Pass,
+            &dyn Fn(&str) -> Option<wgpu::TextureView>,
+            &mut wgpu::RenderPass<'_>,
+        ),
+    ) -> Result<Tested, Unfit> {
+        let texture = |a: &Attachment| (a.name, a.texture(device, size));
+        let textures: Vec<(&str, wgpu::Texture)> = self.attachments.iter().map(texture).collect();
+        let view = |name: &str| {
+            let found = textures.iter().find(|(n, _)| *n == name);
+            found.map(|(_, t)| t.create_view(&wgpu::TextureViewDescriptor::default()))
+        };
+        let count: usize = self.runs.iter().map(|r| r.draws.len()).sum();
+        let queries = device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: None,
+            ty: wgpu::QueryType::Occlusion,
+            count: count as u32,
+        });
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut query = 0;
+        for run in self.runs {
+            let mut cleared: Vec<&str> = Vec::new();
+            for test in run.draws {
+                let first = !cleared.contains(&test.attachment);
+                cleared.push(test.attachment);
+                self.draw(
+                    device,
+                    size,
+                    buffers,
+                    test,
+                    first,
+                    query,
+                    (&queries, &mut encoder),
+                    &view,
+                    &mut draw,
+                )?;
+                query += 1;
+            }
+        }
+        let buffer = |usage| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: (count * 8) as u64,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
+        let read = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+        encoder.resolve_query_set(&queries, 0..count as u32, &resolved, 0);
+        encoder.copy_buffer_to_buffer(&resolved, 0, &read, 0, (count * 8) as u64);
+        queue.submit([encoder.finish()]);
+        read.map_async(wgpu::MapMode::Read, .., |_| ());
+        if device.poll(wgpu::PollType::wait_indefinitely()).is_err() {
+            return Ok(Tested::SawNothing);
+        }
+        let Ok(mapped) = read.get_mapped_range(..) else {
+            return Ok(Tested::SawNothing);
+        };
+        let passed: Vec<bool> = mapped
+            .chunks_exact(8)
+            .map(|n| n.iter().any(|b| *b != 0))
+            .collect();
+        Ok(self.judge(&passed))
+    }
+
+    fn judge(&self, passed: &[bool]) -> Tested {
+        let mut passed = passed.iter();
+        let mut saw = true;
+        for run in self.runs {
+            for (draw, passed) in run.draws.iter().zip(passed.by_ref()) {
+                match (draw.must_pass, passed) {
+                    (false, true) => return Tested::Failed(run.failure),
+                    (true, false) => saw = false,
+                    _ => {}
+                }
+            }
+        }
+        match saw {
+            true => Tested::Held,
+            false => Tested::SawNothing,
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn draw(
+        &self,
+        device: &wgpu::Device,
+        size: wgpu::Extent3d,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+        test: &TestDraw,
+        first: bool,
+        query: u32,
+        (queries, encoder): (&wgpu::QuerySet, &mut wgpu::CommandEncoder),
+        view: &dyn Fn(&str) -> Option<wgpu::TextureView>,
+        draw: &mut impl FnMut(
+            &Pass,
+            &dyn Fn(&str) -> Option<wgpu::TextureView>,
+            &mut wgpu::RenderPass<'_>,
+        ),
+    ) -> Result<(), Unfit> {
+        let pass = test.pass;
+        let Some((own, attachment)) = pass.depth.as_ref().zip(view(test.attachment)) else {
+            return Err(Unfit(format!(
+                "the pass `{}` has no depth to test",
+                pass.role
+            )));
+        };
+        let state = wgpu::DepthStencilState {
+            depth_write_enabled: Some(test.write),
+            depth_compare: Some(test.compare),
+            stencil: wgpu::StencilState::default(),
+            ..own.state.clone()
+        };
+        let pipeline = pass.pipeline_with(device, buffers, Some(state))?;
+        // Nobody looks at the colours, but a driver that is given others may compile another vertex stage.
+        let target = |target: &Option<wgpu::ColorTargetState>| {
+            let colour = Attachment {
+                name: "self-test",
+                format: target.as_ref()?.format,
+                samples: pass.multisample.count,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            };
+            Some(
+                colour
+                    .texture(device, size)
+                    .create_view(&wgpu::TextureViewDescriptor::default()),
+            )
+        };
+        let colours: Vec<Option<wgpu::TextureView>> = pass.targets.iter().map(target).collect();
+        let ops = Ops {
+            clear_first: true,
+            store: wgpu::StoreOp::Store,
+        };
+        let colour = Color {
+            attachment: None,
+            ops,
+        };
+        let colours: Vec<_> = colours
+            .iter()
+            .map(|v| {
+                v.as_ref()
+                    .map(|v| colour.attach(v, true, wgpu::Color::TRANSPARENT))
+            })
+            .collect();
+        let has_stencil = own.stencil_ops.map(|_| ops);
+        let depth = Depth {
+            read_only: false,
+            ops,
+            stencil_ops: has_stencil,
+            ..own.clone()
+        };
+        let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("self-test"),
+            color_attachments: &colours,
+            depth_stencil_attachment: Some(depth.attach(&attachment, first)),
+            occlusion_query_set: Some(queries),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        render.set_pipeline(&pipeline);
+        render.begin_occlusion_query(query);
+        draw(pass, view, &mut render);
+        render.end_occlusion_query();
+        Ok(())
+    }
+}

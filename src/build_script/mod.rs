@@ -1,0 +1,366 @@
+//! Variants made by a `build.rs`: no GPU, nothing to install, the same bytes on every machine.
+//!
+//! ```no_run
+//! // build.rs
+//! fn main() -> Result<(), preshade::build_script::Error> {
+//!     preshade::configure().pass("depth-prepass").compile("shaders/lit.wgsl")
+//! }
+//! ```
+//!
+//! ```ignore
+//! // src/main.rs: wgpu 30 is all that the generated code needs.
+//! mod lit {
+//!     preshade::include_variant!("lit");
+//! }
+//! let pipeline = lit::MAIN.pipeline(&device, &[lit::INTERLEAVED])?;
+//! ```
+//!
+//! The module `lit` has `original` and the variant, each with its passes (`PASSES`, and `MAIN`, `PREPASS` and so on by role), attachments, self-test, files and whole plan; the variant's names
+//! are the module's own. A [`Builder::variant`] has a module of its own.
+//!
+//! What is made, for each material:
+//!
+//! 1. Where `preshade.lock` beside the shader names it, what is kept there ([`crate::lock`]): chosen on a scene, by a developer's adapter. Where the lock does not fit the shader any
+//!    more the build warns and ships the original.
+//! 2. Otherwise the passes asked for, as far as they need no scene: what promises no more than a budget, or rests on what only a scene shows (that no depths tie, say), is told as a warning and left out.
+//! 3. Where none is asked for, `depth_prepass`, `early_discard` and `shadow`, in their forms that need no scene, each as a module beside the original.
+//!
+//! Names do not depend on what was refused: a variant of which every step is refused draws the original.
+//!
+//! Files go to `OUT_DIR` alone, and only where their bytes differ. A material whose files, options and lock are as they were at the last run is not compiled again.
+//! Cargo is told of the files that were read and of no others; a `preshade.lock` that is not there yet is none of them, so touch the build script after the first.
+//!
+//! A dev profile compiles build scripts without optimisation, preshade and naga with them. Where that is felt, `[profile.dev.build-override] opt-level = 2` in `Cargo.toml` helps.
+
+mod bindings;
+mod choose;
+mod error;
+mod generate;
+#[cfg(all(test, feature = "verify"))]
+#[allow(dead_code)]
+mod host;
+mod stamp;
+mod wgpu_words;
+
+use std::path::{Path, PathBuf};
+
+use preshade_passes::state::MaterialState;
+
+use crate::emit::{self, File, Target};
+use crate::front;
+use crate::lock::Lock;
+use crate::recipe::Recipe;
+
+pub use error::Error;
+
+/// A build of a material with its options: see the module.
+#[must_use]
+pub fn configure() -> Builder {
+    Builder::default()
+}
+
+/// `configure().compile(shader)`.
+///
+/// # Errors
+/// As [`Builder::compile`].
+pub fn compile(shader: impl AsRef<Path>) -> Result<(), Error> {
+    configure().compile(shader)
+}
+
+/// What a material is made into.
+#[derive(Clone, Debug, Default)]
+pub struct Builder {
+    passes: Vec<String>,
+    variants: Vec<(String, Vec<String>)>,
+    name: Option<String>,
+    state: Option<MaterialState>,
+    options: front::Options,
+    targets: Vec<Target>,
+    lock: Option<PathBuf>,
+    types: Option<String>,
+    out_dir: Option<PathBuf>,
+}
+
+/// What a build came to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Built {
+    /// The module, in the folder for output.
+    pub module: PathBuf,
+    /// Files that the build rests on.
+    pub read: Vec<PathBuf>,
+    /// What was asked for and is not in the module, in a line each.
+    pub warnings: Vec<String>,
+    /// Files whose bytes changed.
+    pub written: Vec<PathBuf>,
+}
+
+impl Builder {
+    /// Adds a pass to the recipe of the material's variant, in the words of the command line: `depth-prepass`, `early-discard:texture=float`. A lock that names the material goes before it.
+    #[must_use]
+    pub fn pass(mut self, step: impl Into<String>) -> Self {
+        self.passes.push(step.into());
+        self
+    }
+
+    /// Adds a variant in a module of its own, `name`, of these passes.
+    #[must_use]
+    pub fn variant<S: Into<String>>(
+        mut self,
+        name: impl Into<String>,
+        steps: impl IntoIterator<Item = S>,
+    ) -> Self {
+        let steps = steps.into_iter().map(Into::into).collect();
+        self.variants.push((name.into(), steps));
+        self
+    }
+
+    /// Name of the material and of its module's file; the default is the shader file's, without endings.
+    #[must_use]
+    pub fn name(mut self, name: impl Into<String>) -> Self {
+        self.name = Some(name.into());
+        self
+    }
+
+    /// The state that the material is drawn with. The default is the lock's, or [`MaterialState::default`].
+    #[must_use]
+    pub fn state(mut self, state: MaterialState) -> Self {
+        self.state = Some(state);
+        self
+    }
+
+    /// Vertex entry point, where there are several.
+    #[must_use]
+    pub fn vertex(mut self, entry_point: impl Into<String>) -> Self {
+        self.options.vertex = Some(entry_point.into());
+        self
+    }
+
+    /// Fragment entry point, where there are several.
+    #[must_use]
+    pub fn fragment(mut self, entry_point: impl Into<String>) -> Self {
+        self.options.fragment = Some(entry_point.into());
+        self
+    }
+
+    /// A definition for the preprocessor of GLSL.
+    #[must_use]
+    pub fn define(mut self, name: impl Into<String>, value: impl Into<String>) -> Self {
+        self.options.defines.push((name.into(), value.into()));
+        self
+    }
+
+    /// Writes this target beside WGSL, which is always written: the files are in `FILES`. One that cannot say what a material does is told as a warning.
+    #[must_use]
+    pub fn emit(mut self, target: Target) -> Self {
+        self.targets.push(target);
+        self
+    }
+
+    /// The lock file; the default is `preshade.lock` beside the shader, if it is there.
+    #[must_use]
+    pub fn lock(mut self, path: impl Into<PathBuf>) -> Self {
+        self.lock = Some(path.into());
+        self
+    }
+
+    /// Takes `Pass` and the other types from the generated module at this path, `crate::lit` say, in place of having its own: for a host that draws several materials by one piece of code.
+    #[must_use]
+    pub fn types(mut self, module: impl Into<String>) -> Self {
+        self.types = Some(module.into());
+        self
+    }
+
+    /// Folder for output; the default is cargo's `OUT_DIR`, and `include_variant!` looks nowhere else.
+    #[must_use]
+    pub fn out_dir(mut self, path: impl Into<PathBuf>) -> Self {
+        self.out_dir = Some(path.into());
+        self
+    }
+
+    /// Compiles a material of one file, and tells cargo what it needs to know.
+    ///
+    /// # Errors
+    /// The shader, the lock file or a recipe cannot be read, or the files cannot be written. That a pass does not apply is a warning.
+    pub fn compile(&self, shader: impl AsRef<Path>) -> Result<(), Error> {
+        self.tell(&[shader.as_ref()])
+    }
+
+    /// As [`Builder::compile`], of a vertex and a fragment file.
+    ///
+    /// # Errors
+    /// As [`Builder::compile`].
+    pub fn compile_stages(
+        &self,
+        vertex: impl AsRef<Path>,
+        fragment: impl AsRef<Path>,
+    ) -> Result<(), Error> {
+        self.tell(&[vertex.as_ref(), fragment.as_ref()])
+    }
+
+    fn tell(&self, files: &[&Path]) -> Result<(), Error> {
+        // Also where it fails: mending a file must run the build again.
+        for file in files {
+            println!("cargo::rerun-if-changed={}", file.display());
+        }
+        let built = self.build(files)?;
+        for file in built.read.iter().filter(|f| !files.contains(&f.as_path())) {
+            println!("cargo::rerun-if-changed={}", file.display());
+        }
+        for warning in &built.warnings {
+            println!("cargo::warning={warning}");
+        }
+        Ok(())
+    }
+
+    /// Compiles a material of one file or two and prints nothing: for build systems other than cargo.
+    ///
+    /// # Errors
+    /// As [`Builder::compile`].
+    pub fn build(&self, files: &[&Path]) -> Result<Built, Error> {
+        let out = match &self.out_dir {
+            Some(folder) => folder.clone(),
+            None => PathBuf::from(std::env::var_os("OUT_DIR").ok_or(Error::NoOutDir)?),
+        };
+        let name = self.material(files)?;
+        let texts = files
+            .iter()
+            .map(|file| read(file))
+            .collect::<Result<Vec<_>, _>>()?;
+        let beside = files.first().map(|f| Lock::path_beside(f));
+        let lock_path = self.lock.clone().or(beside).unwrap_or_default();
+        let lock_text = match std::fs::read_to_string(&lock_path) {
+            Ok(text) => Some(text),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound && self.lock.is_none() => None,
+            Err(error) => {
+                return Err(Error::Read {
+                    path: lock_path,
+                    error,
+                });
+            }
+        };
+        let mut read: Vec<PathBuf> = files.iter().map(|f| f.to_path_buf()).collect();
+        read.extend(lock_text.is_some().then(|| lock_path.clone()));
+
+        let module = out.join(format!("{name}.rs"));
+        let folder = out.join(&name);
+        let key = stamp::key(self, &name, files, &texts, lock_text.as_deref());
+        if let Some(warnings) = stamp::still_holds(&folder, &key, &out) {
+            return Ok(Built {
+                module,
+                read,
+                warnings,
+                written: Vec::new(),
+            });
+        }
+        let lock = lock_text
+            .as_deref()
+            .map(|text| Lock::parse_file(text, &lock_path))
+            .transpose()?;
+        let made = self.make(&name, files, texts, lock.as_ref())?;
+        let mut written = Vec::new();
+        let mut hashes = Vec::new();
+        let root = [File {
+            name: format!("{name}.rs"),
+            bytes: made.module.into_bytes(),
+        }];
+        let folders = made
+            .files
+            .iter()
+            .map(|(variant, files)| (folder.join(variant), files.as_slice()));
+        for (folder, files) in folders.chain([(out.clone(), root.as_slice())]) {
+            written.extend(emit::write(&folder, files).map_err(Error::Write)?);
+            let below = folder.strip_prefix(&out).unwrap_or(&folder).to_owned();
+            hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
+        }
+        // Last, so that a build that was cut off is made again.
+        stamp::write(&folder, &key, &made.warnings, hashes).map_err(Error::Write)?;
+        Ok(Built {
+            module,
+            read,
+            warnings: made.warnings,
+            written,
+        })
+    }
+
+    fn material(&self, files: &[&Path]) -> Result<String, Error> {
+        let stem = files.first().and_then(|f| f.file_stem());
+        let stem = stem.map(|s| s.to_string_lossy().into_owned());
+        let name = self.name.clone().or_else(|| {
+            let stem = stem?;
+            let stages = [".vert", ".frag", ".vs", ".fs"];
+            let bare = stages.iter().find_map(|s| stem.strip_suffix(s));
+            Some(bare.unwrap_or(&stem).to_owned())
+        });
+        match name {
+            Some(name) if !name.is_empty() && !name.contains(['/', '\\']) => Ok(name),
+            name => Err(Error::Name(name.unwrap_or_default())),
+        }
+    }
+
+    /// The module and the files of each variant.
+    fn make(
+        &self,
+        name: &str,
+        files: &[&Path],
+        texts: Vec<String>,
+        lock: Option<&Lock>,
+    ) -> Result<Made, Error> {
+        let sources: Vec<front::Source> = files
+            .iter()
+            .zip(texts)
+            .map(|(file, text)| front::Source::new(slashes(file), text))
+            .collect();
+        let mut warnings = Vec::new();
+        let drawn = choose::choose(self, name, &sources, lock, &mut warnings)?;
+        Ok(Made {
+            module: generate::material(name, &drawn, self.types.as_deref()),
+            files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
+            warnings,
+        })
+    }
+
+    /// The recipes that are asked for: of the material's own variant, if there is one, and of those with names.
+    fn recipes(&self) -> Result<(Option<Recipe>, Vec<(String, Recipe)>), Error> {
+        if self.passes.is_empty() && self.variants.is_empty() {
+            let named = choose::BY_DEFAULT.iter().map(|(name, pass)| {
+                let recipe = Recipe::parse([pass])?;
+                Ok(((*name).to_owned(), recipe))
+            });
+            return Ok((None, named.collect::<Result<_, Error>>()?));
+        }
+        let own = match self.passes.is_empty() {
+            true => None,
+            false => Some(Recipe::parse(&self.passes)?),
+        };
+        let named = self.variants.iter().map(|(name, steps)| {
+            let word = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+            let starts = name.starts_with(|c: char| c.is_ascii_lowercase());
+            if !starts
+                || !name.chars().all(word)
+                || ["original", "variant"].contains(&name.as_str())
+            {
+                return Err(Error::Name(name.clone()));
+            }
+            Ok((name.clone(), Recipe::parse(steps)?))
+        });
+        Ok((own, named.collect::<Result<_, Error>>()?))
+    }
+}
+
+struct Made {
+    module: String,
+    files: Vec<(String, Vec<File>)>,
+    warnings: Vec<String>,
+}
+
+fn read(path: &Path) -> Result<String, Error> {
+    std::fs::read_to_string(path).map_err(|error| Error::Read {
+        path: path.to_owned(),
+        error,
+    })
+}
+
+/// A path as messages and generated files say it on every machine.
+fn slashes(path: &Path) -> String {
+    path.display().to_string().replace('\\', "/")
+}

@@ -1,0 +1,323 @@
+//! A plan's words as Rust expressions of wgpu's types, which can all stand in a constant. Where the plan's enumerations are WebGPU's, their variants have wgpu's names.
+
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+
+use preshade_passes::plan::{AttachmentFormat, BindingKind, BindingLayout, BindingUse};
+use preshade_passes::state::{
+    Blend, BlendComponent, ColorTarget, CullMode, DepthFormat, DepthState, Multisample,
+    PrimitiveState, StencilFace, StencilState, Topology,
+};
+
+/// `wgpu::PrimitiveState`. Strips are indexed by 32 bits.
+pub(super) fn primitive(p: &PrimitiveState) -> String {
+    let strip = match p.topology {
+        Topology::LineStrip | Topology::TriangleStrip => "Some(wgpu::IndexFormat::Uint32)",
+        _ => "None",
+    };
+    let cull = match p.cull {
+        CullMode::None => "None",
+        CullMode::Front => "Some(wgpu::Face::Front)",
+        CullMode::Back => "Some(wgpu::Face::Back)",
+    };
+    format!(
+        "wgpu::PrimitiveState {{ topology: wgpu::PrimitiveTopology::{:?}, strip_index_format: {strip}, front_face: wgpu::FrontFace::{:?}, cull_mode: {cull}, unclipped_depth: {}, polygon_mode: wgpu::PolygonMode::Fill, conservative: false }}",
+        p.topology, p.front_face, p.unclipped_depth
+    )
+}
+
+/// `wgpu::MultisampleState`.
+pub(super) fn multisample(m: &Multisample) -> String {
+    format!(
+        "wgpu::MultisampleState {{ count: {}, mask: {}, alpha_to_coverage_enabled: {} }}",
+        m.count, m.mask, m.alpha_to_coverage
+    )
+}
+
+/// `wgpu::DepthStencilState`.
+pub(super) fn depth_stencil(
+    format: DepthFormat,
+    depth: &DepthState,
+    stencil: Option<&StencilState>,
+) -> String {
+    let stencil = match stencil {
+        None => "wgpu::StencilState { front: wgpu::StencilFaceState::IGNORE, back: wgpu::StencilFaceState::IGNORE, read_mask: 0, write_mask: 0 }".to_owned(),
+        Some(s) => format!(
+            "wgpu::StencilState {{ front: {}, back: {}, read_mask: {}, write_mask: {} }}",
+            face(s.front),
+            face(s.back),
+            s.read_mask,
+            s.write_mask
+        ),
+    };
+    format!(
+        "wgpu::DepthStencilState {{ format: {}, depth_write_enabled: Some({}), depth_compare: Some(wgpu::CompareFunction::{:?}), stencil: {stencil}, bias: wgpu::DepthBiasState {{ constant: {}, slope_scale: {:?}, clamp: {:?} }} }}",
+        depth_format(format),
+        depth.write,
+        depth.compare,
+        depth.bias.constant,
+        depth.bias.slope_scale,
+        depth.bias.clamp
+    )
+}
+
+fn face(f: StencilFace) -> String {
+    let operation = |o: &dyn Debug| format!("wgpu::StencilOperation::{o:?}");
+    format!(
+        "wgpu::StencilFaceState {{ compare: wgpu::CompareFunction::{:?}, fail_op: {}, depth_fail_op: {}, pass_op: {} }}",
+        f.compare,
+        operation(&f.fail),
+        operation(&f.depth_fail),
+        operation(&f.pass)
+    )
+}
+
+fn depth_format(format: DepthFormat) -> &'static str {
+    match format {
+        DepthFormat::Depth16unorm => "wgpu::TextureFormat::Depth16Unorm",
+        DepthFormat::Depth24plus => "wgpu::TextureFormat::Depth24Plus",
+        DepthFormat::Depth24plusStencil8 => "wgpu::TextureFormat::Depth24PlusStencil8",
+        DepthFormat::Depth32float => "wgpu::TextureFormat::Depth32Float",
+        DepthFormat::Depth32floatStencil8 => "wgpu::TextureFormat::Depth32FloatStencil8",
+    }
+}
+
+/// `wgpu::TextureFormat`.
+pub(super) fn attachment_format(format: &AttachmentFormat) -> String {
+    match format {
+        AttachmentFormat::Depth(format) => depth_format(*format).to_owned(),
+        AttachmentFormat::Color(name) => color_format(name),
+    }
+}
+
+/// A colour format in WebGPU's spelling, `rgba8unorm-srgb`, in wgpu's: `Rgba8UnormSrgb`.
+pub(super) fn color_format(name: &str) -> String {
+    let (name, srgb) = match name.strip_suffix("-srgb") {
+        Some(name) => (name, "Srgb"),
+        None => (name, ""),
+    };
+    let kinds = ["unorm", "snorm", "uint", "sint", "ufloat", "float"];
+    let kind = kinds.iter().find(|k| name.ends_with(**k)).copied();
+    let kind = kind.unwrap_or_default();
+    let channels = name.strip_suffix(kind).unwrap_or(name);
+    format!(
+        "wgpu::TextureFormat::{}{}{srgb}",
+        capital(channels),
+        capital(kind)
+    )
+}
+
+fn capital(word: &str) -> String {
+    let mut letters = word.chars();
+    let first = letters.next().map(|c| c.to_ascii_uppercase());
+    first.into_iter().chain(letters).collect()
+}
+
+/// `wgpu::ColorTargetState`.
+pub(super) fn color_target(target: &ColorTarget) -> String {
+    let blend = target
+        .blend
+        .as_ref()
+        .map_or("None".to_owned(), |b| format!("Some({})", blend(b)));
+    format!(
+        "wgpu::ColorTargetState {{ format: {}, blend: {blend}, write_mask: wgpu::ColorWrites::from_bits_truncate({}) }}",
+        color_format(&target.format),
+        target.write_mask
+    )
+}
+
+fn blend(b: &Blend) -> String {
+    let component = |c: &BlendComponent| {
+        format!(
+            "wgpu::BlendComponent {{ src_factor: wgpu::BlendFactor::{:?}, dst_factor: wgpu::BlendFactor::{:?}, operation: wgpu::BlendOperation::{:?} }}",
+            c.src, c.dst, c.operation
+        )
+    };
+    format!(
+        "wgpu::BlendState {{ color: {}, alpha: {} }}",
+        component(&b.color),
+        component(&b.alpha)
+    )
+}
+
+/// `wgpu::BindingType`.
+pub(super) fn binding_type(binding: &BindingUse) -> String {
+    let Some(layout) = &binding.layout else {
+        return match binding.kind {
+            BindingKind::AccelerationStructure => {
+                "wgpu::BindingType::AccelerationStructure { vertex_return: false }".to_owned()
+            }
+            _ => "wgpu::BindingType::ExternalTexture".to_owned(),
+        };
+    };
+    match layout {
+        BindingLayout::Buffer {
+            ty,
+            min_binding_size,
+        } => {
+            let ty = match ty.as_str() {
+                "uniform" => "Uniform",
+                "storage" => "Storage { read_only: false }",
+                _ => "Storage { read_only: true }",
+            };
+            format!(
+                "wgpu::BindingType::Buffer {{ ty: wgpu::BufferBindingType::{ty}, has_dynamic_offset: false, min_binding_size: std::num::NonZeroU64::new({min_binding_size}) }}"
+            )
+        }
+        BindingLayout::Sampler { ty } => {
+            let ty = match ty.as_str() {
+                "filtering" => "Filtering",
+                "comparison" => "Comparison",
+                _ => "NonFiltering",
+            };
+            format!("wgpu::BindingType::Sampler(wgpu::SamplerBindingType::{ty})")
+        }
+        BindingLayout::Texture {
+            sample_type,
+            view_dimension,
+            multisampled,
+        } => {
+            let ty = match sample_type.as_str() {
+                "float" => "Float { filterable: true }",
+                "depth" => "Depth",
+                "sint" => "Sint",
+                "uint" => "Uint",
+                _ => "Float { filterable: false }",
+            };
+            format!(
+                "wgpu::BindingType::Texture {{ sample_type: wgpu::TextureSampleType::{ty}, view_dimension: {}, multisampled: {multisampled} }}",
+                dimension(view_dimension)
+            )
+        }
+        BindingLayout::StorageTexture {
+            access,
+            format,
+            view_dimension,
+        } => {
+            let access = match access.as_str() {
+                "write-only" => "WriteOnly",
+                "read-only" => "ReadOnly",
+                _ => "ReadWrite",
+            };
+            format!(
+                "wgpu::BindingType::StorageTexture {{ access: wgpu::StorageTextureAccess::{access}, format: {}, view_dimension: {} }}",
+                color_format(format),
+                dimension(view_dimension)
+            )
+        }
+    }
+}
+
+fn dimension(name: &str) -> &'static str {
+    match name {
+        "1d" => "wgpu::TextureViewDimension::D1",
+        "2d-array" => "wgpu::TextureViewDimension::D2Array",
+        "3d" => "wgpu::TextureViewDimension::D3",
+        "cube" => "wgpu::TextureViewDimension::Cube",
+        "cube-array" => "wgpu::TextureViewDimension::CubeArray",
+        _ => "wgpu::TextureViewDimension::D2",
+    }
+}
+
+/// The variant of `wgpu::VertexFormat` that holds a WGSL type as it is, and its bytes.
+pub(super) fn vertex_format(ty: &str) -> Option<(&'static str, u64)> {
+    Some(match ty {
+        "f32" => ("Float32", 4),
+        "vec2<f32>" => ("Float32x2", 8),
+        "vec3<f32>" => ("Float32x3", 12),
+        "vec4<f32>" => ("Float32x4", 16),
+        "i32" => ("Sint32", 4),
+        "vec2<i32>" => ("Sint32x2", 8),
+        "vec3<i32>" => ("Sint32x3", 12),
+        "vec4<i32>" => ("Sint32x4", 16),
+        "u32" => ("Uint32", 4),
+        "vec2<u32>" => ("Uint32x2", 8),
+        "vec3<u32>" => ("Uint32x3", 12),
+        "vec4<u32>" => ("Uint32x4", 16),
+        "f16" => ("Float16", 2),
+        "vec2<f16>" => ("Float16x2", 4),
+        // No vertex format has three halves; a fourth is dropped.
+        "vec3<f16>" | "vec4<f16>" => ("Float16x4", 8),
+        _ => return None,
+    })
+}
+
+/// `wgpu::Features`, of WebGPU's names.
+pub(super) fn features(names: &[String]) -> String {
+    let known = names.iter().filter_map(|name| {
+        Some(match name.as_str() {
+            "clip-distances" => "CLIP_DISTANCES",
+            "depth-clip-control" => "DEPTH_CLIP_CONTROL",
+            "depth32float-stencil8" => "DEPTH32FLOAT_STENCIL8",
+            "dual-source-blending" => "DUAL_SOURCE_BLENDING",
+            "float32-blendable" => "FLOAT32_BLENDABLE",
+            "float32-filterable" => "FLOAT32_FILTERABLE",
+            "indirect-first-instance" => "INDIRECT_FIRST_INSTANCE",
+            "primitive-index" => "PRIMITIVE_INDEX",
+            "rg11b10ufloat-renderable" => "RG11B10UFLOAT_RENDERABLE",
+            "shader-f16" => "SHADER_F16",
+            "subgroups" => "SUBGROUP",
+            _ => return None,
+        })
+    });
+    known.fold("wgpu::Features::empty()".to_owned(), |text, name| {
+        format!("{text}.union(wgpu::Features::{name})")
+    })
+}
+
+/// A function that raises `wgpu::Limits`, of WebGPU's names.
+pub(super) fn raise_limits(limits: &BTreeMap<String, u64>) -> String {
+    if limits.is_empty() {
+        return "|_| ()".to_owned();
+    }
+    let raised: Vec<String> = limits
+        .iter()
+        .map(|(name, value)| {
+            let field = snake_case(name);
+            format!("limits.{field} = limits.{field}.max({value});")
+        })
+        .collect();
+    format!("|limits| {{ {} }}", raised.join(" "))
+}
+
+fn snake_case(name: &str) -> String {
+    let mut text = String::new();
+    for c in name.chars() {
+        if c.is_ascii_uppercase() {
+            text.push('_');
+        }
+        text.push(c.to_ascii_lowercase());
+    }
+    text
+}
+
+#[cfg(all(test, feature = "verify"))]
+mod tests {
+    use super::*;
+    use crate::render::state;
+
+    #[test]
+    fn color_formats_are_wgpus() {
+        for name in [
+            "rgba8unorm",
+            "bgra8unorm-srgb",
+            "rg11b10ufloat",
+            "rgb10a2unorm",
+            "r32float",
+            "rgba16uint",
+            "r32sint",
+        ] {
+            let format = state::color_format(name).map(|f| format!("wgpu::TextureFormat::{f:?}"));
+            assert_eq!(Some(color_format(name)), format);
+        }
+    }
+
+    #[test]
+    fn limits_have_wgpus_names() {
+        let limits = format!("{:?}", wgpu::Limits::default());
+        for (name, _) in preshade_passes::limits::DEFAULTS {
+            let field = snake_case(name);
+            assert!(limits.contains(&format!(" {field}: ")), "{field}");
+        }
+    }
+}

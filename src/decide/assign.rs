@@ -1,0 +1,252 @@
+//! Whole frames: which candidate each material takes. What is predicted is predicted of a frame, for materials hide each other.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::frame::FramePlan;
+use preshade_passes::neighbours;
+use preshade_passes::plan::Plan;
+
+use super::candidates::{Candidate, Choices};
+use super::model::Model;
+use super::terms::Work;
+use super::work::{self, Counted, Drawn};
+
+/// A candidate for each material: indices into [`Choices::candidates`], 0 being the original.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Assignment(pub Vec<usize>);
+
+impl Assignment {
+    /// Everything as written.
+    pub fn original(choices: &[Choices]) -> Self {
+        Self(vec![0; choices.len()])
+    }
+
+    /// Whether it is that.
+    pub fn is_original(&self) -> bool {
+        self.0.iter().all(|pick| *pick == 0)
+    }
+
+    fn candidates<'c>(&self, choices: &'c [Choices]) -> Vec<&'c Candidate> {
+        let each = choices.iter().zip(&self.0);
+        each.filter_map(|(c, pick)| c.candidates.get(*pick))
+            .collect()
+    }
+
+    /// The plans of the frame, in the scene's order.
+    pub fn plans(&self, choices: &[Choices]) -> Vec<Plan> {
+        let each = self.candidates(choices).into_iter();
+        each.map(|c| c.plan.clone()).collect()
+    }
+
+    /// The recipe of each material that has one.
+    pub fn recipes(&self, choices: &[Choices]) -> BTreeMap<String, String> {
+        let each = choices.iter().zip(self.candidates(choices));
+        each.filter(|(_, c)| !c.recipe.steps.is_empty())
+            .map(|(of, c)| (of.material.clone(), c.recipe.to_string()))
+            .collect()
+    }
+
+    /// In words: the recipe, and where not all materials that could have it do, which do.
+    pub fn name(&self, choices: &[Choices]) -> String {
+        let recipes = self.recipes(choices);
+        let mut by_recipe: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for (material, recipe) in &recipes {
+            by_recipe.entry(recipe).or_default().push(material);
+        }
+        let parts: Vec<String> = by_recipe
+            .iter()
+            .map(|(recipe, materials)| {
+                let takers = choices.iter().filter(|c| c.position(recipe).is_some());
+                match by_recipe.len() == 1 && takers.count() == materials.len() {
+                    true => (*recipe).to_owned(),
+                    false => format!("{recipe} ({})", materials.join(", ")),
+                }
+            })
+            .collect();
+        match parts[..] {
+            [] => crate::report::ORIGINAL.to_owned(),
+            _ => parts.join("; "),
+        }
+    }
+
+    /// The same frame with every material as written that may not stand beside the others; the notes say which, and why.
+    pub fn mended(mut self, choices: &[Choices]) -> (Self, Vec<String>) {
+        let mut notes = Vec::new();
+        loop {
+            let plans = self.plans(choices);
+            let refused = plans.iter().enumerate().find_map(|(i, plan)| {
+                let refusal = neighbours::conflict(plan, &plans)?;
+                Some((i, refusal.to_string()))
+            });
+            let (material, why) = match (refused, FramePlan::merge(&plans)) {
+                (Some(refused), _) => refused,
+                (None, Ok(_)) => return (self, notes),
+                (None, Err(error)) => {
+                    // The last of those that are not as written: the earlier ones stand.
+                    match self.0.iter().rposition(|pick| *pick > 0) {
+                        Some(last) => (last, error.to_string()),
+                        None => return (self, notes),
+                    }
+                }
+            };
+            notes.push(format!("{}: {why}", choices[material].material));
+            self.0[material] = 0;
+        }
+    }
+
+    /// What the frame asks for in a view; `None` where its plans do not fit together.
+    pub fn work(&self, choices: &[Choices], drawn: &[Drawn], counted: &Counted) -> Option<Work> {
+        let candidates = self.candidates(choices);
+        let plans: Vec<&Plan> = candidates.iter().map(|c| &c.plan).collect();
+        let counting: Vec<_> = candidates.iter().map(|c| &c.counting).collect();
+        work::frame(&plans, &counting, drawn, counted).ok()
+    }
+}
+
+/// A frame that is weighed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Considered {
+    /// What each material takes.
+    pub assignment: Assignment,
+    /// What it asks for, by view.
+    pub work: Vec<Work>,
+    /// Milliseconds predicted, by view.
+    pub predicted: Vec<f64>,
+    /// What had to stay as written to make the plans fit.
+    pub notes: Vec<String>,
+}
+
+/// The views of a scene with what was counted in them.
+#[derive(Clone, Copy)]
+pub struct Seen<'a> {
+    /// What each material may become.
+    pub choices: &'a [Choices],
+    /// What it draws.
+    pub drawn: &'a [Drawn],
+    /// What was counted, by view.
+    pub counted: &'a [Counted],
+    /// What predicts.
+    pub model: &'a Model,
+}
+
+impl Seen<'_> {
+    /// Weighs a frame, after whatever does not fit was put back to what its author wrote.
+    pub fn consider(&self, assignment: Assignment) -> Option<Considered> {
+        let (assignment, notes) = assignment.mended(self.choices);
+        let work: Option<Vec<Work>> = self
+            .counted
+            .iter()
+            .map(|c| assignment.work(self.choices, self.drawn, c))
+            .collect();
+        let work = work?;
+        Some(Considered {
+            predicted: work.iter().map(|w| self.model.predict(w)).collect(),
+            assignment,
+            work,
+            notes,
+        })
+    }
+
+    /// The frames to weigh: the original first; each recipe on all materials that take it; and for each view the mix of what is predicted best of each material with the others as written.
+    pub fn frames(&self) -> Vec<Considered> {
+        let mut wanted = vec![Assignment::original(self.choices)];
+        let mut recipes: Vec<String> = Vec::new();
+        for candidate in self.choices.iter().flat_map(|c| &c.candidates).skip(1) {
+            let recipe = candidate.recipe.to_string();
+            if !candidate.recipe.steps.is_empty() && !recipes.contains(&recipe) {
+                recipes.push(recipe);
+            }
+        }
+        wanted.extend(recipes.iter().map(|recipe| {
+            let of = |c: &Choices| c.position(recipe).unwrap_or(0);
+            Assignment(self.choices.iter().map(of).collect())
+        }));
+        wanted.extend((0..self.counted.len()).map(|view| self.mix(view)));
+        let mut all: Vec<Considered> = Vec::new();
+        for assignment in wanted {
+            let Some(considered) = self.consider(assignment) else {
+                continue;
+            };
+            if !all.iter().any(|c| c.assignment == considered.assignment) {
+                all.push(considered);
+            }
+        }
+        all
+    }
+
+    /// Of each material what is predicted best with the others as written.
+    fn mix(&self, view: usize) -> Assignment {
+        let mut mix = Assignment::original(self.choices);
+        let Some(counted) = self.counted.get(view) else {
+            return mix;
+        };
+        for (material, choices) in self.choices.iter().enumerate() {
+            let time = |pick: &usize| {
+                let mut alone = Assignment::original(self.choices);
+                alone.0[material] = *pick;
+                let work = alone.work(self.choices, self.drawn, counted);
+                work.map_or(f64::INFINITY, |w| self.model.predict(&w))
+            };
+            let picks = 0..choices.candidates.len();
+            let times: Vec<f64> = picks.clone().map(|p| time(&p)).collect();
+            let best = picks.min_by(|a, b| times[*a].total_cmp(&times[*b]));
+            mix.0[material] = best.unwrap_or(0);
+        }
+        mix
+    }
+
+    /// Frames that differ from one in a single material, the most promising first.
+    pub fn neighbours(&self, from: &Assignment) -> Vec<Considered> {
+        let mut all = Vec::new();
+        for (material, choices) in self.choices.iter().enumerate() {
+            for pick in 0..choices.candidates.len() {
+                if from.0.get(material) == Some(&pick) {
+                    continue;
+                }
+                let mut changed = from.clone();
+                changed.0[material] = pick;
+                all.extend(self.consider(changed));
+            }
+        }
+        let time = |c: &Considered| c.predicted.iter().sum::<f64>();
+        all.sort_by(|a, b| time(a).total_cmp(&time(b)));
+        all
+    }
+}
+
+/// The numbers of the frames to measure, of what is predicted of each by view: the original, which is the first, and `runners` others, by how many views see them among their fastest, and how high.
+pub fn finalists(predicted: &[&[f64]], runners: usize) -> Vec<usize> {
+    let views = predicted.first().map_or(0, |p| p.len());
+    let mut votes: BTreeMap<usize, f64> = BTreeMap::new();
+    for view in 0..views {
+        let time = |i: usize| predicted[i].get(view).copied().unwrap_or(f64::INFINITY);
+        let mut order: Vec<usize> = (1..predicted.len()).collect();
+        order.sort_by(|a, b| time(*a).total_cmp(&time(*b)));
+        for (place, frame) in order.into_iter().take(runners).enumerate() {
+            *votes.entry(frame).or_default() += 1.0 / (place + 1) as f64;
+        }
+    }
+    let mut chosen: Vec<(usize, f64)> = votes.into_iter().collect();
+    chosen.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    let chosen = chosen.into_iter().take(runners).map(|(frame, _)| frame);
+    std::iter::once(0).chain(chosen).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::finalists;
+
+    #[test]
+    fn the_original_and_the_most_promising() {
+        let predicted: [&[f64]; 5] = [
+            &[1.0, 1.0],
+            &[0.5, 2.0],
+            &[0.7, 0.6],
+            &[3.0, 0.5],
+            &[4.0, 4.0],
+        ];
+        assert_eq!(finalists(&predicted, 3), [0, 1, 3, 2]);
+        assert_eq!(finalists(&predicted, 9), [0, 1, 3, 2, 4]);
+        assert_eq!(finalists(&predicted[..1], 3), [0]);
+    }
+}

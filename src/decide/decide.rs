@@ -1,0 +1,451 @@
+//! One scene, from its files to a decision.
+
+use preshade_passes::contract::{Contract, Verdict};
+use preshade_passes::pass::Facts;
+
+use super::assign::{Assignment, Considered, Seen, finalists};
+use super::candidates::{Choices, choices};
+use super::choose::{Hold, Policy, Table, policy};
+use super::count::{FragmentCounter, View};
+use super::decision::{
+    Decision, MaterialDecision, PlanReport, PlanView, PredictedRecipe, SCHEMA, SwitchCost,
+    ViewReport,
+};
+use super::model::Model;
+use super::stage::{self, Subject};
+use super::work::{Counted, Drawn, drawn};
+use super::{Error, reasons};
+use crate::measure::{self, Clock, Estimate, TimingSettings};
+use crate::recipe::Recipe;
+use crate::render::{Gpu, SceneInputs, ShaderForm};
+use crate::scene::{Frame, Scene};
+
+/// Whether anything is timed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Timed {
+    /// Nothing: the choice is a prediction, and says so.
+    No,
+    /// What the choice rests on.
+    #[default]
+    Yes,
+}
+
+/// How to decide.
+pub struct Settings<'a> {
+    /// The road shaders take to the driver.
+    pub form: ShaderForm,
+    /// Whether to measure.
+    pub timed: Timed,
+    /// How long and how often, for each view.
+    pub timing: TimingSettings,
+    /// At most so many frames of each camera are looked at, evenly spaced from its first.
+    pub frames_per_camera: usize,
+    /// Plans of the frame that are measured beside the original, before any refinement.
+    pub runners: usize,
+    /// Plans that are measured to refine what was best of those, where there are several materials.
+    pub refinements: usize,
+    /// One plan, or two and a switch where that pays.
+    pub hold: Hold,
+    /// What predicts.
+    pub model: &'a Model,
+    /// The command to put into the report.
+    pub command: String,
+}
+
+/// A scene with what was counted in its views.
+pub struct Scouted {
+    /// What each material may become.
+    pub choices: Vec<Choices>,
+    /// What each draws.
+    pub drawn: Vec<Drawn>,
+    /// The views.
+    pub views: Vec<(View, Frame)>,
+    /// What was counted in each.
+    pub counted: Vec<Counted>,
+}
+
+/// Applies the recipes to each material and counts fragments in every view.
+///
+/// # Errors
+/// As [`FragmentCounter::new`]; a scene without a view.
+pub fn scout(
+    inputs: &SceneInputs<'_>,
+    recipes: &[Recipe],
+    facts: &Facts,
+    frames_per_camera: usize,
+) -> Result<Scouted, Error> {
+    let scene = inputs.scene();
+    let originals = measure::originals(scene);
+    let views: Vec<(View, Frame)> = View::all(scene, frames_per_camera)
+        .into_iter()
+        .filter_map(|v| v.frame_of(scene).copied().map(|f| (v, f)))
+        .collect();
+    if views.is_empty() {
+        return Err(Error::NoView(scene.name.clone()));
+    }
+    let mut counter = FragmentCounter::new(inputs, &originals)?;
+    let mut counted = Vec::new();
+    for (view, frame) in &views {
+        inputs.set_frame(frame)?;
+        counted.push(counter.count(frame, view.order)?);
+    }
+    Ok(Scouted {
+        choices: choices(&originals, recipes, facts),
+        drawn: drawn(scene),
+        views,
+        counted,
+    })
+}
+
+impl Scouted {
+    /// The views as `model` sees them.
+    pub fn seen<'a>(&'a self, model: &'a Model) -> Seen<'a> {
+        Seen {
+            choices: &self.choices,
+            drawn: &self.drawn,
+            counted: &self.counted,
+            model,
+        }
+    }
+}
+
+/// What was measured of the frames, by frame and view.
+#[derive(Default)]
+struct Measured {
+    clock: Option<Clock>,
+    times: Vec<Vec<Option<Estimate>>>,
+    table: Table,
+}
+
+/// Decides what each material of a scene is to become. `recipes` are those to weigh, whose choices are made; `progress` is told the part done, and what is being done.
+///
+/// # Errors
+/// When the original cannot be drawn, counted or timed, or the adapter is lost.
+pub fn decide(
+    gpu: &Gpu,
+    scene: &Scene,
+    recipes: &[Recipe],
+    facts: &Facts,
+    settings: &Settings<'_>,
+    progress: &mut dyn FnMut(f64, String),
+) -> Result<Decision, Error> {
+    progress(0.0, "counting fragments".to_owned());
+    let inputs = SceneInputs::new(gpu, scene)?;
+    let scouted = scout(&inputs, recipes, facts, settings.frames_per_camera)?;
+    let seen = scouted.seen(settings.model);
+    let all = seen.frames();
+    let finalists = match settings.timed {
+        Timed::No => (0..all.len()).collect(),
+        Timed::Yes => {
+            let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
+            finalists(&predicted, settings.runners)
+        }
+    };
+    let mut frames: Vec<Considered> = finalists.into_iter().map(|i| all[i].clone()).collect();
+    let mut subjects = Vec::new();
+    let mut measured = Measured::default();
+    match settings.timed {
+        Timed::No => {
+            let (original, each) = (&frames[0].predicted, frames.iter());
+            measured.table = Table(each.map(|f| predicted_row(original, f)).collect());
+            measured.times = vec![vec![None; scouted.views.len()]; frames.len()];
+        }
+        Timed::Yes => {
+            for frame in &frames {
+                progress(
+                    0.1,
+                    format!("compiling {}", frame.assignment.name(&scouted.choices)),
+                );
+                subjects.push(Subject::new(
+                    &inputs,
+                    &scouted.choices,
+                    frame,
+                    settings.form,
+                )?);
+            }
+            measure_all(
+                gpu,
+                &inputs,
+                &mut subjects,
+                &scouted,
+                settings,
+                &mut measured,
+                &mut |p, w| {
+                    progress(0.1 + 0.6 * p, w);
+                },
+            )?;
+            refine(
+                gpu,
+                &inputs,
+                &mut (&mut frames, &mut subjects),
+                &scouted,
+                settings,
+                &mut measured,
+                &mut |p, w| {
+                    progress(0.7 + 0.3 * p, w);
+                },
+            )?;
+        }
+    }
+    progress(1.0, "done".to_owned());
+    Ok(report(
+        gpu, scene, &scouted, settings, &frames, &subjects, measured,
+    ))
+}
+
+/// A frame's predicted speedups, as if they were measured without noise.
+fn predicted_row(original: &[f64], frame: &Considered) -> Vec<Option<Estimate>> {
+    let each = original.iter().zip(&frame.predicted);
+    each.map(|(before, after)| {
+        let ratio = before / after;
+        ratio.is_finite().then_some(Estimate {
+            median: ratio,
+            low: ratio,
+            high: ratio,
+        })
+    })
+    .collect()
+}
+
+/// Compares and times every subject in every view, and adds what was measured. The first is the original, which is measured again with each lot.
+fn measure_all(
+    gpu: &Gpu,
+    inputs: &SceneInputs<'_>,
+    subjects: &mut [Subject<'_>],
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(f64, String),
+) -> Result<(), Error> {
+    let mut times = vec![Vec::new(); subjects.len()];
+    let mut speedups = vec![Vec::new(); subjects.len()];
+    let views = &scouted.views;
+    for (done, (view, frame)) in views.iter().enumerate() {
+        progress(done as f64 / views.len() as f64, view.to_string());
+        stage::compare(inputs, subjects, view, frame)?;
+        let of = (frame, view.order);
+        let (clock, timings) = stage::time(gpu, inputs, subjects, of, &settings.timing)?;
+        measured.clock = Some(clock);
+        for (i, timing) in timings.into_iter().enumerate() {
+            times[i].push(timing.as_ref().map(|t| t.time.estimate));
+            speedups[i].push(timing.map(|t| t.speedup));
+        }
+    }
+    for (subject, (times, mut speedups)) in subjects.iter().zip(times.into_iter().zip(speedups)) {
+        // What broke in a later view is out of all.
+        if !subject.is_standing() {
+            speedups = vec![None; views.len()];
+        }
+        measured.times.push(times);
+        measured.table.0.push(speedups);
+    }
+    Ok(())
+}
+
+/// Frames and what is drawn of them, side by side.
+type Drawing<'d, 'a> = (&'d mut Vec<Considered>, &'d mut Vec<Subject<'a>>);
+
+/// Measures frames that differ from the best in one material, those predicted fastest, as long as that finds a better one.
+fn refine<'a>(
+    gpu: &Gpu,
+    inputs: &'a SceneInputs<'a>,
+    (frames, subjects): &mut Drawing<'_, 'a>,
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(f64, String),
+) -> Result<(), Error> {
+    if scouted.choices.len() < 2 {
+        return Ok(());
+    }
+    let seen = scouted.seen(settings.model);
+    let mut left = settings.refinements;
+    loop {
+        let best = measured.table.best();
+        let is_new = |c: &Considered| !frames.iter().any(|f| f.assignment == c.assignment);
+        let near = seen.neighbours(&frames[best].assignment);
+        let near: Vec<Considered> = near
+            .into_iter()
+            .filter(is_new)
+            .take(left.min(LOT))
+            .collect();
+        if near.is_empty() {
+            return Ok(());
+        }
+        left -= near.len();
+        // The original again, so that ratios are of samples taken side by side.
+        let mut lot = vec![Subject::new(
+            inputs,
+            &scouted.choices,
+            &frames[0],
+            settings.form,
+        )?];
+        for frame in &near {
+            lot.push(Subject::new(
+                inputs,
+                &scouted.choices,
+                frame,
+                settings.form,
+            )?);
+        }
+        let mut more = Measured::default();
+        measure_all(
+            gpu, inputs, &mut lot, scouted, settings, &mut more, progress,
+        )?;
+        frames.extend(near);
+        subjects.extend(lot.into_iter().skip(1));
+        measured.times.extend(more.times.into_iter().skip(1));
+        measured.table.0.extend(more.table.0.into_iter().skip(1));
+        if measured.table.best() == best {
+            return Ok(());
+        }
+    }
+}
+
+/// Frames measured at a time while refining.
+const LOT: usize = 3;
+
+fn report(
+    gpu: &Gpu,
+    scene: &Scene,
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    frames: &[Considered],
+    subjects: &[Subject<'_>],
+    measured: Measured,
+) -> Decision {
+    let measures: Vec<f64> = scouted
+        .counted
+        .iter()
+        .map(Counted::shaded_per_pixel)
+        .collect();
+    let policy = policy(&measured.table, &measures, settings.hold);
+    let plans: Vec<PlanReport> = frames
+        .iter()
+        .enumerate()
+        .map(|(i, frame)| plan_report(i, frame, scouted, subjects.get(i), &measured))
+        .collect();
+    let views = scouted
+        .views
+        .iter()
+        .zip(&scouted.counted)
+        .enumerate()
+        .map(|(i, ((view, _), counted))| ViewReport {
+            view: view.clone(),
+            shaded_per_pixel: counted.shaded_per_pixel(),
+            overdraw: counted.overdraw(),
+            materials: counted.materials.clone(),
+            plan: policy.plan(measures[i]),
+            alone: measured.table.best_in(i),
+        })
+        .collect();
+    let mut decision = Decision {
+        schema: SCHEMA.to_owned(),
+        scene: scene.name.clone(),
+        resolution: scene.size,
+        command: settings.command.clone(),
+        adapter: gpu.adapter().clone(),
+        clock: measured.clock,
+        policy,
+        materials: Vec::new(),
+        plans,
+        views,
+        switch_cost: None,
+        model: settings.model.clone(),
+    };
+    decision.switch_cost = switch_cost(&decision);
+    let seen = scouted.seen(settings.model);
+    decision.materials = (0..scouted.choices.len())
+        .map(|m| material(m, &seen, &decision, frames))
+        .collect();
+    decision
+}
+
+fn plan_report(
+    index: usize,
+    frame: &Considered,
+    scouted: &Scouted,
+    subject: Option<&Subject<'_>>,
+    measured: &Measured,
+) -> PlanReport {
+    let by_view = frame.predicted.iter().enumerate().map(|(view, predicted)| {
+        let at = |rows: &[Vec<Option<Estimate>>]| rows.get(index)?.get(view).copied().flatten();
+        PlanView {
+            predicted_ms: *predicted,
+            time_ms: at(&measured.times),
+            // Without a clock it would be the prediction again.
+            speedup: measured.clock.and_then(|_| at(&measured.table.0)),
+        }
+    });
+    let plans = frame.assignment.plans(&scouted.choices);
+    let promised = plans
+        .iter()
+        .fold(Contract::exact(), |c, plan| c.and(plan.contract.clone()));
+    PlanReport {
+        name: frame.assignment.name(&scouted.choices),
+        recipes: frame.assignment.recipes(&scouted.choices),
+        contract: promised,
+        verdict: subject.map_or_else(
+            || Verdict::NotMeasured {
+                why: "it was not drawn".to_owned(),
+            },
+            |s| s.verdict.clone(),
+        ),
+        cost: subject.and_then(|s| s.cost),
+        notes: frame.notes.clone(),
+        by_view: by_view.collect(),
+    }
+}
+
+/// What both plans of a switch take together.
+fn switch_cost(decision: &Decision) -> Option<SwitchCost> {
+    let Policy::Switch(switch) = decision.policy else {
+        return None;
+    };
+    let cost = |plan: usize| decision.plans.get(plan).and_then(|p| p.cost);
+    let (below, above) = (cost(switch.below)?, cost(switch.above)?);
+    Some(SwitchCost {
+        pipelines: below.pipelines + above.pipelines,
+        creation_ms: below.creation_ms + above.creation_ms,
+        target_bytes: below.target_bytes.abs_diff(above.target_bytes),
+    })
+}
+
+/// What one material was found to call for.
+fn material(
+    index: usize,
+    seen: &Seen<'_>,
+    decision: &Decision,
+    frames: &[Considered],
+) -> MaterialDecision {
+    let choices = &seen.choices[index];
+    let recipes: Vec<String> = decision
+        .drawn()
+        .iter()
+        .map(|plan| {
+            let recipes = &decision.plans[*plan].recipes;
+            recipes.get(&choices.material).cloned().unwrap_or_default()
+        })
+        .collect();
+    let original = &frames[0].predicted;
+    let predicted: Vec<PredictedRecipe> = (1..choices.candidates.len())
+        .filter_map(|pick| {
+            let mut alone = Assignment::original(seen.choices);
+            alone.0[index] = pick;
+            let considered = seen.consider(alone)?;
+            let ratios = original.iter().zip(&considered.predicted);
+            let ratios: Vec<f64> = ratios.map(|(before, after)| after / before).collect();
+            Some(PredictedRecipe {
+                recipe: choices.candidates[pick].recipe.to_string(),
+                relative_time: ratios.iter().sum::<f64>() / ratios.len().max(1) as f64,
+            })
+        })
+        .collect();
+    MaterialDecision {
+        reasons: reasons::of(&choices.material, &recipes, &predicted, decision),
+        material: choices.material.clone(),
+        recipes,
+        refused: choices.refused.clone(),
+        predicted,
+    }
+}

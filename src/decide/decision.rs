@@ -1,0 +1,165 @@
+//! What was decided, as data: the JSON of record, with everything a host needs to follow it.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::contract::{Contract, Verdict};
+use serde::Serialize;
+
+use super::candidates::Refused;
+use super::choose::Policy;
+use super::count::View;
+use super::model::Model;
+use super::work::Fragments;
+use crate::measure::{Clock, Estimate};
+use crate::render::AdapterReport;
+
+/// Version of the JSON that [`Decision`] serialises to.
+pub const SCHEMA: &str = "preshade.decision.v1";
+
+/// What a scene calls for on an adapter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Decision {
+    /// Always [`SCHEMA`].
+    pub schema: String,
+    /// Scene's name.
+    pub scene: String,
+    /// Width and height, in pixels.
+    pub resolution: [u32; 2],
+    /// The command that made it.
+    pub command: String,
+    /// Where it was measured. It holds there.
+    pub adapter: AdapterReport,
+    /// Whose clock the times are of; `None`: nothing was timed, and the choice is a prediction.
+    pub clock: Option<Clock>,
+    /// What to draw.
+    pub policy: Policy,
+    /// What each material was found to call for.
+    pub materials: Vec<MaterialDecision>,
+    /// The plans of the whole frame that were weighed, the original first: numbers elsewhere are indices of this list.
+    pub plans: Vec<PlanReport>,
+    /// The views they were weighed in.
+    pub views: Vec<ViewReport>,
+    /// What switching costs beside holding to one plan; `None` where there is no switch.
+    pub switch_cost: Option<SwitchCost>,
+    /// What predicted.
+    pub model: Model,
+}
+
+/// What was decided for one material.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MaterialDecision {
+    /// Name.
+    pub material: String,
+    /// Its recipe in each plan of the policy, in the order of [`Policy`]'s plans; empty for the original.
+    pub recipes: Vec<String>,
+    /// Why.
+    pub reasons: Vec<String>,
+    /// What it does not take, and why not.
+    pub refused: Vec<Refused>,
+    /// What each recipe was predicted to make of the frame with the other materials as written: milliseconds over the original's, mean of all views.
+    pub predicted: Vec<PredictedRecipe>,
+}
+
+/// A prediction of one recipe on one material.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PredictedRecipe {
+    /// The recipe.
+    pub recipe: String,
+    /// Time of the frame over the original's.
+    pub relative_time: f64,
+}
+
+/// A plan of the whole frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlanReport {
+    /// Name, in words.
+    pub name: String,
+    /// Recipe of each material that is not drawn as written.
+    pub recipes: BTreeMap<String, String>,
+    /// What it promises.
+    pub contract: Contract,
+    /// What comparing its pictures with the original's says of the promise.
+    pub verdict: Verdict,
+    /// What it takes to have it; `None`: it was not built.
+    pub cost: Option<PlanCost>,
+    /// Materials that had to stay as written, and why.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+    /// By view.
+    pub by_view: Vec<PlanView>,
+}
+
+/// What a plan takes beside time on the GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PlanCost {
+    /// Pipelines.
+    pub pipelines: usize,
+    /// Milliseconds to make them.
+    pub creation_ms: f64,
+    /// Bytes of its attachments.
+    pub target_bytes: u64,
+}
+
+/// A plan in one view.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PlanView {
+    /// Milliseconds a frame, predicted.
+    pub predicted_ms: f64,
+    /// Milliseconds a frame, measured; `None`: not measured.
+    pub time_ms: Option<Estimate>,
+    /// The original's time over this one's, of samples taken side by side.
+    pub speedup: Option<Estimate>,
+}
+
+/// A view.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewReport {
+    /// From where, in which order.
+    #[serde(flatten)]
+    pub view: View,
+    /// Fragments that the original shades for each pixel of the frame: the measure of the switch.
+    pub shaded_per_pixel: f64,
+    /// Fragments it shades for each that is seen.
+    pub overdraw: f64,
+    /// Fragments of each material.
+    pub materials: Vec<Fragments>,
+    /// The plan it is drawn with.
+    pub plan: usize,
+    /// The plan it would be drawn with if there were no other view.
+    pub alone: usize,
+}
+
+/// What a second set of pipelines costs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SwitchCost {
+    /// Pipelines of both plans together.
+    pub pipelines: usize,
+    /// Milliseconds to make them.
+    pub creation_ms: f64,
+    /// Bytes of attachments that only one of the two has, if both are kept.
+    pub target_bytes: u64,
+}
+
+impl Decision {
+    /// Numbers of the plans that the policy draws with.
+    pub fn drawn(&self) -> Vec<usize> {
+        match &self.policy {
+            Policy::One { plan } => vec![*plan],
+            Policy::Switch(switch) => vec![switch.below, switch.above],
+        }
+    }
+
+    /// Whether a plan broke its contract.
+    pub fn is_broken(&self) -> bool {
+        let broken = |p: &PlanReport| matches!(p.verdict, Verdict::Broken { .. });
+        self.plans.iter().any(broken)
+    }
+
+    /// The JSON of record, indented, with a newline at its end.
+    ///
+    /// # Errors
+    /// None that these types can give.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+}

@@ -1,0 +1,160 @@
+//! A decision for a terminal: plain text, without colours.
+
+use preshade_passes::contract::Verdict;
+
+use super::choose::Policy;
+use super::decision::{Decision, PlanReport};
+use super::model::Origin;
+use super::reasons::ratio;
+
+/// The decision as lines of text.
+pub fn render(decision: &Decision) -> String {
+    let adapter = &decision.adapter;
+    let mut lines = vec![
+        format!(
+            "{}, {}x{}, on {} ({}, {})",
+            decision.scene,
+            decision.resolution[0],
+            decision.resolution[1],
+            adapter.name,
+            adapter.backend,
+            adapter.kind
+        ),
+        model(decision),
+        String::new(),
+    ];
+    lines.extend(policy(decision));
+    for material in &decision.materials {
+        let recipes: Vec<&str> = material
+            .recipes
+            .iter()
+            .map(|r| if r.is_empty() { "as written" } else { r })
+            .collect();
+        let mut shown = recipes.clone();
+        shown.dedup();
+        lines.push(format!("\n{}: {}", material.material, shown.join(", or ")));
+        lines.extend(material.reasons.iter().map(|r| format!("  {r}")));
+        let mut predicted: Vec<_> = material.predicted.iter().collect();
+        predicted.sort_by(|a, b| a.relative_time.total_cmp(&b.relative_time));
+        if !predicted.is_empty() {
+            let each = predicted.iter().take(SHOWN);
+            let each: Vec<String> = each
+                .map(|p| format!("{} {:.2}", p.recipe, p.relative_time))
+                .collect();
+            lines.push(format!("  predicted time by itself: {}", each.join(", ")));
+        }
+        let mut refused: Vec<(&str, Vec<&str>)> = Vec::new();
+        for r in &material.refused {
+            match refused.iter_mut().find(|(why, _)| *why == r.why) {
+                Some((_, recipes)) => recipes.push(&r.recipe),
+                None => refused.push((&r.why, vec![&r.recipe])),
+            }
+        }
+        let told = refused.into_iter();
+        lines.extend(told.map(|(why, recipes)| format!("  not {}: {why}", recipes.join(", nor "))));
+    }
+    lines.push(String::new());
+    lines.extend(views(decision));
+    lines.join("\n")
+}
+
+/// Predictions told of one material.
+const SHOWN: usize = 5;
+
+fn model(decision: &Decision) -> String {
+    match &decision.model.origin {
+        Origin::Nominal => {
+            "cost model: nominal, of no adapter; nothing is timed, and the choice is a prediction"
+                .to_owned()
+        }
+        Origin::Fitted {
+            adapter,
+            frames,
+            median_error,
+            worst_error,
+        } => format!(
+            "cost model: fitted to {frames} frames on {adapter}, off by {:.0} % at the median and {:.0} % at the worst",
+            median_error * 100.0,
+            worst_error * 100.0
+        ),
+    }
+}
+
+fn policy(decision: &Decision) -> Vec<String> {
+    let name = |plan: usize| {
+        let found = decision.plans.get(plan);
+        found.map_or(String::new(), |p| p.name.clone())
+    };
+    match &decision.policy {
+        Policy::One { plan: 0 } if decision.clock.is_none() => {
+            vec!["nothing is predicted to pay: draw every material as it is written".to_owned()]
+        }
+        Policy::One { plan: 0 } => {
+            vec!["nothing pays: draw every material as it is written".to_owned()]
+        }
+        Policy::One { plan } => vec![format!("draw with: {}", name(*plan))],
+        Policy::Switch(switch) => {
+            let mut lines = vec![
+                format!("below: {}", name(switch.below)),
+                format!("above: {}", name(switch.above)),
+                format!(
+                    "switch up where more than {:.3} fragments a pixel are shaded, and back under {:.3}",
+                    switch.on, switch.off
+                ),
+            ];
+            lines.extend(decision.switch_cost.map(|cost| {
+                format!(
+                    "both together have {} pipelines, made in {:.0} ms, and {:.1} MB more of attachments than the smaller; --one holds to one plan",
+                    cost.pipelines,
+                    cost.creation_ms,
+                    cost.target_bytes as f64 * 1e-6
+                )
+            }));
+            lines
+        }
+    }
+}
+
+/// Each view with each plan: predicted, measured, and how much faster.
+fn views(decision: &Decision) -> Vec<String> {
+    let mut lines =
+        vec!["by view: predicted ms, measured ms, speedup (* drawn with, ! out)".to_owned()];
+    for (i, view) in decision.views.iter().enumerate() {
+        lines.push(format!(
+            "{}: {:.2} shaded a pixel, overdraw {:.2}",
+            view.view, view.shaded_per_pixel, view.overdraw
+        ));
+        for (number, plan) in decision.plans.iter().enumerate() {
+            let mark = match (view.plan == number, is_out(plan)) {
+                (true, _) => "*",
+                (_, true) => "!",
+                _ => " ",
+            };
+            let Some(at) = plan.by_view.get(i) else {
+                continue;
+            };
+            let time = at
+                .time_ms
+                .map_or("-".to_owned(), |t| format!("{:.3}", t.median));
+            let speedup = at.speedup.as_ref().map_or(String::new(), ratio);
+            let line = format!(
+                "  {mark} {:>8.3}  {time:>8}  {speedup:<22}  {}",
+                at.predicted_ms, plan.name
+            );
+            lines.push(line.trim_end().to_owned());
+        }
+    }
+    let out = decision.plans.iter().filter_map(|p| match &p.verdict {
+        Verdict::Broken { r#where } => Some(format!("! {} broke its promise: {}", p.name, r#where)),
+        Verdict::NotMeasured { why } if decision.clock.is_some() => {
+            Some(format!("! {} was not measured: {why}", p.name))
+        }
+        _ => None,
+    });
+    lines.extend(out);
+    lines
+}
+
+fn is_out(plan: &PlanReport) -> bool {
+    matches!(plan.verdict, Verdict::Broken { .. })
+}

@@ -1,0 +1,241 @@
+//! Which numbers no frame changes, read off a scene's own frames: no adapter is asked.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_passes::pass::{Changing, Constant};
+use preshade_passes::plan::{GpuPass, Plan};
+use preshade_passes::specialize::assume::uniform_scalars;
+
+use super::{changing, originals};
+use crate::scene::bind::{self, DrawBindings, TextureContent};
+use crate::scene::{Error, Image, Material, Scene};
+
+/// The scalars of uniforms that follow neither camera nor time, and those of vertex attributes and textures that are the same everywhere: for each material between which bounds they lie in
+/// its draws.
+///
+/// # Errors
+/// A value that does not fit its variable.
+pub fn constants(scene: &Scene) -> Result<Vec<Constant>, Error> {
+    let changing = changing(scene)?;
+    let mut found = Vec::new();
+    for (index, plan) in originals(scene).iter().enumerate() {
+        let draws = scene.draws.iter().enumerate();
+        let draws = draws.filter(|(_, d)| d.material == index).map(|(i, _)| i);
+        let mut of: Option<BTreeMap<Place, Assumed>> = None;
+        for draw in draws {
+            let values = of_draw(scene, plan, draw, &changing)?;
+            of = Some(match of {
+                None => values,
+                Some(before) => both(before, &values),
+            });
+        }
+        found.extend(of.unwrap_or_default().into_values().map(|value| Constant {
+            material: plan.material.clone(),
+            value,
+        }));
+    }
+    Ok(found)
+}
+
+/// What lies between bounds in both, within the bounds of both.
+fn both(
+    before: BTreeMap<Place, Assumed>,
+    now: &BTreeMap<Place, Assumed>,
+) -> BTreeMap<Place, Assumed> {
+    let joined = |(place, assumed): (Place, Assumed)| {
+        let bounds = assumed.bounds.or(now.get(&place)?.bounds);
+        Some((place, Assumed { bounds, ..assumed }))
+    };
+    before.into_iter().filter_map(joined).collect()
+}
+
+/// The numbers of one draw that no frame changes, by place.
+///
+/// # Errors
+/// A value that does not fit its variable.
+pub fn of_draw(
+    scene: &Scene,
+    plan: &Plan,
+    draw: usize,
+    changing: &[Changing],
+) -> Result<BTreeMap<Place, Assumed>, Error> {
+    let first = scene.cameras.first().and_then(|c| c.frames.first());
+    let (Some(pass), Some(frame), Some(draw)) = (plan.main(), first, scene.draws.get(draw)) else {
+        return Ok(BTreeMap::new());
+    };
+    let Some(material) = scene.materials.get(draw.material) else {
+        return Ok(BTreeMap::new());
+    };
+    let bound = bind::draw(scene, material, pass, draw, frame)?;
+    let mut found = uniforms(material, &bound, changing);
+    found.extend(attributes(pass, &bound));
+    found.extend(textures(pass, &bound));
+    let by_place = found.into_iter().map(|a| (a.place.clone(), a));
+    Ok(by_place.collect())
+}
+
+/// The same without elements of matrices, which are all that differs between many draws and next to nothing that a branch rests on: fewer draws to tell apart.
+pub(super) fn without_matrices(
+    plan: &Plan,
+    mut values: BTreeMap<Place, Assumed>,
+) -> BTreeMap<Place, Assumed> {
+    let program = plan.main().and_then(|p| plan.program(p));
+    let scalars = program.map(|p| uniform_scalars(p.module()));
+    let elements = scalars.iter().flatten().filter(|s| s.is_of_matrix);
+    for element in elements {
+        values.remove(&element.place());
+    }
+    values
+}
+
+fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) -> Vec<Assumed> {
+    let module = material.program.module();
+    // Members that change, by their path.
+    let moving: BTreeSet<(u32, u32, Option<&str>)> = changing
+        .iter()
+        .filter(|c| c.material == material.name)
+        .map(|c| (c.group, c.binding, c.member.as_deref()))
+        .collect();
+    let global = |group: u32, binding: u32| {
+        let mut all = module.global_variables.iter().map(|(_, g)| g);
+        all.find(|g| {
+            g.binding
+                .is_some_and(|b| (b.group, b.binding) == (group, binding))
+        })
+        .and_then(|g| g.name.as_deref())
+        .unwrap_or("")
+    };
+    uniform_scalars(module)
+        .into_iter()
+        .filter_map(|scalar| {
+            let (group, binding) = (scalar.group, scalar.binding);
+            let path = scalar.name.strip_prefix(global(group, binding))?;
+            let member = path.trim_start_matches('.');
+            let member = member.split(['.', '[']).next();
+            if moving.contains(&(group, binding, None))
+                || moving.contains(&(group, binding, member))
+            {
+                return None;
+            }
+            let buffer = bound
+                .buffers
+                .iter()
+                .find(|b| (b.group, b.binding) == (group, binding))?;
+            let bytes = buffer.data.bytes.get(scalar.offset as usize..)?;
+            let number = scalar.ty.read(*bytes.first_chunk::<4>()?);
+            number.is_finite().then(|| Assumed {
+                place: scalar.place(),
+                name: scalar.name,
+                ty: scalar.ty,
+                bounds: Bounds::one(number),
+            })
+        })
+        .collect()
+}
+
+/// Components of attributes that are the same at every vertex and instance.
+fn attributes(pass: &GpuPass, bound: &DrawBindings) -> Vec<Assumed> {
+    let mut found = Vec::new();
+    for buffer in &bound.vertex_buffers {
+        for attribute in &buffer.attributes {
+            let Some(used) = pass
+                .attributes
+                .iter()
+                .find(|a| a.location == attribute.location)
+            else {
+                continue;
+            };
+            let format = format!("{:?}", attribute.format);
+            let ty = match () {
+                () if format.starts_with("Float32") => ScalarType::F32,
+                () if format.starts_with("Uint32") => ScalarType::U32,
+                () if format.starts_with("Sint32") => ScalarType::I32,
+                () => continue,
+            };
+            for component in 0..(attribute.format.size() / 4) as u32 {
+                let at = attribute.offset as usize + 4 * component as usize;
+                let rows = buffer
+                    .data
+                    .bytes
+                    .chunks_exact(buffer.stride.max(1) as usize);
+                let mut words = rows.map(|r| r.get(at..).and_then(|w| w.first_chunk::<4>()));
+                let Some(Some(first)) = words.next() else {
+                    continue;
+                };
+                let number = ty.read(*first);
+                if !number.is_finite() || !words.all(|w| w == Some(first)) {
+                    continue;
+                }
+                let letter = ["x", "y", "z", "w"][component.min(3) as usize];
+                found.push(Assumed {
+                    name: format!("{}.{letter}", used.name),
+                    place: Place::Attribute {
+                        location: attribute.location,
+                        component,
+                    },
+                    ty,
+                    bounds: Bounds::one(number),
+                });
+            }
+        }
+    }
+    found
+}
+
+/// Channels of textures that are the same in every texel.
+fn textures(pass: &GpuPass, bound: &DrawBindings) -> Vec<Assumed> {
+    let mut found = Vec::new();
+    for texture in &bound.textures {
+        let TextureContent::Image(image) = &texture.content else {
+            continue;
+        };
+        let at = (texture.group, texture.binding);
+        let used = pass.bindings.iter().find(|b| (b.group, b.binding) == at);
+        let Some(used) = used else { continue };
+        for channel in 0..4 {
+            let Some(bounds) = one_value(image, channel) else {
+                continue;
+            };
+            let letter = ["r", "g", "b", "a"][channel as usize];
+            found.push(Assumed {
+                name: format!("{}.{letter}", used.name),
+                place: Place::Texture {
+                    group: texture.group,
+                    binding: texture.binding,
+                    channel,
+                },
+                ty: ScalarType::F32,
+                bounds,
+            });
+        }
+    }
+    found
+}
+
+/// Between which numbers an adapter decodes and filters a channel whose texels are all the same. The ends of the scale are told exactly.
+fn one_value(image: &Image, channel: u32) -> Option<Bounds> {
+    let mut texels = image
+        .levels
+        .iter()
+        .flat_map(|level| level.iter().skip(channel as usize).step_by(4));
+    let first = *texels.next()?;
+    if !texels.all(|t| *t == first) {
+        return None;
+    }
+    let stored = f64::from(first) / 255.0;
+    let value = match image.srgb && channel < 3 {
+        true if stored <= 0.04045 => stored / 12.92,
+        true => ((stored + 0.055) / 1.055).powf(2.4),
+        false => stored,
+    };
+    // What a filter makes of equal texels, and how well sRGB is decoded, is left open within this.
+    let slack = 1.0 / 1024.0;
+    Some(match first {
+        0 | 255 => Bounds::one(value),
+        _ => Bounds {
+            low: value - slack,
+            high: value + slack,
+        },
+    })
+}

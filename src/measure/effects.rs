@@ -1,0 +1,119 @@
+//! Which effects of each material its draws call for, over a whole scene: no adapter is asked.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::guard::{Assumed, Bounds, Place};
+use preshade_passes::pass::{Constant, Facts};
+use preshade_passes::program::Location;
+use preshade_passes::specialize::effects::{self, CalledFor, Effect};
+use serde::Serialize;
+
+use super::constants::{of_draw, without_matrices};
+use super::{changing, originals};
+use crate::scene::{Error, Scene};
+
+/// An effect of a material, over its draws.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EffectUse {
+    /// Name of the material.
+    pub material: String,
+    /// What it is, or the author's identifier.
+    pub name: String,
+    /// `vertex` or `fragment`.
+    pub stage: String,
+    /// Static cost of what stands behind its conditions, in one run of the stage.
+    pub cost: f64,
+    /// Draws of the material.
+    pub draws: usize,
+    /// Draws that call for it.
+    pub called_for: usize,
+    /// Draws that are proved not to.
+    pub not_called_for: usize,
+    /// The values that decide it in the draws that call for it, and in those that do not.
+    pub evidence: [Vec<Assumed>; 2],
+    /// The first of its conditions.
+    pub location: Option<Location>,
+}
+
+/// The effects of a scene's materials, material by material, the dearest first.
+///
+/// # Errors
+/// A value that does not fit its variable.
+pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, Error> {
+    let changing = changing(scene)?;
+    let mut found = Vec::new();
+    for (index, plan) in originals(scene).iter().enumerate() {
+        let mut seen: Vec<(BTreeMap<Place, Assumed>, Vec<Effect>)> = Vec::new();
+        let mut uses: Vec<EffectUse> = Vec::new();
+        let of_material = |d: &&crate::scene::Draw| d.material == index;
+        let total = scene.draws.iter().filter(of_material).count();
+        for (draw, _) in scene
+            .draws
+            .iter()
+            .enumerate()
+            .filter(|(_, d)| d.material == index)
+        {
+            let values = of_draw(scene, plan, draw, &changing)?;
+            let values = without_matrices(plan, values);
+            let of = match seen.iter().position(|(v, _)| *v == values) {
+                Some(at) => seen[at].1.clone(),
+                None => {
+                    let constants = values.values().map(|value| Constant {
+                        material: plan.material.clone(),
+                        value: value.clone(),
+                    });
+                    let facts = Facts {
+                        constants: constants.collect(),
+                        ..Facts::default()
+                    };
+                    let of = effects::effects(plan, &facts).unwrap_or_default();
+                    seen.push((values, of.clone()));
+                    of
+                }
+            };
+            for effect in of {
+                add(&mut uses, &plan.material, total, effect);
+            }
+        }
+        uses.sort_by(|a, b| b.cost.total_cmp(&a.cost).then(a.name.cmp(&b.name)));
+        found.extend(uses);
+    }
+    Ok(found)
+}
+
+fn add(uses: &mut Vec<EffectUse>, material: &str, draws: usize, effect: Effect) {
+    let same = |u: &EffectUse| (&u.name, &u.stage) == (&effect.name, &effect.stage);
+    let at = uses.iter().position(same).unwrap_or_else(|| {
+        uses.push(EffectUse {
+            material: material.to_owned(),
+            name: effect.name.clone(),
+            stage: effect.stage.clone(),
+            cost: 0.0,
+            draws,
+            called_for: 0,
+            not_called_for: 0,
+            evidence: [Vec::new(), Vec::new()],
+            location: effect.location.clone(),
+        });
+        uses.len() - 1
+    });
+    let used = &mut uses[at];
+    used.cost = used.cost.max(effect.cost);
+    let evidence = match effect.called_for {
+        CalledFor::Yes => {
+            used.called_for += 1;
+            &mut used.evidence[0]
+        }
+        CalledFor::No => {
+            used.not_called_for += 1;
+            &mut used.evidence[1]
+        }
+        CalledFor::Open => return,
+    };
+    for assumed in effect.evidence {
+        match evidence.iter_mut().find(|e| e.place == assumed.place) {
+            Some(have) => have.bounds = Bounds::or(have.bounds, assumed.bounds),
+            None => evidence.push(assumed),
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Draws of one material told apart by what their constants leave of it, so that each group can have a plan of its own.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use preshade_passes::guard::{Assumed, Place};
+use preshade_passes::pass::{Constant, Facts};
+use preshade_passes::plan::Plan;
+use preshade_passes::specialize::{Params, Specialized};
+
+use super::constants::{of_draw, without_matrices};
+use super::{changing, originals};
+use crate::scene::{Error, Scene};
+
+/// Groups that a material falls into at most, where nothing else is said.
+pub const MOST_GROUPS: usize = 8;
+
+/// The scene with each material whose draws want different specialised versions made several: `NAME-1` and so on, each with the draws that want the same. It draws the same picture.
+///
+/// At most `most` of one material; beyond that the draws that gain the least share the last one, which is then specialised to what all of them have in common.
+///
+/// # Errors
+/// A value that does not fit its variable.
+pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, Error> {
+    let changing = changing(scene)?;
+    let mut out = scene.clone();
+    for (index, plan) in originals(scene).iter().enumerate() {
+        let draws: Vec<usize> = scene
+            .draws
+            .iter()
+            .enumerate()
+            .filter(|(_, d)| d.material == index)
+            .map(|(i, _)| i)
+            .collect();
+        if draws.len() < 2 {
+            continue;
+        }
+        let mut groups: BTreeMap<String, Group> = BTreeMap::new();
+        let mut seen: Vec<(BTreeMap<Place, Assumed>, Wanted)> = Vec::new();
+        for draw in draws {
+            let values = of_draw(scene, plan, draw, &changing)?;
+            let values = without_matrices(plan, values);
+            let known = seen.iter().find(|(v, _)| *v == values);
+            let wanted = match known {
+                Some((_, wanted)) => wanted.clone(),
+                None => {
+                    let wanted = Wanted::of(plan, &values, params);
+                    seen.push((values, wanted.clone()));
+                    wanted
+                }
+            };
+            let group = groups.entry(wanted.hash).or_default();
+            group.draws.push(draw);
+            group.saved += wanted.saved;
+        }
+        let mut groups: Vec<Group> = groups.into_values().collect();
+        groups.sort_by(|a, b| b.saved.total_cmp(&a.saved).then(a.draws.cmp(&b.draws)));
+        if groups.len() > most.max(1) {
+            let rest = groups.split_off(most.max(1) - 1);
+            groups.push(Group {
+                saved: 0.0,
+                draws: rest.into_iter().flat_map(|g| g.draws).collect(),
+            });
+        }
+        if groups.len() < 2 {
+            continue;
+        }
+        // In the order of their first draws.
+        groups.sort_by_key(|g| g.draws.iter().copied().min());
+        let taken: BTreeSet<String> = out.materials.iter().map(|m| m.name.clone()).collect();
+        let mut number = 0;
+        for (i, group) in groups.iter().enumerate() {
+            let mut material = scene.materials[index].clone();
+            loop {
+                number += 1;
+                material.name = format!("{}-{number}", scene.materials[index].name);
+                if !taken.contains(&material.name) {
+                    break;
+                }
+            }
+            let at = match i {
+                0 => index,
+                _ => out.materials.len(),
+            };
+            match i {
+                0 => out.materials[index] = material,
+                _ => out.materials.push(material),
+            }
+            for draw in &group.draws {
+                out.draws[*draw].material = at;
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// Draws that want the same version.
+#[derive(Default)]
+struct Group {
+    draws: Vec<usize>,
+    /// Static cost that it saves a fragment, over all of its draws.
+    saved: f64,
+}
+
+/// What a draw wants.
+#[derive(Clone)]
+struct Wanted {
+    /// The same for the same version; empty for the author's own.
+    hash: String,
+    saved: f64,
+}
+
+impl Wanted {
+    fn of(plan: &Plan, values: &BTreeMap<Place, Assumed>, params: &Params) -> Self {
+        let constants = values.values().map(|value| Constant {
+            material: plan.material.clone(),
+            value: value.clone(),
+        });
+        let facts = Facts {
+            constants: constants.collect(),
+            ..Facts::default()
+        };
+        match Specialized::new(plan, &facts, params) {
+            Ok(done) => {
+                let [_, [before, after]] = done.cost;
+                Self {
+                    hash: done.hash().to_owned(),
+                    saved: before - after,
+                }
+            }
+            Err(_) => Self {
+                hash: String::new(),
+                saved: 0.0,
+            },
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! A frontier as text: the table for a terminal, and every point as CSV.
+
+use std::fmt::Write;
+
+use super::PathTime;
+use crate::frontier::{Ended, Exploration, Fate, Point, explore};
+use crate::measure::Estimate;
+
+/// The frontier as lines of text, the least error first, and what became of the others.
+pub fn table(found: &Exploration) -> String {
+    let mut out = format!(
+        "{}, {}x{}, on {} ({}, {}), {}\n\n",
+        found.scene,
+        found.resolution[0],
+        found.resolution[1],
+        found.adapter.name,
+        found.adapter.backend,
+        found.adapter.kind,
+        crate::render::order::name(found.order),
+    );
+    let metric = metric(found);
+    let header = [
+        &metric,
+        "max abs",
+        "ms",
+        "path, p95 ms",
+        "speedup",
+        "recipe",
+    ]
+    .map(str::to_owned);
+    let mut rows = vec![header];
+    rows.extend(on_frontier(found).map(|p| cells(found, p)));
+    let mut widths = [0; 5];
+    for row in &rows {
+        for (width, cell) in widths.iter_mut().zip(row) {
+            *width = (*width).max(cell.chars().count());
+        }
+    }
+    for row in &rows {
+        for (cell, width) in row.iter().zip(widths) {
+            let _ = write!(out, "{cell:>width$}  ");
+        }
+        out.push_str(&row[5]);
+        out.push('\n');
+    }
+    out.push('\n');
+    out.push_str(&counted(found));
+    out.push('\n');
+    if let Some(chosen) = &found.chosen {
+        out.push_str(&chosen.said());
+        out.push('\n');
+    }
+    out.push_str(&ended(found));
+    out
+}
+
+/// The points that no other beats, by their error.
+pub fn on_frontier(found: &Exploration) -> impl Iterator<Item = &Point> {
+    let of = |name: &String| found.points.iter().find(|p| p.name == *name);
+    found.frontier.iter().filter_map(of)
+}
+
+/// Name of the metric, as it is written.
+pub fn metric(found: &Exploration) -> String {
+    let name = serde_json::to_value(found.metric).ok();
+    let name = name.and_then(|n| n.as_str().map(str::to_owned));
+    name.unwrap_or_default()
+}
+
+fn cells(found: &Exploration, point: &Point) -> [String; 6] {
+    let dash = || "-".to_owned();
+    let error = point.error.as_ref();
+    [
+        error.map_or_else(dash, |e| number(explore::of(found.metric, e))),
+        error.map_or_else(dash, |e| number(e.max_abs)),
+        point
+            .time_ms
+            .map_or_else(dash, |t| format!("{:.3}", t.median)),
+        point.path.as_ref().map_or_else(dash, path),
+        point.speedup.map_or_else(dash, speedup),
+        point.name.clone(),
+    ]
+}
+
+/// A speedup with its interval.
+pub fn speedup(of: Estimate) -> String {
+    format!("{:.2}x [{:.2}, {:.2}]", of.median, of.low, of.high)
+}
+
+/// The median of a path's frames, and the 95th percentile.
+pub fn path(of: &PathTime) -> String {
+    format!("{:.3}, {:.3}", of.median_ms, of.p95_ms)
+}
+
+/// An error, short.
+pub fn number(error: f64) -> String {
+    match error {
+        0.0 => "0".to_owned(),
+        e => format!("{e:.5}"),
+    }
+}
+
+/// What became of the candidates, counted.
+fn counted(found: &Exploration) -> String {
+    let count =
+        |of: &dyn Fn(&Fate) -> bool| found.points[1..].iter().filter(|p| of(&p.fate)).count();
+    let kinds: [(usize, &str); 7] = [
+        (
+            count(&|f| matches!(f, Fate::Beaten { .. })),
+            "beaten by another",
+        ),
+        (
+            count(&|f| matches!(f, Fate::Even { .. })),
+            "as good as one that was verified in its place",
+        ),
+        (
+            count(&|f| matches!(f, Fate::Predicted { .. })),
+            "predicted to be hopeless and not drawn",
+        ),
+        (
+            count(&|f| matches!(f, Fate::Same { .. })),
+            "the same text as another",
+        ),
+        (
+            count(&|f| matches!(f, Fate::Refused { .. })),
+            "refused by every material",
+        ),
+        (
+            count(&|f| matches!(f, Fate::Broken { .. })),
+            "not what they promise",
+        ),
+        (
+            count(&|f| matches!(f, Fate::NotMeasured { .. })),
+            "not measured",
+        ),
+    ];
+    let said: Vec<String> = kinds
+        .iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, what)| format!("{n} {what}"))
+        .collect();
+    format!(
+        "Of {} candidates: {}.\n",
+        found.points.len() - 1,
+        said.join(", ")
+    )
+}
+
+/// How the search ended.
+pub fn ended(found: &Exploration) -> String {
+    let seconds = found.seconds;
+    match &found.ended {
+        Ended::Complete => format!("Searched in {seconds:.0} s.\n"),
+        Ended::OutOfTime => format!(
+            "The time was up after {seconds:.0} s: not all candidates were measured (--seconds gives more, and --out keeps what was measured).\n"
+        ),
+        Ended::Stopped => {
+            format!("Stopped after {seconds:.0} s: this is what was measured by then.\n")
+        }
+        Ended::Lost { why } => format!("Ended after {seconds:.0} s: {why}.\n"),
+    }
+}
+
+/// What became of a candidate, in words.
+pub fn fate(point: &Point) -> String {
+    match &point.fate {
+        Fate::Frontier => "on the frontier".to_owned(),
+        Fate::Beaten { by } => format!("beaten by {by}"),
+        Fate::Even { with } => format!("as good as {with}, which was verified in its place"),
+        Fate::Same { r#as } => format!("the same text as {as}"),
+        Fate::Refused { why } => format!("refused: {why}"),
+        Fate::Broken { why } => format!("broken: {why}"),
+        Fate::Predicted { why } => format!("not drawn: {why}"),
+        Fate::NotMeasured { why } => format!("not measured: {why}"),
+    }
+}
+
+/// Every point, one a line.
+pub fn csv(found: &Exploration) -> String {
+    let mut out = "name,recipe,fate,flip_mean,flip_p99,max_abs,changed_pixels,time_ms,speedup,speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,predicted_work\n".to_owned();
+    for p in &found.points {
+        let error = p.error.as_ref();
+        let of = |n: Option<f64>| n.map_or_else(String::new, |n| n.to_string());
+        let cells = [
+            quoted(&p.name),
+            quoted(&p.recipe),
+            quoted(&fate(p)),
+            of(error.map(|e| e.flip_mean)),
+            of(error.map(|e| e.flip_p99)),
+            of(error.map(|e| e.max_abs)),
+            error.map_or_else(String::new, |e| e.changed_pixels.to_string()),
+            of(p.time_ms.map(|t| t.median)),
+            of(p.speedup.map(|s| s.median)),
+            of(p.speedup.map(|s| s.low)),
+            of(p.speedup.map(|s| s.high)),
+            of(p.path.as_ref().map(|p| p.median_ms)),
+            of(p.path.as_ref().map(|p| p.p95_ms)),
+            of(p.prediction.map(|p| p.error)),
+            of(p.prediction.map(|p| p.work)),
+        ];
+        out.push_str(&cells.join(","));
+        out.push('\n');
+    }
+    out
+}
+
+/// A field as RFC 4180 quotes it.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}

@@ -1,0 +1,90 @@
+//! The part of a mesh, and of a field's copies, that a draw takes.
+
+use super::file::Range;
+use super::{Draw, DrawRange, Error, Mesh};
+
+/// Takes that part of `mesh`, and of as many copies as the draw has instances. Without a field (`copies` is `None`) there are as many as the entry says.
+///
+/// # Errors
+/// As [`check`], and where it begins or ends past the last copy.
+pub(super) fn take(
+    entry: Range,
+    mesh: &Mesh,
+    draw: &mut Draw,
+    copies: Option<u32>,
+) -> Result<(), Error> {
+    let Range {
+        first,
+        count,
+        base_vertex,
+        first_instance,
+        instances,
+    } = entry;
+    draw.range = DrawRange {
+        first,
+        count,
+        base_vertex,
+        first_instance,
+    };
+    draw.instances = match copies {
+        None => instances.unwrap_or(1),
+        Some(copies) => {
+            let left = copies.saturating_sub(first_instance);
+            let taken = instances.unwrap_or(left);
+            if taken > left || taken == 0 {
+                let last = u64::from(first_instance) + u64::from(taken);
+                return Err(Error::new(format!(
+                    "instances {first_instance} to {last} of a field of {copies} copies"
+                )));
+            }
+            taken
+        }
+    };
+    check(mesh, draw)
+}
+
+/// Whether what a draw takes is there.
+///
+/// # Errors
+/// A range that leaves the mesh, an index that `base_vertex` moves past its vertices, or more instances than 32 bits number.
+pub(super) fn check(mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
+    let DrawRange {
+        first,
+        count,
+        base_vertex,
+        first_instance,
+    } = draw.range;
+    let what = match mesh.indices {
+        Some(_) => "indices",
+        None => "vertices",
+    };
+    let indices = mesh.indices.as_deref();
+    let there = indices.map_or(mesh.vertex_count as usize, <[u32]>::len) as u64;
+    let end = count.map_or(there, |count| u64::from(first) + u64::from(count));
+    if end > there || u64::from(first) > end {
+        return Err(Error::new(format!(
+            "draw `{}` takes {what} {first} to {end}, and mesh `{}` has {there}",
+            draw.name, mesh.name
+        )));
+    }
+    if let (Some(indices), true) = (indices, base_vertex != 0) {
+        let taken = &indices[first as usize..end as usize];
+        let moved = |i: &u32| i64::from(*i) + i64::from(base_vertex);
+        let held = 0..i64::from(mesh.vertex_count);
+        if let Some(wrong) = taken.iter().map(moved).find(|v| !held.contains(v)) {
+            return Err(Error::new(format!(
+                "draw `{}` takes vertex {wrong} of mesh `{}`, which has {}",
+                draw.name, mesh.name, mesh.vertex_count
+            ))
+            .help("base_vertex is added to each index"));
+        }
+    }
+    match first_instance.checked_add(draw.instances) {
+        Some(_) => Ok(()),
+        None => Err(Error::new(format!(
+            "draw `{}` ends at instance {}, and an index of instances has 32 bits",
+            draw.name,
+            u64::from(first_instance) + u64::from(draw.instances)
+        ))),
+    }
+}

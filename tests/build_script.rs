@@ -1,0 +1,274 @@
+//! What a `build.rs` gets: only what differs is written, only what was read is told, a lock is obeyed or the original is shipped, and nothing depends on what was refused.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use preshade::build_script::{Builder, Built, Error, configure};
+use preshade::emit::Target;
+use preshade::front::{Options, Source, parse};
+use preshade::lock::{Inputs, Lock, Locked};
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::state::{Blend, ColorTarget, MaterialState};
+use preshade::recipe::Recipe;
+
+const SHADER: &str = include_str!("../fixtures/shaders/toon.wgsl");
+
+/// A package's folder: shaders, and what cargo gives for output.
+struct Package(PathBuf);
+
+impl Package {
+    fn new(name: &str) -> Self {
+        let root = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("build-{name}"));
+        let _ = fs::remove_dir_all(&root);
+        fs::create_dir_all(root.join("out")).unwrap();
+        fs::write(root.join("toon.wgsl"), SHADER).unwrap();
+        Self(root)
+    }
+
+    fn build(&self, builder: Builder) -> Result<Built, Error> {
+        let shader = self.0.join("toon.wgsl");
+        builder.out_dir(self.0.join("out")).build(&[&shader])
+    }
+
+    fn module(&self) -> String {
+        fs::read_to_string(self.0.join("out/toon.rs")).unwrap()
+    }
+
+    fn names(&self, variant: &str) -> Vec<String> {
+        let folder = fs::read_dir(self.0.join("out/toon").join(variant)).unwrap();
+        let mut names: Vec<String> = folder
+            .map(|f| f.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// Every file for output, with its time.
+    fn output(&self) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
+        fn walk(folder: &Path, all: &mut BTreeMap<PathBuf, (Vec<u8>, SystemTime)>) {
+            for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+                match entry.path() {
+                    path if path.is_dir() => walk(&path, all),
+                    path => {
+                        let modified = entry.metadata().unwrap().modified().unwrap();
+                        all.insert(path.clone(), (fs::read(&path).unwrap(), modified));
+                    }
+                }
+            }
+        }
+        let mut all = BTreeMap::new();
+        walk(&self.0.join("out"), &mut all);
+        all
+    }
+
+    /// Writes a lock of `recipe` for the shader as it is now.
+    fn lock(&self, recipe: &[&str], facts: &Facts) {
+        let (options, state) = (Options::default(), MaterialState::default());
+        let text = fs::read_to_string(self.0.join("toon.wgsl")).unwrap();
+        let sources = [Source::new("toon.wgsl", text)];
+        let parsed = parse(&sources, &options).unwrap();
+        let fragment = parsed.fragment.as_deref();
+        let plan = Plan::original("toon", parsed.program, &parsed.vertex, fragment, &state);
+        let recipe = Recipe::parse(recipe).unwrap();
+        let inputs = Inputs::of(&sources, &options, &state);
+        let locked = Locked::resolve(&plan, &recipe, facts, inputs, None).unwrap();
+        let lock = Lock {
+            materials: BTreeMap::from([("toon".to_owned(), locked)]),
+            ..Lock::default()
+        };
+        assert!(lock.write(&self.0.join("preshade.lock")).unwrap());
+    }
+}
+
+#[test]
+fn a_pass_that_needs_no_scene_is_made() {
+    let package = Package::new("pass");
+    let built = package.build(configure().pass("depth-prepass")).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    assert_eq!(built.read, [package.0.join("toon.wgsl")]);
+    assert_eq!(
+        package.names("variant"),
+        ["toon.main.wgsl", "toon.plan.json", "toon.prepass.wgsl"]
+    );
+    assert_eq!(
+        package.names("original"),
+        ["toon.main.wgsl", "toon.plan.json"]
+    );
+    let module = package.module();
+    assert!(module.contains("pub static PREPASS: Pass"));
+    assert!(module.contains("pub use variant::*;"));
+    // Nothing of this machine.
+    assert!(!module.contains(env!("CARGO_TARGET_TMPDIR")));
+}
+
+#[test]
+fn nothing_is_written_twice_and_the_bytes_are_the_same_everywhere() {
+    let package = Package::new("twice");
+    let make = || configure().pass("depth-prepass").emit(Target::Wgsl);
+    let first = package.build(make()).unwrap();
+    assert!(first.written.len() > 4);
+    let before = package.output();
+    assert_eq!(package.build(make()).unwrap().written, [PathBuf::new(); 0]);
+    assert_eq!(package.output(), before);
+    // Without the stamp all is made anew, to the same bytes.
+    fs::remove_file(package.0.join("out/toon/preshade.stamp")).unwrap();
+    assert_eq!(package.build(make()).unwrap().written, [PathBuf::new(); 0]);
+    let elsewhere = Package::new("elsewhere");
+    elsewhere.build(make()).unwrap();
+    let names = |p: &Package| -> Vec<(PathBuf, Vec<u8>)> {
+        let all = p.output().into_iter();
+        let all = all.filter(|(path, _)| !path.ends_with("preshade.stamp"));
+        let below = |path: &Path| path.strip_prefix(&p.0).unwrap().to_owned();
+        all.map(|(path, (bytes, _))| {
+            // The text names the file by the path that was given, which is relative in a build script.
+            let text = String::from_utf8_lossy(&bytes).replace(&p.0.display().to_string(), "");
+            (below(&path), text.into_bytes())
+        })
+        .collect()
+    };
+    assert_eq!(names(&package), names(&elsewhere));
+    // A file that was lost is made again.
+    fs::remove_file(package.0.join("out/toon/variant/toon.prepass.wgsl")).unwrap();
+    assert_eq!(package.build(make()).unwrap().written.len(), 1);
+}
+
+#[test]
+fn without_a_pass_there_is_what_needs_no_scene() {
+    let package = Package::new("default");
+    let built = package.build(configure()).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    let module = package.module();
+    let tests = |name: &str| {
+        let of = module.split(&format!("pub mod {name} {{")).nth(1).unwrap();
+        of.split("SELF_TEST: Option<SelfTest> = ")
+            .nth(1)
+            .unwrap()
+            .starts_with("Some(")
+    };
+    assert!(tests("depth_prepass") && !tests("original"));
+    for (name, recipe) in [
+        ("original", "as its author wrote it"),
+        ("variant", "as its author wrote it"),
+        ("depth_prepass", "depth-prepass:"),
+        ("early_discard", "early-discard:"),
+        ("shadow", "shadow:"),
+    ] {
+        let at = module.find(&format!("pub mod {name} {{")).unwrap();
+        let after = &module[at..];
+        let said = after.split("RECIPE: &str = \"").nth(1).unwrap();
+        assert!(said.starts_with(recipe), "{name}: {}", &said[..40]);
+    }
+}
+
+#[test]
+fn what_needs_a_scene_is_left_out_and_told() {
+    let package = Package::new("scene");
+    let asked = configure()
+        .pass("depth-prepass:form=equal")
+        .variant("moved", ["hoist:budget=0.05"]);
+    let built = package.build(asked.clone()).unwrap();
+    let [equal, moved] = &built.warnings[..] else {
+        panic!("{:?}", built.warnings);
+    };
+    assert!(equal.contains("toon.wgsl: `depth-prepass:form=equal` is left out: it rests on there being no depth ties"), "{equal}");
+    assert!(
+        moved.contains("it promises no more than flip_mean at most 0.05"),
+        "{moved}"
+    );
+    assert_eq!(
+        package.names("variant"),
+        ["toon.main.wgsl", "toon.plan.json"]
+    );
+    // Told again by a build that had nothing to do.
+    let again = package.build(asked).unwrap();
+    assert_eq!((again.written.len(), again.warnings), (0, built.warnings));
+}
+
+#[test]
+fn a_refusal_is_a_warning_in_one_line_and_the_names_stay() {
+    let package = Package::new("refused");
+    let mut target = ColorTarget::opaque("rgba8unorm");
+    target.blend = Some(Blend::ALPHA);
+    let state = MaterialState {
+        targets: vec![Some(target)],
+        ..MaterialState::default()
+    };
+    let built = package.build(configure().state(state).pass("depth-prepass"));
+    let [warning] = &built.unwrap().warnings[..] else {
+        panic!("one warning");
+    };
+    assert!(
+        warning.contains("depth-prepass does not apply [blended]"),
+        "{warning}"
+    );
+    assert!(!warning.contains('\n'));
+    let module = package.module();
+    let variant = module.split("pub mod variant {").nth(1).unwrap();
+    assert!(variant.contains("pub static MAIN: Pass") && !variant.contains("pub static PREPASS"));
+    assert!(
+        variant.contains("LEFT_OUT: &[&str] = &[\"depth-prepass[blended]"),
+        "{variant}"
+    );
+}
+
+#[test]
+fn a_lock_is_obeyed() {
+    let package = Package::new("locked");
+    package.lock(&["depth-prepass:form=equal"], &Facts::without_ties());
+    let built = package.build(configure().pass("early-discard")).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    assert_eq!(
+        built.read,
+        [package.0.join("toon.wgsl"), package.0.join("preshade.lock")]
+    );
+    let variant = package.module();
+    let variant = variant.split("pub mod variant {").nth(1).unwrap();
+    assert!(variant.contains("depth-prepass:") && variant.contains("form=equal"));
+    assert!(variant.contains("wgpu::CompareFunction::Equal"));
+}
+
+#[test]
+fn a_lock_that_no_longer_fits_ships_the_original() {
+    let package = Package::new("stale");
+    package.lock(&["depth-prepass"], &Facts::default());
+    let builder = || configure().pass("depth-prepass");
+    assert_eq!(package.build(builder()).unwrap().warnings, [""; 0]);
+    let shader = package.0.join("toon.wgsl");
+    fs::write(&shader, SHADER.replace("discard;", "discard; // edited")).unwrap();
+    let built = package.build(builder()).unwrap();
+    let [warning] = &built.warnings[..] else {
+        panic!("{:?}", built.warnings);
+    };
+    assert!(
+        warning.ends_with("toon.wgsl was edited after preshade.lock was written; run `preshade plan` again. The original is shipped"),
+        "{warning}"
+    );
+    // The state of the lock is that of a build that says none; another is a mismatch.
+    fs::write(&shader, SHADER).unwrap();
+    let mut state = MaterialState::default();
+    state.multisample.count = 4;
+    let built = package.build(builder().state(state)).unwrap();
+    assert!(built.warnings[0].contains("another pipeline state"));
+}
+
+#[test]
+fn what_ends_a_build_reads_well() {
+    let package = Package::new("errors");
+    let said = |builder: Builder| format!("{:?}", package.build(builder).unwrap_err());
+    assert!(said(configure().pass("depth-prepas")).contains("did you mean `depth-prepass`?"));
+    assert!(said(configure().variant("Early", ["shadow"])).contains("`Early`"));
+    assert!(said(configure().lock(package.0.join("none.lock"))).contains("none.lock"));
+    fs::write(package.0.join("toon.wgsl"), "@vertex fn").unwrap();
+    let parse = said(configure());
+    assert!(
+        parse.contains("error[parse]") && parse.contains("toon.wgsl:1:"),
+        "{parse}"
+    );
+    fs::write(package.0.join("preshade.lock"), "{}").unwrap();
+    assert!(said(configure()).contains("preshade.lock: not a lock file"));
+}
