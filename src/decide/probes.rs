@@ -18,7 +18,9 @@ use crate::front::{self, Color, Options, Source};
 use crate::measure::{self, TimingSettings};
 use crate::recipe::Recipe;
 use crate::render::{FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant};
-use crate::scene::{Camera, Draw, DrawOrder, Frame, Image, Material, Mesh, Scene, Stream};
+use crate::scene::{
+    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Material, Mesh, Scene, Stream,
+};
 
 /// A frame.
 #[derive(Clone, Copy)]
@@ -224,6 +226,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
             material: 0,
             transform: Mat4::from_translation(Vec3::new(0.0, 0.0, depth)),
             instances: 1,
+            range: DrawRange::default(),
             instance_streams: BTreeMap::new(),
             joints: Vec::new(),
             morph_weights: Vec::new(),

@@ -175,6 +175,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
         data: triangle.concat(),
     };
     Scene {
+        files: Vec::new(),
         name: "rasterizer".to_owned(),
         size: [SIZE; 2],
         viewport: None,
