@@ -253,7 +253,10 @@ fn judge(paths: &[PathBuf], include: Vec<PathBuf>) -> Outcome {
             .collect();
         match front::parse(&texts, &Options::default()) {
             Ok(_) => return Outcome::Accepted,
-            Err(error) => last = format!("read back: {}", error.message()),
+            Err(error) => {
+                last = format!("read back: {}", error.message());
+                break;
+            }
         }
     }
     Outcome::Refused(general(&last))

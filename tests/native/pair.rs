@@ -13,6 +13,7 @@ pub struct Texture {
     /// RGBA8, each level's layers one after the other; six layers are a cube.
     pub levels: Vec<Vec<u8>>,
     pub layers: usize,
+    pub srgb: bool,
     pub linear: bool,
     pub clamp: bool,
 }
@@ -51,12 +52,24 @@ pub struct Draw<'a> {
 
 impl Native {
     /// Draws, nearest first by depth, without culling, on a clear of `clear`. Rows come from the top.
-    pub fn draw_pair(&self, size: [u32; 2], clear: [f32; 4], texts: [&str; 2], draws: &[Draw<'_>]) -> Pixels {
+    pub fn draw_pair(
+        &self,
+        size: [u32; 2],
+        clear: [f32; 4],
+        texts: [&str; 2],
+        draws: &[Draw<'_>],
+    ) -> Pixels {
         // SAFETY: as for `draw`: the context is current on this thread, and every buffer is as long as is said.
         unsafe { self.draw_pair_checked(size, clear, texts, draws) }
     }
 
-    unsafe fn draw_pair_checked(&self, size: [u32; 2], clear: [f32; 4], texts: [&str; 2], draws: &[Draw<'_>]) -> Pixels {
+    unsafe fn draw_pair_checked(
+        &self,
+        size: [u32; 2],
+        clear: [f32; 4],
+        texts: [&str; 2],
+        draws: &[Draw<'_>],
+    ) -> Pixels {
         let gl = &self.gl;
         let [width, height] = size.map(|n| n as i32);
         unsafe {
@@ -71,9 +84,17 @@ impl Native {
                 let buffer = gl.create_renderbuffer().unwrap();
                 gl.bind_renderbuffer(glow::RENDERBUFFER, Some(buffer));
                 gl.renderbuffer_storage(glow::RENDERBUFFER, format, width, height);
-                gl.framebuffer_renderbuffer(glow::FRAMEBUFFER, attachment, glow::RENDERBUFFER, Some(buffer));
+                gl.framebuffer_renderbuffer(
+                    glow::FRAMEBUFFER,
+                    attachment,
+                    glow::RENDERBUFFER,
+                    Some(buffer),
+                );
             }
-            assert_eq!(gl.check_framebuffer_status(glow::FRAMEBUFFER), glow::FRAMEBUFFER_COMPLETE);
+            assert_eq!(
+                gl.check_framebuffer_status(glow::FRAMEBUFFER),
+                glow::FRAMEBUFFER_COMPLETE
+            );
             gl.viewport(0, 0, width, height);
             gl.clear_color(clear[0], clear[1], clear[2], clear[3]);
             gl.clear_depth(1.0);
@@ -92,7 +113,15 @@ impl Native {
             let into = glow::PixelPackData::Slice(Some(&mut color));
             gl.read_pixels(0, 0, width, height, glow::RGBA, glow::UNSIGNED_BYTE, into);
             let into = glow::PixelPackData::Slice(Some(bytemuck::cast_slice_mut(&mut depth)));
-            gl.read_pixels(0, 0, width, height, glow::DEPTH_COMPONENT, glow::FLOAT, into);
+            gl.read_pixels(
+                0,
+                0,
+                width,
+                height,
+                glow::DEPTH_COMPONENT,
+                glow::FLOAT,
+                into,
+            );
             assert_eq!(gl.get_error(), glow::NO_ERROR);
             gl.delete_program(program);
             gl.delete_framebuffer(framebuffer);
@@ -121,8 +150,21 @@ impl Native {
                     let at = location + a.column;
                     gl.enable_vertex_attrib_array(at);
                     match a.integer {
-                        true => gl.vertex_attrib_pointer_i32(at, a.components, glow::UNSIGNED_INT, vertices.stride, a.offset),
-                        false => gl.vertex_attrib_pointer_f32(at, a.components, glow::FLOAT, false, vertices.stride, a.offset),
+                        true => gl.vertex_attrib_pointer_i32(
+                            at,
+                            a.components,
+                            glow::UNSIGNED_INT,
+                            vertices.stride,
+                            a.offset,
+                        ),
+                        false => gl.vertex_attrib_pointer_f32(
+                            at,
+                            a.components,
+                            glow::FLOAT,
+                            false,
+                            vertices.stride,
+                            a.offset,
+                        ),
                     }
                     gl.vertex_attrib_divisor(at, u32::from(vertices.per_instance));
                 }
@@ -146,16 +188,33 @@ impl Native {
                 Some(all) => {
                     let buffer = gl.create_buffer().unwrap();
                     gl.bind_buffer(glow::ELEMENT_ARRAY_BUFFER, Some(buffer));
-                    gl.buffer_data_u8_slice(glow::ELEMENT_ARRAY_BUFFER, bytemuck::cast_slice(all), glow::STATIC_DRAW);
-                    gl.draw_elements_instanced(glow::TRIANGLES, draw.count, glow::UNSIGNED_INT, 4 * draw.first, instances);
+                    gl.buffer_data_u8_slice(
+                        glow::ELEMENT_ARRAY_BUFFER,
+                        bytemuck::cast_slice(all),
+                        glow::STATIC_DRAW,
+                    );
+                    gl.draw_elements_instanced(
+                        glow::TRIANGLES,
+                        draw.count,
+                        glow::UNSIGNED_INT,
+                        4 * draw.first,
+                        instances,
+                    );
                 }
-                None => gl.draw_arrays_instanced(glow::TRIANGLES, draw.first, draw.count, instances),
+                None => {
+                    gl.draw_arrays_instanced(glow::TRIANGLES, draw.first, draw.count, instances)
+                }
             }
             gl.delete_vertex_array(array);
         }
     }
 
-    unsafe fn set_uniform(&self, program: glow::Program, uniform: &glow::ActiveUniform, draw: &Draw<'_>) {
+    unsafe fn set_uniform(
+        &self,
+        program: glow::Program,
+        uniform: &glow::ActiveUniform,
+        draw: &Draw<'_>,
+    ) {
         let gl = &self.gl;
         let base = uniform.name.trim_end_matches("[0]");
         for element in 0..uniform.size {
@@ -183,7 +242,11 @@ impl Native {
                 let n = |i: usize| i32::from_le_bytes(word(i));
                 let floats = |count: usize| (0..count).map(f).collect::<Vec<f32>>();
                 // A matrix's columns begin every four words.
-                let matrix = |columns: usize, rows: usize| (0..columns * rows).map(|i| f(i / rows * 4 + i % rows)).collect::<Vec<f32>>();
+                let matrix = |columns: usize, rows: usize| {
+                    (0..columns * rows)
+                        .map(|i| f(i / rows * 4 + i % rows))
+                        .collect::<Vec<f32>>()
+                };
                 match uniform.utype {
                     glow::FLOAT => gl.uniform_1_f32(location, f(0)),
                     glow::FLOAT_VEC2 => gl.uniform_2_f32_slice(location, &floats(2)),
@@ -191,11 +254,21 @@ impl Native {
                     glow::FLOAT_VEC4 => gl.uniform_4_f32_slice(location, &floats(4)),
                     glow::INT | glow::BOOL => gl.uniform_1_i32(location, n(0)),
                     glow::INT_VEC2 | glow::BOOL_VEC2 => gl.uniform_2_i32(location, n(0), n(1)),
-                    glow::FLOAT_MAT2 => gl.uniform_matrix_2_f32_slice(location, false, &matrix(2, 2)),
-                    glow::FLOAT_MAT3 => gl.uniform_matrix_3_f32_slice(location, false, &matrix(3, 3)),
-                    glow::FLOAT_MAT4 => gl.uniform_matrix_4_f32_slice(location, false, &matrix(4, 4)),
-                    glow::FLOAT_MAT4x3 => gl.uniform_matrix_4x3_f32_slice(location, false, &matrix(4, 3)),
-                    glow::FLOAT_MAT2x4 => gl.uniform_matrix_2x4_f32_slice(location, false, &matrix(2, 4)),
+                    glow::FLOAT_MAT2 => {
+                        gl.uniform_matrix_2_f32_slice(location, false, &matrix(2, 2))
+                    }
+                    glow::FLOAT_MAT3 => {
+                        gl.uniform_matrix_3_f32_slice(location, false, &matrix(3, 3))
+                    }
+                    glow::FLOAT_MAT4 => {
+                        gl.uniform_matrix_4_f32_slice(location, false, &matrix(4, 4))
+                    }
+                    glow::FLOAT_MAT4x3 => {
+                        gl.uniform_matrix_4x3_f32_slice(location, false, &matrix(4, 3))
+                    }
+                    glow::FLOAT_MAT2x4 => {
+                        gl.uniform_matrix_2x4_f32_slice(location, false, &matrix(2, 4))
+                    }
                     other => panic!("the uniform `{name}` is of type {other:#x}"),
                 }
             }
@@ -208,25 +281,55 @@ impl Native {
             let made = gl.create_texture().unwrap();
             gl.active_texture(glow::TEXTURE0 + unit);
             let cube = texture.layers == 6;
-            let target = if cube { glow::TEXTURE_CUBE_MAP } else { glow::TEXTURE_2D };
+            let target = if cube {
+                glow::TEXTURE_CUBE_MAP
+            } else {
+                glow::TEXTURE_2D
+            };
             gl.bind_texture(target, Some(made));
             gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 1);
+            let format = match texture.srgb {
+                true => glow::SRGB8_ALPHA8,
+                false => glow::RGBA8,
+            };
             for (level, texels) in texture.levels.iter().enumerate() {
                 let [w, h] = texture.size.map(|n| (n >> level).max(1));
                 let layer = (4 * w * h) as usize;
                 for i in 0..texture.layers {
-                    let face = if cube { glow::TEXTURE_CUBE_MAP_POSITIVE_X + i as u32 } else { target };
+                    let face = if cube {
+                        glow::TEXTURE_CUBE_MAP_POSITIVE_X + i as u32
+                    } else {
+                        target
+                    };
                     let bytes = &texels[i * layer..(i + 1) * layer];
                     let data = glow::PixelUnpackData::Slice(Some(bytes));
-                    gl.tex_image_2d(face, level as i32, glow::RGBA8 as i32, w, h, 0, glow::RGBA, glow::UNSIGNED_BYTE, data);
+                    gl.tex_image_2d(
+                        face,
+                        level as i32,
+                        format as i32,
+                        w,
+                        h,
+                        0,
+                        glow::RGBA,
+                        glow::UNSIGNED_BYTE,
+                        data,
+                    );
                 }
             }
             let (far, near) = match texture.linear {
                 true => (glow::LINEAR_MIPMAP_LINEAR, glow::LINEAR),
                 false => (glow::NEAREST_MIPMAP_NEAREST, glow::NEAREST),
             };
-            let wrap = if texture.clamp { glow::CLAMP_TO_EDGE } else { glow::REPEAT };
-            gl.tex_parameter_i32(target, glow::TEXTURE_MAX_LEVEL, texture.levels.len() as i32 - 1);
+            let wrap = if texture.clamp {
+                glow::CLAMP_TO_EDGE
+            } else {
+                glow::REPEAT
+            };
+            gl.tex_parameter_i32(
+                target,
+                glow::TEXTURE_MAX_LEVEL,
+                texture.levels.len() as i32 - 1,
+            );
             gl.tex_parameter_i32(target, glow::TEXTURE_MIN_FILTER, far as i32);
             gl.tex_parameter_i32(target, glow::TEXTURE_MAG_FILTER, near as i32);
             gl.tex_parameter_i32(target, glow::TEXTURE_WRAP_S, wrap as i32);
@@ -238,7 +341,10 @@ impl Native {
         let gl = &self.gl;
         unsafe {
             let program = gl.create_program().unwrap();
-            for (kind, text) in [glow::VERTEX_SHADER, glow::FRAGMENT_SHADER].into_iter().zip(texts) {
+            for (kind, text) in [glow::VERTEX_SHADER, glow::FRAGMENT_SHADER]
+                .into_iter()
+                .zip(texts)
+            {
                 let shader = gl.create_shader(kind).unwrap();
                 gl.shader_source(shader, text);
                 gl.compile_shader(shader);

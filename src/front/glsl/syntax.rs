@@ -116,6 +116,25 @@ impl Unit {
     }
 }
 
+/// The text with its `#version` raised, byte for byte as long.
+fn as_version_460(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for line in text.split_inclusive('\n') {
+        let directive = line.trim_start().strip_prefix('#').map(str::trim_start);
+        match directive.is_some_and(|d| d.starts_with("version")) {
+            true => {
+                out += &line
+                    .replace("420", "460")
+                    .replace("430", "460")
+                    .replace("440", "460")
+                    .replace("450", "460")
+            }
+            false => out += line,
+        }
+    }
+    out
+}
+
 /// From the start of `first` to the end of `last`, where that is one stretch of text; else `first`.
 fn joined(first: Span, last: Span) -> Span {
     match (first.to_range(), last.to_range()) {
@@ -154,13 +173,18 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         read: Rc::default(),
     };
     let read = Rc::clone(&files.read);
+    // The lexer knows Vulkan's types from 4.60 on.
+    let text = match vulkan {
+        true => Cow::Owned(as_version_460(input.text)),
+        false => Cow::Borrowed(input.text),
+    };
     let mut processor = Processor::new_with_fs(files);
     let folder = input.path.parent().unwrap_or(Path::new(""));
     let file = processor
-        .open_source(input.text, folder)
+        .open_source(&text, folder)
         .with_state(state(dialect, input.defines));
     let options = ParseOptions {
-        default_version: dialect.version,
+        default_version: if vulkan { 460 } else { dialect.version },
         target_vulkan: vulkan,
         ..ParseOptions::default()
     };
