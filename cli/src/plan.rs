@@ -32,6 +32,7 @@ Examples:
   preshade plan scene.toml
   preshade plan scene.toml --camera wall --order front-to-back --out chosen/
   preshade plan scene.toml --budget flip_mean=0.02 --one
+  preshade plan scene.toml --one --lock              kept in preshade.lock, for build scripts
   preshade plan scene.toml --model adapter.json      fitted once, read afterwards
   preshade plan scene.toml --time no                 predictions of a nominal model, no clock
   preshade plan scenes/*.toml --exhaustive --format json > regret.json
@@ -82,10 +83,9 @@ pub struct Args {
     /// Folder for the chosen plans' shaders, a `plan.json` each, and `decision.json`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write the decision into this lock file (`preshade.lock` beside the shaders), which a build without
-    /// a GPU obeys. It holds one plan a material: no switch, and no groups of draws.
-    #[arg(long, value_name = "FILE")]
-    lock: Option<PathBuf>,
+    /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of a policy with a switch, the plan below it.
+    #[arg(long)]
+    lock: bool,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -115,10 +115,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             "error: one scene at a time; several are for --exhaustive".to_owned(),
         ));
     }
-    if args.exhaustive && (args.out.is_some() || args.time == TimeArg::No) {
+    if args.exhaustive && (args.out.is_some() || args.lock || args.time == TimeArg::No) {
         return Err(Failure(
-            "error: --exhaustive measures, and writes nothing: it goes without --out and --time no"
+            "error: --exhaustive measures, and writes nothing: it goes without --out, --lock and --time no"
                 .to_owned(),
+        ));
+    }
+    if args.lock && args.time == TimeArg::No {
+        return Err(Failure(
+            "error: a prediction is not kept: --lock goes without --time no".to_owned(),
         ));
     }
     let choice = args
@@ -158,8 +163,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(dir) = &args.out {
         write(dir, &scene, &facts, &decision, json)?;
     }
-    if let Some(path) = &args.lock {
-        lock(path, &scene, &facts, &decision)?;
+    if args.lock {
+        crate::lock::keep(&scene, &facts, &decision)?;
     }
     Ok(match decision.is_broken() {
         true => Outcome::ContractBroken,
@@ -231,7 +236,7 @@ fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
         frames_per_camera: args.frames,
         runners: args.runners,
         refinements: 6,
-        hold: match args.one || args.lock.is_some() {
+        hold: match args.one || args.lock {
             true => Hold::One,
             false => Hold::Switching,
         },
@@ -327,7 +332,7 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
         }
     };
     // Draws of a material that want different versions are decided on apart.
-    if args.lock.is_none() {
+    if !args.lock {
         scene = measure::grouped(&scene, &specialize::Params::default(), measure::MOST_GROUPS)?;
     }
     let mut scene = args.view.of(scene)?;
@@ -343,64 +348,6 @@ fn recipe(decision: &Decision, plan: usize, original: &Plan) -> Result<Recipe, F
     Ok(match recipe {
         Some(recipe) => Recipe::parse_list(recipe)?,
         None => Recipe::default(),
-    })
-}
-
-/// Writes the decision into a lock file; materials of other scenes that are in it stay.
-fn lock(path: &Path, scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Failure> {
-    let mut lock = Lock::read(path)?.unwrap_or_default();
-    let plan = decision.drawn().first().copied().unwrap_or(0);
-    for (original, material) in measure::originals(scene).iter().zip(&scene.materials) {
-        let files = material.program.sources().files().iter();
-        let sources: Vec<Source> = files
-            .map(|f| Source::new(&f.name, f.text.to_string()))
-            .collect();
-        // The front end names GLSL's entry points itself.
-        let is_named = material.program.language() == Language::Wgsl;
-        let options = front::Options {
-            vertex: is_named.then(|| material.vertex.clone()),
-            fragment: material.fragment.clone().filter(|_| is_named),
-            ..front::Options::default()
-        };
-        let locked = Locked::resolve(
-            original,
-            &recipe(decision, plan, original)?,
-            facts,
-            Inputs::of(&sources, &options, &material.state),
-            measured(decision, plan),
-        )?;
-        lock.materials.insert(material.name.clone(), locked);
-    }
-    if lock.write(path)? {
-        output::message(&format!("wrote {}", path.display()));
-    }
-    Ok(())
-}
-
-/// The figures that spoke for a plan, in the view in which it gains most; `None` where nothing was timed.
-fn measured(decision: &Decision, plan: usize) -> Option<Measured> {
-    let (report, original) = (decision.plans.get(plan)?, decision.plans.first()?);
-    let views = report.by_view.iter().zip(&original.by_view);
-    let (own, before) = views
-        .filter(|(own, _)| own.speedup.is_some())
-        .max_by(|a, b| {
-            let gain = |v: &decide::decision::PlanView| v.speedup.map_or(0.0, |s| s.median);
-            gain(a.0).total_cmp(&gain(b.0))
-        })?;
-    let speedup = own.speedup?;
-    let error = report.error.clone().unwrap_or_default();
-    Some(Measured {
-        scene: decision.scene.clone(),
-        resolution: decision.resolution,
-        adapter: decision.adapter.name.clone(),
-        driver: decision.adapter.driver.clone(),
-        verdict: report.verdict.clone(),
-        original_ms: before.time_ms?.median,
-        variant_ms: own.time_ms?.median,
-        speedup: [speedup.median, speedup.low, speedup.high],
-        changed_pixels: error.changed_pixels,
-        max_abs: error.max_abs,
-        flip_mean: error.flip_mean,
     })
 }
 
