@@ -10,6 +10,8 @@ use preshade::emit;
 use preshade::front::{self, Source};
 use preshade::measure::{self, TimingSettings};
 use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::specialize;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
@@ -232,7 +234,7 @@ fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
         frames_per_camera: args.frames,
         runners: args.runners,
         refinements: 6,
-        hold: match args.one {
+        hold: match args.one || args.lock {
             true => Hold::One,
             false => Hold::Switching,
         },
@@ -312,7 +314,7 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             .ok_or_else(|| Failure(format!("error: --set {text}: expected NAME=VALUE")))?;
         variables.insert(name.trim().to_owned(), Variable::parse(value.trim()));
     }
-    let scene = match path.extension().is_some_and(|e| e == "toml") {
+    let mut scene = match path.extension().is_some_and(|e| e == "toml") {
         true => scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?,
         false => {
             let name = path.display().to_string();
@@ -327,11 +329,24 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             scene::synthesise(parsed, MaterialState::default())
         }
     };
+    // Draws of a material that want different versions are decided on apart.
+    if !args.lock {
+        scene = measure::grouped(&scene, &specialize::Params::default(), measure::MOST_GROUPS)?;
+    }
     let mut scene = args.view.of(scene)?;
     if !args.order.is_empty() {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
+}
+
+/// What a plan of the decision makes of a material; nothing where that is drawn as written.
+fn recipe(decision: &Decision, plan: usize, original: &Plan) -> Result<Recipe, Failure> {
+    let recipe = decision.plans[plan].recipes.get(&original.material);
+    Ok(match recipe {
+        Some(recipe) => Recipe::parse_list(recipe)?,
+        None => Recipe::default(),
+    })
 }
 
 /// Writes the shaders and `plan.json` of each plan that the policy draws with, and the decision. Where there are two, each has a folder: `below` and `above`.
@@ -351,13 +366,9 @@ fn write(
     for (plan, folder) in drawn.iter().zip(&folders) {
         let mut files = Vec::new();
         for original in measure::originals(scene) {
-            let recipe = decision.plans[*plan].recipes.get(&original.material);
-            let plan = match recipe {
-                Some(recipe) => Recipe::parse_list(recipe)?
-                    .apply(&original, facts)
-                    .map_err(|r| Failure(format!("error: {r}")))?,
-                None => original,
-            };
+            let plan = recipe(decision, *plan, &original)?
+                .apply(&original, facts)
+                .map_err(|r| Failure(format!("error: {r}")))?;
             files.extend(emit::emit(
                 &plan,
                 &[emit::Target::Wgsl],

@@ -8,8 +8,7 @@ use preshade_passes::program::Location;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
 use serde::Serialize;
 
-use super::constants::{of_draw, without_matrices};
-use super::{changing, originals};
+use super::constants::Looked;
 use crate::scene::{Error, Scene};
 
 /// An effect of a material, over its draws.
@@ -70,9 +69,9 @@ impl EffectUse {
 /// # Errors
 /// A value that does not fit its variable.
 pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, Error> {
-    let changing = changing(scene)?;
+    let looked = Looked::at(scene)?;
     let mut found = Vec::new();
-    for (index, plan) in originals(scene).iter().enumerate() {
+    for (index, plan) in looked.plans.iter().enumerate() {
         let mut seen: Vec<(BTreeMap<Place, Assumed>, Vec<Effect>)> = Vec::new();
         let mut uses: Vec<EffectUse> = Vec::new();
         let of_material = |d: &&crate::scene::Draw| d.material == index;
@@ -83,8 +82,7 @@ pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, Error> {
             .enumerate()
             .filter(|(_, d)| d.material == index)
         {
-            let values = of_draw(scene, plan, draw, &changing)?;
-            let values = without_matrices(plan, values);
+            let values = looked.telling(draw)?;
             let of = match seen.iter().position(|(v, _)| *v == values) {
                 Some(at) => seen[at].1.clone(),
                 None => {
