@@ -39,7 +39,9 @@ fn copy(from: &Path, to: &Path) {
         let target = to.join(entry.file_name());
         match entry.path() {
             path if path.is_dir() => copy(&path, &target),
-            path => drop(fs::copy(path, target).unwrap()),
+            path => {
+                fs::copy(path, target).unwrap();
+            }
         }
     }
 }
@@ -108,7 +110,9 @@ impl Example {
             for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
                 match entry.path() {
                     path if path.is_dir() => walk(&path, all),
-                    path => drop(all.insert(path, entry.metadata().unwrap().modified().unwrap())),
+                    path => {
+                        all.insert(path, entry.metadata().unwrap().modified().unwrap());
+                    }
                 }
             }
         }
