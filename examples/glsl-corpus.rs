@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- [--verbose] [--include DIR] FOLDER..
+//! cargo run --release --example glsl-corpus --features glsl,spirv -- --print FILE [FILE]
 //! ```
 //!
 //! A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader by itself is given a vertex stage that writes what it reads, and a file with
@@ -42,18 +43,39 @@ struct Case {
 fn main() {
     let mut folders = Vec::new();
     let mut include = Vec::new();
-    let mut verbose = false;
+    let (mut verbose, mut print) = (false, false);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--verbose" => verbose = true,
+            "--print" => print = true,
             "--include" => include.extend(arguments.next().map(PathBuf::from)),
             _ => folders.push(PathBuf::from(argument)),
         }
     }
     assert!(!folders.is_empty(), "name a folder or more");
+    if print {
+        return normalised(&folders, include);
+    }
     for folder in &folders {
         table(folder, &include, verbose);
+    }
+}
+
+/// Shows what naga's front end is given for one material.
+fn normalised(paths: &[PathBuf], include: Vec<PathBuf>) {
+    let options = Options {
+        include,
+        ..Options::default()
+    };
+    let read = |p: &PathBuf| Source::new(p.to_string_lossy(), std::fs::read_to_string(p).unwrap());
+    let sources: Vec<Source> = paths.iter().map(read).collect();
+    match front::normalised_glsl(&sources, &options) {
+        Ok(stages) => stages.iter().for_each(|(_, text)| println!("{text}")),
+        Err(error) => println!("{}", error.render(front::Color::Never)),
+    }
+    if let Err(error) = front::parse(&sources, &options) {
+        println!("{}", error.render(front::Color::Never));
     }
 }
 
@@ -231,7 +253,10 @@ fn judge(paths: &[PathBuf], include: Vec<PathBuf>) -> Outcome {
             .collect();
         match front::parse(&texts, &Options::default()) {
             Ok(_) => return Outcome::Accepted,
-            Err(error) => last = format!("read back: {}", error.message()),
+            Err(error) => {
+                last = format!("read back: {}", error.message());
+                break;
+            }
         }
     }
     Outcome::Refused(general(&last))
@@ -244,16 +269,24 @@ fn refused(error: &front::Error) -> Outcome {
     }
 }
 
-/// The message without what is this file's alone.
+/// The message without what is this file's alone: names in quotes and numbers.
 fn general(message: &str) -> String {
     let mut out = String::new();
-    let mut quoted = false;
+    let mut quoted = None;
     for c in message.chars() {
-        if c == '`' {
-            quoted = !quoted;
-            out.push(c);
-        } else if !quoted || message.len() < 90 {
-            out.push(c);
+        match quoted {
+            Some(q) if c == q => quoted = None,
+            Some(_) => {}
+            None if matches!(c, '`' | '"') => {
+                quoted = Some(c);
+                out.push('_');
+            }
+            None if c.is_ascii_digit() => {
+                if !out.ends_with('#') {
+                    out.push('#');
+                }
+            }
+            None => out.push(c),
         }
     }
     out.chars().take(160).collect()

@@ -241,19 +241,22 @@ fn an_invalid_module_is_framed() {
 }
 
 #[test]
-fn a_glsl_error_is_framed_with_a_hint() {
+fn a_glsl_error_is_framed_where_the_author_wrote_it() {
     insta::assert_snapshot!(refused(
         Code::Parse,
         &[(
             "a.frag",
-            "#version 450\nuniform sampler2D t;\nvoid main() {}\n"
+            "#version 450\nuniform sampler2D t;\nvoid main() {\n    vec2 uv = vec2(0.0)\n    gl_FragDepth = texture(t, uv).r;\n}\n"
         )]
     ));
     insta::assert_snapshot!(
         "glsl_es",
         refused(
-            Code::Parse,
-            &[("a.frag", "#version 300 es\nvoid main() {}\n")]
+            Code::Unsupported,
+            &[(
+                "a.frag",
+                "precision mediump float;\n#define AT gl_PointCoord\nvoid main() {\n    gl_FragColor = vec4(AT, 0.0, 1.0);\n}\n"
+            )]
         )
     );
 }

@@ -13,6 +13,7 @@ use preshade::recipe::Recipe;
 use preshade::render::{ColorImage, DepthImage, Rendered, ShaderForm};
 use preshade::scene::{self, DrawOrder, Scene, bind};
 
+#[allow(dead_code, reason = "pairs are another test's")]
 mod native;
 mod render_support;
 

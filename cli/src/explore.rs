@@ -10,12 +10,13 @@ use preshade::frontier::{self, Journal, Settings};
 use preshade::measure;
 use preshade::passes::contract::Verdict;
 use preshade::passes::hoist::Metric;
+use preshade::passes::specialize::Params;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report::{self, Budget};
 use preshade::scene::{DrawOrder, Scene};
 
 use crate::input::ShaderArgs;
-use crate::verify::{FormArg, OrderArg, check_folder, command, parse_seconds, sweeps};
+use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, parse_seconds, sweeps};
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, output};
 
@@ -103,16 +104,19 @@ static INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
 /// Explores a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let points = sweeps(&args.passes, &args.recipes)?;
-    let recipes = points
-        .into_iter()
-        .flat_map(|s| s.points)
-        .map(|p| p.recipe)
-        .collect();
+    let sweeps = sweeps(&args.passes, &args.recipes)?;
     let mut scene = args.view.of(args.shader.scene()?)?;
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];
     }
+    let effects = measure::effects(&scene).unwrap_or_default();
+    // What is looked at without a list specialises.
+    scene = match sweeps.is_empty() {
+        true => measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS)?,
+        false => grouped(scene, &sweeps)?,
+    };
+    let points = sweeps.into_iter().flat_map(|s| s.points);
+    let recipes = points.map(|p| p.recipe).collect();
     if let Some(dir) = &args.out {
         check_folder(dir)?;
     }
@@ -177,7 +181,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Table::Csv => &csv,
     })?;
     if let Some(dir) = &args.out {
-        let html = report::html::page(&found, &scene)?;
+        let html = report::html::page(&found, &scene, &effects)?;
         let file = |name: &str, text: String| File {
             name: name.to_owned(),
             bytes: text.into_bytes(),

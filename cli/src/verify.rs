@@ -462,7 +462,7 @@ fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
 }
 
 /// The scene with draws of one material told apart, where a recipe specialises: each group gets a version of its own.
-fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
+pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
     let name = Specialize::INFO.name;
     let mut steps = sweeps
         .iter()

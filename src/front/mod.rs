@@ -315,7 +315,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
         .note("build preshade with the feature `glsl`"));
     }
     #[cfg(feature = "glsl")]
-    if sources.len() == 1 && glsl::has_stages(&sources[0].text) {
+    if sources.len() == 1 && has_both_stages(&sources[0]) {
         return Ok(());
     }
     let mut stages = Vec::new();
@@ -366,6 +366,12 @@ fn parse_glsl(
     glsl::parse(&texts, options, map)
 }
 
+/// Whether one file holds the vertex and the fragment stage, as RetroArch's do, be it in what they include.
+#[cfg(feature = "glsl")]
+fn has_both_stages(source: &Source) -> bool {
+    extension(&source.name) == Some("slang") || glsl::has_stages(&source.text)
+}
+
 /// One stage of GLSL, from a file of its own or one that both share.
 #[cfg(feature = "glsl")]
 struct GlslStage<'a> {
@@ -395,7 +401,7 @@ fn glsl_stages<'a>(sources: &'a [Source], bases: &[u32]) -> Vec<GlslStage<'a>> {
         let text = without_mark(&source.text);
         let stage = source.stage().unwrap_or(ShaderStage::Fragment);
         let both = [ShaderStage::Vertex, ShaderStage::Fragment];
-        match glsl::has_stages(&text) {
+        match has_both_stages(source) {
             true => out.extend(both.map(|stage| GlslStage {
                 name: &source.name,
                 text: Cow::Owned(glsl::stage_of(&text, stage)),

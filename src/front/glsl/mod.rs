@@ -89,6 +89,7 @@ pub(super) fn normalise(
         units.push(syntax::parse(
             &Input {
                 text: text.text,
+                stage: text.stage,
                 path: Path::new(text.name),
                 base: text.base,
                 defines: &options.defines,
@@ -135,9 +136,18 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
     let modules: Option<Vec<Module>> = texts
         .iter()
         .map(|text| {
-            let Dialect { version, es } = Dialect::of(text.text);
+            let Dialect { version, es } = Dialect::of(text.text, Path::new(text.name));
             // What naga passes over in silence, it does not read.
-            let lost = ["precise", "#include", "STDGL"];
+            // And of arrays of arrays it takes the first dimension for the last.
+            let lost = [
+                "precise",
+                "#include",
+                "STDGL",
+                "outerProduct",
+                "isnan",
+                "isinf",
+                "][",
+            ];
             if es || version < 440 || lost.iter().any(|w| text.text.contains(w)) {
                 return None;
             }
@@ -244,6 +254,7 @@ pub(super) fn vertex_stage_for(
     let unit = syntax::parse(
         &Input {
             text: text.text,
+            stage: text.stage,
             path: Path::new(text.name),
             base: text.base,
             defines: &options.defines,

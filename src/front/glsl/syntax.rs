@@ -24,7 +24,7 @@ use glsl_lang_pp::processor::{ProcessorState, ProcessorStateBuilder};
 use lang_util::located::FileIdResolver as _;
 use lang_util::position::{LexerPosition, NodeSpan};
 use lang_util::{FileId, TextSize};
-use naga::Span;
+use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
 use crate::front::error::{Code, Error};
@@ -51,13 +51,20 @@ pub(super) struct Dialect {
 
 impl Dialect {
     /// By the text's `#version`. A text without one is GLSL ES 1.00 by the book of WebGL and GLSL 1.10 by that of OpenGL: both are read alike.
-    pub(super) fn of(text: &str) -> Self {
+    pub(super) fn of(text: &str, path: &Path) -> Self {
         let line = text
             .lines()
             .map(str::trim)
             .find_map(|l| l.strip_prefix('#')?.trim_start().strip_prefix("version"));
         let mut words = line.unwrap_or("").split_whitespace();
-        let version = words.next().and_then(|v| v.parse().ok()).unwrap_or(110);
+        let version = words
+            .next()
+            .and_then(|v| v.parse().ok())
+            // RetroArch's may have it in a file that they include.
+            .unwrap_or(match path.extension().is_some_and(|e| e == "slang") {
+                true => 450,
+                false => 110,
+            });
         let es = version == 100 || words.next() == Some("es");
         Self { version, es }
     }
@@ -109,6 +116,25 @@ impl Unit {
     }
 }
 
+/// The text with its `#version` raised, byte for byte as long.
+fn as_version_460(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for line in text.split_inclusive('\n') {
+        let directive = line.trim_start().strip_prefix('#').map(str::trim_start);
+        match directive.is_some_and(|d| d.starts_with("version")) {
+            true => {
+                out += &line
+                    .replace("420", "460")
+                    .replace("430", "460")
+                    .replace("440", "460")
+                    .replace("450", "460")
+            }
+            false => out += line,
+        }
+    }
+    out
+}
+
 /// From the start of `first` to the end of `last`, where that is one stretch of text; else `first`.
 fn joined(first: Span, last: Span) -> Span {
     match (first.to_range(), last.to_range()) {
@@ -123,6 +149,7 @@ fn joined(first: Span, last: Span) -> Span {
 /// One stage's text and how to read it.
 pub(super) struct Input<'a> {
     pub text: &'a str,
+    pub stage: ShaderStage,
     /// The file it is from: where relative includes are looked up.
     pub path: &'a Path,
     /// The file's place in the source map.
@@ -133,31 +160,38 @@ pub(super) struct Input<'a> {
 
 /// Preprocesses and parses. Included files are added to `map`.
 pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Error> {
-    let dialect = Dialect::of(input.text);
+    let dialect = Dialect::of(input.text, input.path);
     // The names of Vulkan's separate textures are functions' names elsewhere.
     let old = ["texture2D(", "textureCube(", "texture2D (", "texture3D("];
     let vulkan = !dialect.es
         && (dialect.version >= 420 || dialect.version == 110)
         && input.text.contains("sampler")
-        && !old.iter().any(|w| input.text.contains(w));
+        && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
     let files = Files {
         include: input.include.to_vec(),
+        stage: input.stage,
         read: Rc::default(),
     };
     let read = Rc::clone(&files.read);
+    // The lexer knows Vulkan's types from 4.60 on.
+    let text = match vulkan {
+        true => Cow::Owned(as_version_460(input.text)),
+        false => Cow::Borrowed(input.text),
+    };
     let mut processor = Processor::new_with_fs(files);
     let folder = input.path.parent().unwrap_or(Path::new(""));
     let file = processor
-        .open_source(input.text, folder)
+        .open_source(&text, folder)
         .with_state(state(dialect, input.defines));
     let options = ParseOptions {
-        default_version: dialect.version,
+        default_version: if vulkan { 460 } else { dialect.version },
         target_vulkan: vulkan,
         ..ParseOptions::default()
     };
     let context = ParseContext::default();
     let lexer = Lexer::new(file, &options).run(context.clone());
     let mut numbered = Numbered {
+        text: input.text,
         lexer,
         dialect,
         raw: Vec::new(),
@@ -255,12 +289,12 @@ fn explain(
             expected,
         } => Error::new(
             Code::Parse,
-            format!("unexpected `{token}`{}", one_of(&expected)),
+            format!("unexpected {token}{}", one_of(&expected)),
         )
         .label_if(at(start)),
         E::ExtraToken {
             token: (start, token, _),
-        } => Error::new(Code::Parse, format!("unexpected `{token}`")).label_if(at(start)),
+        } => Error::new(Code::Parse, format!("unexpected {token}")).label_if(at(start)),
         E::User { error } => {
             use lang_util::error::LexicalError as _;
             let message = error.to_string();
@@ -306,6 +340,8 @@ fn state(dialect: Dialect, defines: &[(String, String)]) -> ProcessorState {
 /// Files that a text includes: beside it, or below one of the include paths.
 struct Files {
     include: Vec<PathBuf>,
+    /// The lines of another stage are left blank in what is included too.
+    stage: ShaderStage,
     /// What was read, by the path asked for.
     read: Rc<RefCell<HashMap<PathBuf, String>>>,
 }
@@ -349,6 +385,9 @@ impl FileSystem for Files {
 
     fn read(&self, path: &Path) -> Result<Cow<'_, str>, io::Error> {
         match self.read.borrow().get(path) {
+            Some(text) if super::has_stages(text) => {
+                Ok(Cow::Owned(super::stage_of(text, self.stage)))
+            }
             Some(text) => Ok(Cow::Owned(text.clone())),
             None => std::fs::read_to_string(path).map(Cow::Owned),
         }
@@ -356,7 +395,8 @@ impl FileSystem for Files {
 }
 
 /// The lexer's tokens, each at its number instead of its place.
-struct Numbered<'r, 'p> {
+struct Numbered<'a, 'r, 'p> {
+    text: &'a str,
     lexer: LexerIterator<'r, 'p, Files>,
     dialect: Dialect,
     raw: Vec<(LexerPosition, LexerPosition)>,
@@ -364,11 +404,29 @@ struct Numbered<'r, 'p> {
     too_many: bool,
 }
 
-impl HasLexerError for Numbered<'_, '_> {
+impl HasLexerError for Numbered<'_, '_, '_> {
     type Error = Io;
 }
 
-impl Iterator for Numbered<'_, '_> {
+impl Numbered<'_, '_, '_> {
+    /// An integer that takes all 32 bits without an `u`: the same bits, negative.
+    fn large_integer(&self, error: &Io) -> Option<(LexerPosition, Token, LexerPosition)> {
+        let Io::Token { pos, .. } = error else {
+            return None;
+        };
+        let range = pos.range();
+        let text = self
+            .text
+            .get(u32::from(range.start()) as usize..u32::from(range.end()) as usize)?;
+        let value = match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
+            Some(digits) => u32::from_str_radix(digits, 16).ok()?,
+            None => text.parse().ok()?,
+        };
+        Some((pos.start(), Token::IntConstant(value as i32), pos.end()))
+    }
+}
+
+impl Iterator for Numbered<'_, '_, '_> {
     type Item = Result<(LexerPosition, Token, LexerPosition), Io>;
 
     fn next(&mut self) -> Option<Self::Item> {
@@ -378,7 +436,10 @@ impl Iterator for Numbered<'_, '_> {
             Err(Io::Processor(e)) if e.to_string().contains("unknown preprocessor directive") => {
                 return self.next();
             }
-            Err(error) => return Some(Err(error)),
+            Err(error) => match self.large_integer(&error) {
+                Some(token) => token,
+                None => return Some(Err(error)),
+            },
         };
         if self.raw.len() >= TOKENS {
             self.too_many = true;

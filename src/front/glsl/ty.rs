@@ -164,8 +164,9 @@ impl Ty {
     /// The dimensions in brackets, nothing for what is no array.
     pub(super) fn dimensions(&self) -> String {
         match self {
-            Self::Array(of, Some(n)) => format!("[{n}]{}", of.dimensions()),
-            Self::Array(of, None) => format!("[]{}", of.dimensions()),
+            // Innermost first: naga's front end takes the first bracket for the innermost dimension, where GLSL has it the other way round.
+            Self::Array(of, Some(n)) => format!("{}[{n}]", of.dimensions()),
+            Self::Array(of, None) => format!("{}[]", of.dimensions()),
             _ => String::new(),
         }
     }
@@ -472,7 +473,7 @@ mod tests {
         assert_eq!(stored(&array(Ty::FLOAT, 5)).name(), "vec4[5]");
         assert_eq!(stored(&array(Ty::named("bvec2"), 2)).name(), "uvec4[2]");
         assert_eq!(stored(&Ty::named("mat2")).name(), "vec4[2]");
-        assert_eq!(stored(&array(Ty::named("mat2"), 3)).name(), "vec4[3][2]");
+        assert_eq!(stored(&array(Ty::named("mat2"), 3)).name(), "vec4[2][3]");
         assert!(!is_stored_otherwise(&array(Ty::named("vec3"), 4)));
     }
 }

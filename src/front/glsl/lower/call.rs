@@ -199,6 +199,20 @@ impl Lower<'_, '_> {
         values: Vec<Ex>,
     ) -> Result<Ex, Error> {
         let alone = values.len() == 1;
+        // One scalar for all components is converted first.
+        let values: Vec<Ex> = match &values[..] {
+            [
+                Ex {
+                    ty: Ty::Scalar(from),
+                    text,
+                    ..
+                },
+            ] if *from != kind => {
+                let to = Ty::Scalar(kind);
+                vec![Ex::primary(format!("{}({text})", to.name()), to)]
+            }
+            _ => values,
+        };
         let mut parts = Vec::new();
         let mut have = 0;
         for value in values {
@@ -279,9 +293,10 @@ impl Lower<'_, '_> {
         };
         let best = signatures
             .iter()
-            .filter_map(|s| Some((distance(s)?, s)))
-            .min_by_key(|(d, _)| *d);
-        let Some((_, signature)) = best else {
+            .enumerate()
+            .filter_map(|(i, s)| Some((distance(s)?, i, s)))
+            .min_by_key(|(d, ..)| *d);
+        let Some((_, overload, signature)) = best else {
             let given: Vec<String> = values.iter().map(|v| v.ty.name()).collect();
             return Err(Error::new(
                 crate::front::error::Code::Parse,
@@ -289,6 +304,7 @@ impl Lower<'_, '_> {
             )
             .label_if(self.place(whole.span)));
         };
+        self.calls.push((name.to_owned(), overload));
         let mut parts = Vec::new();
         for (value, (storage, to)) in values.into_iter().zip(&signature.parameters) {
             let path = value.path.clone();

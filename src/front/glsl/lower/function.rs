@@ -5,10 +5,30 @@ use std::mem;
 use glsl_lang::ast::{self, FunctionParameterDeclarationData as P};
 
 use super::super::interface::{Pair, flat};
-use super::super::stage::{Storage, unsupported};
-use super::super::ty::Ty;
+use super::super::stage::{Signature, Storage, unsupported};
+use super::super::ty::{Entry, Kind, Ty, stored};
 use super::{Lower, Var, builtin};
 use crate::front::error::Error;
+
+/// A function as text, and what it calls.
+struct Printed {
+    key: (String, usize),
+    calls: Vec<(String, usize)>,
+    text: String,
+}
+
+fn print(at: usize, all: &[Printed], done: &mut [bool], out: &mut String) {
+    if std::mem::replace(&mut done[at], true) {
+        return;
+    }
+    for callee in &all[at].calls {
+        if let Some(callee) = all.iter().position(|p| p.key == *callee) {
+            print(callee, all, done, out);
+        }
+    }
+    out.push('\n');
+    out.push_str(&all[at].text);
+}
 
 impl<'u> Lower<'_, 'u> {
     pub(super) fn functions(&mut self) -> Result<String, Error> {
@@ -22,10 +42,26 @@ impl<'u> Lower<'_, 'u> {
                 self.renamed.insert(name.to_owned(), new);
             }
         }
-        let mut out = String::new();
+        // Each after those it calls, as naga wants them: which of several of a name, only the calls' types say.
+        let mut printed = Vec::new();
         for function in functions {
-            out += "\n";
-            out += &self.function(function)?;
+            let signature = self.stage.signature(&function.prototype)?;
+            let name = function.prototype.name.as_str();
+            let all = self.stage.signatures.get(name).map(Vec::as_slice);
+            let alike = |s: &Signature| s.parameters == signature.parameters;
+            let overload = all.and_then(|all| all.iter().position(alike)).unwrap_or(0);
+            self.calls.clear();
+            let text = self.function(function)?;
+            printed.push(Printed {
+                key: (name.to_owned(), overload),
+                calls: std::mem::take(&mut self.calls),
+                text,
+            });
+        }
+        let mut done = vec![false; printed.len()];
+        let mut out = String::new();
+        for at in 0..printed.len() {
+            print(at, &printed, &mut done, &mut out);
         }
         Ok(out)
     }
@@ -79,10 +115,45 @@ impl<'u> Lower<'_, 'u> {
             }
             self.indent = 0;
         }
+        // Past the end GLSL leaves the value open.
+        if !returned && self.result != Ty::Void {
+            let zero = self.zero(&self.result);
+            out += &format!("    return {zero};\n");
+        }
         self.scopes.pop();
         self.pairs = pairs;
         self.stage.constants = constants;
         Ok(out + "}\n")
+    }
+
+    /// A value of the type with nothing in it, as it is stored.
+    fn zero(&self, ty: &Ty) -> String {
+        match ty {
+            Ty::Scalar(Kind::Bool) => "false".to_owned(),
+            Ty::Array(of, n) => {
+                let parts = vec![self.zero(of); n.unwrap_or(1) as usize];
+                format!("{}({})", ty.name(), parts.join(", "))
+            }
+            Ty::Struct(name) => {
+                let Some(of) = self.stage.structs.get(name) else {
+                    return format!("{name}()");
+                };
+                let entries = match of.hosted {
+                    true => self.stage.structs.laid_out(&of.members, true),
+                    false => of.members.iter().map(Entry::Member).collect(),
+                };
+                let parts: Vec<String> = entries
+                    .iter()
+                    .map(|e| match e {
+                        Entry::Member(m) if of.hosted => self.zero(&stored(&m.ty)),
+                        Entry::Member(m) => self.zero(&m.ty),
+                        Entry::Padding => "0.0".to_owned(),
+                    })
+                    .collect();
+                format!("{name}({})", parts.join(", "))
+            }
+            other => format!("{}(0)", other.name()),
+        }
     }
 
     fn parameter(

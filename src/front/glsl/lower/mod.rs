@@ -102,6 +102,8 @@ pub(super) struct Lower<'a, 'u> {
     prologue: Vec<String>,
     epilogue: Vec<String>,
     in_main: bool,
+    /// The author's functions that the function calls which is printed, each by its name and the place of its signature.
+    calls: Vec<(String, usize)>,
     /// What the function returns that is printed.
     result: Ty,
     /// Names for what stands for GLSL's own variables: `gl_FragColor`, `gl_PointSize`.
@@ -137,6 +139,7 @@ pub(super) fn lower(
         prologue: Vec::new(),
         epilogue: Vec::new(),
         in_main: false,
+        calls: Vec::new(),
         result: Ty::Void,
         standins: BTreeMap::new(),
         targets: BTreeSet::new(),

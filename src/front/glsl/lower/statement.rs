@@ -7,6 +7,7 @@ use glsl_lang::ast::{
 };
 
 use super::super::constant;
+use super::super::marks::unmarked;
 use super::super::stage::{Storage, unsupported};
 use super::super::ty::Ty;
 use super::{Lower, Var};
@@ -185,7 +186,19 @@ impl Lower<'_, '_> {
 
     fn condition(&mut self, condition: &ast::Condition) -> Result<String, Error> {
         match &condition.content {
-            ConditionData::Expr(e) => Ok(self.expr(e)?.text),
+            ConditionData::Expr(e) => {
+                let text = self.expr(e)?.text;
+                // naga takes what begins with a type for a declaration.
+                let bare = unmarked(&text);
+                let word = bare
+                    .split(|c: char| !c.is_alphanumeric())
+                    .next()
+                    .unwrap_or("");
+                Ok(match Ty::named(word) {
+                    Ty::Opaque(_) => text,
+                    _ => format!("({text})"),
+                })
+            }
             ConditionData::Assignment(..) => Err(unsupported(
                 "a variable that is declared in a loop's condition is not read",
                 self.place(condition.span),

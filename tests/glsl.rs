@@ -1,0 +1,281 @@
+//! GLSL of every dialect: what naga's front end is given, and that the passes take it as they take any other.
+#![cfg(all(feature = "glsl", feature = "spirv"))]
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+use std::path::{Path, PathBuf};
+
+use preshade::emit::{self, Target};
+use preshade::front::{self, ClipSpace, Code, Color, Options, Parsed, Source, normalised_glsl};
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::state::MaterialState;
+use preshade::recipe::Recipe;
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/glsl/dialects")
+}
+
+fn sources(name: &str) -> Vec<Source> {
+    ["vert", "frag"]
+        .map(|e| {
+            let name = format!("{name}.{e}");
+            let text = std::fs::read_to_string(folder().join(&name)).unwrap();
+            Source::new(name, text)
+        })
+        .to_vec()
+}
+
+fn names() -> Vec<String> {
+    let files = std::fs::read_dir(folder())
+        .unwrap()
+        .map(|e| e.unwrap().path());
+    let vertex = files.filter(|p| p.extension().is_some_and(|e| e == "vert"));
+    let mut names: Vec<String> = vertex
+        .map(|p| p.file_stem().unwrap().to_str().unwrap().to_owned())
+        .collect();
+    names.sort();
+    assert!(names.len() > 10);
+    names
+}
+
+fn parse(sources: &[Source], options: &Options) -> Parsed {
+    front::parse(sources, options).unwrap_or_else(|e| panic!("{}", e.render(Color::Never)))
+}
+
+fn texts(vertex: &str, fragment: &str) -> Vec<Source> {
+    vec![
+        Source::new("a.vert", vertex),
+        Source::new("a.frag", fragment),
+    ]
+}
+
+fn refused(vertex: &str, fragment: &str) -> (Code, String) {
+    let error = front::parse(&texts(vertex, fragment), &Options::default()).unwrap_err();
+    (error.code(), error.render(Color::Never))
+}
+
+#[test]
+fn what_naga_is_given() {
+    for name in names() {
+        let stages = normalised_glsl(&sources(&name), &Options::default())
+            .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+        let text: Vec<String> = stages.into_iter().map(|(_, text)| text).collect();
+        insta::assert_snapshot!(name, text.join("\n// ----\n"));
+    }
+}
+
+#[test]
+fn what_is_emitted_reads_back() {
+    for name in names() {
+        let parsed = parse(&sources(&name), &Options::default());
+        let fragment = parsed.fragment.as_deref();
+        let plan = Plan::original(
+            &name,
+            parsed.program.clone(),
+            &parsed.vertex,
+            fragment,
+            &MaterialState::default(),
+        );
+        for target in [
+            Target::Wgsl,
+            Target::Glsl450,
+            Target::GlslEs300,
+            Target::Spirv,
+        ] {
+            let files = match emit::emit(&plan, &[target], &emit::Options::default()) {
+                Ok(files) => files,
+                // A bit that a version lacks is said, not dropped.
+                Err(emit::Error::Inexpressible { .. }) if target == Target::GlslEs300 => continue,
+                Err(e) => panic!("{name}: {e}"),
+            };
+            let ends = |f: &&emit::File| f.name.ends_with(".vert") || f.name.ends_with(".frag");
+            let texts: Vec<Source> = files
+                .iter()
+                .filter(ends)
+                .map(|f| Source::new(&f.name, String::from_utf8(f.bytes.clone()).unwrap()))
+                .collect();
+            if !texts.is_empty() {
+                parse(&texts, &Options::default());
+            }
+        }
+    }
+}
+
+#[test]
+fn the_passes_take_it() {
+    for name in [
+        "seed1-tiling",
+        "seed1-culled",
+        "seed4-specular",
+        "seed4-noise",
+        "gl330-material",
+    ] {
+        let parsed = parse(&sources(name), &Options::default());
+        let fragment = parsed.fragment.as_deref();
+        let plan = Plan::original(
+            name,
+            parsed.program.clone(),
+            &parsed.vertex,
+            fragment,
+            &MaterialState::default(),
+        );
+        let mut recipes = vec!["depth-prepass", "early-discard"];
+        if name.starts_with("seed4") {
+            recipes.push("hoist:budget=0.05,finite=assumed");
+        }
+        for recipe in recipes {
+            let variant = Recipe::parse(&[recipe])
+                .unwrap()
+                .apply(&plan, &Facts::default())
+                .unwrap_or_else(|r| panic!("{name} {recipe}: {r}"));
+            emit::emit(&variant, &[Target::Wgsl], &emit::Options::default())
+                .unwrap_or_else(|e| panic!("{name} {recipe}: {e}"));
+        }
+    }
+}
+
+#[test]
+fn stages_share_uniforms_and_are_matched_by_name() {
+    let parsed = parse(&sources("gl330-material"), &Options::default());
+    let module = parsed.program.module();
+    let block = module
+        .global_variables
+        .iter()
+        .find(|(_, g)| g.name.as_deref() == Some("uniforms"));
+    let naga::TypeInner::Struct { members, .. } = &module.types[block.unwrap().1.ty].inner else {
+        panic!("a struct");
+    };
+    // std140 by hand: three matrices, a struct of one float in 16 bytes, two lights of 48, a vec3.
+    let at: Vec<(&str, u32)> = members
+        .iter()
+        .map(|m| (m.name.as_deref().unwrap(), m.offset))
+        .collect();
+    assert_eq!(
+        at,
+        [
+            ("model", 0),
+            ("view", 64),
+            ("projection", 128),
+            ("material", 192),
+            ("lights", 208),
+            ("viewPos", 304)
+        ]
+    );
+}
+
+#[test]
+fn the_clip_space_goes_by_the_dialect() {
+    let remap = "gl_Position.z = (gl_Position.z + gl_Position.w) * 0.5;";
+    let vertex = |text: &str, clip_space| {
+        let options = Options {
+            clip_space,
+            ..Options::default()
+        };
+        let source = Source::new("a.vert", text);
+        normalised_glsl(&[source], &options).unwrap().remove(0).1
+    };
+    let es = "attribute vec4 p; void main() { gl_Position = p; }";
+    let vulkan = "#version 450\nlayout(location = 0) in vec4 p;\nvoid main() { gl_Position = p; }";
+    assert!(vertex(es, None).contains(remap));
+    assert!(!vertex(es, Some(ClipSpace::AsWritten)).contains(remap));
+    assert!(!vertex(vulkan, None).contains(remap));
+    assert!(vertex(vulkan, Some(ClipSpace::OpenGl)).contains(remap));
+}
+
+#[test]
+fn an_early_return_leaves_by_the_same_way() {
+    let vertex = "attribute vec3 p; varying float v[2]; void main() { v[0] = p.x; gl_Position = vec4(p, 1.0); if (p.x > 0.0) return; v[1] = p.y; }";
+    let text = normalised_glsl(&[Source::new("a.vert", vertex)], &Options::default())
+        .unwrap()
+        .remove(0)
+        .1;
+    assert_eq!(text.matches("v_0 = v[0];").count(), 2, "{text}");
+    assert_eq!(text.matches("* 0.5;").count(), 2, "{text}");
+}
+
+#[test]
+fn invariant_drives_the_attribute() {
+    let marked = |text: &str| {
+        let sources = texts(
+            text,
+            "precision mediump float; void main() { gl_FragColor = vec4(1.0); }",
+        );
+        let parsed = parse(&sources, &Options::default());
+        let entry = &parsed
+            .program
+            .module()
+            .entry_points
+            .iter()
+            .find(|e| e.stage == naga::ShaderStage::Vertex)
+            .unwrap();
+        format!("{:?}", entry.function.result).contains("invariant: true")
+            || format!("{:?}", parsed.program.module().types).contains("invariant: true")
+    };
+    assert!(marked(
+        "invariant gl_Position; attribute vec4 p; void main() { gl_Position = p; }"
+    ));
+    assert!(marked(
+        "#pragma STDGL invariant(all)\nattribute vec4 p; void main() { gl_Position = p; }"
+    ));
+    assert!(!marked(
+        "attribute vec4 p; void main() { gl_Position = p; }"
+    ));
+}
+
+#[test]
+fn included_files_are_found_and_pointed_at() {
+    let dir = std::env::temp_dir().join(format!("preshade-include-{}", std::process::id()));
+    std::fs::create_dir_all(dir.join("lib")).unwrap();
+    std::fs::write(
+        dir.join("lib/tint.glsl"),
+        "vec3 tint(vec3 c) {\n    return c * gl_PointCoord.x;\n}\n",
+    )
+    .unwrap();
+    let fragment = "precision mediump float;\n#include \"tint.glsl\"\nvoid main() { gl_FragColor = vec4(tint(vec3(1.0)), 1.0); }";
+    let sources = texts(
+        "attribute vec4 p; void main() { gl_Position = p; }",
+        fragment,
+    );
+    let missing = front::parse(&sources, &Options::default()).unwrap_err();
+    assert!(missing.message().contains("tint.glsl"), "{missing}");
+    assert_eq!(missing.location().unwrap().line, 2);
+    let options = Options {
+        include: vec![dir.join("lib")],
+        ..Options::default()
+    };
+    let found = front::parse(&sources, &options).unwrap_err();
+    let at = found.location().unwrap();
+    assert!(at.file.ends_with("tint.glsl") && at.line == 2, "{found}");
+    std::fs::remove_dir_all(dir).unwrap();
+}
+
+#[test]
+fn what_is_not_read_is_named() {
+    let vertex = "attribute vec4 p; void main() { gl_Position = p; }";
+    let body = |body: &str| {
+        format!("precision mediump float;\nuniform sampler2D maps[2];\nuniform int which;\n{body}")
+    };
+    for (name, fragment) in [
+        ("point", body("void main() {\n    gl_FragColor = vec4(gl_PointCoord, 0.0, 1.0);\n}")),
+        ("query", "#version 400\nuniform sampler2D s;\nout vec4 c;\nvoid main() {\n    c = vec4(textureQueryLod(s, vec2(0.0)), 0.0, 1.0);\n}".to_owned()),
+        ("data", body("void main() {\n    gl_FragData[which] = vec4(1.0);\n}")),
+        ("rect", "#version 150\nuniform sampler2DRect s;\nout vec4 c;\nvoid main() { c = texture(s, vec2(0.0)); }".to_owned()),
+        ("varying", body("varying vec2 uv;\nvoid main() { gl_FragColor = uv.xyxy; }")),
+        ("function", body("void main() {\n    gl_FragColor = vec4(unheard(1.0));\n}")),
+    ] {
+        let (_, frame) = refused(vertex, &fragment);
+        insta::assert_snapshot!(format!("refused_{name}"), frame);
+    }
+}
+
+#[test]
+fn one_file_may_hold_both_stages() {
+    let text = "#version 450\nlayout(push_constant) uniform Push { vec4 tint; } params;\n#define TINT params.tint\n#pragma stage vertex\nlayout(location = 0) in vec4 Position;\n\
+                layout(location = 0) out vec2 uv;\nvoid main() { gl_Position = Position; uv = Position.xy; }\n#pragma stage fragment\nlayout(location = 0) in vec2 uv;\n\
+                layout(location = 0) out vec4 color;\nlayout(set = 0, binding = 2) uniform sampler2D Source;\nvoid main() { color = TINT * texture(Source, uv); }\n";
+    let parsed = parse(&[Source::new("a.slang", text)], &Options::default());
+    assert_eq!(
+        (parsed.vertex.as_str(), parsed.fragment.as_deref()),
+        ("vertex_main", Some("fragment_main"))
+    );
+}
