@@ -25,7 +25,7 @@ use native::pair::{Attribute, Draw, FirstRow, Texture, Vertices};
 /// `origin_upper_left` itself is not turned once more.
 const PAIRS: [(&str, &str, FirstRow); 13] = [
     ("es100-textured", "#version 100\n", FirstRow::Highest),
-    ("es100-sampling", "#version 100\n", FirstRow::Highest),
+    ("gl120-sampling", "", FirstRow::Highest),
     ("es300-block", "", FirstRow::Highest),
     ("es300-ids", "", FirstRow::Highest),
     ("gl120-arrays", "", FirstRow::Highest),
@@ -217,7 +217,13 @@ fn native_draw<'a>(scene: &'a Scene, bound: &'a DrawBindings) -> Draw<'a> {
 }
 
 /// What the two pictures differ in: pixels that one covers and the other does not, those that another triangle's edge decides, and the rest that are more than 1/255 apart.
-fn compare(name: &str, ours: &Rendered, color: &[u8], depth: &[f32]) -> [usize; 2] {
+fn compare(
+    name: &str,
+    channels: usize,
+    ours: &Rendered,
+    color: &[u8],
+    depth: &[f32],
+) -> [usize; 2] {
     let picture = ours.colors[0].as_ref().unwrap();
     let depths = &ours.depth.as_ref().unwrap().values;
     let mut covered = 0;
@@ -229,7 +235,7 @@ fn compare(name: &str, ours: &Rendered, color: &[u8], depth: &[f32]) -> [usize; 
         }
         // Where another surface is seen, the depth says so.
         let silhouette = (depths[i] - depth[i]).abs() > 1e-3;
-        let texel = picture.texel(i).iter().zip(&color[4 * i..4 * i + 4]);
+        let texel = picture.texel(i).iter().zip(&color[4 * i..4 * i + channels]);
         if texel.into_iter().any(|(a, b)| a.abs_diff(*b) > 1) {
             match silhouette {
                 true => covered += 1,
@@ -285,10 +291,12 @@ fn pairs_draw_as_opengl_draws_them() {
                 image::save_buffer(path, bytes, w, h, image::ColorType::Rgba8).unwrap();
             }
         }
+        // Of an output of three components OpenGL leaves alpha open.
+        let channels = if texts[1].contains("out vec3") { 3 } else { 4 };
         // A picture with nothing in it would prove nothing.
         let seen = pixels.depth.iter().filter(|d| **d != 1.0).count();
         assert!(seen > pixels.depth.len() / 20, "{name} draws {seen} pixels");
-        let [edges, apart] = compare(name, &ours, &pixels.color, &pixels.depth);
+        let [edges, apart] = compare(name, channels, &ours, &pixels.color, &pixels.depth);
         // Rows are numbered from the other end, so a sample on an edge goes to the other side.
         if apart > 0 || edges > pixels.depth.len() / 500 {
             wrong.push((name, edges, apart));

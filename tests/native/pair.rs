@@ -67,6 +67,15 @@ const UPPER_LEFT: u32 = 0x8CA2;
 const NEGATIVE_ONE_TO_ONE: u32 = 0x935E;
 
 impl Native {
+    /// `glProvokingVertex`, which glow does not list: the first one, as in WebGPU.
+    unsafe fn first_vertex_provokes(&self) {
+        let found = self.egl.get_proc_address("glProvokingVertex");
+        let found = found.expect("OpenGL 3.2");
+        // SAFETY: that is the function's type by the specification (OpenGL 4.5, section 13.4), and the context is current.
+        let call: extern "system" fn(u32) = unsafe { std::mem::transmute(found) };
+        call(0x8E4D);
+    }
+
     /// `glClipControl`, which glow does not list, with OpenGL's depth.
     unsafe fn clip_control(&self, origin: u32) {
         let found = self.egl.get_proc_address("glClipControl");
@@ -129,6 +138,7 @@ impl Native {
                 self.clip_control(UPPER_LEFT);
             }
             gl.enable(glow::TEXTURE_CUBE_MAP_SEAMLESS);
+            self.first_vertex_provokes();
             gl.disable(glow::CULL_FACE);
             gl.front_face(glow::CCW);
             gl.enable(glow::DEPTH_TEST);

@@ -301,8 +301,12 @@ fn explain(
             let (start, length) = error.location();
             let place = span(start.source_id, start.offset, start.offset + length);
             let error = Error::new(Code::Parse, message.clone()).label(place, "");
-            match message.contains("#include") || matches!(error.message(), m if m.contains("os error")) {
-                true => error.note("included files are looked up beside the file, then in the include paths (--include DIR)"),
+            match message.contains("#include")
+                || matches!(error.message(), m if m.contains("os error"))
+            {
+                true => error.note(
+                    "included files are looked up beside the file, then in the include paths",
+                ),
                 false => error,
             }
         }
