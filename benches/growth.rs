@@ -95,7 +95,72 @@ fn main() -> Result<()> {
             before = Some(times);
         }
     }
+    whole()?;
     thousand()
+}
+
+/// A whole compile of each fixture against naga's own parsing, validating and writing of the source and of every module that came of it.
+fn whole() -> Result<()> {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders");
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return Ok(());
+    };
+    let recipe = Recipe::parse(["depth-prepass"])?;
+    let mut ratios = Vec::new();
+    for entry in entries {
+        let path = entry?.path();
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            continue;
+        };
+        let source = Source::new(path.display().to_string(), text);
+        let compile = || -> Result<Vec<emit::File>> {
+            let (_, plan) = program(&source)?;
+            // A refusal is a normal outcome, and keeps the original.
+            let plan = recipe.apply(&plan, &Facts::default()).unwrap_or(plan);
+            Ok(emit::emit(&plan, &[Target::Wgsl], &Options::default())?)
+        };
+        let files = compile()?;
+        let modules = files.iter().filter(|f| f.name.ends_with(".wgsl"));
+        let texts = modules.map(|f| String::from_utf8_lossy(&f.bytes).into_owned());
+        let texts: Vec<String> = [source.text.clone()].into_iter().chain(texts).collect();
+        let ours = least(|| compile().map(drop))?;
+        let nagas = least(|| texts.iter().try_for_each(|t| naga_alone(t)))?;
+        ratios.push((ours / nagas, path));
+    }
+    ratios.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if let (Some((most, path)), Some((median, _))) = (ratios.last(), ratios.get(ratios.len() / 2)) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        println!(
+            "a whole compile takes {median:.2} times what naga does by itself to its texts, median of {} fixtures; {most:.2} of {name}",
+            ratios.len()
+        );
+    }
+    Ok(())
+}
+
+/// Milliseconds of the fastest of some runs.
+fn least(work: impl Fn() -> Result<()>) -> Result<f64> {
+    let mut least = f64::INFINITY;
+    for _ in 0..15 {
+        let clock = Instant::now();
+        work()?;
+        least = least.min(clock.elapsed().as_secs_f64() * 1e3);
+    }
+    Ok(least)
+}
+
+/// Parses, validates and writes a text.
+fn naga_alone(text: &str) -> Result<()> {
+    use preshade::passes::naga::{back, front, valid};
+    let module = front::wgsl::parse_str(text)?;
+    let info = valid::Validator::new(valid::ValidationFlags::all(), valid::Capabilities::all())
+        .validate(&module)?;
+    black_box(back::wgsl::write_string(
+        &module,
+        &info,
+        back::wgsl::WriterFlags::empty(),
+    ))?;
+    Ok(())
 }
 
 /// Runs one step once.

@@ -137,18 +137,12 @@ pub struct Measured {
     pub driver: String,
     /// Whether the contract held there.
     pub verdict: Verdict,
-    /// Median time of a frame of the original, in milliseconds.
+    /// Median time of a frame of the original in the first view, in milliseconds.
     pub original_ms: f64,
-    /// Median time of a frame of the choice, in milliseconds.
+    /// Median time of a frame of the choice there, in milliseconds.
     pub variant_ms: f64,
-    /// Speedup: median, and the ends of its confidence interval.
+    /// Speedup there: its median between the ends of its confidence interval.
     pub speedup: [f64; 3],
-    /// Pixels that differ from the original's, of all views.
-    pub changed_pixels: u64,
-    /// Largest difference of a colour channel.
-    pub max_abs: f64,
-    /// Mean of FLIP, of the worst view.
-    pub flip_mean: f64,
 }
 
 /// A lock file that cannot be read.

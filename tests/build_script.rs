@@ -245,7 +245,7 @@ fn a_lock_that_no_longer_fits_ships_the_original() {
         panic!("{:?}", built.warnings);
     };
     assert!(
-        warning.ends_with("toon.wgsl was edited after preshade.lock was written; run `preshade plan` again. The original is shipped"),
+        warning.ends_with("toon.wgsl was edited after preshade.lock was written; run `preshade plan --lock` again. The original is shipped"),
         "{warning}"
     );
     // The state of the lock is that of a build that says none; another is a mismatch.

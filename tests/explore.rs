@@ -77,7 +77,7 @@ fn check(found: &Found) {
             Fate::Beaten { by } | Fate::Even { with: by } | Fate::Same { r#as: by } => {
                 assert!(e.points.iter().any(|p| p.name == *by), "{by}");
             }
-            Fate::Frontier | Fate::Refused { .. } | Fate::Predicted { .. } => {}
+            Fate::Frontier | Fate::Refused { .. } | Fate::Predicted { .. } | Fate::Slow { .. } => {}
             Fate::Broken { why } | Fate::NotMeasured { why } => {
                 assert!(
                     why.contains("were drawn before it"),
@@ -189,7 +189,7 @@ fn the_page_stands_alone_and_escapes_what_it_is_told() {
     let settings = settings(&["depth-prepass", "early-discard:quad=vote"]);
     let (found, _) = search(&scene, &settings, &mut Journal::new());
     check(&found);
-    let page = report::html::page(&found, &scene).unwrap();
+    let page = report::html::page(&found, &scene, &measure::effects(&scene).unwrap()).unwrap();
     // No scheme but that of its own pictures, no script but its own.
     for outside in [
         "http://", "https://", "//cdn", "@import", "<link", " src=\"/",

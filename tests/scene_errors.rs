@@ -168,3 +168,58 @@ fn orbits_that_are_none_are_told() {
     let eye = "eye = [1, 2, 5]\ntarget = [0, 0, 0]";
     insta::assert_snapshot!(refusal("orbit", eye, &orbit("-1")));
 }
+
+#[test]
+fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
+    let of = |case: &str, range: &str| {
+        let to = format!("material = \"tiles\"\n{range}");
+        refusal(case, "material = \"tiles\"", &to)
+    };
+    for (case, range, told) in [
+        (
+            "range-indices",
+            "range = { first = 30, count = 12 }",
+            "takes indices 30 to 42, and mesh `cube` has 36",
+        ),
+        (
+            "range-first",
+            "range = { first = 37 }",
+            "takes indices 37 to 36",
+        ),
+        (
+            "range-vertex",
+            "range = { base_vertex = 20 }",
+            "takes vertex 24 of mesh `cube`, which has 24",
+        ),
+        (
+            "range-below",
+            "range = { base_vertex = -1 }",
+            "takes vertex -1 of mesh `cube`",
+        ),
+        (
+            "range-copies",
+            "range = { first_instance = 2, instances = 3 }\nfield = { count = [4, 1, 1], spacing = [2, 0, 0] }",
+            "instances 2 to 5 of a field of 4 copies",
+        ),
+        (
+            "range-none",
+            "range = { first_instance = 4 }\nfield = { count = [4, 1, 1], spacing = [2, 0, 0] }",
+            "of a field of 4 copies",
+        ),
+        (
+            "range-many",
+            "range = { first_instance = 4294967295, instances = 3 }",
+            "ends at instance 4294967298, and an index of instances has 32 bits",
+        ),
+    ] {
+        let error = of(case, range);
+        assert!(error.contains(told), "{error}");
+        assert!(error.contains("bad.toml"), "{error}");
+    }
+    let range = "material = \"tiles\"\nrange = { first = 6, count = 12, base_vertex = 4, first_instance = 1 }\nfield = { count = [4, 1, 1], spacing = [2, 0, 0] }";
+    let scene = load("range", &GOOD.replace("material = \"tiles\"", range)).unwrap();
+    let draw = &scene.draws[0];
+    let found = (draw.range.first, draw.range.count, draw.range.base_vertex);
+    assert_eq!(found, (6, Some(12), 4));
+    assert_eq!((draw.range.first_instance, draw.instances), (1, 3));
+}

@@ -87,6 +87,20 @@ fn shaders_that_make_their_own_vertices_get_as_many_as_they_have_in_mind() {
 }
 
 #[test]
+fn a_buffer_of_indices_that_another_entry_point_reads_is_none_of_the_draws() {
+    let text = "
+struct Camera { view_proj: mat4x4<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(0) @binding(1) var<storage, read_write> indices: array<u32>;
+@compute @workgroup_size(64) fn make(@builtin(global_invocation_id) id: vec3<u32>) { indices[id.x] = id.x; }
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { return camera.view_proj * vec4(position, 1.0); }
+@fragment fn fs() -> @location(0) vec4<f32> { return vec4(1.0); }";
+    let parsed = front::parse(&[Source::new("made.wgsl", text)], &Options::default()).unwrap();
+    let scene = scene::synthesise(parsed, MaterialState::default());
+    assert!(bound(&scene).iter().all(|b| b.indices.is_some()));
+}
+
+#[test]
 fn a_scene_follows_the_state_it_is_drawn_with() {
     let state = MaterialState {
         depth_direction: DepthDirection::Reversed,

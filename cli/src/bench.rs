@@ -2,7 +2,7 @@
 //! points, timed A B B A in one process.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use preshade::front::{self, Options, Source};
@@ -26,6 +26,7 @@ use crate::view::parse_size;
 use crate::{Failure, Format, Outcome};
 
 mod grass;
+mod museum;
 
 /// Arguments of `bench`.
 #[derive(clap::Args)]
@@ -53,6 +54,9 @@ pub struct Args {
     /// Instances of grass: hand-written visibility buffers beside generated ones. Default: none.
     #[arg(long, value_delimiter = ',', value_name = "N,..", value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
     grass: Vec<u32>,
+    /// Exhibits of this scene: hand-specialised materials, beside the reference, against generated ones. Default: none.
+    #[arg(long, value_name = "SCENE")]
+    museum: Option<PathBuf>,
     /// Seconds to spend on each pair.
     #[arg(long, value_name = "SECONDS", default_value_t = 1.5, value_parser = parse_seconds)]
     seconds: f64,
@@ -122,6 +126,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         ..TimingSettings::default()
     };
     let mut rows = Vec::new();
+    let unknown = Facts::without_ties();
     for layers in &args.layers {
         for (order, number) in ORDERS {
             let stack = Stack {
@@ -131,7 +136,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 number,
             };
             let scene = scene(&text, size, &stack)?;
-            rows.extend(compare(&gpu, &scene, &stack, &FORMS, handwritten, &timing)?);
+            rows.extend(compare(
+                &gpu,
+                &scene,
+                (&stack, &unknown),
+                &FORMS,
+                handwritten,
+                &timing,
+            )?);
         }
     }
     for grid in &args.grids {
@@ -145,7 +157,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         rows.extend(compare(
             &gpu,
             &scene,
-            &stack,
+            (&stack, &unknown),
             &HOISTED,
             handwritten,
             &timing,
@@ -162,9 +174,28 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         rows.extend(compare(
             &gpu,
             &scene,
-            &stack,
+            (&stack, &unknown),
             &grass::FORMS,
             grass::handwritten,
+            &timing,
+        )?);
+    }
+    for kind in args.museum.iter().flat_map(|_| museum::KINDS) {
+        let Some(path) = &args.museum else { continue };
+        let folder = args.reference.parent().unwrap_or_else(|| Path::new("."));
+        let (scene, facts) = museum::scene(path, size, kind)?;
+        let stack = Stack {
+            grid: 1,
+            layers: scene.draws.len() as u32,
+            order: "museum",
+            number: 0,
+        };
+        rows.extend(compare(
+            &gpu,
+            &scene,
+            (&stack, &facts),
+            &[(kind, museum::RECIPE)],
+            |_, kind| museum::handwritten(&scene, folder, kind),
             &timing,
         )?);
     }
@@ -195,7 +226,7 @@ struct Stack {
 fn compare(
     gpu: &Gpu,
     scene: &Scene,
-    stack: &Stack,
+    (stack, facts): (&Stack, &Facts),
     forms: &[(&'static str, &'static str)],
     handwritten: impl Fn(&Plan, &str) -> Result<Plan, Failure>,
     timing: &TimingSettings,
@@ -215,7 +246,7 @@ fn compare(
         ));
         let hand = handwritten(&forward, form)?;
         let generated = Recipe::parse([recipe])?
-            .apply(&forward, &Facts::without_ties())
+            .apply(&forward, facts)
             .map_err(|r| Failure(format!("error: {r}")))?;
         let prepare = |plan: &Plan| -> Result<Prepared<'_>, Failure> {
             let variant = Variant::new(std::slice::from_ref(plan), ShaderForm::Text)?;

@@ -8,7 +8,6 @@ use codespan_reporting::term;
 use preshade::measure::{self, EffectUse};
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
-use preshade::passes::guard::Assumed;
 use preshade::passes::neighbours;
 use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, Sites};
 use preshade::passes::plan::Plan;
@@ -349,26 +348,7 @@ fn effect_table(effects: &[EffectUse]) -> Vec<String> {
         "effect", "stage", "ops", "called for"
     )];
     for e in effects {
-        let told = |of: &[Assumed], what: &str| {
-            let values: Vec<String> = of.iter().map(ToString::to_string).collect();
-            (!values.is_empty()).then(|| format!("{what}: {}", values.join(", ")))
-        };
-        let [yes, no] = &e.evidence;
-        let evidence: Vec<String> = [told(yes, "yes"), told(no, "no")]
-            .into_iter()
-            .flatten()
-            .collect();
-        let evidence = match evidence.is_empty() {
-            true => "its values change".to_owned(),
-            false => evidence.join("; "),
-        };
-        let open = e.draws - e.called_for - e.not_called_for;
-        let called_for = match (e.called_for, open) {
-            (0, 0) => "by no draw".to_owned(),
-            (yes, 0) if yes == e.draws => "by every draw".to_owned(),
-            (yes, 0) => format!("by {yes} of {}", e.draws),
-            (yes, open) => format!("by {yes} to {} of {}", yes + open, e.draws),
-        };
+        let (called_for, evidence) = (e.called_for_by(), e.evidence_said());
         lines.push(format!(
             "  {:<widest$}  {:<8}  {:>6.0}  {called_for:<16}  {evidence}",
             e.name, e.stage, e.cost

@@ -109,6 +109,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];
     }
+    let effects = measure::effects(&scene).unwrap_or_default();
     // What is looked at without a list specialises.
     scene = match sweeps.is_empty() {
         true => measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS)?,
@@ -180,7 +181,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Table::Csv => &csv,
     })?;
     if let Some(dir) = &args.out {
-        let html = report::html::page(&found, &scene)?;
+        let html = report::html::page(&found, &scene, &effects)?;
         let file = |name: &str, text: String| File {
             name: name.to_owned(),
             bytes: text.into_bytes(),

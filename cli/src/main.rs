@@ -20,6 +20,7 @@ mod explain;
 mod explore;
 mod graph;
 mod input;
+mod lock;
 mod man;
 mod many;
 mod output;
@@ -77,14 +78,11 @@ struct Cli {
     watch: bool,
 }
 
-/// When messages are in colour.
+/// When messages are in colour: of itself on a terminal, unless NO_COLOR is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Colors {
-    /// On a terminal, unless NO_COLOR is set.
     Auto,
-    /// Always.
     Always,
-    /// Never.
     Never,
 }
 

@@ -10,6 +10,8 @@ use preshade::emit;
 use preshade::front::{self, Source};
 use preshade::measure::{self, TimingSettings};
 use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::specialize;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
@@ -28,6 +30,7 @@ Examples:
   preshade plan scene.toml
   preshade plan scene.toml --camera wall --order front-to-back --out chosen/
   preshade plan scene.toml --budget flip_mean=0.02 --one
+  preshade plan scene.toml --one --lock              kept in preshade.lock, for build scripts
   preshade plan scene.toml --model adapter.json      fitted once, read afterwards
   preshade plan scene.toml --time no                 predictions of a nominal model, no clock
   preshade plan scenes/*.toml --exhaustive --format json > regret.json
@@ -78,6 +81,9 @@ pub struct Args {
     /// Folder for the chosen plans' shaders, a `plan.json` each, and `decision.json`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of a policy with a switch, the plan below it.
+    #[arg(long)]
+    lock: bool,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -107,10 +113,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             "error: one scene at a time; several are for --exhaustive".to_owned(),
         ));
     }
-    if args.exhaustive && (args.out.is_some() || args.time == TimeArg::No) {
+    if args.exhaustive && (args.out.is_some() || args.lock || args.time == TimeArg::No) {
         return Err(Failure(
-            "error: --exhaustive measures, and writes nothing: it goes without --out and --time no"
+            "error: --exhaustive measures, and writes nothing: it goes without --out, --lock and --time no"
                 .to_owned(),
+        ));
+    }
+    if args.lock && args.time == TimeArg::No {
+        return Err(Failure(
+            "error: a prediction is not kept: --lock goes without --time no".to_owned(),
         ));
     }
     let choice = args
@@ -149,6 +160,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     if let Some(dir) = &args.out {
         write(dir, &scene, &facts, &decision, json)?;
+    }
+    if args.lock {
+        crate::lock::keep(&scene, &facts, &decision)?;
     }
     Ok(match decision.is_broken() {
         true => Outcome::ContractBroken,
@@ -220,7 +234,7 @@ fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
         frames_per_camera: args.frames,
         runners: args.runners,
         refinements: 6,
-        hold: match args.one {
+        hold: match args.one || args.lock {
             true => Hold::One,
             false => Hold::Switching,
         },
@@ -300,7 +314,7 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             .ok_or_else(|| Failure(format!("error: --set {text}: expected NAME=VALUE")))?;
         variables.insert(name.trim().to_owned(), Variable::parse(value.trim()));
     }
-    let scene = match path.extension().is_some_and(|e| e == "toml") {
+    let mut scene = match path.extension().is_some_and(|e| e == "toml") {
         true => scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?,
         false => {
             let name = path.display().to_string();
@@ -315,11 +329,24 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             scene::synthesise(parsed, MaterialState::default())
         }
     };
+    // Draws of a material that want different versions are decided on apart.
+    if !args.lock {
+        scene = measure::grouped(&scene, &specialize::Params::default(), measure::MOST_GROUPS)?;
+    }
     let mut scene = args.view.of(scene)?;
     if !args.order.is_empty() {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
+}
+
+/// What a plan of the decision makes of a material; nothing where that is drawn as written.
+fn recipe(decision: &Decision, plan: usize, original: &Plan) -> Result<Recipe, Failure> {
+    let recipe = decision.plans[plan].recipes.get(&original.material);
+    Ok(match recipe {
+        Some(recipe) => Recipe::parse_list(recipe)?,
+        None => Recipe::default(),
+    })
 }
 
 /// Writes the shaders and `plan.json` of each plan that the policy draws with, and the decision. Where there are two, each has a folder: `below` and `above`.
@@ -339,13 +366,9 @@ fn write(
     for (plan, folder) in drawn.iter().zip(&folders) {
         let mut files = Vec::new();
         for original in measure::originals(scene) {
-            let recipe = decision.plans[*plan].recipes.get(&original.material);
-            let plan = match recipe {
-                Some(recipe) => Recipe::parse_list(recipe)?
-                    .apply(&original, facts)
-                    .map_err(|r| Failure(format!("error: {r}")))?,
-                None => original,
-            };
+            let plan = recipe(decision, *plan, &original)?
+                .apply(&original, facts)
+                .map_err(|r| Failure(format!("error: {r}")))?;
             files.extend(emit::emit(
                 &plan,
                 &[emit::Target::Wgsl],

@@ -165,6 +165,8 @@ struct Made {
     materials: Vec<(Rewritten, Vec<emit::File>)>,
     read: Vec<PathBuf>,
     messages: Vec<String>,
+    /// To be told once all is written.
+    hints: Vec<String>,
     errors: Vec<String>,
     times: Times,
 }
@@ -225,6 +227,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             materials,
             read,
             messages,
+            hints,
             errors: failed,
             times,
         } = made.unwrap_or_else(|Failure(error)| Made {
@@ -272,6 +275,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 output::data(&format!("// {}\n{text}", file.name))?;
             }
         }
+        hints.iter().for_each(|m| output::message(m));
         report.extend(materials.into_iter().map(|(rewritten, _)| rewritten));
     }
     if let Some(path) = &args.depfile {
@@ -376,7 +380,7 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
         made.errors
             .extend(emitted.errors.iter().map(|e| format!("error: {e}")));
         if recipe.steps.is_empty() && emitted.errors.is_empty() && args.out_dir.is_none() {
-            made.messages.push(nothing_asked_for(original));
+            made.hints.push(nothing_asked_for(original));
         }
         let written = emitted.files.iter().map(|file| Written {
             name: file.name.clone(),

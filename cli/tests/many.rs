@@ -249,3 +249,49 @@ fn watch_writes_again_what_changed() {
     assert_eq!(stdin.status.code(), Some(2));
     assert!(stderr(&stdin).contains("stdin is read once"));
 }
+
+/// What `plan` decides on a scene is what a build script makes of the shader.
+#[test]
+fn a_decision_is_kept_for_builds() {
+    let tree = tree("many-lock");
+    let scene = fs::read_to_string(fixture("scenes/first.toml")).unwrap();
+    fs::create_dir_all(tree.join("scenes")).unwrap();
+    fs::write(tree.join("scenes/first.toml"), scene).unwrap();
+    for shader in ["textured.wgsl", "foliage.wgsl"] {
+        fs::copy(
+            fixture("shaders").join(shader),
+            tree.join("shaders").join(shader),
+        )
+        .unwrap();
+    }
+    let args = [
+        "plan",
+        "scenes/first.toml",
+        "--lock",
+        "--one",
+        "--size",
+        "48x32",
+        "--frames",
+        "1",
+        "--seconds",
+        "0.05",
+        "--runners",
+        "1",
+    ];
+    let output = run(&tree, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let path = tree.join("shaders/preshade.lock");
+    let lock = preshade::lock::Lock::read(&path).unwrap().unwrap();
+    let names: Vec<&String> = lock.materials.keys().collect();
+    assert_eq!(names, ["leaves", "stone"]);
+    assert!(lock.materials["stone"].measured.is_some());
+    let built = preshade::configure()
+        .name("stone")
+        .out_dir(tree.join("out"))
+        .build(&[&tree.join("shaders/textured.wgsl")])
+        .unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    assert_eq!(built.read.last(), Some(&path));
+    let predicted = run(&tree, &[&args[..], &["--time", "no"]].concat());
+    assert_eq!(predicted.status.code(), Some(2));
+}

@@ -12,7 +12,7 @@ pub enum Assumption {
     /// Both passes rasterise the same position bits from the same inputs.
     InvariantPosition,
     /// No other opaque material of the frame moves depth away from the viewer or leaves traces of hidden fragments (stencil, stores), and none that writes depth
-    /// leaves colour channels as they are that others write.
+    /// leaves colour channels as they are that others write. Beside what is shaded from ids each of them writes its depth.
     OrdinaryNeighbours,
     /// No other opaque material of the frame writes the colour channels, or targets, that this one leaves as they are: what lies hidden would show there.
     LeftChannelsUnwritten,

@@ -2,7 +2,7 @@
 //!
 //! For ordinary opaque neighbours that changes nothing in the end. It does where a neighbour moves depth away again (a sky drawn with `always`), where what it
 //! leaves behind counts fragments that end up hidden (stencil writes, stores), and where hidden fragments show after all, in colour channels that what hides
-//! them does not write.
+//! them does not write. What is shaded from ids has its colour before its neighbours are drawn, so that each of them has to write depth.
 
 use crate::channels::{self, Channels};
 use crate::graph::Graph;
@@ -48,6 +48,18 @@ pub fn conflict<'a>(
                     neighbour.material
                 ),
                 "take depth-prepass:form=biased, which keeps the author's comparison, or draw that material in a phase of its own",
+            ));
+        }
+        // What is shaded from ids has its colour before any neighbour is drawn, wherever it stood among them.
+        if main.is_none() && !pass.depth.as_ref().is_some_and(|d| d.write) {
+            return Some(Refusal::new(
+                &step.pass,
+                "neighbour-without-depth",
+                format!(
+                    "material `{}` is opaque and writes no depth: what is drawn after it covers it, whatever is nearer, and what is shaded from ids would be drawn before it",
+                    neighbour.material
+                ),
+                "let that material write depth, or draw it in a phase of its own, before or after the frame's opaque materials",
             ));
         }
         leaves_traces(neighbour, pass).then(|| {

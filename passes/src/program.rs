@@ -18,6 +18,8 @@ pub struct SourceFile {
     pub text: String,
     /// Offset in bytes of the file's first byte in the map's address space.
     pub base: u32,
+    /// Where each line begins in the text, so that a place in a long file is found without reading it again.
+    lines: Vec<u32>,
 }
 
 /// The author's files in one address space of byte offsets, as naga's [`naga::Span`] needs it: a module linked from two files
@@ -52,9 +54,12 @@ impl SourceMap {
             .files
             .last()
             .map_or(0, |f| f.base + f.text.len() as u32 + 1);
+        let text: String = text.into();
+        let ends = text.match_indices('\n').map(|(at, _)| at as u32 + 1);
         self.files.push(SourceFile {
             name: name.into(),
-            text: text.into(),
+            lines: std::iter::once(0).chain(ends).collect(),
+            text,
             base,
         });
         base
@@ -80,9 +85,10 @@ impl SourceMap {
         let file = self.file_of(span)?;
         let range = span.to_range()?;
         let (start, end) = (range.start as u32 - file.base, range.end as u32 - file.base);
-        let before = file.text.get(..start as usize)?;
-        let line = before.matches('\n').count() as u32 + 1;
-        let column = before.rsplit('\n').next().unwrap_or("").chars().count() as u32 + 1;
+        let line = file.lines.partition_point(|begin| *begin <= start);
+        let begin = *file.lines.get(line.checked_sub(1)?)?;
+        let before = file.text.get(begin as usize..start as usize)?;
+        let (line, column) = (line as u32, before.chars().count() as u32 + 1);
         Some(Location {
             file: file.name.clone(),
             line,

@@ -50,7 +50,7 @@ pub(super) fn choose(
             without_scene(&original, &own.unwrap_or_default(), sources, warnings)
         }
         Some(Err(mismatch)) => {
-            let why = format!("{mismatch}; run `preshade plan` again");
+            let why = format!("{mismatch}; run `preshade plan --lock` again");
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
             (original.clone(), vec![why])
         }
@@ -112,7 +112,7 @@ fn needs_scene(step: &Step, contract: &Contract) -> Option<String> {
         (None, None) => return None,
     };
     Some(format!(
-        "`{step}` is left out: {why}, which only a scene can show; `preshade plan` measures and keeps the choice in preshade.lock"
+        "`{step}` is left out: {why}, which only a scene can show; `preshade plan --lock` measures and keeps the choice in preshade.lock"
     ))
 }
 

@@ -72,26 +72,29 @@ impl Assignment {
     /// The same frame with every material as written that may not stand beside the others; the notes say which, and why.
     pub fn mended(mut self, choices: &[Choices]) -> (Self, Vec<String>) {
         let mut notes = Vec::new();
-        loop {
-            let plans = self.plans(choices);
+        // What each takes beside the others' originals was looked at when it became a candidate.
+        while self.0.iter().filter(|pick| **pick > 0).count() > 1 {
+            let candidates = self.candidates(choices);
+            let plans: Vec<&Plan> = candidates.iter().map(|c| &c.plan).collect();
             let refused = plans.iter().enumerate().find_map(|(i, plan)| {
-                let refusal = neighbours::conflict(plan, &plans)?;
+                let refusal = neighbours::conflict(plan, plans.iter().copied())?;
                 Some((i, refusal.to_string()))
             });
-            let (material, why) = match (refused, FramePlan::merge(&plans)) {
+            let (material, why) = match (refused, FramePlan::merge(plans.iter().copied())) {
                 (Some(refused), _) => refused,
-                (None, Ok(_)) => return (self, notes),
+                (None, Ok(_)) => break,
                 (None, Err(error)) => {
                     // The last of those that are not as written: the earlier ones stand.
                     match self.0.iter().rposition(|pick| *pick > 0) {
                         Some(last) => (last, error.to_string()),
-                        None => return (self, notes),
+                        None => break,
                     }
                 }
             };
             notes.push(format!("{}: {why}", choices[material].material));
             self.0[material] = 0;
         }
+        (self, notes)
     }
 
     /// What the frame asks for in a view; `None` where its plans do not fit together.
@@ -133,6 +136,15 @@ impl Seen<'_> {
     /// Weighs a frame, after whatever does not fit was put back to what its author wrote.
     pub fn consider(&self, assignment: Assignment) -> Option<Considered> {
         let (assignment, notes) = assignment.mended(self.choices);
+        let considered = self.predict(assignment)?;
+        Some(Considered {
+            notes,
+            ..considered
+        })
+    }
+
+    /// Weighs a frame as it is.
+    pub fn predict(&self, assignment: Assignment) -> Option<Considered> {
         let work: Option<Vec<Work>> = self
             .counted
             .iter()
@@ -143,7 +155,7 @@ impl Seen<'_> {
             predicted: work.iter().map(|w| self.model.predict(w)).collect(),
             assignment,
             work,
-            notes,
+            notes: Vec::new(),
         })
     }
 
@@ -195,7 +207,7 @@ impl Seen<'_> {
         mix
     }
 
-    /// Frames that differ from one in a single material, the most promising first.
+    /// Frames that differ from one in a single material, the most promising first. Whether they fit together is left to [`Self::consider`].
     pub fn neighbours(&self, from: &Assignment) -> Vec<Considered> {
         let mut all = Vec::new();
         for (material, choices) in self.choices.iter().enumerate() {
@@ -205,7 +217,7 @@ impl Seen<'_> {
                 }
                 let mut changed = from.clone();
                 changed.0[material] = pick;
-                all.extend(self.consider(changed));
+                all.extend(self.predict(changed));
             }
         }
         let time = |c: &Considered| c.predicted.iter().sum::<f64>();

@@ -23,6 +23,7 @@ const PLAIN: &[&str] = &[
     "visibility-buffer:form=compute",
     "specialize",
     "specialize,depth-prepass",
+    "specialize,hoist",
 ];
 
 /// What is tried besides where the user says how much may differ; `BUDGET` becomes `budget=VALUE,metric=METRIC`, of passes that count in one metric alone (`max_abs`) `MOST` the value.

@@ -10,7 +10,7 @@ use super::choose::Policy;
 use super::count::View;
 use super::model::Model;
 use super::work::Fragments;
-use crate::measure::{Clock, Estimate};
+use crate::measure::{Clock, ErrorLadder, Estimate};
 use crate::render::AdapterReport;
 
 /// Version of the JSON that [`Decision`] serialises to.
@@ -48,8 +48,10 @@ pub struct Decision {
 /// What was decided for one material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MaterialDecision {
-    /// Name.
+    /// Name; of a group of draws, which was made a material of its own, the material's with a number.
     pub material: String,
+    /// Its draws, by their place in the scene.
+    pub draws: Vec<usize>,
     /// Its recipe in each plan of the policy, in the order of [`Policy`]'s plans; empty for the original.
     pub recipes: Vec<String>,
     /// Why.
@@ -80,6 +82,8 @@ pub struct PlanReport {
     pub contract: Contract,
     /// What comparing its pictures with the original's says of the promise.
     pub verdict: Verdict,
+    /// The worst of its pictures; `None`: it was not compared.
+    pub error: Option<ErrorLadder>,
     /// What it takes to have it; `None`: it was not built.
     pub cost: Option<PlanCost>,
     /// Materials that had to stay as written, and why.

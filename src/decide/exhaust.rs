@@ -5,7 +5,7 @@ use preshade_passes::pass::Facts;
 
 use super::Error;
 use super::count::View;
-use super::decide::{Settings, scout};
+use super::scene::{Settings, scout};
 use super::stage::{self, Subject};
 use super::terms::Work;
 use crate::measure::timing::estimate;

@@ -1,7 +1,7 @@
 //! What a scene calls for: for each material and each view the passes that pay on this adapter, and none that do not.
 //!
 //! [`candidates`] is the table of what is tried; [`work`] counts what a frame asks for off its plans and a few drawn counts ([`count`]); [`model`] turns that into milliseconds, fitted to the
-//! built-in frames of [`probes`]; [`assign`] weighs whole frames by it; [`stage`] draws and times the most promising beside the original; [`choose`] decides on what was measured alone; [`mod@decide`]
+//! built-in frames of [`probes`]; [`assign`] weighs whole frames by it; [`stage`] draws and times the most promising beside the original; [`choose`] decides on what was measured alone; [`scene`]
 //! is all of it for one scene, [`decision`] what it says, and [`regret`] how good the choices are where everything is measured ([`mod@exhaust`]).
 //!
 //! A prediction decides what is measured, never what is chosen: no plan is taken that was not faster than the original on this adapter, beyond the noise of the clock.
@@ -10,13 +10,13 @@ pub mod assign;
 pub mod candidates;
 pub mod choose;
 pub mod count;
-pub mod decide;
 pub mod decision;
 pub mod exhaust;
 pub mod model;
 pub mod probes;
 mod reasons;
 pub mod regret;
+pub mod scene;
 pub mod stage;
 pub mod table;
 pub mod terms;
@@ -25,11 +25,11 @@ pub mod work;
 pub use candidates::{Choices, Refused, choices, recipes};
 pub use choose::{Hold, Policy, Switch};
 pub use count::View;
-pub use decide::{Settings, Timed, decide};
 pub use decision::Decision;
 pub use exhaust::{Exhausted, exhaust};
 pub use model::{Model, ModelError, Origin};
 pub use regret::RegretReport;
+pub use scene::{Settings, Timed, decide};
 
 /// Why nothing was decided.
 #[derive(Debug, thiserror::Error)]

@@ -106,7 +106,7 @@ fn left(
         p.recipes.contains_key(material) && !matches!(p.verdict, Verdict::Broken { .. })
     });
     let best = tried
-        .filter_map(|p| Some((p, speedups(decision, p, &views))))
+        .map(|p| (p, speedups(decision, p, &views)))
         .filter(|(_, all)| !all.is_empty())
         .max_by(|(_, a), (_, b)| a[0].0.median.total_cmp(&b[0].0.median));
     let Some((plan, all)) = best else {

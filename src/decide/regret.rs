@@ -8,9 +8,9 @@ use serde::Serialize;
 use super::assign::finalists;
 use super::choose::{Hold, Policy, Table, WORTHWHILE, policy};
 use super::count::View;
-use super::decide::Settings;
 use super::exhaust::{EVEN, Exhausted, ExhaustedView, Part};
 use super::model::{Model, Observation};
+use super::scene::Settings;
 use crate::measure::{Clock, Estimate};
 use crate::render::AdapterReport;
 

@@ -7,7 +7,7 @@ use super::assign::Considered;
 use super::candidates::Choices;
 use super::count::View;
 use super::decision::PlanCost;
-use crate::measure::{self, Clock, Timing, TimingSettings, verdict};
+use crate::measure::{self, Clock, ErrorLadder, Timing, TimingSettings, verdict};
 use crate::render::{
     self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
@@ -21,6 +21,8 @@ pub struct Subject<'a> {
     pub cost: Option<PlanCost>,
     /// What is known of the promise.
     pub verdict: Verdict,
+    /// The worst difference of all pictures yet; `None`: nothing was compared.
+    pub error: Option<ErrorLadder>,
     prepared: Option<Prepared<'a>>,
 }
 
@@ -47,6 +49,7 @@ impl<'a> Subject<'a> {
             verdict: Verdict::NotMeasured {
                 why: "nothing was drawn".to_owned(),
             },
+            error: None,
             prepared: None,
         };
         match built {
@@ -116,6 +119,11 @@ pub fn compare(
             continue;
         };
         let error = measure::compare(&reference, &picture).map_err(measure::Error::from)?;
+        let worst = subject
+            .error
+            .take()
+            .map_or(error.clone(), |e| e.worst(&error));
+        subject.error = Some(worst);
         subject.verdict = match verdict::breaks(&subject.contract, &error) {
             None => Verdict::Holds,
             Some(how) => Verdict::Broken {

@@ -41,10 +41,16 @@ pub fn drawn(scene: &Scene) -> Vec<Drawn> {
         else {
             continue;
         };
-        let corners = mesh
+        let all = mesh
             .indices
             .as_ref()
-            .map_or(f64::from(mesh.vertex_count), |i| i.len() as f64);
+            .map_or(mesh.vertex_count, |i| i.len() as u32);
+        let corners = draw
+            .range
+            .count
+            .unwrap_or(all.saturating_sub(draw.range.first));
+        let vertices = mesh.vertex_count.min(corners);
+        let corners = f64::from(corners);
         let strip =
             scene.materials[draw.material].state.primitive.topology == Topology::TriangleStrip;
         let triangles = match strip {
@@ -53,7 +59,7 @@ pub fn drawn(scene: &Scene) -> Vec<Drawn> {
         };
         let instances = f64::from(draw.instances);
         of.draws += 1.0;
-        of.vertices += f64::from(mesh.vertex_count) * instances;
+        of.vertices += f64::from(vertices) * instances;
         of.triangles += triangles * instances;
         of.instances += instances;
     }

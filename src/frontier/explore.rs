@@ -100,6 +100,11 @@ pub enum Fate {
         /// Its name.
         with: String,
     },
+    /// A frame of it took so many times the original's that it was not timed again.
+    Slow {
+        /// How many.
+        times: f64,
+    },
     /// The text and the plan of another.
     Same {
         /// Its name.
@@ -255,6 +260,7 @@ pub fn explore(
         start: Instant::now(),
         time: settings.time,
         ended: Ended::Complete,
+        late: false,
         progress,
     };
     let facts = measured_facts(gpu, scene, settings, &mut watch)?;
@@ -313,6 +319,8 @@ struct Watch<'p> {
     start: Instant,
     time: Duration,
     ended: Ended,
+    /// Something was left for want of time.
+    late: bool,
     progress: &'p mut dyn FnMut(Progress) -> ControlFlow<()>,
 }
 
@@ -350,6 +358,15 @@ impl Watch<'_> {
     fn forgive(&mut self) {
         if self.ended == Ended::OutOfTime {
             self.ended = Ended::Complete;
+            self.late = true;
+        }
+    }
+
+    /// How it ended.
+    fn end(&self) -> Ended {
+        match (&self.ended, self.late) {
+            (Ended::Complete, true) => Ended::OutOfTime,
+            (ended, _) => ended.clone(),
         }
     }
 
@@ -412,7 +429,9 @@ impl<'a> Arena<'a> {
     fn new(search: &Search<'a>) -> Result<Self, Error> {
         let mut original = search.prepare(search.originals)?;
         let references = search.pictures(&mut original)?;
-        let first_sight = search.glance(&mut original)?;
+        let first_sight = search
+            .glance(&mut original)?
+            .min(search.glance(&mut original)?);
         Ok(Self {
             original,
             references,
@@ -766,9 +785,8 @@ impl<'a> Search<'a> {
         // The first frame compiles and uploads; the lesser of two says more.
         let glance = self.glance(&mut prepared)?.min(self.glance(&mut prepared)?);
         if glance > TOO_SLOW * arena.first_sight {
-            contender.out(Fate::Beaten {
-                by: ORIGINAL.to_owned(),
-            });
+            let times = glance / arena.first_sight;
+            contender.out(Fate::Slow { times });
             return Ok(());
         }
         contender.prepared = Some(prepared);
@@ -915,7 +933,7 @@ impl<'a> Search<'a> {
                 order: self.order(),
                 metric: self.settings.metric,
                 seed: self.settings.seed,
-                ended: watch.ended.clone(),
+                ended: watch.end(),
                 seconds: watch.spent().as_secs_f64(),
                 points,
                 frontier,

@@ -11,20 +11,30 @@ use super::{changing, originals};
 use crate::scene::bind::{self, DrawBindings, TextureContent};
 use crate::scene::{Error, Image, Material, Scene};
 
+/// What is looked at once for all draws of a scene.
+pub struct Looked<'s> {
+    scene: &'s Scene,
+    changing: Vec<Changing>,
+    /// The plans of its materials, as their authors wrote them.
+    pub plans: Vec<Plan>,
+    /// What is the same in every texel, by material.
+    textures: Vec<Vec<Assumed>>,
+}
+
 /// The scalars of uniforms that follow neither camera nor time, and those of vertex attributes and textures that are the same everywhere: for each material between which bounds they lie in
 /// its draws.
 ///
 /// # Errors
 /// A value that does not fit its variable.
 pub fn constants(scene: &Scene) -> Result<Vec<Constant>, Error> {
-    let changing = changing(scene)?;
+    let looked = Looked::at(scene)?;
     let mut found = Vec::new();
-    for (index, plan) in originals(scene).iter().enumerate() {
+    for (index, plan) in looked.plans.iter().enumerate() {
         let draws = scene.draws.iter().enumerate();
         let draws = draws.filter(|(_, d)| d.material == index).map(|(i, _)| i);
         let mut of: Option<BTreeMap<Place, Assumed>> = None;
         for draw in draws {
-            let values = of_draw(scene, plan, draw, &changing)?;
+            let values = looked.of_draw(draw)?;
             of = Some(match of {
                 None => values,
                 Some(before) => both(before, &values),
@@ -50,43 +60,70 @@ fn both(
     before.into_iter().filter_map(joined).collect()
 }
 
-/// The numbers of one draw that no frame changes, by place.
-///
-/// # Errors
-/// A value that does not fit its variable.
-pub fn of_draw(
-    scene: &Scene,
-    plan: &Plan,
-    draw: usize,
-    changing: &[Changing],
-) -> Result<BTreeMap<Place, Assumed>, Error> {
-    let first = scene.cameras.first().and_then(|c| c.frames.first());
-    let (Some(pass), Some(frame), Some(draw)) = (plan.main(), first, scene.draws.get(draw)) else {
-        return Ok(BTreeMap::new());
-    };
-    let Some(material) = scene.materials.get(draw.material) else {
-        return Ok(BTreeMap::new());
-    };
-    let bound = bind::draw(scene, material, pass, draw, frame)?;
-    let mut found = uniforms(material, &bound, changing);
-    found.extend(attributes(pass, &bound));
-    found.extend(textures(pass, &bound));
-    let by_place = found.into_iter().map(|a| (a.place.clone(), a));
-    Ok(by_place.collect())
-}
-
-/// The same without elements of matrices, which are all that differs between many draws and next to nothing that a branch rests on: fewer draws to tell apart.
-pub(super) fn without_matrices(
-    plan: &Plan,
-    mut values: BTreeMap<Place, Assumed>,
-) -> BTreeMap<Place, Assumed> {
-    let program = plan.main().and_then(|p| plan.program(p));
-    let scalars = program.map(|p| uniform_scalars(p.module()));
-    let elements = scalars.iter().flatten().filter(|s| s.is_of_matrix);
-    for element in elements {
-        values.remove(&element.place());
+impl<'s> Looked<'s> {
+    /// Looks at a scene's frames and textures.
+    ///
+    /// # Errors
+    /// A value that does not fit its variable.
+    pub fn at(scene: &'s Scene) -> Result<Self, Error> {
+        let plans = originals(scene);
+        let first = scene.frames().next().map(|(_, frame)| frame);
+        let mut all = Vec::new();
+        for (index, plan) in plans.iter().enumerate() {
+            let draw = scene.draws.iter().find(|d| d.material == index);
+            let parts = (plan.main(), draw, first, scene.materials.get(index));
+            all.push(match parts {
+                (Some(pass), Some(draw), Some(frame), Some(material)) => {
+                    textures(pass, &bind::draw(scene, material, pass, draw, frame)?)
+                }
+                _ => Vec::new(),
+            });
+        }
+        Ok(Self {
+            scene,
+            changing: changing(scene)?,
+            plans,
+            textures: all,
+        })
     }
-    values
+
+    /// The numbers of one draw that no frame changes, by place.
+    ///
+    /// # Errors
+    /// A value that does not fit its variable.
+    pub fn of_draw(&self, draw: usize) -> Result<BTreeMap<Place, Assumed>, Error> {
+        let scene = self.scene;
+        let first = scene.frames().next().map(|(_, frame)| frame);
+        let (Some(frame), Some(draw)) = (first, scene.draws.get(draw)) else {
+            return Ok(BTreeMap::new());
+        };
+        let material = scene.materials.get(draw.material);
+        let pass = self.plans.get(draw.material).and_then(Plan::main);
+        let (Some(material), Some(pass)) = (material, pass) else {
+            return Ok(BTreeMap::new());
+        };
+        let bound = bind::draw(scene, material, pass, draw, frame)?;
+        let mut found = uniforms(material, &bound, &self.changing);
+        found.extend(attributes(pass, &bound));
+        found.extend(self.textures[draw.material].iter().cloned());
+        Ok(found.into_iter().map(|a| (a.place.clone(), a)).collect())
+    }
+
+    /// The same without elements of matrices, which are all that differs between many draws and next to nothing that a branch rests on: fewer draws to tell apart.
+    ///
+    /// # Errors
+    /// As [`Looked::of_draw`].
+    pub fn telling(&self, draw: usize) -> Result<BTreeMap<Place, Assumed>, Error> {
+        let mut values = self.of_draw(draw)?;
+        let draw = self.scene.draws.get(draw);
+        let plan = draw.and_then(|d| self.plans.get(d.material));
+        let program = plan.and_then(|p| p.program(p.main()?));
+        let scalars = program.map(|p| uniform_scalars(p.module()));
+        for element in scalars.iter().flatten().filter(|s| s.is_of_matrix) {
+            values.remove(&element.place());
+        }
+        Ok(values)
+    }
 }
 
 fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) -> Vec<Assumed> {

@@ -8,8 +8,7 @@ use preshade_passes::program::Location;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
 use serde::Serialize;
 
-use super::constants::{of_draw, without_matrices};
-use super::{changing, originals};
+use super::constants::Looked;
 use crate::scene::{Error, Scene};
 
 /// An effect of a material, over its draws.
@@ -35,14 +34,44 @@ pub struct EffectUse {
     pub location: Option<Location>,
 }
 
+impl EffectUse {
+    /// How many draws call for it, in words.
+    pub fn called_for_by(&self) -> String {
+        let open = self.draws - self.called_for - self.not_called_for;
+        match (self.called_for, open) {
+            (0, 0) => "by no draw".to_owned(),
+            (yes, 0) if yes == self.draws => "by every draw".to_owned(),
+            (yes, 0) => format!("by {yes} of {}", self.draws),
+            (yes, open) => format!("by {yes} to {} of {}", yes + open, self.draws),
+        }
+    }
+
+    /// The values that decide it, in words.
+    pub fn evidence_said(&self) -> String {
+        let told = |of: &[Assumed], what: &str| {
+            let values: Vec<String> = of.iter().map(ToString::to_string).collect();
+            (!values.is_empty()).then(|| format!("{what}: {}", values.join(", ")))
+        };
+        let [yes, no] = &self.evidence;
+        let said: Vec<String> = [told(yes, "yes"), told(no, "no")]
+            .into_iter()
+            .flatten()
+            .collect();
+        match said.is_empty() {
+            true => "its values change".to_owned(),
+            false => said.join("; "),
+        }
+    }
+}
+
 /// The effects of a scene's materials, material by material, the dearest first.
 ///
 /// # Errors
 /// A value that does not fit its variable.
 pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, Error> {
-    let changing = changing(scene)?;
+    let looked = Looked::at(scene)?;
     let mut found = Vec::new();
-    for (index, plan) in originals(scene).iter().enumerate() {
+    for (index, plan) in looked.plans.iter().enumerate() {
         let mut seen: Vec<(BTreeMap<Place, Assumed>, Vec<Effect>)> = Vec::new();
         let mut uses: Vec<EffectUse> = Vec::new();
         let of_material = |d: &&crate::scene::Draw| d.material == index;
@@ -53,8 +82,7 @@ pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, Error> {
             .enumerate()
             .filter(|(_, d)| d.material == index)
         {
-            let values = of_draw(scene, plan, draw, &changing)?;
-            let values = without_matrices(plan, values);
+            let values = looked.telling(draw)?;
             let of = match seen.iter().position(|(v, _)| *v == values) {
                 Some(at) => seen[at].1.clone(),
                 None => {

@@ -7,8 +7,7 @@ use preshade_passes::pass::{Constant, Facts};
 use preshade_passes::plan::Plan;
 use preshade_passes::specialize::{Params, Specialized};
 
-use super::constants::{of_draw, without_matrices};
-use super::{changing, originals};
+use super::constants::Looked;
 use crate::scene::{Error, Scene};
 
 /// Groups that a material falls into at most, where nothing else is said.
@@ -21,9 +20,9 @@ pub const MOST_GROUPS: usize = 8;
 /// # Errors
 /// A value that does not fit its variable.
 pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, Error> {
-    let changing = changing(scene)?;
+    let looked = Looked::at(scene)?;
     let mut out = scene.clone();
-    for (index, plan) in originals(scene).iter().enumerate() {
+    for (index, plan) in looked.plans.iter().enumerate() {
         let draws: Vec<usize> = scene
             .draws
             .iter()
@@ -37,8 +36,7 @@ pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, Err
         let mut groups: BTreeMap<String, Group> = BTreeMap::new();
         let mut seen: Vec<(BTreeMap<Place, Assumed>, Wanted)> = Vec::new();
         for draw in draws {
-            let values = of_draw(scene, plan, draw, &changing)?;
-            let values = without_matrices(plan, values);
+            let values = looked.telling(draw)?;
             let known = seen.iter().find(|(v, _)| *v == values);
             let wanted = match known {
                 Some((_, wanted)) => wanted.clone(),

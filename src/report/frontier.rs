@@ -104,7 +104,7 @@ pub fn number(error: f64) -> String {
 fn counted(found: &Exploration) -> String {
     let count =
         |of: &dyn Fn(&Fate) -> bool| found.points[1..].iter().filter(|p| of(&p.fate)).count();
-    let kinds: [(usize, &str); 7] = [
+    let kinds: [(usize, &str); 8] = [
         (
             count(&|f| matches!(f, Fate::Beaten { .. })),
             "beaten by another",
@@ -116,6 +116,10 @@ fn counted(found: &Exploration) -> String {
         (
             count(&|f| matches!(f, Fate::Predicted { .. })),
             "predicted to be hopeless and not drawn",
+        ),
+        (
+            count(&|f| matches!(f, Fate::Slow { .. })),
+            "far slower than the original at first sight",
         ),
         (
             count(&|f| matches!(f, Fate::Same { .. })),
@@ -167,6 +171,9 @@ pub fn fate(point: &Point) -> String {
         Fate::Frontier => "on the frontier".to_owned(),
         Fate::Beaten { by } => format!("beaten by {by}"),
         Fate::Even { with } => format!("as good as {with}, which was verified in its place"),
+        Fate::Slow { times } => {
+            format!("{times:.1} times the original's time at first sight, and not timed again")
+        }
         Fate::Same { r#as } => format!("the same text as {as}"),
         Fate::Refused { why } => format!("refused: {why}"),
         Fate::Broken { why } => format!("broken: {why}"),

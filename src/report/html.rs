@@ -11,6 +11,7 @@ use super::picture::Picture;
 use super::{Pictures, VariantReport, frontier, sheet};
 use crate::frontier::explore::Found;
 use crate::frontier::{Exploration, Point};
+use crate::measure::EffectUse;
 use crate::scene::Scene;
 use chart::Chart;
 use diff::Diff;
@@ -43,6 +44,7 @@ struct Page<'a> {
     sections: Vec<Section>,
     original: Option<String>,
     aspect: String,
+    effects: &'a [EffectUse],
     values: Vec<Value>,
     values_left: usize,
     candidates: Vec<(String, String)>,
@@ -87,11 +89,11 @@ struct Value {
 /// Most values that are listed; the data has them all.
 const MOST_VALUES: usize = 40;
 
-/// The page.
+/// The page. `effects` are those of the scene's materials, before draws were told apart.
 ///
 /// # Errors
 /// None that these types can give, but for a picture that cannot be encoded.
-pub fn page(found: &Found, scene: &Scene) -> Result<String, Error> {
+pub fn page(found: &Found, scene: &Scene, effects: &[EffectUse]) -> Result<String, Error> {
     let exploration = &found.exploration;
     let report = exploration.report.as_ref();
     let variants = report.map_or(&[][..], |r| &r.variants);
@@ -144,6 +146,7 @@ pub fn page(found: &Found, scene: &Scene) -> Result<String, Error> {
         sections,
         original: original.map(data_uri).transpose()?,
         aspect: format!("{w} / {h}"),
+        effects,
         values_left: frequencies.len().saturating_sub(MOST_VALUES),
         values: frequencies
             .into_iter()

@@ -41,6 +41,22 @@ pub(super) fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
         })
 }
 
+/// Whether the vertex stage of a material uses a variable of that group and binding.
+pub(super) fn is_read(material: &Material, group: u32, binding: u32) -> bool {
+    let stage = naga::ShaderStage::Vertex;
+    let Some((index, _)) = material.program.entry_point(stage, &material.vertex) else {
+        return false;
+    };
+    let info = material.program.info().get_entry_point(index);
+    let globals = material.program.module().global_variables.iter();
+    globals
+        .filter(|(_, g)| {
+            g.binding
+                .is_some_and(|b| (b.group, b.binding) == (group, binding))
+        })
+        .any(|(handle, _)| !info[handle].is_empty())
+}
+
 /// Refuses values, textures, samplers and attribute names that the program does not know: each a misspelling. The error's subject is the key.
 pub(super) fn check(material: &Material) -> Result<(), Error> {
     let module = material.program.module();

@@ -171,8 +171,11 @@ impl<'a> Streams<'a> {
             attributes,
             instances: given.into_iter().map(|m: Mat4| outer * m).collect(),
             placed: outer,
-            pulls_indices: material::globals(&material.program)
-                .any(|g| is_index_buffer(g.name) && g.is_storage),
+            pulls_indices: material::globals(&material.program).any(|g| {
+                is_index_buffer(g.name)
+                    && g.is_storage
+                    && material::is_read(material, g.group, g.binding)
+            }),
         })
     }
 

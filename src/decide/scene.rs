@@ -263,11 +263,13 @@ fn refine<'a>(
     loop {
         let best = measured.table.best();
         let is_new = |c: &Considered| !frames.iter().any(|f| f.assignment == c.assignment);
-        let near = seen.neighbours(&frames[best].assignment);
-        let near: Vec<Considered> = near
+        let near: Vec<Considered> = seen
+            .neighbours(&frames[best].assignment)
             .into_iter()
             .filter(is_new)
             .take(left.min(LOT))
+            .filter_map(|c| seen.consider(c.assignment))
+            .filter(is_new)
             .collect();
         if near.is_empty() {
             return Ok(());
@@ -356,7 +358,7 @@ fn report(
     decision.switch_cost = switch_cost(&decision);
     let seen = scouted.seen(settings.model);
     decision.materials = (0..scouted.choices.len())
-        .map(|m| material(m, &seen, &decision, frames))
+        .map(|m| material(m, scene, &seen, &decision, frames))
         .collect();
     decision
 }
@@ -391,6 +393,7 @@ fn plan_report(
             },
             |s| s.verdict.clone(),
         ),
+        error: subject.and_then(|s| s.error.clone()),
         cost: subject.and_then(|s| s.cost),
         notes: frame.notes.clone(),
         by_view: by_view.collect(),
@@ -414,6 +417,7 @@ fn switch_cost(decision: &Decision) -> Option<SwitchCost> {
 /// What one material was found to call for.
 fn material(
     index: usize,
+    scene: &Scene,
     seen: &Seen<'_>,
     decision: &Decision,
     frames: &[Considered],
@@ -432,7 +436,7 @@ fn material(
         .filter_map(|pick| {
             let mut alone = Assignment::original(seen.choices);
             alone.0[index] = pick;
-            let considered = seen.consider(alone)?;
+            let considered = seen.predict(alone)?;
             let ratios = original.iter().zip(&considered.predicted);
             let ratios: Vec<f64> = ratios.map(|(before, after)| after / before).collect();
             Some(PredictedRecipe {
@@ -444,6 +448,9 @@ fn material(
     MaterialDecision {
         reasons: reasons::of(&choices.material, &recipes, &predicted, decision),
         material: choices.material.clone(),
+        draws: (0..scene.draws.len())
+            .filter(|d| scene.draws[*d].material == index)
+            .collect(),
         recipes,
         refused: choices.refused.clone(),
         predicted,

@@ -1,0 +1,50 @@
+//! Exhibits of the museum: the material that a person specialised for them beside what preshade makes of the whole one.
+
+use std::path::Path;
+
+use preshade::front::{self, Options, Source};
+use preshade::measure;
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::scene::{self, Scene};
+
+use crate::Failure;
+
+/// Kinds of exhibit that there is a hand-written version for: `museum-KIND.wgsl`.
+pub const KINDS: [&str; 4] = ["plinth", "bronze", "banner", "puppet"];
+
+/// The recipe that should match each.
+pub const RECIPE: &str = "specialize";
+
+/// The scene with the draws of one kind alone, and what it tells of their values.
+pub fn scene(path: &Path, size: [u32; 2], kind: &str) -> Result<(Scene, Facts), Failure> {
+    let mut scene = scene::load(path)?.resized(size);
+    scene.draws.retain(|d| d.name.starts_with(kind));
+    scene.cameras.truncate(1);
+    let facts = Facts {
+        constants: measure::constants(&scene)?,
+        ..Facts::without_ties()
+    };
+    Ok((scene, facts))
+}
+
+/// The hand-written version as a plan, with the state of the material that it stands for.
+pub fn handwritten(scene: &Scene, folder: &Path, kind: &str) -> Result<Plan, Failure> {
+    let path = folder.join(format!("museum-{kind}.wgsl"));
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
+    let source = Source::new(path.display().to_string(), text);
+    let parsed = front::parse(&[source], &Options::default())
+        .map_err(|e| Failure(e.render(front::Color::Never)))?;
+    let material = scene
+        .materials
+        .first()
+        .ok_or_else(|| Failure("error: the museum has no material".to_owned()))?;
+    Ok(Plan::original(
+        &material.name,
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &material.state,
+    ))
+}

@@ -1,0 +1,114 @@
+//! `preshade plan --lock`: a decision kept for builds without a GPU, in a `preshade.lock` beside each material's shader.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use preshade::decide::Decision;
+use preshade::front::{Options, Source};
+use preshade::lock::{FILE_NAME, Inputs, Lock, Locked, Measured};
+use preshade::passes::naga::ShaderStage;
+use preshade::passes::pass::Facts;
+use preshade::recipe::Recipe;
+use preshade::scene::{Material, Scene};
+
+use crate::Failure;
+use crate::output;
+
+/// Keeps the first plan that `decision` draws with, and tells which files changed. What cannot be kept of a material is told, and the others are.
+pub fn keep(scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Failure> {
+    let mut locks: BTreeMap<PathBuf, Lock> = BTreeMap::new();
+    for material in &scene.materials {
+        let Some(path) = beside(scene, material) else {
+            output::message(&format!(
+                "note: `{}` comes from no file, so nothing is kept of it",
+                material.name
+            ));
+            continue;
+        };
+        match locked(material, facts, decision) {
+            Ok(locked) => {
+                if !locks.contains_key(&path) {
+                    let lock = Lock::read(&path)?.unwrap_or_default();
+                    locks.insert(path.clone(), lock);
+                }
+                if let Some(lock) = locks.get_mut(&path) {
+                    lock.materials.insert(material.name.clone(), locked);
+                }
+            }
+            Err(Failure(why)) => output::message(&format!(
+                "warning: the choice for `{}` is not kept: {why}",
+                material.name
+            )),
+        }
+    }
+    for (path, lock) in &locks {
+        let is_new = !path.exists();
+        match lock.write(path)? {
+            true => output::message(&format!("wrote {}", path.display())),
+            false => output::message(&format!("{} is up to date", path.display())),
+        }
+        if is_new {
+            output::message(
+                "note: cargo does not look for files that were not there: touch the build script once",
+            );
+        }
+    }
+    Ok(())
+}
+
+/// The lock file in the folder of a material's first file.
+fn beside(scene: &Scene, material: &Material) -> Option<PathBuf> {
+    let first = material.program.sources().files().first()?;
+    let shown = Path::new(&first.name);
+    let whole = scene.files.iter().find(|f| f.ends_with(shown))?;
+    Some(whole.with_file_name(FILE_NAME))
+}
+
+fn locked(material: &Material, facts: &Facts, decision: &Decision) -> Result<Locked, Failure> {
+    let plan = decision.drawn().first().copied().unwrap_or_default();
+    let chosen = decision.plans.get(plan);
+    let recipe = chosen.and_then(|p| p.recipes.get(&material.name));
+    let recipe = recipe.map_or(Ok(Recipe::default()), |r| Recipe::parse_list(r))?;
+    let program = &material.program;
+    let files = program.sources().files().iter();
+    let sources: Vec<Source> = files.map(|f| Source::new(&f.name, &f.text)).collect();
+    // Of several entry points of a stage one was chosen, and has to be again.
+    let several = |stage| {
+        let entries = program.module().entry_points.iter();
+        entries.filter(|e| e.stage == stage).count() > 1
+    };
+    let options = Options {
+        vertex: several(ShaderStage::Vertex).then(|| material.vertex.clone()),
+        fragment: material
+            .fragment
+            .clone()
+            .filter(|_| several(ShaderStage::Fragment)),
+        ..Options::default()
+    };
+    let inputs = Inputs::of(&sources, &options, &material.state);
+    let measured = measured(decision, plan);
+    Ok(Locked::resolve(
+        &material.plan(),
+        &recipe,
+        facts,
+        inputs,
+        measured,
+    )?)
+}
+
+/// What was measured of a plan in the first view; `None` where nothing was timed.
+fn measured(decision: &Decision, plan: usize) -> Option<Measured> {
+    let of = |plan: usize| decision.plans.get(plan)?.by_view.first();
+    let (original, variant) = (of(0)?.time_ms.as_ref()?, of(plan)?);
+    let speedup = variant.speedup.as_ref();
+    Some(Measured {
+        scene: decision.scene.clone(),
+        resolution: decision.resolution,
+        adapter: decision.adapter.name.clone(),
+        driver: decision.adapter.driver.clone(),
+        verdict: decision.plans.get(plan)?.verdict.clone(),
+        original_ms: original.median,
+        variant_ms: variant.time_ms.as_ref()?.median,
+        speedup: speedup.map_or([1.0; 3], |s| [s.low, s.median, s.high]),
+    })
+}

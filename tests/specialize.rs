@@ -1,0 +1,257 @@
+//! What specialising promises, drawn: nothing changes, and where a value is not as assumed the host's fallback is.
+#![cfg(feature = "verify")]
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod render_support;
+
+use std::path::Path;
+
+use preshade::emit;
+use preshade::front::{self, Options, Source};
+use preshade::measure::{self, Settings, Timed, TimingSettings};
+use preshade::passes::contract::Verdict;
+use preshade::passes::graph::Graph;
+use preshade::passes::naga;
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::specialize::Params;
+use preshade::recipe::Recipe;
+use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade::report::VariantReport;
+use preshade::scene::{Scene, Value};
+use render_support::gpu;
+
+fn scene(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("fixtures/scenes")
+        .join(format!("{name}.toml"));
+    preshade::scene::load(&path).unwrap().resized([160, 90])
+}
+
+fn museum() -> Scene {
+    let mut scene = scene("museum");
+    for camera in &mut scene.cameras {
+        let frames = camera.frames.len();
+        camera.frames = vec![camera.frames[0].clone(), camera.frames[frames / 2].clone()];
+        camera.frames.truncate(frames);
+    }
+    scene.orders.truncate(1);
+    scene
+}
+
+fn facts(scene: &Scene) -> Facts {
+    Facts {
+        constants: measure::constants(scene).unwrap(),
+        ..Facts::without_ties()
+    }
+}
+
+fn specialized(scene: &Scene, recipe: &str) -> measure::Variant {
+    let recipe = Recipe::parse_list(recipe).unwrap();
+    measure::variant(&measure::originals(scene), &recipe, &facts(scene))
+}
+
+fn verified(scene: &Scene, variant: measure::Variant) -> VariantReport {
+    let settings = Settings {
+        form: ShaderForm::Text,
+        timed: Timed::No,
+        timing: TimingSettings::default(),
+        frames_per_camera: 2,
+        count: &measure::counting,
+        command: String::new(),
+    };
+    let outcome = measure::verify(gpu(), scene, &[variant], &settings, &mut |_| {}).unwrap();
+    outcome.report.variants.into_iter().nth(1).unwrap()
+}
+
+fn drawn(scene: &Scene, plans: &[Plan]) -> Rendered {
+    let inputs = SceneInputs::new(gpu(), scene).unwrap();
+    let variant = Variant::new(plans, ShaderForm::Text).unwrap();
+    let settings = FrameSettings::of(scene);
+    Prepared::new(&inputs, &variant, &settings)
+        .unwrap()
+        .render()
+        .unwrap()
+}
+
+/// Eight kinds of exhibit, a version each, and the picture of the one material that can do everything.
+#[test]
+fn a_museum_takes_eight_versions_and_changes_no_pixel() {
+    let whole = museum();
+    let scene = measure::grouped(&whole, &Params::default(), measure::MOST_GROUPS).unwrap();
+    assert_eq!(scene.materials.len(), 8);
+    let rows = |s: &Scene| s.draws.iter().map(|d| d.name.clone()).collect::<Vec<_>>();
+    assert_eq!(rows(&scene), rows(&whole));
+    for alone in ["specialize", "specialize,depth-prepass"] {
+        let report = verified(&scene, specialized(&scene, alone));
+        assert_eq!(report.verdict, Verdict::Holds, "{alone}: {:?}", report.kept);
+        assert!(report.kept.is_empty(), "{alone}: {:?}", report.kept);
+        let error = report.error.unwrap();
+        assert_eq!(error.changed_pixels, 0, "{alone}");
+        assert_eq!(error.changed_depth, 0, "{alone}");
+    }
+    let (before, after) = (
+        drawn(&whole, &measure::originals(&whole)),
+        drawn(&scene, &specialized(&scene, "specialize").plans),
+    );
+    assert_eq!(before, after);
+}
+
+#[test]
+fn at_most_so_many_versions_are_made() {
+    let scene = museum();
+    let few = measure::grouped(&scene, &Params::default(), 3).unwrap();
+    assert_eq!(few.materials.len(), 3);
+    let variant = specialized(&few, "specialize");
+    let report = verified(&few, variant);
+    assert_eq!(report.verdict, Verdict::Holds);
+    assert_eq!(report.error.unwrap().changed_pixels, 0);
+}
+
+/// Fog comes up behind the back of a variant that was made without: the variant is wrong, its guard says so, and what is drawn is the original.
+#[test]
+fn a_violated_guard_takes_the_original() {
+    let clear = measure::grouped(&museum(), &Params::default(), measure::MOST_GROUPS).unwrap();
+    let variant = specialized(&clear, "specialize");
+    let mut foggy = clear.clone();
+    for draw in &mut foggy.draws {
+        let fog = Value::Numbers(vec![0.2]);
+        draw.values.insert("hall.fog_density".to_owned(), fog);
+    }
+    let original = drawn(&foggy, &measure::originals(&foggy));
+    assert_ne!(
+        drawn(&foggy, &variant.plans),
+        original,
+        "the guard is needed"
+    );
+    let inputs = SceneInputs::new(gpu(), &foggy).unwrap();
+    let frame = &foggy.cameras[0].frames[0];
+    let violated = inputs.violated(&variant.plans, frame).unwrap();
+    // Slab, banner and jelly are foggy already, with another density.
+    assert_eq!(violated.len(), 8);
+    assert!(violated.iter().all(|(_, a)| a.name == "hall.fog_density"));
+    let report = verified(&foggy, variant);
+    assert_eq!(report.kept.len(), 8);
+    assert!(report.kept[0].why.contains("hall.fog_density"));
+    assert_eq!(report.error.unwrap().changed_pixels, 0);
+}
+
+/// A host has the guard, and the original that it falls back to, in `plan.json`, whatever comes on top.
+#[test]
+fn the_guard_travels_with_the_plan() {
+    let scene = measure::grouped(&museum(), &Params::default(), measure::MOST_GROUPS).unwrap();
+    for recipe in ["specialize", "specialize,depth-prepass:form=equal"] {
+        for plan in specialized(&scene, recipe).plans {
+            let options = emit::Options::default();
+            let files = emit::emit(&plan, &[emit::Target::Wgsl], &options).unwrap();
+            let json = files
+                .iter()
+                .find(|f| f.name.ends_with(".plan.json"))
+                .unwrap();
+            let read: emit::PlanFile = serde_json::from_slice(&json.bytes).unwrap();
+            let guard = read.plan.guard.clone().unwrap();
+            assert!(!guard.values.is_empty());
+            assert_eq!(Some(guard), plan.guard);
+            assert!(read.original.is_some(), "{recipe}");
+        }
+    }
+}
+
+/// Scenes of which some material has a branch, a loop or a selection that its own values decide.
+#[test]
+fn other_scenes_keep_their_pixels() {
+    for name in ["gallery", "glsl"] {
+        let scene = scene(name);
+        let report = verified(&scene, specialized(&scene, "specialize"));
+        assert_eq!(report.verdict, Verdict::Holds, "{name}");
+        let error = report.error.unwrap();
+        assert_eq!(error.changed_pixels, 0, "{name}");
+        assert_eq!(error.changed_depth, 0, "{name}");
+    }
+}
+
+/// Ten effects, named, each called for by as many draws as the scene file says.
+#[test]
+fn effects_are_found_and_counted() {
+    let used = measure::effects(&museum()).unwrap();
+    let found: Vec<(&str, usize)> = used
+        .iter()
+        .map(|e| {
+            assert_eq!(e.called_for + e.not_called_for, 40, "{}", e.name);
+            assert!(e.evidence.iter().all(|e| !e.is_empty()), "{}", e.name);
+            (e.name.as_str(), e.called_for)
+        })
+        .collect();
+    let mut found = found;
+    found.sort_unstable();
+    let expected = [
+        ("alpha test", 5),
+        ("clear coat", 10),
+        ("emissive", 10),
+        ("fog", 15),
+        ("light loop", 15),
+        ("morph targets", 5),
+        ("normal mapping", 15),
+        ("parallax", 5),
+        ("shadows", 15),
+        ("skinning", 5),
+    ];
+    assert_eq!(found, expected);
+}
+
+/// What a person makes of the museum for a kind of exhibit, frozen before there was a generator: the same picture, and no fewer operations.
+#[test]
+fn hand_specialised_exhibits_are_matched() {
+    let whole = museum();
+    for kind in ["plinth", "bronze", "banner", "puppet"] {
+        let mut scene = whole.clone();
+        scene.draws.retain(|d| d.name.starts_with(kind));
+        assert_eq!(scene.draws.len(), 5);
+        let material = &scene.materials[0];
+        let path = format!("fixtures/handwritten/museum-{kind}.wgsl");
+        let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path));
+        let source = Source::new(format!("{kind}.wgsl"), text.unwrap());
+        let parsed = front::parse(&[source], &Options::default()).unwrap();
+        let (name, fragment) = (&material.name, parsed.fragment.as_deref());
+        let (program, vertex) = (parsed.program, &parsed.vertex);
+        let hand = Plan::original(name, program, vertex, fragment, &material.state);
+        let generated = specialized(&scene, "specialize").plans.remove(0);
+        let original = drawn(&scene, &measure::originals(&scene));
+        assert_eq!(
+            drawn(&scene, std::slice::from_ref(&hand)),
+            original,
+            "{kind}"
+        );
+        assert_eq!(
+            drawn(&scene, std::slice::from_ref(&generated)),
+            original,
+            "{kind}"
+        );
+        let [by_hand, ours] = [&hand, &generated].map(|plan| {
+            let pass = plan.main().unwrap();
+            let program = plan.program(pass).unwrap();
+            let graph = Graph::build(program);
+            let stages = [
+                (naga::ShaderStage::Vertex, Some(pass.vertex.as_str())),
+                (naga::ShaderStage::Fragment, pass.fragment.as_deref()),
+            ];
+            stages.map(|(stage, name)| {
+                let (entry, _) = program.entry_point(stage, name.unwrap()).unwrap();
+                graph.entry_cost(entry)
+            })
+        });
+        for (ours, by_hand) in ours.into_iter().zip(by_hand) {
+            assert!(
+                ours <= by_hand / 0.95,
+                "{kind}: {ours} ops, by hand {by_hand}"
+            );
+        }
+        let used = |plan: &Plan| {
+            let pass = plan.main().unwrap();
+            let bindings = pass.bindings.iter().map(|b| b.name.clone());
+            let attributes = pass.attributes.iter().map(|a| a.name.clone());
+            bindings.chain(attributes).collect::<Vec<_>>()
+        };
+        assert_eq!(used(&generated), used(&hand), "{kind}");
+    }
+}
