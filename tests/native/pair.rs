@@ -45,10 +45,13 @@ pub enum FirstRow {
     Highest,
 }
 
+/// What a uniform holds, by its name.
+pub type Uniform<'a> = Box<dyn Fn(&str) -> Option<Vec<u8>> + 'a>;
+
 /// One draw of triangles.
 pub struct Draw<'a> {
     /// The bytes of the uniform of that name, array element and member included, or `None` if there is none: `lights[1].color`. Matrices' columns are 16 bytes apart.
-    pub uniform: Box<dyn Fn(&str) -> Option<Vec<u8>> + 'a>,
+    pub uniform: Uniform<'a>,
     /// Uniform blocks by name.
     pub blocks: BTreeMap<String, Vec<u8>>,
     pub textures: BTreeMap<String, Texture>,

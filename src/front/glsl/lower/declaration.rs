@@ -133,10 +133,7 @@ impl Lower<'_, '_> {
             }
             let name = self.safe(&block.name);
             out += &format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
-            let instance = match &block.instance {
-                Some(instance) => Some(self.safe(instance)),
-                None => None,
-            };
+            let instance = block.instance.as_ref().map(|i| self.safe(i));
             if let Some(instance) = &instance {
                 out += &format!(" {instance}");
             }
