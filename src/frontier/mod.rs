@@ -4,7 +4,7 @@
 //!
 //! 1. [`space`]: the recipes that are looked at, seeded by how far each value of a fragment stage is from its interpolation;
 //! 2. [`predict`]: the error and the work of each, told before anything is drawn, and which are left at that;
-//! 3. [`explore`]: the others drawn for their error and timed against the original, those beaten dropped as they are ([`pareto`]); the survivors crossed with each other;
+//! 3. [`mod@explore`]: the others drawn for their error and timed against the original, those beaten dropped as they are ([`pareto`]); the survivors crossed with each other;
 //!    what is left verified on every camera's path;
 //! 4. [`journal`]: what was measured of a text, kept by its hash, so that a search goes on where it ended.
 
