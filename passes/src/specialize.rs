@@ -11,7 +11,7 @@
 //! ```
 //!
 //! What is known (uniforms that no frame changes, attributes and textures of one value, values given by hand) goes through the stages by online partial evaluation ([`fold`]), as intervals that
-//! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write ([`shrink`]), which takes dead work,
+//! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write (`shrink`), which takes dead work,
 //! varyings, attributes and bindings along.
 //!
 //! The promise is `Exact`: only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
