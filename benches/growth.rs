@@ -181,8 +181,7 @@ fn best(step: &str, source: &Source) -> Result<f64> {
         ms if ms < 500.0 => 2,
         _ => 0,
     };
-    let runs = (0..again).map(|_| time(step, source));
-    runs.fold(Ok(first), |least, ms| Ok(f64::min(least?, ms?)))
+    (0..again).try_fold(first, |least, _| Ok(f64::min(least, time(step, source)?)))
 }
 
 /// The time of one step, in milliseconds.
