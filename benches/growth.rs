@@ -51,15 +51,18 @@ const LIMIT: f64 = 12.0;
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let after = |flag: &str| arguments.iter().skip_while(|a| *a != flag).skip(1);
-    if let [step, shape, expressions] = &after("--only").take(3).collect::<Vec<_>>()[..] {
+    let after = |flag: &str| -> &[String] {
+        let at = arguments.iter().position(|a| a == flag);
+        at.map_or(&[], |at| &arguments[at + 1..])
+    };
+    if let [step, shape, expressions, ..] = after("--only") {
         let shape = match shape.as_str() {
             "one" => Shape::One,
             _ => Shape::Many,
         };
         return only(step, shape, expressions.parse()?);
     }
-    let most: usize = after("--most").next().map_or(Ok(100_000), |n| n.parse())?;
+    let most: usize = after("--most").first().map_or(Ok(100_000), |n| n.parse())?;
     let steps: Vec<&str> = ["naga", "read", "graph"]
         .into_iter()
         .chain(PASSES)
@@ -178,8 +181,7 @@ fn best(step: &str, source: &Source) -> Result<f64> {
         ms if ms < 500.0 => 2,
         _ => 0,
     };
-    let runs = (0..again).map(|_| time(step, source));
-    runs.fold(Ok(first), |least, ms| Ok(f64::min(least?, ms?)))
+    (0..again).try_fold(first, |least, _| Ok(f64::min(least, time(step, source)?)))
 }
 
 /// The time of one step, in milliseconds.

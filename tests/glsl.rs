@@ -123,7 +123,7 @@ fn the_passes_take_it() {
             recipes.push("hoist:budget=0.05,finite=assumed");
         }
         for recipe in recipes {
-            let variant = Recipe::parse(&[recipe])
+            let variant = Recipe::parse([recipe])
                 .unwrap()
                 .apply(&plan, &Facts::default())
                 .unwrap_or_else(|r| panic!("{name} {recipe}: {r}"));

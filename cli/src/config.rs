@@ -198,9 +198,9 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
             let at = (sub.get_name().to_owned(), key.clone());
             // What is said of one command goes before what is said of all.
             let words = words(key, value)?;
-            if !table
+            if table
                 .get(sub.get_name())
-                .is_some_and(|own| own.get(key).is_some())
+                .is_none_or(|own| own.get(key).is_none())
             {
                 values.insert(at, words);
             }
