@@ -3,6 +3,7 @@
 //! ```text
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- [--verbose] [--include DIR] FOLDER..
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- --print FILE [FILE]
+//! cargo run --release --example glsl-corpus --features glsl,spirv -- --time FILE [FILE]
 //! ```
 //!
 //! A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader by itself is given a vertex stage that writes what it reads, and a file with
@@ -43,23 +44,48 @@ struct Case {
 fn main() {
     let mut folders = Vec::new();
     let mut include = Vec::new();
-    let (mut verbose, mut print) = (false, false);
+    let (mut verbose, mut print, mut time) = (false, false, false);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--verbose" => verbose = true,
             "--print" => print = true,
+            "--time" => time = true,
             "--include" => include.extend(arguments.next().map(PathBuf::from)),
             _ => folders.push(PathBuf::from(argument)),
         }
     }
     assert!(!folders.is_empty(), "name a folder or more");
+    if time {
+        return timed(&folders, include);
+    }
     if print {
         return normalised(&folders, include);
     }
     for folder in &folders {
         table(folder, &include, verbose);
     }
+}
+
+/// How long one material takes: rewritten, and made a program; the least of twenty.
+fn timed(paths: &[PathBuf], include: Vec<PathBuf>) {
+    let options = Options {
+        include,
+        ..Options::default()
+    };
+    let read = |p: &PathBuf| Source::new(p.to_string_lossy(), std::fs::read_to_string(p).unwrap());
+    let sources: Vec<Source> = paths.iter().map(read).collect();
+    let least = |run: &dyn Fn()| {
+        let once = |_| {
+            let begun = Instant::now();
+            run();
+            begun.elapsed()
+        };
+        (0..20).map(once).min().unwrap_or_default()
+    };
+    let rewritten = least(&|| drop(front::normalised_glsl(&sources, &options)));
+    let whole = least(&|| drop(front::parse(&sources, &options)));
+    println!("parsed and rewritten: {rewritten:.1?}; with naga, validated and linked: {whole:.1?}");
 }
 
 /// Shows what naga's front end is given for one material.

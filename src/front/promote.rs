@@ -284,8 +284,13 @@ impl Inliner<'_> {
             self.main_locals.insert(handle, new);
         }
         let copies = self.unevaluated(main);
+        // A constant initialiser may be among what a statement evaluates: it is made once more, ahead of all.
+        let mut initial = copies.clone();
         for (handle, local) in main.local_variables.iter() {
-            let init = local.init.and_then(|e| copies.get(&e).copied());
+            let init = local.init.and_then(|e| {
+                self.initialiser(main, e, &mut initial);
+                initial.get(&e).copied()
+            });
             if let Some(new) = self.main_locals.get(&handle) {
                 self.function.local_variables[*new].init = init;
             }
@@ -309,6 +314,19 @@ impl Inliner<'_> {
             }
         }
         copies
+    }
+
+    /// Copies an expression with all that it is made of.
+    fn initialiser(&mut self, from: &Function, handle: Handle<Expression>, copies: &mut Copies) {
+        if copies.contains_key(&handle) {
+            return;
+        }
+        let mut made_of = Vec::new();
+        operands::of_expression(&mut from.expressions[handle].clone(), |e| made_of.push(*e));
+        for each in made_of {
+            self.initialiser(from, each, copies);
+        }
+        self.expression(from, handle, copies);
     }
 
     fn expression(&mut self, from: &Function, handle: Handle<Expression>, copies: &mut Copies) {

@@ -36,10 +36,22 @@ pub struct Vertices {
     pub attributes: Vec<Attribute>,
 }
 
+/// Which row of the picture is number 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FirstRow {
+    /// OpenGL's own.
+    Lowest,
+    /// WebGPU's, by `glClipControl`: quads begin at the same pixel, and so give the same derivatives.
+    Highest,
+}
+
+/// What a uniform holds, by its name.
+pub type Uniform<'a> = Box<dyn Fn(&str) -> Option<Vec<u8>> + 'a>;
+
 /// One draw of triangles.
 pub struct Draw<'a> {
     /// The bytes of the uniform of that name, array element and member included, or `None` if there is none: `lights[1].color`. Matrices' columns are 16 bytes apart.
-    pub uniform: Box<dyn Fn(&str) -> Option<Vec<u8>> + 'a>,
+    pub uniform: Uniform<'a>,
     /// Uniform blocks by name.
     pub blocks: BTreeMap<String, Vec<u8>>,
     pub textures: BTreeMap<String, Texture>,
@@ -50,21 +62,48 @@ pub struct Draw<'a> {
     pub instances: i32,
 }
 
+/// `GL_LOWER_LEFT`.
+const LOWER_LEFT: u32 = 0x8CA1;
+/// `GL_UPPER_LEFT`.
+const UPPER_LEFT: u32 = 0x8CA2;
+/// `GL_NEGATIVE_ONE_TO_ONE`.
+const NEGATIVE_ONE_TO_ONE: u32 = 0x935E;
+
 impl Native {
+    /// `glProvokingVertex`, which glow does not list: the first one, as in WebGPU.
+    unsafe fn first_vertex_provokes(&self) {
+        let found = self.egl.get_proc_address("glProvokingVertex");
+        let found = found.expect("OpenGL 3.2");
+        // SAFETY: that is the function's type by the specification (OpenGL 4.5, section 13.4), and the context is current.
+        let call: extern "system" fn(u32) = unsafe { std::mem::transmute(found) };
+        call(0x8E4D);
+    }
+
+    /// `glClipControl`, which glow does not list, with OpenGL's depth.
+    unsafe fn clip_control(&self, origin: u32) {
+        let found = self.egl.get_proc_address("glClipControl");
+        let found = found.expect("OpenGL 4.5, or ARB_clip_control");
+        // SAFETY: that is the function's type by the specification (OpenGL 4.5, section 13.5), and the context is current.
+        let call: extern "system" fn(u32, u32) = unsafe { std::mem::transmute(found) };
+        call(origin, NEGATIVE_ONE_TO_ONE);
+    }
+
     /// Draws, nearest first by depth, without culling, on a clear of `clear`. Rows come from the top.
     pub fn draw_pair(
         &self,
+        first: FirstRow,
         size: [u32; 2],
         clear: [f32; 4],
         texts: [&str; 2],
         draws: &[Draw<'_>],
     ) -> Pixels {
         // SAFETY: as for `draw`: the context is current on this thread, and every buffer is as long as is said.
-        unsafe { self.draw_pair_checked(size, clear, texts, draws) }
+        unsafe { self.draw_pair_checked(first, size, clear, texts, draws) }
     }
 
     unsafe fn draw_pair_checked(
         &self,
+        first: FirstRow,
         size: [u32; 2],
         clear: [f32; 4],
         texts: [&str; 2],
@@ -98,6 +137,11 @@ impl Native {
             gl.viewport(0, 0, width, height);
             gl.clear_color(clear[0], clear[1], clear[2], clear[3]);
             gl.clear_depth(1.0);
+            if first == FirstRow::Highest {
+                self.clip_control(UPPER_LEFT);
+            }
+            gl.enable(glow::TEXTURE_CUBE_MAP_SEAMLESS);
+            self.first_vertex_provokes();
             gl.disable(glow::CULL_FACE);
             gl.front_face(glow::CCW);
             gl.enable(glow::DEPTH_TEST);
@@ -125,12 +169,18 @@ impl Native {
             assert_eq!(gl.get_error(), glow::NO_ERROR);
             gl.delete_program(program);
             gl.delete_framebuffer(framebuffer);
-            let rows = |n: usize| (0..height as usize).rev().map(move |y| y * n..(y + 1) * n);
-            let (w, four) = (width as usize, 4 * width as usize);
-            Pixels {
-                color: rows(four).flat_map(|r| color[r].to_vec()).collect(),
-                depth: rows(w).flat_map(|r| depth[r].to_vec()).collect(),
+            self.clip_control(LOWER_LEFT);
+            if first == FirstRow::Lowest {
+                let width = width as usize;
+                color = color
+                    .chunks_exact(4 * width)
+                    .rev()
+                    .flatten()
+                    .copied()
+                    .collect();
+                depth = depth.chunks_exact(width).rev().flatten().copied().collect();
             }
+            Pixels { color, depth }
         }
     }
 

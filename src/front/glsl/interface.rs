@@ -114,12 +114,12 @@ impl Interface {
             }
         }
         // Each stage declares the whole block, with the structs it needs.
-        for at in 0..stages.len() {
-            for name in stages[at].structs.order.clone() {
-                let Some(of) = stages[at].structs.get(&name).cloned() else {
+        for stage in stages.iter() {
+            for name in &stage.structs.order {
+                let Some(of) = stage.structs.get(name).cloned() else {
                     continue;
                 };
-                match self.structs.iter().find(|s| s.name == name) {
+                match self.structs.iter().find(|s| s.name == *name) {
                     None => self.structs.push(of),
                     Some(other)
                         if other
@@ -128,10 +128,7 @@ impl Interface {
                             .map(|m| (&m.name, &m.ty))
                             .ne(of.members.iter().map(|m| (&m.name, &m.ty))) =>
                     {
-                        let shared = self
-                            .uniforms
-                            .iter()
-                            .any(|u| names(&u.ty, &stages[at], &name));
+                        let shared = self.uniforms.iter().any(|u| names(&u.ty, stage, name));
                         if shared {
                             let place = of.members.first().and_then(|m| m.place);
                             return Err(Error::new(
@@ -275,14 +272,10 @@ impl Interface {
         for (what, set) in waiting {
             match what {
                 Waiting::Block(name) => {
-                    if !self.blocks.contains_key(&name) {
-                        self.blocks.insert(name, next(set));
-                    }
+                    self.blocks.entry(name).or_insert_with(|| next(set));
                 }
                 Waiting::Opaque(name) => {
-                    if !self.opaque.contains_key(&name) {
-                        self.opaque.insert(name, next(set));
-                    }
+                    self.opaque.entry(name).or_insert_with(|| next(set));
                 }
                 Waiting::Sampler(path) => {
                     if let Some(bound) = self.samplers.get_mut(&path) {

@@ -625,7 +625,7 @@ impl<'u> Stage<'u> {
         };
         let mut done = vec![false; definitions.len()];
         let mut order = Vec::new();
-        visit(main, definitions, &names, &by_name, &mut done, &mut order);
+        visit(main, &names, &by_name, &mut done, &mut order);
         // A global's initial value may call functions too.
         for global in &self.globals {
             let mut found = Words::default();
@@ -637,7 +637,7 @@ impl<'u> Stage<'u> {
                 .iter()
                 .flat_map(|w| by_name.get(w.as_str()).into_iter().flatten())
             {
-                visit(*i, definitions, &names, &by_name, &mut done, &mut order);
+                visit(*i, &names, &by_name, &mut done, &mut order);
             }
             self.used.extend(found.0);
         }
@@ -655,7 +655,6 @@ impl<'u> Stage<'u> {
 /// Depth first, what is called before what calls it.
 fn visit(
     at: usize,
-    definitions: &[&ast::FunctionDefinition],
     names: &[HashSet<String>],
     by_name: &HashMap<&str, Vec<usize>>,
     done: &mut [bool],
@@ -671,7 +670,7 @@ fn visit(
         .collect();
     callees.sort_unstable();
     for callee in callees {
-        visit(callee, definitions, names, by_name, done, order);
+        visit(callee, names, by_name, done, order);
     }
     order.push(at);
 }

@@ -301,8 +301,12 @@ fn explain(
             let (start, length) = error.location();
             let place = span(start.source_id, start.offset, start.offset + length);
             let error = Error::new(Code::Parse, message.clone()).label(place, "");
-            match message.contains("#include") || matches!(error.message(), m if m.contains("os error")) {
-                true => error.note("included files are looked up beside the file, then in the include paths (--include DIR)"),
+            match message.contains("#include")
+                || matches!(error.message(), m if m.contains("os error"))
+            {
+                true => error.note(
+                    "included files are looked up beside the file, then in the include paths",
+                ),
                 false => error,
             }
         }
@@ -426,16 +430,21 @@ impl Numbered<'_, '_, '_> {
     }
 }
 
+/// Whether a message of the preprocessor is of something that changes no token: a directive or an extension that it has not heard of.
+fn is_passed_over(message: &str) -> bool {
+    ["unknown preprocessor directive", "extension not supported"]
+        .iter()
+        .any(|m| message.contains(m))
+}
+
 impl Iterator for Numbered<'_, '_, '_> {
     type Item = Result<(LexerPosition, Token, LexerPosition), Io>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let (start, mut token, end) = match self.lexer.next()? {
             Ok(token) => token,
-            // As compilers do: a directive that none knows is no error.
-            Err(Io::Processor(e)) if e.to_string().contains("unknown preprocessor directive") => {
-                return self.next();
-            }
+            // As compilers do: what none knows is no error.
+            Err(Io::Processor(e)) if is_passed_over(&e.to_string()) => return self.next(),
             Err(error) => match self.large_integer(&error) {
                 Some(token) => token,
                 None => return Some(Err(error)),

@@ -276,11 +276,9 @@ impl Structs {
     pub(super) fn samplers(&self, ty: &Ty, path: &str, out: &mut Vec<(String, String)>) {
         match ty {
             Ty::Combined(name) => out.push((path.to_owned(), name.clone())),
-            Ty::Array(of, n) => {
-                if self.has_samplers(of) {
-                    for i in 0..n.unwrap_or(0) {
-                        self.samplers(of, &format!("{path}[{i}]"), out);
-                    }
+            Ty::Array(of, n) if self.has_samplers(of) => {
+                for i in 0..n.unwrap_or(0) {
+                    self.samplers(of, &format!("{path}[{i}]"), out);
                 }
             }
             Ty::Struct(name) => {

@@ -133,10 +133,7 @@ impl Lower<'_, '_> {
             }
             let name = self.safe(&block.name);
             out += &format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
-            let instance = match &block.instance {
-                Some(instance) => Some(self.safe(instance)),
-                None => None,
-            };
+            let instance = block.instance.as_ref().map(|i| self.safe(i));
             if let Some(instance) = &instance {
                 out += &format!(" {instance}");
             }
@@ -369,6 +366,8 @@ impl Lower<'_, '_> {
             .map(|i| format!(", index = {i}"))
             .unwrap_or_default();
         let mark = self.marks.mark(variable.place);
+        let target = !self.is_vertex() && direction == Storage::Out;
+        let narrow = target && variable.ty.components().is_some_and(|n| n < 4);
         let mut declare = |at_location: u32, ty: &Ty, name: &str| -> Result<(), Error> {
             let integer = matches!(ty.kind(), Some(Kind::Int | Kind::Uint));
             if ty.kind() == Some(Kind::Bool) {
@@ -396,8 +395,28 @@ impl Lower<'_, '_> {
         };
         if let [(ending, ty)] = &leaves[..]
             && ending.is_empty()
+            && !narrow
         {
             return declare(location, ty, &name);
+        }
+        if let [(ending, ty)] = &leaves[..]
+            && ending.is_empty()
+            && narrow
+        {
+            // WebGPU wants as many components as the target has; what OpenGL leaves open is opaque black.
+            let kind = ty.kind().unwrap_or(Kind::Float);
+            let leaf = self.fresh(&format!("{name}_rgba"));
+            let rest = match ty.components() {
+                Some(1) => ", 0, 0, 1",
+                Some(2) => ", 0, 1",
+                _ => ", 1",
+            };
+            let vector = Ty::Vector(kind, 4);
+            declare(location, &vector, &leaf)?;
+            *out += &format!("{};\n", ty.declare(&name));
+            self.epilogue
+                .push(format!("{leaf} = {}({name}{rest});", vector.name()));
+            return Ok(());
         }
         let mut declared = Vec::new();
         for (i, (ending, ty)) in leaves.iter().enumerate() {

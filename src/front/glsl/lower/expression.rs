@@ -151,7 +151,17 @@ impl Lower<'_, '_> {
             ExprData::UIntConst(u) => Ex::primary(format!("{u}u"), Ty::UINT),
             ExprData::BoolConst(b) => Ex::primary(b.to_string(), Ty::BOOL),
             ExprData::FloatConst(f) => Ex::primary(float(*f), Ty::FLOAT),
-            ExprData::DoubleConst(d) => Ex::primary(format!("{d:?}lf"), Ty::Scalar(Kind::Double)),
+            // naga's front end has no literals of 64 bits.
+            ExprData::DoubleConst(d) if f64::from(*d as f32) == *d => Ex::primary(
+                format!("double({})", float(*d as f32)),
+                Ty::Scalar(Kind::Double),
+            ),
+            ExprData::DoubleConst(d) => {
+                return Err(unsupported(
+                    format!("the 64-bit literal {d:?} has more digits than naga reads"),
+                    place,
+                ));
+            }
             ExprData::Unary(op, of) => self.unary(op, of)?,
             ExprData::Binary(op, a, b) => self.binary(&op.content, a, b)?,
             ExprData::Ternary(condition, a, b) => {

@@ -256,7 +256,7 @@ impl Lower<'_, '_> {
             ));
         };
         let shadow = combined.ends_with("Shadow");
-        if rest.len() > if shadow { 2 } else { 2 } || combined.contains("Array") {
+        if rest.len() > 2 || combined.contains("Array") {
             return Err(unsupported(
                 "`textureGather` is read for textures without layers, without an offset",
                 place,
