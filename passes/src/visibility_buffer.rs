@@ -221,8 +221,8 @@ impl<'a> Material<'a> {
             VertexStage::Sliced => "position",
         };
         let corners = match params.vertices {
-            Vertices::Refetched => "runs the vertex stage for three corners",
-            Vertices::Kept => "loads what a compute pass made of three corners",
+            Vertices::Refetched => "runs the vertex stage for three corners and",
+            Vertices::Kept => "loads what a compute pass made of three corners and runs",
         };
         let over = match Lists::of(params) {
             Lists::None => "a full-screen resolve",
@@ -230,7 +230,7 @@ impl<'a> Material<'a> {
             Lists::Bins => "a resolve of the draw's pixels, sorted by instance,",
         };
         format!(
-            "an id pass of {vertex}{covers}, triangles {triangles}; {over} that {corners} and runs the fragment stage once a pixel"
+            "an id pass of {vertex}{covers}, triangles {triangles}; {over} that {corners} the fragment stage once a pixel"
         )
     }
 
