@@ -80,7 +80,7 @@ fn main() -> Result<()> {
             let source = made(shape, expressions);
             let times = steps
                 .iter()
-                .map(|step| Ok(best(step, &source)?))
+                .map(|step| best(step, &source))
                 .collect::<Result<Vec<f64>>>()?;
             print!("{:<6} {:>7}", shape.name(), count(&program(&source)?.0));
             for (i, time) in times.iter().enumerate() {

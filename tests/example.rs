@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::SystemTime;
@@ -39,7 +40,9 @@ fn copy(from: &Path, to: &Path) {
         let target = to.join(entry.file_name());
         match entry.path() {
             path if path.is_dir() => copy(&path, &target),
-            path => drop(fs::copy(path, target).unwrap()),
+            path => {
+                fs::copy(path, target).unwrap();
+            }
         }
     }
 }
@@ -54,7 +57,10 @@ impl Example {
     fn new() -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let temporary = Path::new(env!("CARGO_TARGET_TMPDIR"));
-        let away = temporary.join("away");
+        // Always the same folder for the same checkout, so that what cargo built of it is found again.
+        let mut hasher = DefaultHasher::new();
+        root.hash(&mut hasher);
+        let away = std::env::temp_dir().join(format!("preshade-example-{:x}", hasher.finish()));
         let _ = fs::remove_dir_all(&away);
         let app = away.join("app");
         copy(&root.join("tests/app"), &app);
@@ -79,8 +85,7 @@ impl Example {
         let manifest = app.join("Cargo.toml");
         let text = fs::read_to_string(&manifest).unwrap();
         fs::write(&manifest, text + &patch).unwrap();
-        // The workspace's own: what both build alike is built once.
-        let target = temporary.parent().unwrap().to_owned();
+        let target = temporary.parent().unwrap().join("example");
         Self { app, target }
     }
 
@@ -108,7 +113,9 @@ impl Example {
             for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
                 match entry.path() {
                     path if path.is_dir() => walk(&path, all),
-                    path => drop(all.insert(path, entry.metadata().unwrap().modified().unwrap())),
+                    path => {
+                        all.insert(path, entry.metadata().unwrap().modified().unwrap());
+                    }
                 }
             }
         }

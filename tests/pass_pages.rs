@@ -40,7 +40,10 @@ fn fs(in: Out) -> @location(0) vec4<f32> {
     if (texel.a < 0.5) {
         discard;
     }
-    let wave = sin(in.world.x) * cos(in.world.y) + sin(in.world.z + in.world.x);
+    var wave = 0.0;
+    for (var i = 0; i < 4; i++) {
+        wave += sin(in.world.x * f32(i + 1)) * cos(in.world.y);
+    }
     var color = texel.rgb * wave;
     if (fog > 0.0) {
         color = mix(color, vec3<f32>(0.5), exp(-fog * in.position.w));
@@ -57,6 +60,7 @@ fn root() -> &'static Path {
 fn recipe(name: &str) -> Vec<&'static str> {
     match name {
         "specialize" => vec!["specialize:set=fog=0"],
+        "trim-loop" => vec!["trim-loop:budget=0.05"],
         "hoist" => vec!["hoist:budget=0.05"],
         "tessellate" => vec!["hoist:budget=0.05", "tessellate:level=4"],
         "visibility-buffer" => vec!["visibility-buffer:budget=0.02"],

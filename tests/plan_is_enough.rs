@@ -81,6 +81,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "a name for readers: the location says which it is",
     ),
     (
+        "passes[].bindings[].visibility.compute",
+        "no stage of a render pass: mutated in compute passes",
+    ),
+    (
         "passes[].view_dependent",
         "uniforms of a light's view: `measure_shadow.rs` shows that a list that forgets one is broken",
     ),
@@ -167,6 +171,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "what a host runs at load, apart from its frames",
     ),
     ("fallback", "what to draw in place of the plan, below"),
+    (
+        "guard",
+        "what a host checks before it draws the plan: `specialize.rs`",
+    ),
     ("notes", "words"),
     ("forms", "a promise"),
     (
@@ -299,6 +307,7 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Computed, "/passes/1/phase", json!("opaque"), Redrawn),
         (Computed, "/compute/0/when/phase", json!("depth"), Redrawn),
         (Computed, "/compute/0/workgroup", json!(16), Redrawn),
+        (Computed, "/compute/0/bindings/0/visibility/compute", json!(false), Refused("the compute pass of material `lit` was refused")),
         (Computed, "/compute/0/bindings/9/source/location", json!(1), Refused("which no pass draws to")),
         (Tiled, "/frame_buffers/0/name", json!("elsewhere"), Refused("has no buffer `visibility-quads`")),
         (Tiled, "/frame_buffers/0/holds", json!("pixels"), Refused("and no arguments")),

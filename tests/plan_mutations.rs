@@ -16,11 +16,12 @@ use render_support::*;
 use serde_json::{Value as Json, json};
 
 /// Parts of the file that say nothing of a frame.
-const NO_FRAME: [(&str, &str); 6] = [
+const NO_FRAME: [(&str, &str); 7] = [
     ("/steps", "how the plan was made"),
     ("/contract", "a promise: `verify` measures it"),
     ("/notes", "words"),
     ("/fallback", "what to draw in place of the plan"),
+    ("/guard", "what a host checks before it draws the plan"),
     (
         "/original",
         "a plan of the same types, in place of the plan",

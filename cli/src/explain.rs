@@ -9,7 +9,7 @@ use preshade::measure::{self, EffectUse};
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
 use preshade::passes::neighbours;
-use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, Sites};
+use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, SiteCost, Sites};
 use preshade::passes::plan::Plan;
 use preshade::recipe::{Recipe, Step};
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
@@ -225,6 +225,15 @@ fn explain(
     })
 }
 
+/// What a site's slice costs of what it is sliced from; a pass that runs a stage several times has more than that.
+fn cost(of: SiteCost) -> String {
+    let between = match of.slice > of.whole {
+        true => "in place of",
+        false => "of",
+    };
+    format!("{:.0} {between} {:.0} ops", of.slice, of.whole)
+}
+
 fn stages(plan: &Plan) -> Vec<Stage> {
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         return Vec::new();
@@ -275,13 +284,15 @@ fn print(explained: &Explained, plan: &Plan) -> String {
         lines.push(format!("\n{}\n  {}", p.pass, p.summary));
         for site in &p.sites.sites {
             lines.push(format!(
-                "  applies to `{}`: {}\n    static cost {:.0} of {:.0} ops; site {}\n    hurts {}",
+                "  applies to `{}`: {}\n    static cost {}{}\n    hurts {}",
                 site.key.entry_point,
                 site.what,
-                site.cost.slice,
-                site.cost.whole,
+                cost(site.cost),
                 // A stage that needs no slice has dashes for its half of the hash.
-                site.key.slice.trim_end_matches('-'),
+                match site.key.slice.trim_matches('-') {
+                    "" => String::new(),
+                    slice => format!("; site {slice}"),
+                },
                 p.hurts
             ));
         }

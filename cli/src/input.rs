@@ -281,8 +281,21 @@ pub struct Materials {
 impl ShaderArgs {
     /// The original plan of each material, and what a scene tells the steps of `recipe`.
     pub fn plans(&self, recipe: &Recipe) -> Result<Materials, Failure> {
+        self.plans_of(self.input()?, recipe)
+    }
+
+    /// The same, where `recipe` specialises with a material for each group of draws that want the same version.
+    pub fn plans_by_draws(&self, recipe: &Recipe) -> Result<Materials, Failure> {
+        let input = match self.input()? {
+            Input::Scene(scene) => Input::Scene(measure::grouped_for(scene, recipe)?),
+            shader @ Input::Shader(..) => shader,
+        };
+        self.plans_of(input, recipe)
+    }
+
+    fn plans_of(&self, input: Input, recipe: &Recipe) -> Result<Materials, Failure> {
         let mut files = self.given();
-        let (plans, known) = match self.input()? {
+        let (plans, known) = match input {
             Input::Shader(parsed, state) => {
                 let plan = Plan::original(
                     &self.material_name(),

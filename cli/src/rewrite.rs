@@ -346,7 +346,9 @@ fn depfile(path: &Path, rules: &[(Vec<PathBuf>, Vec<PathBuf>)]) -> Result<(), Fa
 /// Reads, rewrites and emits the materials of one job.
 fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<Made, Failure> {
     let mut made = Made::default();
-    let materials = made.times.took(0, "parse", || job.shader.plans(recipe))?;
+    let materials = made
+        .times
+        .took(0, "parse", || job.shader.plans_by_draws(recipe))?;
     let Materials {
         asked: originals,
         frame,

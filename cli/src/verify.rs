@@ -7,8 +7,7 @@ use std::time::Duration;
 use indicatif::ProgressBar;
 use preshade::measure::crossover::{Point, Series};
 use preshade::measure::{self, Settings, Timed, TimingSettings};
-use preshade::passes::pass::{Facts, Pass};
-use preshade::passes::specialize::Specialize;
+use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
@@ -463,17 +462,14 @@ fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
 
 /// The scene with draws of one material told apart, where a recipe specialises: each group gets a version of its own.
 pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
-    let name = Specialize::INFO.name;
-    let mut steps = sweeps
+    let steps = sweeps
         .iter()
         .flat_map(|s| &s.points)
-        .flat_map(|p| &p.recipe.steps);
-    let Some(step) = steps.find(|s| s.pass == name) else {
-        return Ok(scene);
+        .flat_map(|p| p.recipe.steps.clone());
+    let all = Recipe {
+        steps: steps.collect(),
     };
-    let params = serde_json::Value::Object(step.params.clone());
-    let params = serde_json::from_value(params).unwrap_or_default();
-    Ok(measure::grouped(&scene, &params, measure::MOST_GROUPS)?)
+    Ok(measure::grouped_for(scene, &all)?)
 }
 
 /// The command as it was typed, without the folder of the binary.

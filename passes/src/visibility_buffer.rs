@@ -220,13 +220,17 @@ impl<'a> Material<'a> {
             VertexStage::Same => "the author's vertex stage",
             VertexStage::Sliced => "position",
         };
+        let corners = match params.vertices {
+            Vertices::Refetched => "runs the vertex stage for three corners",
+            Vertices::Kept => "loads what a compute pass made of three corners",
+        };
         let over = match Lists::of(params) {
             Lists::None => "a full-screen resolve",
             Lists::Quads | Lists::Groups => "a resolve of the tiles that show the draw",
             Lists::Bins => "a resolve of the draw's pixels, sorted by instance,",
         };
         format!(
-            "an id pass of {vertex}{covers}, triangles {triangles}; {over} that runs the vertex stage for three corners and the fragment stage once a pixel"
+            "an id pass of {vertex}{covers}, triangles {triangles}; {over} that {corners} and runs the fragment stage once a pixel"
         )
     }
 

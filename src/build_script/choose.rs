@@ -5,7 +5,7 @@ use preshade_passes::pass::{Facts, Refusal};
 use preshade_passes::plan::Plan;
 
 use super::generate::Drawn;
-use super::{Builder, Error};
+use super::{Asked, Builder, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
 use crate::lock::{Inputs, Lock, Mismatch};
@@ -26,7 +26,7 @@ pub(super) fn choose(
     lock: Option<&Lock>,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Drawn>, Error> {
-    let (own, named) = builder.recipes()?;
+    let Asked { own, named } = builder.recipes()?;
     let locked = lock.and_then(|lock| lock.materials.get(name));
     // The pipeline state and the entry points are no part of the shader: what the lock says of them holds also where the shader was edited.
     let mut options = builder.options.clone();

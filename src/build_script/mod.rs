@@ -319,14 +319,16 @@ impl Builder {
         })
     }
 
-    /// The recipes that are asked for: of the material's own variant, if there is one, and of those with names.
-    fn recipes(&self) -> Result<(Option<Recipe>, Vec<(String, Recipe)>), Error> {
+    fn recipes(&self) -> Result<Asked, Error> {
         if self.passes.is_empty() && self.variants.is_empty() {
             let named = choose::BY_DEFAULT.iter().map(|(name, pass)| {
                 let recipe = Recipe::parse([pass])?;
                 Ok(((*name).to_owned(), recipe))
             });
-            return Ok((None, named.collect::<Result<_, Error>>()?));
+            return Ok(Asked {
+                own: None,
+                named: named.collect::<Result<_, Error>>()?,
+            });
         }
         let own = match self.passes.is_empty() {
             true => None,
@@ -343,8 +345,19 @@ impl Builder {
             }
             Ok((name.clone(), Recipe::parse(steps)?))
         });
-        Ok((own, named.collect::<Result<_, Error>>()?))
+        Ok(Asked {
+            own,
+            named: named.collect::<Result<_, Error>>()?,
+        })
     }
+}
+
+/// The recipes that are asked for.
+struct Asked {
+    /// Of the material's own variant, if there is one.
+    own: Option<Recipe>,
+    /// Of variants with names.
+    named: Vec<(String, Recipe)>,
 }
 
 struct Made {

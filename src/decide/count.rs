@@ -6,7 +6,7 @@ use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction};
 
 use super::Error;
-use super::work::{Counted, Fragments, writes_depth};
+use super::work::{Counted, Fragments};
 use crate::render::{FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant};
 use crate::scene::{DrawOrder, Frame, Scene};
 
@@ -161,11 +161,6 @@ fn counting_plan(plan: &Plan, which: Which, channels: u8) -> Result<Plan, Error>
                 test(&mut counted, CompareFunction::Always);
                 counted.stencil = None;
                 out.passes.push(counted);
-            }
-            // A fragment that writes depth runs before it is tested, whatever lies in front.
-            Which::Drawn if writes_depth(plan, pass) => {
-                test(&mut counted, CompareFunction::Always);
-                out.passes.extend([counted, silent]);
             }
             Which::Drawn => out.passes.push(counted),
             Which::Visible => {

@@ -91,7 +91,8 @@ impl Counted {
         f64::from(self.size[0]) * f64::from(self.size[1])
     }
 
-    /// Fragments that the original shades for each pixel of the frame: what samples pass its opaque draws, over the frame's pixels. The measure of a [`super::Switch`].
+    /// Fragments that the original shades for each pixel of the frame: those of its opaque draws that pass the depth test, as an occlusion query counts them, over the frame's pixels. The measure of
+    /// a [`super::Switch`].
     pub fn shaded_per_pixel(&self) -> f64 {
         let shaded: f64 = self.materials.iter().map(|m| m.drawn).sum();
         shaded / self.pixels().max(1.0)
@@ -320,7 +321,7 @@ fn reach(plan: &Plan, pass: &GpuPass, fragment: Option<Cost>, authored: Option<C
 }
 
 /// Whether the fragment stage of a pass writes its depth.
-pub fn writes_depth(plan: &Plan, pass: &GpuPass) -> bool {
+fn writes_depth(plan: &Plan, pass: &GpuPass) -> bool {
     let entry = plan
         .program(pass)
         .zip(pass.fragment.as_deref())

@@ -3,15 +3,33 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::guard::{Assumed, Place};
-use preshade_passes::pass::{Constant, Facts};
+use preshade_passes::pass::{Constant, Facts, Pass};
 use preshade_passes::plan::Plan;
-use preshade_passes::specialize::{Params, Specialized};
+use preshade_passes::specialize::{Params, Specialize, Specialized};
 
 use super::constants::Looked;
+use crate::recipe::Recipe;
 use crate::scene::{Error, Scene};
 
 /// Groups that a material falls into at most, where nothing else is said.
 pub const MOST_GROUPS: usize = 8;
+
+/// The scene [`grouped`] for the first step of `recipe` that specialises; as it is where none does.
+///
+/// # Errors
+/// As [`grouped`].
+pub fn grouped_for(scene: Scene, recipe: &Recipe) -> Result<Scene, Error> {
+    let Some(step) = recipe
+        .steps
+        .iter()
+        .find(|s| s.pass == Specialize::INFO.name)
+    else {
+        return Ok(scene);
+    };
+    let params = serde_json::Value::Object(step.params.clone());
+    let params = serde_json::from_value(params).unwrap_or_default();
+    grouped(&scene, &params, MOST_GROUPS)
+}
 
 /// The scene with each material whose draws want different specialised versions made several: `NAME-1` and so on, each with the draws that want the same. It draws the same picture.
 ///

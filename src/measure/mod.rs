@@ -33,7 +33,7 @@ pub use error::{ErrorLadder, compare};
 pub use frequency::{
     frequencies, interpolations, leaves_a_choice, promised, within_budget, written_out,
 };
-pub use groups::{MOST_GROUPS, grouped};
+pub use groups::{MOST_GROUPS, grouped, grouped_for};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use ranges::ranges;

@@ -196,6 +196,7 @@ impl Held {
             Self::Series(series) => Some(&series.points.first()?.report.adapter),
             Self::Report(report) => Some(&report.adapter),
             Self::Bench(bench) => Some(&bench.adapter),
+            Self::Decision => None,
         }
     }
 
@@ -205,6 +206,7 @@ impl Held {
             Self::Series(series) => series.points.iter().any(|p| p.report.splits()),
             Self::Report(report) => report.splits(),
             Self::Bench(bench) => bench.rows.iter().any(|row| is_split(&row.recipe)),
+            Self::Decision => false,
         }
     }
 }

@@ -63,6 +63,7 @@ pub fn page(files: &[File]) -> String {
                 Held::Series(series) => told_of_series(series),
                 Held::Report(report) => told_of_report(report),
                 Held::Bench(bench) => told_of_bench(bench),
+                Held::Decision => String::new(),
             });
         }
     }
@@ -120,7 +121,7 @@ fn beside_the_article(files: &[&File]) -> String {
 fn over_instances<'a>(files: &'a [&File]) -> impl Iterator<Item = (&'a File, &'a Series)> {
     files.iter().filter_map(|f| match &f.held {
         Held::Series(series) if series.variable == "instances" => Some((*f, series)),
-        Held::Series(_) | Held::Report(_) | Held::Bench(_) => None,
+        Held::Series(_) | Held::Report(_) | Held::Bench(_) | Held::Decision => None,
     })
 }
 
