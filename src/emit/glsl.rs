@@ -34,6 +34,7 @@ pub(super) fn write(
         None => (program.module(), program.info()),
     };
     refuse_depth_loads(module, info, stage, entry, name, target)?;
+    refuse_gathers(module, name, target)?;
     let (version, binding_map) = match target {
         Target::GlslEs300 => (Version::new_gles(300), BindingMap::default()),
         Target::GlslTess => (Version::Desktop(400), BindingMap::default()),
@@ -220,6 +221,33 @@ fn refuse_depth_loads(
         }
     }
     Ok(())
+}
+
+/// GLSL ES has `textureGather` from 3.10 on; naga writes it into 3.00 without a word, in every function there is.
+fn refuse_gathers(module: &Module, name: &str, target: Target) -> Result<(), Error> {
+    let gathers = |function: &Function| {
+        let mut all = function.expressions.iter();
+        all.any(|(_, e)| {
+            matches!(
+                e,
+                Expression::ImageSample {
+                    gather: Some(_),
+                    ..
+                }
+            )
+        })
+    };
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let mut all = functions.chain(module.entry_points.iter().map(|e| &e.function));
+    match target == Target::GlslEs300 && all.any(gathers) {
+        true => Err(Error::Inexpressible {
+            file: name.to_owned(),
+            target,
+            what: "textureGather".to_owned(),
+            remedy: "emit GLSL 4.50, WGSL or SPIR-V".to_owned(),
+        }),
+        false => Ok(()),
+    }
 }
 
 fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {

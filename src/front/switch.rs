@@ -29,6 +29,17 @@ fn write_out_cases(expressions: &mut Arena<Expression>, block: &mut Block) {
             if !cases[i].fall_through || cases[i].body.is_empty() {
                 continue;
             }
+            // What leaves by itself falls into nothing, whatever the front end says.
+            let leaves = |s: &Statement| {
+                matches!(
+                    s,
+                    Statement::Return { .. } | Statement::Continue | Statement::Break
+                )
+            };
+            if cases[i].body.last().is_some_and(leaves) {
+                cases[i].fall_through = false;
+                continue;
+            }
             // Empty cases between only share the body after them.
             let next = cases[i + 1..].iter().find(|c| !c.body.is_empty());
             if let Some(next) = next.map(|c| &c.body) {
