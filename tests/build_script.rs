@@ -113,11 +113,11 @@ fn nothing_is_written_twice_and_the_bytes_are_the_same_everywhere() {
     let first = package.build(make()).unwrap();
     assert!(first.written.len() > 4);
     let before = package.output();
-    assert_eq!(package.build(make()).unwrap().written, [PathBuf::new(); 0]);
+    assert!(package.build(make()).unwrap().written.is_empty());
     assert_eq!(package.output(), before);
     // Without the stamp all is made anew, to the same bytes.
     fs::remove_file(package.0.join("out/toon/preshade.stamp")).unwrap();
-    assert_eq!(package.build(make()).unwrap().written, [PathBuf::new(); 0]);
+    assert!(package.build(make()).unwrap().written.is_empty());
     let elsewhere = Package::new("elsewhere");
     elsewhere.build(make()).unwrap();
     let names = |p: &Package| -> Vec<(PathBuf, Vec<u8>)> {

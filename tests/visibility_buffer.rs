@@ -495,7 +495,8 @@ fn every_word_of_the_draw_table_is_needed() {
         prepared.render().unwrap()
     };
     // What each form reads beside what all read.
-    let words: [(&str, fn(&mut Entry), &[&str]); 17] = [
+    type Word = (&'static str, fn(&mut Entry), &'static [&'static str]);
+    let words: [Word; 17] = [
         ("first id", |e| e.first_id += 1, &["select=depth", "select=tiles", "form=binned"]),
         ("instances", |e| e.instances -= 1, &["select=id", "form=compute", "select=tiles", "form=binned"]),
         ("first instance", |e| e.first_instance += 1, &["select=depth", "ids=unindexed,select=id", "vertices=kept"]),

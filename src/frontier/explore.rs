@@ -16,6 +16,7 @@ use super::journal::{self, Entry, Journal};
 use super::pareto::{Standing, dominators};
 use super::predict::{Prediction, Predictor, hopeless};
 use super::space::{self, Candidate};
+use crate::measure::frequency::{choosing, small};
 use crate::measure::{
     self, CountProgram, Error, ErrorLadder, Estimate, Timed, TimingSettings, Variant, compare,
     estimate, verdict,
@@ -234,6 +235,9 @@ const RUNGS: u32 = 3;
 /// A candidate that takes so many times the original's time at first sight is not timed again.
 const TOO_SLOW: f64 = 3.0;
 
+/// Milliseconds of a frame by the wall clock that are worth sparing: shorter ones are mostly the submission's.
+const DEAR: f64 = 50.0;
+
 /// Ways of each kind that are crossed.
 const MOST_CROSSED: usize = 4;
 
@@ -263,17 +267,22 @@ pub fn explore(
         late: false,
         progress,
     };
-    let facts = measured_facts(gpu, scene, settings, &mut watch)?;
+    // How far a variant is off is seen on few pixels; a finalist is held to all of them.
+    let draft = &small(scene);
+    let facts = measured_facts(gpu, draft, settings, &mut watch)?;
     let inputs = SceneInputs::new(gpu, scene)?;
+    let drafts = SceneInputs::new(gpu, draft)?;
     let originals = measure::originals(scene);
     let search = Search {
         gpu,
         inputs: &inputs,
+        drafts: &drafts,
         originals: &originals,
         facts: &facts,
         settings,
         subject: journal::subject(gpu.adapter(), scene, order, settings.form),
-        frames: measure::frequency::choosing(scene),
+        frames: choosing(scene),
+        draft_frames: choosing(draft),
     };
     let mut arena = Arena::new(&search)?;
     let seeds = match settings.recipes.is_empty() {
@@ -394,12 +403,16 @@ impl Watch<'_> {
 struct Search<'a> {
     gpu: &'a Gpu,
     inputs: &'a SceneInputs<'a>,
+    /// The scene with fewer pixels, for errors.
+    drafts: &'a SceneInputs<'a>,
     originals: &'a [Plan],
     facts: &'a Facts,
     settings: &'a Settings<'a>,
     subject: String,
-    /// What errors are compared on.
+    /// The first is what is timed.
     frames: Vec<&'a Frame>,
+    /// What errors are compared on.
+    draft_frames: Vec<&'a Frame>,
 }
 
 /// A candidate on its way.
@@ -427,8 +440,8 @@ struct Arena<'a> {
 
 impl<'a> Arena<'a> {
     fn new(search: &Search<'a>) -> Result<Self, Error> {
-        let mut original = search.prepare(search.originals)?;
-        let references = search.pictures(&mut original)?;
+        let mut original = search.prepare(search.inputs, search.originals)?;
+        let references = search.pictures(search.originals)?;
         let first_sight = search
             .glance(&mut original)?
             .min(search.glance(&mut original)?);
@@ -554,10 +567,10 @@ impl Contender<'_> {
 }
 
 impl<'a> Search<'a> {
-    fn prepare(&self, plans: &[Plan]) -> Result<Prepared<'a>, Error> {
+    fn prepare(&self, inputs: &'a SceneInputs<'a>, plans: &[Plan]) -> Result<Prepared<'a>, Error> {
         let host = HostVariant::new(plans, self.settings.form)?;
-        let settings = FrameSettings::of(self.inputs.scene());
-        Ok(Prepared::new(self.inputs, &host, &settings)?)
+        let settings = FrameSettings::of(inputs.scene());
+        Ok(Prepared::new(inputs, &host, &settings)?)
     }
 
     fn order(&self) -> DrawOrder {
@@ -565,13 +578,15 @@ impl<'a> Search<'a> {
         first.copied().unwrap_or(DrawOrder::AsGiven)
     }
 
-    fn pictures(&self, prepared: &mut Prepared<'a>) -> Result<Vec<Rendered>, Error> {
+    /// What errors are compared on, drawn.
+    fn pictures(&self, plans: &[Plan]) -> Result<Vec<Rendered>, Error> {
+        let mut prepared = self.prepare(self.drafts, plans)?;
         let draw = |frame: &&Frame| {
-            self.inputs.set_frame(frame)?;
+            self.drafts.set_frame(frame)?;
             prepared.aim(frame, self.order());
             Ok(prepared.render()?)
         };
-        self.frames.iter().map(draw).collect()
+        self.draft_frames.iter().map(draw).collect()
     }
 
     /// Aims at the headline view.
@@ -745,11 +760,10 @@ impl<'a> Search<'a> {
         let contender = &mut arena.contenders[i];
         let key = contender.key.clone().unwrap_or_default();
         let known = journal.get(&key).cloned().unwrap_or_default();
-        let mut prepared = self.prepare(&contender.variant.plans)?;
         let error = match known.error {
             Some(error) => error,
             None => {
-                let drawn = self.pictures(&mut prepared)?;
+                let drawn = self.pictures(&contender.variant.plans)?;
                 let mut worst = ErrorLadder::default();
                 for (a, b) in arena.references.iter().zip(&drawn) {
                     worst = worst.worst(&compare(a, b)?);
@@ -782,9 +796,10 @@ impl<'a> Search<'a> {
             return Ok(());
         }
         contender.timed(&known.ratios, &known.times, self.settings.seed);
+        let mut prepared = self.prepare(self.inputs, &contender.variant.plans)?;
         // The first frame compiles and uploads; the lesser of two says more.
         let glance = self.glance(&mut prepared)?.min(self.glance(&mut prepared)?);
-        if glance > TOO_SLOW * arena.first_sight {
+        if glance > DEAR && glance > TOO_SLOW * arena.first_sight {
             let times = glance / arena.first_sight;
             contender.out(Fate::Slow { times });
             return Ok(());

@@ -173,7 +173,7 @@ pub fn interpolations(
 /// seen at the scene's own size.
 const MOST_PIXELS: u32 = 1 << 17;
 
-fn small(scene: &Scene) -> Scene {
+pub(crate) fn small(scene: &Scene) -> Scene {
     let [width, height] = scene.size;
     let scale = (f64::from(MOST_PIXELS) / (f64::from(width) * f64::from(height))).sqrt();
     if scale >= 1.0 {
