@@ -32,7 +32,7 @@ fn museum() -> Scene {
     let mut scene = scene("museum");
     for camera in &mut scene.cameras {
         let frames = camera.frames.len();
-        camera.frames = vec![camera.frames[0].clone(), camera.frames[frames / 2].clone()];
+        camera.frames = vec![camera.frames[0], camera.frames[frames / 2]];
         camera.frames.truncate(frames);
     }
     scene.orders.truncate(1);
