@@ -2,55 +2,23 @@
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
+use preshade::emit::{self, File, Target};
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
+use rayon::prelude::*;
 
 mod accept;
 mod fixtures_support;
 
 #[test]
 fn other_compilers_take_every_variant_of_every_fixture() {
-    let mut sets = Vec::new();
-    let mut left_out = Vec::new();
-    for files in fixtures_support::materials() {
-        let paths: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
-        let original = fixtures_support::original(&paths);
-        let mut variants = vec![("original", original.clone())];
-        let composed = fixtures_support::COMPOSED;
-        for recipe in fixtures_support::RECIPES.into_iter().chain(composed) {
-            // Ties measured to be none: the main pass of `equal` loses its discard, the hardest text of the two.
-            let facts = Facts::without_ties();
-            if let Ok(plan) = Recipe::parse_list(recipe).unwrap().apply(&original, &facts) {
-                variants.push((recipe, plan));
-            }
-        }
-        for (recipe, plan) in variants {
-            let label = format!("{} {recipe}", plan.material);
-            let mut set = Vec::new();
-            // Tessellation stages are for what was hoisted, and nothing behind that.
-            let last = plan.steps.last().map(|s| s.pass.as_str());
-            let targets = match last {
-                Some("hoist") => &Target::ALL[..],
-                _ => &Target::GENERAL[..],
-            };
-            for &target in targets {
-                match emit::emit(&plan, &[target], &emit::Options::default()) {
-                    Ok(files) => {
-                        set.extend(files.into_iter().filter(|f| !f.name.ends_with(".json")))
-                    }
-                    Err(e) if !matches!(target, Target::Wgsl | Target::Spirv) => {
-                        left_out.push(format!("{label} {}: {e}", target.name()))
-                    }
-                    Err(e) => panic!("{label} {}: {e}", target.name()),
-                }
-            }
-            sets.push((label, set));
-        }
-    }
-    let judged = accept::accept(&sets);
+    let materials = fixtures_support::materials();
+    let made: Vec<(Sets, Vec<String>)> = materials.par_iter().map(|m| variants(m)).collect();
+    let (sets, left_out): (Vec<Sets>, Vec<Vec<String>>) = made.into_iter().unzip();
+    let left_out = left_out.concat();
+    let judged = accept::accept(&sets.concat());
     println!("{judged:?}");
     assert!(
         judged.wgsl > 100 && judged.spirv > 200 && judged.glsl > 100 && judged.linked > 20,
@@ -66,4 +34,45 @@ fn other_compilers_take_every_variant_of_every_fixture() {
     };
     let unknown: Vec<_> = left_out.iter().filter(|l| !known(l)).collect();
     assert!(unknown.is_empty(), "{unknown:#?}");
+}
+
+/// What was emitted, by what it is.
+type Sets = Vec<(String, Vec<File>)>;
+
+/// A material through every recipe in every target, and what a target could not say.
+fn variants(files: &[PathBuf]) -> (Sets, Vec<String>) {
+    let mut sets = Vec::new();
+    let mut left_out = Vec::new();
+    let paths: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
+    let original = fixtures_support::original(&paths);
+    let mut variants = vec![("original", original.clone())];
+    let composed = fixtures_support::COMPOSED;
+    for recipe in fixtures_support::RECIPES.into_iter().chain(composed) {
+        // Ties measured to be none: the main pass of `equal` loses its discard, the hardest text of the two.
+        let facts = Facts::without_ties();
+        if let Ok(plan) = Recipe::parse_list(recipe).unwrap().apply(&original, &facts) {
+            variants.push((recipe, plan));
+        }
+    }
+    for (recipe, plan) in variants {
+        let label = format!("{} {recipe}", plan.material);
+        let mut set = Vec::new();
+        // Tessellation stages are for what was hoisted, and nothing behind that.
+        let last = plan.steps.last().map(|s| s.pass.as_str());
+        let targets = match last {
+            Some("hoist") => &Target::ALL[..],
+            _ => &Target::GENERAL[..],
+        };
+        for &target in targets {
+            match emit::emit(&plan, &[target], &emit::Options::default()) {
+                Ok(files) => set.extend(files.into_iter().filter(|f| !f.name.ends_with(".json"))),
+                Err(e) if !matches!(target, Target::Wgsl | Target::Spirv) => {
+                    left_out.push(format!("{label} {}: {e}", target.name()))
+                }
+                Err(e) => panic!("{label} {}: {e}", target.name()),
+            }
+        }
+        sets.push((label, set));
+    }
+    (sets, left_out)
 }

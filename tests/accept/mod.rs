@@ -9,6 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use preshade::emit::File;
+use rayon::prelude::*;
 
 /// What each judge was shown, so that a test can tell that it was shown anything.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,25 +53,31 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
         of(&["spv"]),
         of(&["vert", "tesc", "tese", "frag"]),
     );
-    let mut rejections = tint(&wgsl);
-    for (label, path) in &spirv {
+    let controls = of(&["tesc"]);
+    let by_spirv_val = |(label, path): &&(&str, PathBuf)| {
         let mut command = Command::new("spirv-val");
         command.args(["--target-env", "vulkan1.1"]).arg(path);
-        rejections.extend(run(command, label, path));
-    }
-    for (label, path) in &glsl {
+        run(command, label, path)
+    };
+    let by_glslang = |(label, path): &&(&str, PathBuf)| {
         let mut command = glslang(path);
         command.arg(path);
-        rejections.extend(run(command, label, path));
-    }
-    let controls = of(&["tesc"]);
-    for (label, control) in &controls {
+        run(command, label, path)
+    };
+    let linked = |(label, control): &&(&str, PathBuf)| {
         let mut command = glslang(control);
         command.arg("-l");
         command.args(["vert", "tesc", "tese", "frag"].map(|e| control.with_extension(e)));
-        let label = format!("{label}, all stages");
-        rejections.extend(run(command, &label, control));
-    }
+        run(command, &format!("{label}, all stages"), control)
+    };
+    let others = || -> Vec<String> {
+        let spirv = spirv.par_iter().filter_map(by_spirv_val);
+        let glsl = glsl.par_iter().filter_map(by_glslang);
+        let controls = controls.par_iter().filter_map(linked);
+        spirv.chain(glsl).chain(controls).collect()
+    };
+    let (mut rejections, more) = rayon::join(|| tint(&wgsl), others);
+    rejections.extend(more);
     assert!(
         rejections.is_empty(),
         "{} of {} files were refused\n\n{}",
