@@ -194,6 +194,8 @@ pub struct Exploration {
     pub seed: u64,
     /// How it ended.
     pub ended: Ended,
+    /// Frames of each camera's path that finalists were verified on: fewer than were asked for where the time was short.
+    pub frames_verified: usize,
     /// Seconds it took.
     pub seconds: f64,
     /// The original first, then every candidate in the order they were thought of.
@@ -436,6 +438,8 @@ struct Arena<'a> {
     first_sight: f64,
     contenders: Vec<Contender<'a>>,
     drawn: usize,
+    /// Time spent on drawing and comparing pictures, and how many.
+    compared: (Duration, u32),
 }
 
 impl<'a> Arena<'a> {
@@ -451,6 +455,7 @@ impl<'a> Arena<'a> {
             first_sight,
             contenders: Vec::new(),
             drawn: 0,
+            compared: (Duration::ZERO, 0),
         })
     }
 
@@ -763,11 +768,14 @@ impl<'a> Search<'a> {
         let error = match known.error {
             Some(error) => error,
             None => {
+                let start = Instant::now();
                 let drawn = self.pictures(&contender.variant.plans)?;
                 let mut worst = ErrorLadder::default();
                 for (a, b) in arena.references.iter().zip(&drawn) {
                     worst = worst.worst(&compare(a, b)?);
                 }
+                arena.compared.0 += start.elapsed();
+                arena.compared.1 += drawn.len() as u32;
                 // JSON has no infinity: such a one is drawn again.
                 if worst.max_abs.is_finite() {
                     let entry = Entry {
@@ -888,15 +896,18 @@ impl<'a> Search<'a> {
         finalists: &[usize],
         watch: &mut Watch<'_>,
     ) -> Result<Found, Error> {
+        let each = self.compared(&arena);
         let Arena { contenders, .. } = arena;
         let variants: Vec<Variant> = finalists
             .iter()
             .map(|i| contenders[*i].variant.clone())
             .collect();
         let mut points: Vec<Point> = contenders.into_iter().map(|c| c.point).collect();
-        let (mut report, mut pictures) = (None, Vec::new());
+        let (mut report, mut pictures, mut frames_verified) = (None, Vec::new(), 0);
         if watch.over().is_none() {
-            let outcome = self.verified(&variants, watch)?;
+            let frames = self.frames_for(variants.len(), each, watch);
+            frames_verified = frames;
+            let outcome = self.verified(&variants, frames, watch)?;
             pictures = outcome.pictures;
             report = Some(outcome.report);
         }
@@ -949,6 +960,7 @@ impl<'a> Search<'a> {
                 metric: self.settings.metric,
                 seed: self.settings.seed,
                 ended: watch.end(),
+                frames_verified,
                 seconds: watch.spent().as_secs_f64(),
                 points,
                 frontier,
@@ -961,13 +973,39 @@ impl<'a> Search<'a> {
         })
     }
 
+    /// Time that drawing and comparing one picture of the scene's own size takes, by what it took at the drafts'; FLIP's time is that of pixels.
+    fn compared(&self, arena: &Arena<'_>) -> Duration {
+        let pixels = |inputs: &SceneInputs<'_>| {
+            let [w, h] = inputs.scene().size.map(f64::from);
+            w * h
+        };
+        let (time, pictures) = arena.compared;
+        let scale = pixels(self.inputs) / pixels(self.drafts).max(1.0);
+        (time / pictures.max(1)).mul_f64(scale)
+    }
+
+    /// Frames of each camera's path that there is time to verify so many variants on, where comparing a picture takes `each`.
+    fn frames_for(&self, variants: usize, each: Duration, watch: &Watch<'_>) -> usize {
+        let left = watch.time.saturating_sub(watch.spent()).as_secs_f64();
+        let cameras = &self.inputs.scene().cameras;
+        let cost = |frames: usize| {
+            let views: usize = cameras.iter().map(|c| c.frames.len().min(frames)).sum();
+            each.as_secs_f64() * (views * (variants + 1)) as f64
+        };
+        let asked = self.settings.frames_per_camera.max(1);
+        // Half of it is the clock's.
+        let fits = (1..=asked).rev().find(|frames| cost(*frames) < left / 2.0);
+        fits.unwrap_or(1)
+    }
+
     fn verified(
         &self,
         variants: &[Variant],
+        frames_per_camera: usize,
         watch: &mut Watch<'_>,
     ) -> Result<measure::Outcome, Error> {
         let scene = self.inputs.scene();
-        let frames = |frames: usize| frames.min(self.settings.frames_per_camera.max(1));
+        let frames = |frames: usize| frames.min(frames_per_camera);
         let views: usize = scene.cameras.iter().map(|c| frames(c.frames.len())).sum();
         let left = watch.time.saturating_sub(watch.spent());
         // Half of it draws and compares.
@@ -982,7 +1020,7 @@ impl<'a> Search<'a> {
                 seed: self.settings.seed,
                 ..TimingSettings::default()
             },
-            frames_per_camera: self.settings.frames_per_camera,
+            frames_per_camera,
             count: self.settings.count,
             command: self.settings.command.clone(),
         };

@@ -153,7 +153,12 @@ fn counted(found: &Exploration) -> String {
 /// How the search ended.
 pub fn ended(found: &Exploration) -> String {
     let seconds = found.seconds;
-    match &found.ended {
+    let verified = match found.frames_verified {
+        0 => "Nothing was verified.\n".to_owned(),
+        1 => "Finalists were verified on the first frame of each camera.\n".to_owned(),
+        n => format!("Finalists were verified on {n} frames of each camera's path.\n"),
+    };
+    let how = match &found.ended {
         Ended::Complete => format!("Searched in {seconds:.0} s.\n"),
         Ended::OutOfTime => format!(
             "The time was up after {seconds:.0} s: not all candidates were measured (--seconds gives more, and --out keeps what was measured).\n"
@@ -162,7 +167,8 @@ pub fn ended(found: &Exploration) -> String {
             format!("Stopped after {seconds:.0} s: this is what was measured by then.\n")
         }
         Ended::Lost { why } => format!("Ended after {seconds:.0} s: {why}.\n"),
-    }
+    };
+    how + &verified
 }
 
 /// What became of a candidate, in words.
