@@ -1,0 +1,167 @@
+//! The candidates of a search on their way: who is in the race, who is beaten, who is verified.
+
+use std::time::Duration;
+
+use preshade_passes::hoist::Metric;
+
+use super::explore::{Fate, Point, of};
+use super::pareto::{Standing, dominators};
+use super::race::{MOST_CROSSED, Search};
+use super::space::{self, Candidate};
+use crate::measure::{Error, Variant, estimate};
+use crate::render::{Prepared, Rendered};
+use crate::report::ORIGINAL;
+
+/// A candidate on its way.
+pub(super) struct Contender<'a> {
+    pub(super) candidate: Candidate,
+    pub(super) variant: Variant,
+    pub(super) key: Option<String>,
+    pub(super) point: Point,
+    pub(super) prepared: Option<Prepared<'a>>,
+    pub(super) ratios: Vec<f64>,
+    pub(super) times: Vec<f64>,
+    /// Still in the race.
+    pub(super) alive: bool,
+}
+
+/// The original and the candidates so far.
+pub(super) struct Arena<'a> {
+    pub(super) original: Prepared<'a>,
+    pub(super) references: Vec<Rendered>,
+    /// Milliseconds of one frame of the original by the wall clock, at first sight.
+    pub(super) first_sight: f64,
+    pub(super) contenders: Vec<Contender<'a>>,
+    pub(super) drawn: usize,
+    /// Time spent on drawing and comparing pictures, and how many.
+    pub(super) compared: (Duration, u32),
+}
+
+impl<'a> Arena<'a> {
+    pub(super) fn new(search: &Search<'a>) -> Result<Self, Error> {
+        let mut original = search.prepare(search.inputs, search.originals)?;
+        let references = search.pictures(search.originals)?;
+        let first_sight = search
+            .glance(&mut original)?
+            .min(search.glance(&mut original)?);
+        Ok(Self {
+            original,
+            references,
+            first_sight,
+            contenders: Vec::new(),
+            drawn: 0,
+            compared: (Duration::ZERO, 0),
+        })
+    }
+
+    /// What stands of each that is in the race, and whose it is.
+    pub(super) fn standings(&self, metric: Metric) -> Vec<(usize, Standing)> {
+        let alive = self.contenders.iter().enumerate().filter(|(_, c)| c.alive);
+        let standing = |(i, c): (usize, &Contender<'_>)| {
+            let error = of(metric, c.point.error.as_ref()?);
+            let speedup = c.point.speedup?;
+            Some((i, Standing { error, speedup }))
+        };
+        alive.filter_map(standing).collect()
+    }
+
+    /// Drops what another beats.
+    pub(super) fn drop_beaten(&mut self, metric: Metric) {
+        let standings = self.standings(metric);
+        let points: Vec<Standing> = std::iter::once(Standing::ORIGINAL)
+            .chain(standings.iter().map(|(_, s)| *s))
+            .collect();
+        let by = dominators(&points);
+        let names: Vec<String> = std::iter::once(ORIGINAL.to_owned())
+            .chain(
+                standings
+                    .iter()
+                    .map(|(i, _)| self.contenders[*i].point.name.clone()),
+            )
+            .collect();
+        for ((i, _), by) in standings.iter().zip(&by[1..]) {
+            if let Some(by) = by {
+                let by = names[*by].clone();
+                self.contenders[*i].out(Fate::Beaten { by });
+            }
+        }
+    }
+
+    /// The best ways to compute less in a fragment with the best ways to shade fewer.
+    pub(super) fn crossed(&self) -> Vec<Candidate> {
+        let mut gains: Vec<&Contender<'_>> = self
+            .contenders
+            .iter()
+            .filter(|c| c.alive && c.point.speedup.is_some_and(|s| s.low > 1.0))
+            .collect();
+        let speed = |c: &Contender<'_>| c.point.speedup.map_or(0.0, |s| s.median);
+        gains.sort_by(|a, b| speed(b).total_cmp(&speed(a)));
+        let kind = |covers: bool| {
+            let of = gains.iter().filter(move |c| c.candidate.covers == covers);
+            of.take(MOST_CROSSED).map(|c| &c.candidate)
+        };
+        kind(false)
+            .flat_map(|shading| kind(true).filter_map(|c| space::cross(shading, c)))
+            .collect()
+    }
+
+    /// Indices of those to verify: nothing beats them. Of more than `most`, those that gain most over the next smaller error are taken, and the others are even with one of them.
+    pub(super) fn finalists(&mut self, most: usize, metric: Metric) -> Vec<usize> {
+        let mut left: Vec<usize> = (0..self.contenders.len())
+            .filter(|i| self.contenders[*i].alive && self.contenders[*i].point.speedup.is_some())
+            .collect();
+        let speed = |c: &Contender<'_>| c.point.speedup.map_or(0.0, |s| s.median);
+        left.sort_by(|a, b| {
+            let (a, b) = (&self.contenders[*a], &self.contenders[*b]);
+            speed(b).total_cmp(&speed(a))
+        });
+        // The fastest first; one that has less error than all that are faster adds to the frontier, by medians.
+        let error = |i: usize| {
+            let ladder = self.contenders[i].point.error.as_ref();
+            ladder.map_or(f64::INFINITY, |e| of(metric, e))
+        };
+        let mut least = f64::INFINITY;
+        let (mut first, mut rest) = (Vec::new(), Vec::new());
+        for i in left {
+            match error(i) < least {
+                true => {
+                    least = error(i);
+                    first.push(i);
+                }
+                false => rest.push(i),
+            }
+        }
+        let mut chosen: Vec<usize> = first.into_iter().chain(rest).collect();
+        let others = chosen.split_off(most.min(chosen.len()));
+        for i in others {
+            // The nearest in time that was taken.
+            let near = chosen.iter().min_by(|a, b| {
+                let distance =
+                    |j: usize| (speed(&self.contenders[j]) - speed(&self.contenders[i])).abs();
+                distance(**a).total_cmp(&distance(**b))
+            });
+            let with = near.map_or_else(String::new, |j| self.contenders[*j].point.name.clone());
+            self.contenders[i].out(Fate::Even { with });
+        }
+        chosen
+    }
+}
+
+impl Contender<'_> {
+    /// Takes it out of the race.
+    pub(super) fn out(&mut self, fate: Fate) {
+        self.point.fate = fate;
+        self.alive = false;
+        self.prepared = None;
+    }
+
+    /// More samples of its time.
+    pub(super) fn timed(&mut self, ratios: &[f64], times: &[f64], seed: u64) {
+        self.ratios.extend_from_slice(ratios);
+        self.times.extend_from_slice(times);
+        if !self.ratios.is_empty() {
+            self.point.speedup = Some(estimate(&self.ratios, seed));
+            self.point.time_ms = Some(estimate(&self.times, seed));
+        }
+    }
+}
