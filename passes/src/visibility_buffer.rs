@@ -338,6 +338,17 @@ impl<'a> Material<'a> {
                 )
                 .at(program.sources(), span),
             )),
+            _ => Ok(()),
+        }?;
+        match reached.cube {
+            Some(span) if params.budget.is_none() => Err(Box::new(
+                refuse(
+                    "cube-sample",
+                    "a cube is sampled at an implicit level, which adapters make of gradients of their own, and not as of gradients that are given",
+                    "give budget=0.02, say, and let `verify` measure it, or sample with gradients or a level of your own",
+                )
+                .at(program.sources(), span),
+            )),
             _ => Ok(reached),
         }
     }

@@ -4,8 +4,8 @@
 //! comparison at the edge, a `floor` at an integer, a shadow test. What does not vary, the pixel's place, its side and flat values are the same in both.
 
 use naga::{
-    Binding, BuiltIn, DerivativeControl, Expression, MathFunction, SampleLevel, Span,
-    SwizzleComponent,
+    Binding, BuiltIn, DerivativeControl, Expression, ImageDimension, MathFunction, SampleLevel,
+    Span, SwizzleComponent, TypeInner,
 };
 
 use crate::graph::Graph;
@@ -25,6 +25,8 @@ pub struct Reached {
     pub chosen_neighbours: bool,
     /// The place of the first sample whose implicit level has a bias: a resolve scales gradients by 2 to the bias, and a sampler adds the bias to the level.
     pub biased: Option<Span>,
+    /// The place of the first sample of a cube at an implicit level: of which gradients, and on which face, is the driver's choice, and gradients that are given are treated otherwise.
+    pub cube: Option<Span>,
     /// A varying is interpolated linearly on the screen: between which corners, where the triangle is clipped, is the driver's choice.
     pub linear: bool,
 }
@@ -72,6 +74,28 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
         let biased = |level: &SampleLevel| matches!(level, SampleLevel::Bias(_));
         matches!(e, Expression::ImageSample { level, .. } if biased(level))
     };
+    let mut cubes = values.values.iter().filter_map(|v| {
+        let Node::Expression(context, e, _) = &v.node else {
+            return None;
+        };
+        let f = values.function(*context);
+        let Expression::ImageSample {
+            image,
+            level: SampleLevel::Auto | SampleLevel::Bias(_),
+            ..
+        } = f.function.expressions[*e]
+        else {
+            return None;
+        };
+        let is_cube = matches!(
+            f.ty(module, image),
+            TypeInner::Image {
+                dim: ImageDimension::Cube,
+                ..
+            }
+        );
+        is_cube.then(|| f.function.expressions.get_span(*e))
+    });
     let is_linear = |input: &Io| {
         let linear = Some(naga::Interpolation::Linear);
         matches!(input.binding, Some(Binding::Location { interpolation, .. }) if interpolation == linear)
@@ -81,6 +105,7 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
         biased: expressions
             .clone()
             .find_map(|(e, span)| is_biased(e).then_some(span)),
+        cube: cubes.next(),
         linear: inputs.iter().any(is_linear),
         ..Reached::default()
     };
