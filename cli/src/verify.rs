@@ -11,7 +11,7 @@ use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
-use preshade::report::{Budget, Choice, Chosen, SweepReport};
+use preshade::report::{Budget, Chosen, SweepReport};
 use preshade::scene::{self, DrawOrder, Scene, Variables};
 use preshade::sweep::{self, Sweep};
 
@@ -329,13 +329,10 @@ fn measured(
         }
     }
     outcome.report.chosen = args.budget.map(|budget| {
-        let mut chosen = Chosen::among(&outcome.report.variants, budget);
-        if let Choice::Within { variant, .. } = &chosen.choice {
-            let drawn = variants.iter().position(|v| v.name == *variant);
-            let recipe = drawn.and_then(|i| measure::promised(&recipes[i], budget, &facts));
-            chosen.recipe = recipe.as_ref().map(Recipe::as_passes);
-        }
-        chosen
+        Chosen::among(&outcome.report.variants, budget).made_by(|name| {
+            let drawn = variants.iter().position(|v| v.name == name)?;
+            measure::promised(&recipes[drawn], budget, &facts)
+        })
     });
     Ok(outcome)
 }

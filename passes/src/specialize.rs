@@ -261,7 +261,6 @@ struct Folded {
     program: Program,
     used: BTreeSet<usize>,
     roundings: u32,
-    #[allow(dead_code)] // Told by `explain` next.
     decisions: Vec<Decision>,
 }
 

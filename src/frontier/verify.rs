@@ -13,7 +13,7 @@ use super::watch::Watch;
 use crate::measure::{self, Error, ErrorLadder, Timed, TimingSettings, Variant};
 use crate::recipe::Recipe;
 use crate::render::SceneInputs;
-use crate::report::{Budget, Choice, Chosen, ORIGINAL, Report};
+use crate::report::{Budget, Chosen, ORIGINAL, Report};
 
 impl<'a> Search<'a> {
     /// Verifies the finalists on every camera's path, and tells it all.
@@ -67,14 +67,11 @@ impl<'a> Search<'a> {
             most,
         });
         let chosen = budget.zip(report.as_ref()).map(|(budget, report)| {
-            let mut chosen = Chosen::among(&report.variants, budget);
-            if let Choice::Within { variant, .. } = &chosen.choice {
-                let of = variants.iter().find(|v| v.name == *variant);
-                let recipe = of.and_then(|v| Recipe::parse_list(&v.recipe).ok());
-                let promised = recipe.and_then(|r| measure::promised(&r, budget, self.facts));
-                chosen.recipe = promised.as_ref().map(Recipe::as_passes);
-            }
-            chosen
+            Chosen::among(&report.variants, budget).made_by(|name| {
+                let variant = variants.iter().find(|v| v.name == name)?;
+                let recipe = Recipe::parse_list(&variant.recipe).ok()?;
+                measure::promised(&recipe, budget, self.facts)
+            })
         });
         Ok(Found {
             exploration: Exploration {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::pass::{Changing, Constant};
+use preshade_passes::pass::{Changing, Constant, Facts};
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::specialize::assume::uniform_scalars;
 
@@ -275,4 +275,16 @@ fn one_value(image: &Image, channel: u32) -> Option<Bounds> {
             high: value + slack,
         },
     })
+}
+
+/// Values of a material's draws as facts, and nothing else.
+pub(super) fn as_facts(plan: &Plan, values: &BTreeMap<Place, Assumed>) -> Facts {
+    let constants = values.values().map(|value| Constant {
+        material: plan.material.clone(),
+        value: value.clone(),
+    });
+    Facts {
+        constants: constants.collect(),
+        ..Facts::default()
+    }
 }

@@ -3,12 +3,11 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::guard::{Assumed, Bounds, Place};
-use preshade_passes::pass::{Constant, Facts};
 use preshade_passes::program::Location;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
 use serde::Serialize;
 
-use super::constants::Looked;
+use super::constants::{Looked, as_facts};
 use crate::scene::{Error, Scene};
 
 /// An effect of a material, over its draws.
@@ -86,14 +85,7 @@ pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, Error> {
             let of = match seen.iter().position(|(v, _)| *v == values) {
                 Some(at) => seen[at].1.clone(),
                 None => {
-                    let constants = values.values().map(|value| Constant {
-                        material: plan.material.clone(),
-                        value: value.clone(),
-                    });
-                    let facts = Facts {
-                        constants: constants.collect(),
-                        ..Facts::default()
-                    };
+                    let facts = as_facts(plan, &values);
                     let of = effects::effects(plan, &facts).unwrap_or_default();
                     seen.push((values, of.clone()));
                     of

@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::guard::{Assumed, Place};
-use preshade_passes::pass::{Constant, Facts, Pass};
+use preshade_passes::pass::Pass;
 use preshade_passes::plan::Plan;
 use preshade_passes::specialize::{Params, Specialize, Specialized};
 
-use super::constants::Looked;
+use super::constants::{Looked, as_facts};
 use crate::recipe::Recipe;
 use crate::scene::{Error, Scene};
 
@@ -127,14 +127,7 @@ struct Wanted {
 
 impl Wanted {
     fn of(plan: &Plan, values: &BTreeMap<Place, Assumed>, params: &Params) -> Self {
-        let constants = values.values().map(|value| Constant {
-            material: plan.material.clone(),
-            value: value.clone(),
-        });
-        let facts = Facts {
-            constants: constants.collect(),
-            ..Facts::default()
-        };
+        let facts = as_facts(plan, values);
         match Specialized::new(plan, &facts, params) {
             Ok(done) => {
                 let [_, [before, after]] = done.cost;

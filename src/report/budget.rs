@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::{ORIGINAL, VariantReport};
 use crate::measure::ErrorLadder;
+use crate::recipe::Recipe;
 
 /// How far a picture may be off.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -124,6 +125,15 @@ impl Chosen {
             choice: Choice::among(variants, budget),
             recipe: None,
         }
+    }
+
+    /// The same, with what `rewrite` makes the variant that is within the budget of: the recipe that `promised` has for its name.
+    #[must_use]
+    pub fn made_by(mut self, promised: impl FnOnce(&str) -> Option<Recipe>) -> Self {
+        if let Choice::Within { variant, .. } = &self.choice {
+            self.recipe = promised(variant).as_ref().map(Recipe::as_passes);
+        }
+        self
     }
 
     /// As a sentence.
