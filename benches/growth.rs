@@ -62,6 +62,9 @@ fn main() -> Result<()> {
         };
         return only(step, shape, expressions.parse()?);
     }
+    if arguments.iter().any(|a| a == "--whole") {
+        return whole();
+    }
     let most: usize = after("--most").first().map_or(Ok(100_000), |n| n.parse())?;
     let steps: Vec<&str> = ["naga", "read", "graph"]
         .into_iter()
