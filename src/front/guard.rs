@@ -22,9 +22,7 @@ thread_local! {
 pub(crate) fn run<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     install_hook();
     let outer = CAUGHT.replace(Some(String::new()));
-    let result = stacker::grow(STACK, || {
-        panic::catch_unwind(panic::AssertUnwindSafe(work))
-    });
+    let result = stacker::grow(STACK, || panic::catch_unwind(panic::AssertUnwindSafe(work)));
     let message = CAUGHT.replace(outer).unwrap_or_default();
     result.map_err(|_| Panicked(message))
 }
