@@ -113,8 +113,6 @@ pub struct Specialized {
     of: String,
     /// Float operations that were folded.
     roundings: u32,
-    /// Those that a compiler may round otherwise.
-    exposed: Exposed,
 }
 
 impl Specialized {
@@ -152,7 +150,6 @@ impl Specialized {
             ]
         };
         let (before, after) = (costs(program), costs(&shrunk.program));
-        let exposed = contraction::exposed(program, &shrunk.program, pass);
         Ok(Self {
             guard: assumptions.guard(&folded.used),
             cost: [[before[0], after[0]], [before[1], after[1]]],
@@ -165,7 +162,6 @@ impl Specialized {
             program: shrunk.program,
             of: pass.program.clone(),
             roundings: folded.roundings,
-            exposed,
         })
     }
 
@@ -204,11 +200,17 @@ impl Specialized {
             }
         }
         let given = vec![Assumption::SameContraction, Assumption::ValuesOfTheGuard];
-        let contract = match self.roundings + self.exposed.roundings {
+        let before = plan
+            .main()
+            .and_then(|pass| Some((pass, plan.program(pass)?)));
+        let exposed = before.map_or_else(Exposed::default, |(pass, program)| {
+            contraction::exposed(program, &self.program, pass)
+        });
+        let contract = match self.roundings + exposed.roundings {
             0 => Contract::Exact { given },
             k => Contract::Rounding {
                 k,
-                turned: self.exposed.decides.map(|surface| Turned::on(k, surface)),
+                turned: exposed.decides.map(|surface| Turned::on(k, surface)),
                 given,
             },
         };
