@@ -14,8 +14,11 @@
 //! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write (`shrink`), which takes dead work,
 //! varyings, attributes and bindings along.
 //!
-//! The promise is `Exact`: only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
+//! Only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
 //! `fold=rounding`, sums with 0 and products with 0 and 1 go too.
+//!
+//! The promise is `Exact` where nothing around a float operation changes that a compiler fuses and reorders by, else `Rounding`, with the share of pixels in which a decision may turn on one
+//! ([`contraction`]): where a branch goes, a product may be fused into a sum that was none before, and no text prevents it.
 //!
 //! What was assumed is the plan's [`crate::guard::Guard`]. It hurts where values change after all: each change of variant is another pipeline.
 
@@ -23,7 +26,7 @@ use std::collections::BTreeSet;
 
 use naga::{Binding, Interpolation, ShaderStage};
 
-use crate::contract::{Assumption, Contract};
+use crate::contract::{Assumption, Contract, Turned};
 use crate::graph::Graph;
 use crate::guard::Guard;
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
@@ -33,6 +36,7 @@ use crate::reflect;
 
 pub mod arithmetic;
 pub mod assume;
+pub mod contraction;
 pub mod decision;
 pub mod effects;
 mod expressions;
@@ -44,6 +48,7 @@ mod shrink;
 pub use params::{Fold, Params};
 
 use assume::Assumptions;
+use contraction::Exposed;
 use decision::Decision;
 use fold::Folder;
 use known::{Known, Scalar};
@@ -106,6 +111,7 @@ pub struct Specialized {
     key: SiteKey,
     /// Key of the program it takes the place of.
     of: String,
+    /// Float operations that were folded.
     roundings: u32,
 }
 
@@ -194,9 +200,19 @@ impl Specialized {
             }
         }
         let given = vec![Assumption::SameContraction, Assumption::ValuesOfTheGuard];
-        let contract = match self.roundings {
+        let before = plan
+            .main()
+            .and_then(|pass| Some((pass, plan.program(pass)?)));
+        let exposed = before.map_or_else(Exposed::default, |(pass, program)| {
+            contraction::exposed(program, &self.program, pass)
+        });
+        let contract = match self.roundings + exposed.roundings {
             0 => Contract::Exact { given },
-            k => Contract::Rounding { k, given },
+            k => Contract::Rounding {
+                k,
+                turned: exposed.decides.map(|surface| Turned::on(k, surface)),
+                given,
+            },
         };
         next.notes.push(self.describe());
         next.steps.push(Step {

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use common::random;
 use common::stages::{VERTEX, attributes};
 use naga::{Binding, Module, ShaderStage, TypeInner};
+use preshade_passes::contract::{Contract, Surface};
 use preshade_passes::evaluate::{self, Environment, Scalar, Stuck, Value};
 use preshade_passes::pass::{Facts, Pass};
 use preshade_passes::plan::Plan;
@@ -80,8 +81,75 @@ fn everything_off() {
     let names: Vec<&str> = main.bindings.iter().map(|b| b.name.as_str()).collect();
     assert_eq!(names, ["material"]);
     assert!(main.attributes.iter().all(|a| a.name != "uv"));
-    assert_eq!(plan.contract.kind(), "exact");
+    assert_eq!(plan.contract.kind(), "rounding");
     assert_eq!(plan.fallback.as_deref(), Some("original"));
+}
+
+/// What is promised of a fragment stage with this body, and of a vertex stage whose position is this, when the uniform `flag` is known to be 0.
+fn promised(position: &str, body: &str) -> Contract {
+    let source = format!(
+        "struct U {{ flag: u32, a: vec4<f32>, b: vec4<f32>, c: vec4<f32> }}
+@group(0) @binding(0) var<uniform> u: U;
+struct V {{ @builtin(position) position: vec4<f32>, @location(0) t: vec4<f32> }}
+@vertex fn vs(@location(0) p: vec4<f32>) -> V {{
+    var at = p * u.b;
+    {position}
+    return V(at, p);
+}}
+@fragment fn fs(@location(0) t: vec4<f32>) -> @location(0) vec4<f32> {{ {body} }}"
+    );
+    specialized(&original(&source), &set("flag=0"))
+        .unwrap()
+        .contract
+}
+
+/// A compiler fuses and reorders by what it sees around an operation. Where that stays as it was the bits do; where it changes no text can promise them.
+#[test]
+fn exact_is_promised_where_nothing_around_a_float_operation_changes() {
+    let exact = |body: &str| assert_eq!(promised("", body).kind(), "exact", "{body}");
+    // What is read by no other operation is rounded by itself.
+    exact("var x = t * u.a; if u.flag > 0u { x = x + u.b; } return x;");
+    exact("if u.flag > 0u { return t * u.c + u.b; } return t * u.a + u.b;");
+    // Neither of the two values that meet is an operation, nor is a constant.
+    exact("var x = t; if u.flag > 0u { x = u.b; } return x * u.c;");
+    exact("return select(t * u.a + u.b, u.c, u.flag > 0u);");
+    let rounds = |body: &str, most: u32| match promised("", body) {
+        Contract::Rounding { k, turned, .. } => {
+            assert!((1..=most).contains(&k), "{k}: {body}");
+            turned
+        }
+        other => panic!("{other:?}: {body}"),
+    };
+    let nothing_turns = |body: &str| assert_eq!(rounds(body, 2), None, "{body}");
+    // One of two values, and then a product alone: it may be fused.
+    nothing_turns("var x = t * u.a; if u.flag > 0u { x = u.c; } return x + u.b;");
+    // Two blocks, and then one.
+    nothing_turns("let x = t * u.a; if u.flag > 0u { discard; } return x + u.b;");
+    // A reader less.
+    nothing_turns("let x = t * u.a; let y = x + u.b; if u.flag > 0u { return x - y; } return y;");
+    // A constant that may be multiplied out.
+    nothing_turns("var x = vec4(3.0); if u.flag > 0u { x = u.c; } return t / x;");
+    // The same sum decides.
+    let decided =
+        "var x = t * u.a; if u.flag > 0u { x = u.c; } if (x + u.b).x < 0.5 { discard; } return t;";
+    let turned = rounds(decided, 2).unwrap();
+    assert_eq!(turned.surface, Surface::Kept);
+    assert!(turned.share > 0.0 && turned.share < 1e-4, "{turned:?}");
+}
+
+#[test]
+fn a_position_that_may_round_otherwise_is_told() {
+    let moved = "if u.flag > 0u { at = u.a; } at = at + u.c;";
+    let Contract::Rounding {
+        turned: Some(turned),
+        ..
+    } = promised(moved, "return t;")
+    else {
+        panic!("a position is promised its bits");
+    };
+    assert_eq!(turned.surface, Surface::Rounded);
+    let still = "if u.flag > 0u { at = u.a; }";
+    assert_eq!(promised(still, "return t;").kind(), "exact");
 }
 
 #[test]
