@@ -45,6 +45,8 @@ pub enum Assumption {
     NumbersOfTheScene,
     /// Positions computed by two pipelines from one source differ by less than the pass's bias or tolerance.
     PositionWithinBias,
+    /// What is multiplied by 0 and left out is finite: infinity and NaN times 0 are NaN in the original.
+    FiniteNumbers,
     /// What a compiler fuses and reorders rests on no more of an operation than the float operations it takes operands from, whether they stand in one basic block, and how many read them.
     SameContraction,
     /// The values that a draw is made with lie where the plan's guard says ([`crate::guard`]).

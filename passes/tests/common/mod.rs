@@ -2,6 +2,7 @@
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
 pub mod random;
+pub mod specialized;
 pub mod stages;
 
 use std::sync::Arc;
