@@ -495,3 +495,20 @@ struct B { f: f32, c: vec4<f32> }
     let both = specialized(&plan, &set("a.k=1+b.f=1")).unwrap();
     assert_eq!(assumed(&both), ["b.f", "a.k"]);
 }
+
+/// Each loop is tried once, however many stand around it: with a try for each way to give up those outside this would not end.
+#[test]
+fn loops_in_loops_are_walked_once() {
+    for head in ["i32(p.x)", "i32(u.k) + 30", "i32(u.other)"] {
+        let depth = 24;
+        let heads: String = (0..depth)
+            .map(|i| format!("for (var i{i} = 0; i{i} < {head}; i{i}++) {{\n"))
+            .collect();
+        let body = format!(
+            "var c = p; {heads} if u.k == 3u {{ c += sin(c); }} c *= u.v; {} return c;",
+            "}".repeat(depth)
+        );
+        let next = specialized(&original(&material("", &body)), &set("k=3+other=2")).unwrap();
+        assert!(!text(&next).contains("== 3u"), "{}", text(&next));
+    }
+}

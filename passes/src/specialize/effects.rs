@@ -172,7 +172,8 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
         block_words(module, f.function, block, &mut inside);
     }
     let is_light = |words: &[String]| words.iter().any(|w| plain(w).contains("light"));
-    if matches!(decision.kind, Kind::Loop { .. }) && (is_light(&condition) || is_light(&assumed)) {
+    let is_loop = matches!(decision.kind, Kind::Loop { .. });
+    if is_loop && (is_light(&condition) || is_light(&assumed)) {
         return "light loop".to_owned();
     }
     let function: Vec<String> = f.function.name.iter().cloned().collect();
@@ -189,6 +190,8 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
         .or_else(|| known(&function))
         // What leaves a function early decides on all of it.
         .or_else(|| function.first().filter(|_| decision.leaves).cloned())
+        // A counter says less than the count.
+        .or_else(|| assumed.first().filter(|_| is_loop).cloned())
         .or_else(|| condition.last().cloned())
         .or_else(|| assumed.first().cloned())
         .unwrap_or_else(|| "unnamed".to_owned())

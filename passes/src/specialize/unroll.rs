@@ -204,8 +204,9 @@ struct Snapshot {
     running: Sources,
     /// Of a loop that is made aside: what was made so far.
     made: Option<(Function, Record, bool)>,
-    /// How much that was.
+    /// Expressions in the function, and those of them that were made in vain.
     length: usize,
+    wasted: usize,
 }
 
 impl Snapshot {
@@ -233,8 +234,8 @@ impl Snapshot {
             changed,
             record,
             tried,
-            // They only ever grow.
-            wasted: _,
+            wasted,
+            // What was given up stays so.
             hopeless: _,
         } = frame;
         let mut values = Vec::new();
@@ -243,9 +244,10 @@ impl Snapshot {
                 values.push((e, map[e.index()], known[e.index()].clone()));
             });
         }
-        let length = function.expressions.len();
+        let (length, in_vain) = (function.expressions.len(), *wasted);
         let made = (made == Made::Aside).then(|| {
             *tried += 1;
+            *wasted = 0;
             (std::mem::take(function), std::mem::take(record), *changed)
         });
         Self {
@@ -255,6 +257,7 @@ impl Snapshot {
             running: Sources::clone(running),
             made,
             length,
+            wasted: in_vain,
         }
     }
 
@@ -270,10 +273,13 @@ impl Snapshot {
             Some((function, record, changed)) => {
                 (frame.function, frame.record, frame.changed) = (function, record, changed);
                 frame.tried -= 1;
-                frame.wasted = 0;
+                frame.wasted = self.wasted;
             }
             // Within a loop that is made aside itself: nobody reads it any more.
-            None => frame.wasted += frame.function.expressions.len() - self.length,
+            None => {
+                let more = frame.function.expressions.len() - self.length;
+                frame.wasted = self.wasted + more;
+            }
         }
     }
 }
