@@ -192,6 +192,11 @@ impl Specialized {
         })
     }
 
+    /// What is left of the material.
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
     /// A hash of what is left: the same for two draws whose values lead to the same stages.
     pub fn hash(&self) -> &str {
         &self.key.slice
