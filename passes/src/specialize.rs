@@ -332,7 +332,7 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
     if let Some((vertex, point)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) {
         let known = |io: &reflect::Io| match io.binding {
             Some(Binding::Location { location, .. }) => {
-                assumptions.attribute(location, components(module, io.ty))
+                assumptions.attribute(location, &module.types[io.ty].inner)
             }
             _ => Known::Unknown,
         };
@@ -411,13 +411,6 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
         roundings,
         stages: notes,
         records,
-    }
-}
-
-fn components(module: &naga::Module, ty: naga::Handle<naga::Type>) -> Option<u32> {
-    match module.types[ty].inner {
-        naga::TypeInner::Vector { size, .. } => Some(size as u32),
-        _ => None,
     }
 }
 

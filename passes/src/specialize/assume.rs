@@ -186,7 +186,8 @@ pub struct Assumptions {
     pub values: Vec<Assumed>,
     globals: BTreeMap<Handle<GlobalVariable>, Known>,
     textures: BTreeMap<Handle<GlobalVariable>, Known>,
-    attributes: BTreeMap<u32, BTreeMap<u32, Known>>,
+    /// By location, type and component.
+    attributes: BTreeMap<(u32, ScalarType, u32), Known>,
     overrides: BTreeMap<Handle<Override>, Known>,
 }
 
@@ -224,14 +225,14 @@ impl Assumptions {
             .enumerate()
             .map(|(i, assumed)| ((assumed.place.clone(), assumed.ty), known(i, assumed)))
             .collect();
-        for ((place, _), known) in &leaves {
+        for ((place, ty), known) in &leaves {
             if let Place::Attribute {
                 location,
                 component,
             } = place
             {
-                let components = this.attributes.entry(*location).or_default();
-                components.insert(*component, known.clone());
+                let at = (*location, *ty, *component);
+                this.attributes.insert(at, known.clone());
             }
         }
         for (handle, global) in module.global_variables.iter() {
@@ -296,15 +297,21 @@ impl Assumptions {
         self.overrides.get(&handle).cloned().unwrap_or_default()
     }
 
-    /// What is known of a vertex attribute of so many components; of one alone where it is a scalar.
-    pub fn attribute(&self, location: u32, components: Option<u32>) -> Known {
-        let Some(of) = self.attributes.get(&location) else {
+    /// What is known of a vertex attribute of a type, which is a scalar or a vector.
+    pub fn attribute(&self, location: u32, inner: &TypeInner) -> Known {
+        let Some(ty) = inner.scalar().and_then(scalar_type) else {
             return Known::Unknown;
         };
-        let component = |i: u32| of.get(&i).cloned().unwrap_or_default();
-        match components {
-            None => component(0),
-            Some(count) => Known::Parts((0..count).map(component).collect()),
+        let component = |i: u32| {
+            let known = self.attributes.get(&(location, ty, i));
+            known.cloned().unwrap_or_default()
+        };
+        match inner {
+            TypeInner::Scalar(_) => component(0),
+            TypeInner::Vector { size, .. } => {
+                Known::Parts((0..*size as u32).map(component).collect()).settled()
+            }
+            _ => Known::Unknown,
         }
     }
 

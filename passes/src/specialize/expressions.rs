@@ -378,9 +378,15 @@ impl<'p> Folder<'p> {
 
     /// What is known of any texel of a texture, which `e` reads.
     fn texel(&self, frame: &Frame<'p>, e: Handle<Expression>, image: Handle<Expression>) -> Known {
-        let is_vector = matches!(frame.f.ty(self.module, e), TypeInner::Vector { .. });
+        let is_floats = matches!(
+            frame.f.ty(self.module, e),
+            TypeInner::Vector {
+                scalar: naga::Scalar::F32,
+                ..
+            }
+        );
         match frame.original.expressions[image] {
-            Expression::GlobalVariable(g) if is_vector => self.assumptions.texel(g),
+            Expression::GlobalVariable(g) if is_floats => self.assumptions.texel(g),
             _ => Known::Unknown,
         }
     }

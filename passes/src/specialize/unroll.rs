@@ -82,6 +82,8 @@ impl<'p> Folder<'p> {
             return None;
         }
         if frame.tried == 0 {
+            let inside = this.id..frame.f.statements.get(this.id).end;
+            let given_up: Vec<StmtId> = frame.hopeless.range(inside.clone()).copied().collect();
             let before = Snapshot::take(frame, this, Made::Aside);
             let fits = self.turns(frame, this).is_some();
             before.restore(frame);
@@ -89,6 +91,10 @@ impl<'p> Folder<'p> {
                 frame.hopeless.insert(this.id);
                 return None;
             }
+            // What was tried comes out the same once more.
+            frame
+                .hopeless
+                .retain(|id| !inside.contains(id) || given_up.contains(id));
         }
         let before = Snapshot::take(frame, this, Made::Kept);
         let turns = self.turns(frame, this);
