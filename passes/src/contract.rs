@@ -49,6 +49,8 @@ pub enum Assumption {
     FiniteNumbers,
     /// What a compiler fuses and reorders rests on no more of an operation than the float operations it takes operands from, whether they stand in one basic block, and how many read them.
     SameContraction,
+    /// What is multiplied with a weight of 0 is neither NaN nor infinite: textures of floating point may hold such texels.
+    FiniteTaps,
     /// The values that a draw is made with lie where the plan's guard says ([`crate::guard`]).
     ValuesOfTheGuard,
 }

@@ -115,10 +115,8 @@ pub struct Specialized {
     key: SiteKey,
     /// Key of the program it takes the place of.
     of: String,
-    /// Whether float operations were left out.
-    folded_floats: bool,
-    /// What may be rounded otherwise.
-    exposed: Exposed,
+    /// Float operations of the original that were left out.
+    roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
 }
 
 impl Specialized {
@@ -172,7 +170,6 @@ impl Specialized {
             ]
         };
         let (before, after) = (costs(program), costs(&shrunk.program));
-        let exposed = contraction::exposed(program, &shrunk.program, pass, &folded.roundings);
         // Whatever the text has another value of is assumed.
         let mut used = folded.used;
         used.extend(assumptions.set_overrides().map(|(_, _, at)| at));
@@ -187,8 +184,7 @@ impl Specialized {
             },
             program: shrunk.program,
             of: pass.program.clone(),
-            folded_floats: !folded.roundings.is_empty(),
-            exposed,
+            roundings: folded.roundings,
         })
     }
 
@@ -231,14 +227,20 @@ impl Specialized {
                 reflect::fill(pass, &self.program);
             }
         }
-        let finite = self.folded_floats.then_some(Assumption::FiniteNumbers);
+        let finite = (!self.roundings.is_empty()).then_some(Assumption::FiniteNumbers);
         let others = [Assumption::SameContraction, Assumption::ValuesOfTheGuard];
         let given = finite.into_iter().chain(others).collect();
-        let contract = match self.exposed.roundings {
+        let before = plan
+            .main()
+            .and_then(|pass| Some((pass, plan.program(pass)?)));
+        let exposed = before.map_or_else(Exposed::default, |(pass, program)| {
+            contraction::exposed(program, &self.program, pass, &self.roundings)
+        });
+        let contract = match exposed.roundings {
             0 => Contract::Exact { given },
             k => Contract::Rounding {
                 k,
-                turned: self.exposed.decides.map(|surface| Turned::on(k, surface)),
+                turned: exposed.decides.map(|surface| Turned::on(k, surface)),
                 given,
             },
         };

@@ -8,7 +8,7 @@ use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 
 /// The recipes whose output is kept as snapshots and shown to other compilers.
-pub const RECIPES: [&str; 12] = [
+pub const RECIPES: [&str; 13] = [
     "depth-prepass",
     "depth-prepass:form=equal",
     "depth-prepass:form=equal,vertex=sliced",
@@ -21,6 +21,7 @@ pub const RECIPES: [&str; 12] = [
     "early-discard:quad=lane,mode=invert",
     "hoist",
     "hoist:budget=0.02,finite=assumed",
+    "skip-taps:budget=1",
 ];
 
 /// Recipes of several steps, separated by commas, shown to other compilers only: most of their text is the same for every material.
