@@ -45,8 +45,6 @@ pub enum Assumption {
     NumbersOfTheScene,
     /// Positions computed by two pipelines from one source differ by less than the pass's bias or tolerance.
     PositionWithinBias,
-    /// What is multiplied by 0 and left out is finite: infinity and NaN times 0 are NaN in the original.
-    FiniteNumbers,
     /// What a compiler fuses and reorders rests on no more of an operation than the float operations it takes operands from, whether they stand in one basic block, and how many read them.
     SameContraction,
     /// What is multiplied with a weight of 0 is neither NaN nor infinite: textures of floating point may hold such texels.

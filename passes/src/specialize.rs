@@ -227,9 +227,10 @@ impl Specialized {
                 reflect::fill(pass, &self.program);
             }
         }
-        let finite = (!self.roundings.is_empty()).then_some(Assumption::FiniteNumbers);
-        let others = [Assumption::SameContraction, Assumption::ValuesOfTheGuard];
-        let given = finite.into_iter().chain(others).collect();
+        let mut given = vec![Assumption::SameContraction, Assumption::ValuesOfTheGuard];
+        if !self.roundings.is_empty() {
+            given.insert(1, Assumption::FiniteTaps);
+        }
         let before = plan
             .main()
             .and_then(|pass| Some((pass, plan.program(pass)?)));
