@@ -301,11 +301,12 @@ fn is_finite(value: &Value) -> bool {
 /// Equal numbers: 0 is -0.
 fn is_equal(a: &BTreeMap<String, Value>, b: &BTreeMap<String, Value>) -> bool {
     fn positive(value: &Value) -> Value {
-        let positive = |scalar: Scalar| match scalar {
-            Scalar::F32(f) if f == 0.0 => Ok(Scalar::F32(0.0)),
+        // -0 + 0 is 0.
+        let mut positive = |scalar: Scalar| match scalar {
+            Scalar::F32(f) => Ok(Scalar::F32(f + 0.0)),
             scalar => Ok(scalar),
         };
-        value.map(&mut { positive }).unwrap()
+        value.map(&mut positive).unwrap()
     }
     let each = |of: &BTreeMap<String, Value>| of.values().map(positive).collect::<Vec<_>>();
     each(a) == each(b)
