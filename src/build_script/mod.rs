@@ -418,3 +418,59 @@ fn read(path: &Path) -> Result<String, Error> {
 fn slashes(path: &Path) -> String {
     path.display().to_string().replace('\\', "/")
 }
+
+#[cfg(all(test, feature = "verify"))]
+mod tests {
+    use preshade_passes::guard;
+
+    use super::host::{Assumed, Place, ScalarType};
+
+    /// What a generated module says of bytes is what the plan's guard says.
+    #[test]
+    fn a_host_checks_what_the_guard_does() {
+        let types = [
+            (guard::ScalarType::F32, ScalarType::F32),
+            (guard::ScalarType::I32, ScalarType::I32),
+            (guard::ScalarType::U32, ScalarType::U32),
+        ];
+        let (group, binding, offset) = (1, 2, 4);
+        let words = [0.0_f32, -0.0, 0.5, 1.0, 1.5, f32::NAN, f32::INFINITY]
+            .map(f32::to_bits)
+            .into_iter()
+            .chain([1, 2, u32::MAX]);
+        for (word, (ty, hosts)) in words.flat_map(|w| types.map(|t| (w, t))) {
+            let place = guard::Place::Uniform {
+                group,
+                binding,
+                offset,
+            };
+            let of = guard::Guard {
+                values: vec![guard::Assumed {
+                    name: "u.n".to_owned(),
+                    place,
+                    ty,
+                    bounds: guard::Bounds {
+                        low: 0.0,
+                        high: 1.0,
+                    },
+                }],
+            };
+            let host = Assumed {
+                name: "u.n",
+                place: Place::Uniform {
+                    group,
+                    binding,
+                    offset,
+                },
+                ty: hosts,
+                low: 0.0,
+                high: 1.0,
+            };
+            let bytes = [[0; 4], word.to_le_bytes()].concat();
+            for given in [&bytes[..], &bytes[..7]] {
+                let at = |g, b| ((g, b) == (group, binding)).then_some(given);
+                assert_eq!(host.holds(at), of.holds(at), "{word:x} as {ty:?}");
+            }
+        }
+    }
+}

@@ -50,7 +50,8 @@ impl<'a> Search<'a> {
                 Some(first) => with_more(first, outcome.report),
             };
             judge(&mut points, &told, metric);
-            let reopened = reopen(&mut points, &told, metric, budget);
+            let verified: Vec<&str> = told.variants.iter().map(|v| v.name.as_str()).collect();
+            let reopened = reopen(&mut points, &verified, metric, budget);
             report = Some(told);
             if !self.has_time(each, watch) {
                 break;
@@ -199,7 +200,7 @@ fn original() -> Point {
 /// beats are given back, with what their drafts say. With a budget that nothing verified is within, what was drawn within it is open too.
 fn reopen(
     points: &mut [Point],
-    report: &Report,
+    verified: &[&str],
     metric: Metric,
     budget: Option<f64>,
 ) -> Vec<(usize, Standing)> {
@@ -208,7 +209,7 @@ fn reopen(
         let speedup = p.speedup?;
         Some(Standing { error, speedup })
     };
-    let is_verified = |p: &Point| report.variants.iter().any(|v| v.name == p.name);
+    let is_verified = |p: &Point| verified.contains(&p.name.as_str());
     let stand: Vec<(String, Standing)> = points
         .iter()
         .filter(|p| is_verified(p) && matches!(p.fate, Fate::Frontier | Fate::Beaten { .. }))
@@ -294,5 +295,81 @@ fn judge(points: &mut [Point], report: &Report, metric: Metric) {
             let by = points[judged[by].0].name.clone();
             points[*i].fate = Fate::Beaten { by };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::Estimate;
+
+    fn point(name: &str, error: f64, median: f64, fate: Fate) -> Point {
+        let (low, high) = (median - 0.04, median + 0.04);
+        Point {
+            name: name.to_owned(),
+            error: Some(ErrorLadder {
+                flip_mean: error,
+                ..ErrorLadder::default()
+            }),
+            speedup: Some(Estimate { median, low, high }),
+            fate,
+            ..original()
+        }
+    }
+
+    fn beaten(by: &str) -> Fate {
+        Fate::Beaten { by: by.to_owned() }
+    }
+
+    fn open(points: &mut [Point], verified: &[&str], budget: Option<f64>) -> Vec<String> {
+        let open = reopen(points, verified, Metric::FlipMean, budget);
+        open.into_iter()
+            .map(|(i, _)| points[i].name.clone())
+            .collect()
+    }
+
+    #[test]
+    fn what_a_broken_finalist_beat_is_judged_again() {
+        let broken = Fate::Broken {
+            why: "a pixel".to_owned(),
+        };
+        let verified = [ORIGINAL, "a", "b"];
+        let mut points = [
+            original(),
+            point("a", 0.01, 1.9, broken),
+            point("b", 0.02, 1.5, Fate::Frontier),
+            // All left for `a`: the first is nobody's now, the second the first's, the third `b`'s.
+            point("c", 0.01, 1.7, beaten("a")),
+            point("d", 0.015, 1.6, beaten("a")),
+            point("e", 0.03, 1.2, beaten("a")),
+        ];
+        assert_eq!(open(&mut points, &verified, None), ["c"]);
+        assert!(matches!(points[3].fate, Fate::Unverified { .. }));
+        assert_eq!(points[4].fate, beaten("c"));
+        assert_eq!(points[5].fate, beaten("b"));
+        // Verified in its turn, it stands for what it beats, and nothing is open.
+        points[3].fate = Fate::Frontier;
+        assert_eq!(
+            open(&mut points, &[&verified[..], &["c"]].concat(), None),
+            [""; 0]
+        );
+        assert_eq!(points[4].fate, beaten("c"));
+    }
+
+    #[test]
+    fn a_budget_that_nothing_verified_is_within_opens_what_was_drawn_within_it() {
+        let left = Fate::Unverified {
+            why: "two others were taken in its place".to_owned(),
+        };
+        let mut points = [
+            original(),
+            // Within it as drawn, and not on every frame.
+            point("a", 0.012, 1.9, Fate::Frontier),
+            point("b", 0.007, 1.5, left.clone()),
+            point("c", 0.02, 2.5, left),
+        ];
+        assert_eq!(open(&mut points, &[ORIGINAL, "a"], Some(0.01)), ["b"]);
+        assert_eq!(open(&mut points, &[ORIGINAL, "a"], Some(0.015)), [""; 0]);
+        assert_eq!(open(&mut points, &[ORIGINAL, "a"], None), [""; 0]);
     }
 }
