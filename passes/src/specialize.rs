@@ -29,7 +29,7 @@ use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 use crate::contract::{Assumption, Contract, Turned};
 use crate::graph::{FunctionId, Graph};
 use crate::guard::Guard;
-use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::pass::{Facts, Misnamed, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::program::Program;
 use crate::reflect;
@@ -69,6 +69,11 @@ impl Pass for Specialize {
         source: "Crawford and O'Boyle, Specialization Opportunities in Graphical Workloads (2019)",
         hurts: "where values change from frame to frame, and where many draws want many variants",
     };
+
+    fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
+        let (_, program) = examine(plan).ok()?;
+        assume::misnamed(program.module(), params.set.as_deref()?)
+    }
 
     fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
         match Specialized::new(plan, facts, params) {

@@ -9,7 +9,7 @@ use naga::{
 
 use super::known::{Known, Scalar, Sources};
 use crate::guard::{Assumed, Bounds, Guard, Place, ScalarType};
-use crate::pass::Facts;
+use crate::pass::{Facts, Misnamed};
 
 /// Longest array whose elements are looked at one by one.
 const MOST_ELEMENTS: u32 = 64;
@@ -356,13 +356,46 @@ fn known(index: usize, assumed: &Assumed) -> Known {
     }
 }
 
+/// The settings in `name=value+name=value`. A plus belongs to a number where no `name=` follows: `1e+3`.
+fn separate(settings: &str) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for part in settings.split('+') {
+        match all.last_mut() {
+            Some(last) if !part.contains('=') => *last = format!("{last}+{part}"),
+            _ => all.push(part.to_owned()),
+        }
+    }
+    all.retain(|setting| !setting.trim().is_empty());
+    all
+}
+
+/// What is wrong with the names and numbers of `settings` in a module, if something is.
+pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
+    let unfit = set(module, settings).err()?;
+    let message = unfit.to_string();
+    let (name, known) = match unfit {
+        Unfit::Unknown(name) => {
+            let scalars = uniform_scalars(module).into_iter().map(|s| s.name);
+            let overrides = module.overrides.iter().filter_map(|(_, o)| o.name.clone());
+            (name, scalars.chain(overrides).collect())
+        }
+        Unfit::Syntax(text) => (text, Vec::new()),
+        Unfit::Ambiguous(name, _) | Unfit::Value(name, _) => (name, Vec::new()),
+    };
+    Some(Misnamed {
+        message,
+        name,
+        known,
+    })
+}
+
 /// The assumptions that `name=value+name=value` spells. A name is a whole path, or the end of one that is the only such.
 fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
     let scalars = uniform_scalars(module);
     let mut out = Vec::new();
-    for setting in settings.split('+').filter(|s| !s.trim().is_empty()) {
+    for setting in separate(settings) {
         let Some((name, value)) = setting.split_once('=') else {
-            return Err(Unfit::Syntax(setting.to_owned()));
+            return Err(Unfit::Syntax(setting));
         };
         let (name, text) = (name.trim(), value.trim());
         let value = match text {
@@ -370,7 +403,7 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
             "false" => 0.0,
             text => match text.parse::<f64>() {
                 Ok(value) => value,
-                Err(_) => return Err(Unfit::Syntax(setting.to_owned())),
+                Err(_) => return Err(Unfit::Syntax(setting)),
             },
         };
         let ends_so = |path: &str| {
@@ -427,4 +460,23 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
         });
     }
     Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::separate;
+
+    #[test]
+    fn a_plus_of_a_number_separates_nothing() {
+        let cases: [(&str, &[&str]); 5] = [
+            ("a=1e+3", &["a=1e+3"]),
+            ("a=1e+3+b.c=+2+d=0", &["a=1e+3", "b.c=+2", "d=0"]),
+            ("a=1 + b=2", &["a=1 ", " b=2"]),
+            ("a+b=1", &["a", "b=1"]),
+            ("", &[]),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(separate(text), expected, "{text}");
+        }
+    }
 }
