@@ -507,7 +507,7 @@ impl Authored {
             for (i, member) in members.iter_mut().enumerate() {
                 let mark = marks.of_member(handle, i);
                 let author = identifier(member.name.as_deref().unwrap_or("member"));
-                let mut name = match words::is_reserved(&author) {
+                let mut name = match words::is_keyword(&author) {
                     true => format!("own_{author}"),
                     false => author,
                 };

@@ -286,14 +286,21 @@ fn collisions(
     }
     let mut out: HashMap<String, String> = HashMap::new();
     let taken = |name: &str| authored.taken.is_taken(stage, name);
+    // A second `gl` is `gl_1` to naga, and that is GLSL's own to give.
+    let is_number = |w: &str| w.bytes().all(|b| b.is_ascii_digit() || b == b'_');
+    let is_own = |w: &str| w.strip_prefix("gl_").is_some_and(is_number);
     let mut colliding: Vec<&str> = all
         .iter()
         .copied()
-        .filter(|w| taken(w) && !authored.words.contains_key(*w))
+        .filter(|w| (taken(w) || is_own(w)) && !authored.words.contains_key(*w))
         .collect();
     colliding.sort_unstable();
     for word in colliding {
         let stem = word.trim_end_matches('_');
+        let stem = match is_own(word) {
+            true => "own_gl",
+            false => stem,
+        };
         let new = (1..).map(|i| format!("{stem}_{i}"));
         let mut new = new.filter(|n| !taken(n) && !all.contains(n.as_str()));
         if let Some(new) = new.find(|n| !out.values().any(|o| o == n)) {
