@@ -1,0 +1,162 @@
+// Draws the page in Chromium and looks at it: each variant against the original, after a resize, with a changed material, and where the driver breaks a promise.
+//
+//     node test.mjs [FOLDER]        screenshots go there; default: dist/screenshots
+
+import assert from 'node:assert/strict';
+import { mkdir } from 'node:fs/promises';
+import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { open } from './browser.mjs';
+import { serve } from './serve.mjs';
+import { VARIANTS } from './variants.mjs';
+
+const out = process.argv[2] ?? fileURLToPath(new URL('dist/screenshots', import.meta.url));
+const started = Date.now();
+const said = (text) => console.log(`${((Date.now() - started) / 1000).toFixed(1).padStart(6)} s  ${text}`);
+/** What a variant may be off by, of 255: what its recipe allows where that is more than a rounding. */
+const BUDGET = { 'hoist-budget': 0.05 * 255 };
+
+async function same(page, name, when) {
+    const { off, most, pixels } = await page.evaluate((name) => window.page.compare(name), name);
+    said(`${name}, ${when}: ${off} of ${pixels} pixels off by more than 1/255, at most ${most}`);
+    if (BUDGET[name])
+        assert.ok(most <= BUDGET[name] && off > 0, `${name}: off by ${most}, of ${BUDGET[name]} that it may be`);
+    else assert.equal(off, 0, `${name}, ${when}`);
+    return pixels;
+}
+
+const found = (page, name) => page.evaluate((name) => window.page.found(name), name);
+
+async function pictures(page) {
+    for (const { name } of VARIANTS) await same(page, name, 'as loaded');
+    const verdicts = {
+        'prepass-equal': 'kept',
+        'prepass-biased': 'kept',
+        'hoist-prepass': 'kept',
+        'early-discard': 'none',
+    };
+    for (const [name, verdict] of Object.entries(verdicts)) {
+        const of = await found(page, name);
+        assert.deepEqual(Object.keys(of), ['stone', 'leaf', 'bronze'], name);
+        for (const [material, found] of Object.entries(of))
+            assert.equal(found.verdict, verdict, `${name} of ${material}`);
+    }
+    // The transparent sphere, and what is behind it, are there.
+    for (const name of ['original', 'prepass-equal', 'early-discard']) {
+        const pixels = await page.evaluate((name) => window.page.seen(name, 'glass'), name);
+        said(`${name}: the glass is seen in ${pixels} pixels`);
+        assert.ok(pixels > 500);
+    }
+}
+
+async function resize(page) {
+    for (const [width, height] of [
+        [611, 163],
+        [760, 211],
+    ]) {
+        await page.setViewportSize({ width, height });
+        const [w, h] = await page.evaluate(async () => {
+            const size = () => [
+                document.getElementById('canvas').clientWidth,
+                document.getElementById('canvas').clientHeight,
+            ];
+            const { width, height } = document.getElementById('canvas');
+            while (size()[0] !== document.getElementById('canvas').width) await new Promise(requestAnimationFrame);
+            if (width === size()[0] && height === size()[1]) throw new Error('nothing was resized');
+            return size();
+        });
+        for (const name of ['prepass-equal', 'prepass-biased', 'early-discard']) {
+            assert.equal(await same(page, name, `resized to ${w} x ${h}`), w * h);
+        }
+    }
+}
+
+/** What a host does to its materials counts in every pass. */
+async function changes(page) {
+    const set = (values) =>
+        page.evaluate((values) => {
+            for (const [material, of] of Object.entries(values)) {
+                const { color, wind, ...others } = of;
+                const to = window.page.materials[material];
+                if (color) to.color.set(color);
+                if (wind) to.uniforms.wind.value = wind;
+                Object.assign(to, others);
+            }
+        }, values);
+    await set({ bronze: { color: '#ff8877', roughness: 0.9 }, leaf: { wind: 0.3 } });
+    for (const name of ['prepass-equal', 'early-discard']) await same(page, name, 'with another colour and more wind');
+    await set({ stone: { transparent: true, opacity: 1 } });
+    for (const name of ['prepass-equal', 'early-discard']) await same(page, name, 'with a material made transparent');
+    await set({ stone: { transparent: false } });
+}
+
+async function controls(page) {
+    await page.setViewportSize({ width: 960, height: 440 });
+    await page.focus('input[name=variant][value=original]');
+    await page.keyboard.press('ArrowDown');
+    await page.waitForFunction(() => document.getElementById('about').textContent.includes('Self-test'));
+    assert.match(await page.textContent('#about'), /passed: the driver keeps the promise/);
+    await page.screenshot({ path: join(out, 'prepass-equal.png') });
+    await page.focus('input[name=view][value=picture]');
+    await page.keyboard.press('ArrowDown');
+    await page.screenshot({ path: join(out, 'split.png') });
+    await page.focus('#split');
+    await page.keyboard.press('Home');
+    await page.emulateMedia({ colorScheme: 'dark' });
+    await page.evaluate(() => window.page.choose('hoist-budget'));
+    await page.click('input[name=view][value=difference]');
+    await page.screenshot({ path: join(out, 'hoist-difference-dark.png') });
+    await page.setViewportSize({ width: 400, height: 560 });
+    await page.click('input[name=view][value=picture]');
+    await page.screenshot({ path: join(out, 'narrow-dark.png') });
+    assert.ok(
+        await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth),
+        'the page is wider than a narrow window',
+    );
+    await page.setViewportSize({ width: 700, height: 180 });
+    const times = await page.evaluate(() => window.page.measure(1));
+    said(`one frame each: ${JSON.stringify(times)} ms`);
+    assert.deepEqual(Object.keys(times), ['original', ...VARIANTS.map(({ name }) => name)]);
+    for (const [name, ms] of Object.entries(times)) assert.ok(ms > 0, name);
+}
+
+/** The pre-pass's position off by a few of the depth's steps, either way. */
+async function broken(page, visit, address) {
+    for (const amount of ['4e-7', '-4e-7']) {
+        await visit(`${address}/?perturb=${amount}`);
+        for (const [material, { verdict, failure }] of Object.entries(await found(page, 'prepass-equal'))) {
+            said(`pushed by ${amount}, ${material}: ${verdict}, ${failure}`);
+            assert.equal(verdict, 'broken');
+        }
+        await same(page, 'prepass-equal', 'fallen back to the biased form');
+    }
+    await page.setViewportSize({ width: 960, height: 440 });
+    await page.evaluate(() => window.page.choose('prepass-equal'));
+    assert.match(await page.textContent('#about'), /failed: .* Drawn by prepass-biased/);
+    await page.screenshot({ path: join(out, 'fallback.png') });
+    await page.setViewportSize({ width: 700, height: 180 });
+    // The test would not be worth much if nothing had been wrong.
+    await visit(`${address}/?perturb=-4e-7&trust`);
+    const { off } = await page.evaluate(() => window.page.compare('prepass-equal'));
+    said(`not looked at: ${off} pixels off`);
+    assert.ok(off > 5000);
+    await page.evaluate(() => window.page.choose('prepass-equal'));
+    await page.screenshot({ path: join(out, 'trusted.png') });
+}
+
+await mkdir(out, { recursive: true });
+const { server, address } = await serve();
+const { browser, page, visit, errors } = await open(700, 180);
+try {
+    await visit(`${address}/`);
+    said(await page.textContent('#adapter'));
+    await pictures(page);
+    await resize(page);
+    await changes(page);
+    await controls(page);
+    await broken(page, visit, address);
+    assert.deepEqual(errors, [], 'the page complained');
+} finally {
+    await browser.close();
+    server.close();
+}
