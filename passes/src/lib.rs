@@ -18,6 +18,7 @@ pub mod channels;
 pub mod contract;
 pub mod count;
 pub mod coverage;
+pub mod declared;
 pub mod depth_only;
 pub mod depth_prepass;
 pub mod draw_table;

@@ -1,5 +1,11 @@
 //! One entry point as GLSL 4.50, 4.00 or GLSL ES 3.00, with what a host must know to bind its resources.
 
+mod author;
+mod loosen;
+mod read_back;
+mod text;
+mod words;
+
 use naga::back::glsl::{
     self, BindingMap, Options as WriterOptions, PipelineOptions, Version, Writer, WriterFlags,
 };
@@ -10,13 +16,76 @@ use naga::{
     TypeInner,
 };
 use preshade_passes::contract::Contract;
+use preshade_passes::declared::Depth;
 use preshade_passes::early_discard;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
+use self::author::Authored;
+use self::text::Dialect;
 use super::overrides::{self, Settled};
 use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
 use super::{ClipSpace, Error, Options, Target};
+
+/// The program made ready to be written under its author's names.
+pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, Error> {
+    author::prepare(program).map_err(|author::Failed(what)| Error::Writer {
+        file: name.to_owned(),
+        target,
+        message: format!("{what} cannot be written as its author declared it"),
+    })
+}
+
+/// What naga writes for a position where the host keeps WebGPU's matrices, and what is written where it keeps OpenGL's: the author's depth again, of that in the IR.
+const TURNED: &str = "gl_Position.yz = vec2(-gl_Position.y, gl_Position.z * 2.0 - gl_Position.w);";
+const OWN_DEPTH: &str = "gl_Position.z = gl_Position.z * 2.0 - gl_Position.w;";
+
+/// As [`write`], with the author's names for whatever a host sees.
+pub(super) fn write_named(
+    authored: &Authored,
+    stage: ShaderStage,
+    entry: &str,
+    name: &str,
+    target: Target,
+    options: &Options,
+) -> Result<(String, StageFile), Error> {
+    let program = &authored.program;
+    let declared = program.declared();
+    let own_depth =
+        declared.depth == Depth::OpenGl && options.glsl_clip_space == ClipSpace::AsWritten;
+    let options = match own_depth {
+        true => Options {
+            glsl_clip_space: ClipSpace::OpenGl,
+        },
+        false => *options,
+    };
+    let numbered = program.module();
+    let (mut text, said) = write(program, numbered, stage, entry, name, target, &options)?;
+    if own_depth {
+        text = text.replace(TURNED, OWN_DEPTH);
+    }
+    let dialect = match target {
+        Target::GlslEs300 => Dialect::Es,
+        _ => Dialect::Desktop,
+    };
+    let loose = declared.loose.map(|b| [b.group, b.binding]);
+    let unexpected = |text::Unexpected(what)| Error::Writer {
+        file: name.to_owned(),
+        target,
+        message: format!("{what} is not written as it was expected to be"),
+    };
+    let (text, said) =
+        text::named(authored, &text, stage, dialect, said, loose).map_err(unexpected)?;
+    let reads = matches!(stage, ShaderStage::Vertex | ShaderStage::Fragment);
+    match reads.then(|| read_back::difference(authored, &text, &said, stage, entry)) {
+        Some(Some(difference)) => Err(Error::Differs {
+            file: name.to_owned(),
+            target,
+            difference,
+        }),
+        _ => Ok((text, said)),
+    }
+}
 
 /// The text, and what `plan.json` says of it. `name` is the file's. Bindings are numbered as those of `numbered`, which has all stages of the program.
 pub(super) fn write(

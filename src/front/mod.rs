@@ -28,6 +28,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use naga::ShaderStage;
+use preshade_passes::declared::Declared;
 use preshade_passes::program::{Language, Program, SourceMap};
 
 pub use error::{Code, Color, Error, Label};
@@ -168,7 +169,8 @@ fn parse_mapped(
             .iter()
             .zip(bases)
             .map(|(source, base)| wgsl::parse(&without_mark(&source.text), *base))
-            .collect(),
+            .collect::<Result<_, _>>()
+            .map(|modules| (modules, Declared::default())),
         Language::Glsl => parse_glsl(sources, bases, options, &mut map),
     });
     let map = Arc::new(map);
@@ -193,7 +195,7 @@ fn bug(sources: &[Source], panicked: &guard::Panicked) -> Error {
 
 /// The files' modules as one program, with its entry points.
 fn assemble(
-    modules: Vec<naga::Module>,
+    (modules, declared): (Vec<naga::Module>, Declared),
     bases: &[u32],
     language: Language,
     options: &Options,
@@ -217,7 +219,7 @@ fn assemble(
     let program = Program::new(module, Arc::clone(map), language)
         .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
     Ok(Parsed {
-        program,
+        program: program.with_declared(declared),
         vertex: entries.vertex,
         fragment: entries.fragment,
     })
@@ -360,7 +362,7 @@ fn parse_glsl(
     bases: &[u32],
     options: &Options,
     map: &mut SourceMap,
-) -> Result<Vec<naga::Module>, Error> {
+) -> Result<(Vec<naga::Module>, Declared), Error> {
     let stages = glsl_stages(sources, bases);
     let texts: Vec<glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
     glsl::parse(&texts, options, map)
@@ -425,11 +427,37 @@ fn parse_glsl(
     _: &[u32],
     _: &Options,
     _: &mut SourceMap,
-) -> Result<Vec<naga::Module>, Error> {
+) -> Result<(Vec<naga::Module>, Declared), Error> {
     Err(Error::new(
         Code::Unsupported,
         format!("{} is GLSL, which this build cannot read", sources[0].name),
     ))
+}
+
+/// A stage of ours read again, with what it declares: as OpenGL's, so that nothing is taken as it is.
+#[cfg(feature = "glsl")]
+pub(crate) fn glsl_stage(
+    name: &str,
+    text: &str,
+    stage: ShaderStage,
+) -> Result<(naga::Module, Declared), Error> {
+    let mut map = SourceMap::new();
+    let base = map.add(name, text);
+    let text = glsl::Text {
+        name,
+        text,
+        stage,
+        base,
+    };
+    let options = Options {
+        clip_space: Some(ClipSpace::OpenGl),
+        ..Options::default()
+    };
+    let (mut modules, declared) =
+        glsl::parse(&[text], &options, &mut map).map_err(|e| e.with_sources(&Arc::new(map)))?;
+    let module = modules.pop();
+    let module = module.ok_or_else(|| Error::new(Code::Empty, "no source is given"))?;
+    Ok((module, declared))
 }
 
 /// One stage as the GLSL that naga reads, for people to look at and tests to compare.
@@ -448,7 +476,7 @@ pub fn normalised_glsl(
     let read = guard::run(|| glsl::normalise(&texts, options, &mut map));
     let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
     let map = Arc::new(map);
-    let normalised = read.map_err(|e| e.with_sources(&map))?;
+    let (normalised, _) = read.map_err(|e| e.with_sources(&map))?;
     Ok(texts
         .iter()
         .zip(normalised)
