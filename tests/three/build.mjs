@@ -11,7 +11,6 @@ import { open } from './browser.mjs';
 import { serve } from './serve.mjs';
 import { VARIANTS } from './variants.mjs';
 
-import { authorNames } from './names.mjs';
 const run = promisify(execFile);
 const here = (path) => fileURLToPath(new URL(path, import.meta.url));
 const built = ['release', 'debug'].map((profile) => here(`../../target/${profile}/preshade`));
@@ -45,7 +44,6 @@ async function rewrite(material, { name, recipe, of }) {
         { timeout: 120_000 },
     );
     const path = `${into}/${material}.plan.json`;
-    await authorNames(here(path));
     const plan = JSON.parse(await readFile(here(path), 'utf8'));
     const says = stderr.split('\n').filter((line) => line && !line.startsWith('wrote '));
     // A pass that does not apply leaves the material as it was: there is nothing to draw by.

@@ -19,7 +19,7 @@ const views = new Views(renderer);
 const { scene, camera, materials, at } = await makeScene();
 const state = { variant: 'original', view: 'picture', split: 0.5, seconds: 0, turn: 0 };
 const start = camera.position.clone();
-const target = new Vector3(0.3, 2.2, 0);
+const target = new Vector3(-0.6, 2.4, 0);
 
 // ---- sizes and the camera -----------------------------------------------------------------------------------------------------------------------------------------------------
 
@@ -260,6 +260,7 @@ async function choose(name) {
     say('Loading…');
     const variant = await load(name);
     state.variant = name;
+    element('variants').querySelector(`[value="${name}"]`).checked = true;
     draw();
     about(variant);
     say('');

@@ -121,6 +121,11 @@ function refuse(plan) {
     if (plan.schema !== 'preshade.plan.v1') cannot(`the schema ${plan.schema}`);
     if (plan.compute?.length) cannot('compute passes');
     if (plan.guard) cannot('a guard');
+    for (const { name, format, samples } of [...plan.attachments, plan.self_test?.attachment].filter(Boolean)) {
+        if (name === SCENE_DEPTH) continue;
+        if (!(format in DEPTH_TYPE) && !(format in COLOR_TYPE)) cannot(`an attachment of the format ${format}`);
+        if (samples > 1) cannot('attachments with several samples');
+    }
     for (const pass of plan.passes) {
         if (!['depth', 'opaque', 'blended'].includes(pass.phase)) cannot(`the phase ${pass.phase}`);
         if (!['opaque', 'all'].includes(pass.draws)) cannot(`draws "${pass.draws}"`);

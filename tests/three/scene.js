@@ -289,8 +289,8 @@ export async function makeScene() {
     const made = await materials();
     const scene = temple(made);
     const camera = new PerspectiveCamera(48, 1, 0.3, 120);
-    camera.position.set(-1.6, 3.1, 13.4);
-    camera.lookAt(0.3, 2.2, 0);
+    camera.position.set(3.2, 2.6, 13.9);
+    camera.lookAt(-0.6, 2.4, 0);
     const at = (seconds) => {
         made.leaf.uniforms.time.value = seconds;
     };
