@@ -202,7 +202,7 @@ fn names_that_cannot_stay_say_so() {
     let vertex = "attribute vec3 color;
         uniform vec3 texture, sum, location, sample_1;
         varying vec3 normal;
-        vec3 pow2(vec3 sum) { return sum * sum; }
+        vec3 pow2(vec3 gl) { vec3 sum = gl; return sum * gl; }
         void main() { vec3 color_1 = color; normal = pow2(color_1) + texture + sum + sample_1; gl_Position = vec4(location, 1.0); }";
     let fragment = "precision mediump float;
         uniform sampler2D normal_1;

@@ -3,6 +3,7 @@
 mod author;
 mod loosen;
 mod read_back;
+mod std140;
 mod text;
 mod words;
 
@@ -29,10 +30,18 @@ use super::{ClipSpace, Error, Options, Target};
 
 /// The program made ready to be written under its author's names.
 pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, Error> {
-    author::prepare(program).map_err(|author::Failed(what)| Error::Writer {
-        file: name.to_owned(),
-        target,
-        message: format!("{what} cannot be written as its author declared it"),
+    author::prepare(program).map_err(|failed| match failed {
+        author::Failed::Layout(what) => Error::Inexpressible {
+            file: name.to_owned(),
+            target,
+            what: format!("{what}, which a block laid out by std140 has not"),
+            remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
+        },
+        author::Failed::Names(what) => Error::Writer {
+            file: name.to_owned(),
+            target,
+            message: format!("{what} cannot be written as its author declared it"),
+        },
     })
 }
 

@@ -11,6 +11,7 @@ use preshade_passes::program::Program;
 use preshade_passes::reflect;
 
 use super::loosen::{self, Loose};
+use super::std140;
 use super::words;
 
 /// A program to be written, and the names to be put into its text.
@@ -25,6 +26,8 @@ pub(in crate::emit) struct Authored {
     pub(super) members: HashMap<String, Vec<Member>>,
     /// Structs of samplers alone, inner ones first: name and members.
     pub(super) structs: Vec<(String, Vec<Member>)>,
+    /// What fills the gaps of structs in uniform blocks, by mark.
+    pub(super) paddings: HashMap<String, Vec<u32>>,
     /// Blocks, by naga's name of their variable.
     pub(super) blocks: HashMap<String, Block>,
     /// Inputs and outputs, by naga's name.
@@ -165,8 +168,13 @@ fn identifier(name: &str) -> String {
     }
 }
 
-/// What could not be said under the author's names.
-pub(super) struct Failed(pub String);
+/// Why a program cannot be written.
+pub(super) enum Failed {
+    /// What GLSL has no block for.
+    Layout(String),
+    /// What could not be said under the author's names.
+    Names(String),
+}
 
 /// Prepares `program` to be written under its author's names.
 pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
@@ -175,7 +183,7 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
         Ok(loosened) => (loosened.module, loosened.uniforms),
         // A block that a function is given stays the struct it is.
         Err(_) if declared.loose.is_none() => (program.module().clone(), Vec::new()),
-        Err(what) => return Err(Failed(what)),
+        Err(what) => return Err(Failed::Names(what)),
     };
     let mut out = Authored {
         program: program.clone(),
@@ -183,6 +191,7 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
         uniforms: Vec::new(),
         members: HashMap::new(),
         structs: Vec::new(),
+        paddings: HashMap::new(),
         blocks: HashMap::new(),
         located: HashMap::new(),
         taken: Taken::default(),
@@ -196,11 +205,17 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
     out.textures(&module, declared, &names);
     out.blocks(&module, declared, &marks);
     out.interface(&module, declared);
+    let paddings = std140::paddings(&module, declared.loose).map_err(Failed::Layout)?;
     let types = out.mark_structs(&mut module, &marks);
+    for (ty, floats) in paddings {
+        if let Some(mark) = types.get(&ty) {
+            out.paddings.insert(mark.clone(), floats);
+        }
+    }
     out.uniforms(&mut module, declared, &names, &loose, &marks, &types);
     out.program = program
         .with_module(module)
-        .map_err(|invalid| Failed(invalid.to_string()))?;
+        .map_err(|invalid| Failed::Names(invalid.to_string()))?;
     Ok(out)
 }
 
@@ -428,6 +443,11 @@ impl Authored {
                 (l.location..l.location + parts.len() as u32).contains(location)
             };
             let Some(said) = declared.iter().find(covers) else {
+                let own = match (own.as_str(), scope) {
+                    ("", Scope::Fragment) => &format!("target_{location}"),
+                    ("", _) => &format!("input_{location}"),
+                    (own, _) => own,
+                };
                 let name = self.taken.claim(own, scope);
                 let input = Input {
                     name: name.clone(),
@@ -487,7 +507,7 @@ impl Authored {
             for (i, member) in members.iter_mut().enumerate() {
                 let mark = marks.of_member(handle, i);
                 let author = identifier(member.name.as_deref().unwrap_or("member"));
-                let mut name = match words::is_reserved(&author) {
+                let mut name = match words::is_keyword(&author) {
                     true => format!("own_{author}"),
                     false => author,
                 };

@@ -9,6 +9,7 @@ use naga::ShaderStage;
 use preshade_passes::declared::{Chosen, Type as Declares};
 
 use super::author::{Authored, Input, Member, MemberType, Word};
+use super::std140;
 use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
 use crate::emit::text::{self, Kind};
 
@@ -42,14 +43,23 @@ pub(super) fn named(
     mut said: StageFile,
     loose: Option<[u32; 2]>,
 ) -> Result<(String, StageFile), Unexpected> {
-    let items = items(naga)?;
-    let structs: HashMap<&str, &str> = items
-        .iter()
-        .filter_map(|item| match item {
-            Item::Struct(text) => Some((words(text).nth(1)?, *text)),
-            _ => None,
-        })
-        .collect();
+    let constructed = match authored.paddings.is_empty() {
+        true => naga.to_owned(),
+        false => std140::padded_constructors(naga, &authored.paddings),
+    };
+    let items = items(&constructed)?;
+    let mut structs: HashMap<&str, String> = HashMap::new();
+    for item in &items {
+        if let Item::Struct(text) = item
+            && let Some(mark) = words(text).nth(1)
+        {
+            let text = match authored.paddings.get(mark) {
+                Some(floats) => std140::padded_struct(text, floats)?,
+                None => (*text).to_owned(),
+            };
+            structs.insert(mark, text);
+        }
+    }
     let rewrite = Rewrite {
         authored,
         collisions: collisions(authored, &items, stage),
@@ -92,7 +102,7 @@ pub(super) fn named(
         }
     }
     said.attributes = std::mem::take(&mut out.attributes);
-    Ok((out.text(&rewrite, &items, dialect), said))
+    Ok((out.text(&rewrite, &items, &structs, dialect), said))
 }
 
 /// The text on its way.
@@ -120,7 +130,13 @@ impl Parts {
         self.used.extend(words(text).map(str::to_owned));
     }
 
-    fn text(&self, rewrite: &Rewrite<'_>, items: &[Item<'_>], dialect: Dialect) -> String {
+    fn text(
+        &self,
+        rewrite: &Rewrite<'_>,
+        items: &[Item<'_>],
+        structs: &HashMap<&str, String>,
+        dialect: Dialect,
+    ) -> String {
         // Structs name structs, which naga writes first.
         let mut used = self.used.clone();
         for item in items.iter().rev() {
@@ -142,7 +158,7 @@ impl Parts {
             let Some(mark) = words(text).nth(1).filter(|n| used.contains(*n)) else {
                 continue;
             };
-            let mut written = rewrite.plain(text);
+            let mut written = rewrite.plain(structs.get(mark).map_or(text, String::as_str));
             if let Some(members) = rewrite.authored.members.get(mark)
                 && let Some(at) = written.rfind('}')
             {
@@ -270,14 +286,21 @@ fn collisions(
     }
     let mut out: HashMap<String, String> = HashMap::new();
     let taken = |name: &str| authored.taken.is_taken(stage, name);
+    // A second `gl` is `gl_1` to naga, and that is GLSL's own to give.
+    let is_number = |w: &str| w.bytes().all(|b| b.is_ascii_digit() || b == b'_');
+    let is_own = |w: &str| w.strip_prefix("gl_").is_some_and(is_number);
     let mut colliding: Vec<&str> = all
         .iter()
         .copied()
-        .filter(|w| taken(w) && !authored.words.contains_key(*w))
+        .filter(|w| (taken(w) || is_own(w)) && !authored.words.contains_key(*w))
         .collect();
     colliding.sort_unstable();
     for word in colliding {
         let stem = word.trim_end_matches('_');
+        let stem = match is_own(word) {
+            true => "own_gl",
+            false => stem,
+        };
         let new = (1..).map(|i| format!("{stem}_{i}"));
         let mut new = new.filter(|n| !taken(n) && !all.contains(n.as_str()));
         if let Some(new) = new.find(|n| !out.values().any(|o| o == n)) {
@@ -388,7 +411,7 @@ fn declaration(
     rewrite: &Rewrite<'_>,
     text: &str,
     stage: ShaderStage,
-    structs: &HashMap<&str, &str>,
+    structs: &HashMap<&str, String>,
     textures: &HashSet<&str>,
     out: &mut Parts,
 ) -> Result<(), Unexpected> {

@@ -4,7 +4,7 @@
 const KEYWORDS: &str = "active asm atomic_uint attribute bool break buffer case cast centroid class coherent common const continue default demote discard do double else \
     enum extern external false filter fixed flat float for goto half highp hvec2 hvec3 hvec4 if inline inout input in int interface invariant layout long lowp mediump \
     namespace noinline noperspective out output packed partition patch precise precision public readonly resource restrict return sample sampler samplerShadow \
-    shared short sizeof smooth static struct subroutine superp switch template texture texture1D texture2D texture3D textureCube this true typedef uint uniform union \
+    shared short sizeof smooth static struct subroutine superp switch template this true typedef uint uniform union \
     unsigned using varying void volatile while writeonly main";
 
 /// Built-in functions.
@@ -18,14 +18,16 @@ const FUNCTIONS: &str = "abs acos acosh all any asin asinh atan atanh atomicAdd 
     texelFetch texelFetchOffset texture textureGather textureGatherOffset textureGatherOffsets textureGrad textureGradOffset textureLod textureLodOffset \
     textureOffset textureProj textureProjGrad textureProjGradOffset textureProjLod textureProjLodOffset textureProjOffset textureQueryLevels textureQueryLod \
     textureSamples textureSize transpose trunc uaddCarry uintBitsToFloat umulExtended unpackDouble2x32 unpackHalf2x16 unpackSnorm2x16 unpackSnorm4x8 \
-    unpackUnorm2x16 unpackUnorm4x8 usubBorrow shadow1D shadow2D texture2DLod texture2DProj textureCubeLod";
+    unpackUnorm2x16 unpackUnorm4x8 usubBorrow shadow1D shadow2D texture1D texture2D texture3D textureCube texture2DLod texture2DProj textureCubeLod";
 
-/// Whether no variable may have the name.
+/// Whether no variable may have the name, as it would hide a function.
 pub(super) fn is_reserved(word: &str) -> bool {
-    word.starts_with("gl_")
-        || KEYWORDS.split_whitespace().any(|w| w == word)
-        || FUNCTIONS.split_whitespace().any(|w| w == word)
-        || is_type(word)
+    is_keyword(word) || FUNCTIONS.split_whitespace().any(|w| w == word)
+}
+
+/// Whether nothing at all may have the name, members of structs among it.
+pub(super) fn is_keyword(word: &str) -> bool {
+    word.starts_with("gl_") || KEYWORDS.split_whitespace().any(|w| w == word) || is_type(word)
 }
 
 /// Whether the word is built as names of vectors, matrices, samplers and images are.
