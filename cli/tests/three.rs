@@ -43,9 +43,13 @@ fn three_js_draws_the_same_pictures() {
     );
     let made = run("node", &["build.mjs", env!("CARGO_BIN_EXE_preshade")]);
     for material in ["stone", "leaf", "bronze"] {
-        let applied = format!("prepass-equal of {material}: dist/prepass-equal/{material}.plan.json");
+        let applied =
+            format!("prepass-equal of {material}: dist/prepass-equal/{material}.plan.json");
         assert!(made.contains(&applied), "{made}");
     }
     let screenshots = project().join("../../out/three");
-    println!("{}", run("node", &["test.mjs", screenshots.to_str().unwrap()]));
+    println!(
+        "{}",
+        run("node", &["test.mjs", screenshots.to_str().unwrap()])
+    );
 }

@@ -128,10 +128,14 @@ function difference(a, b) {
     return { off, most, pixels: a.length / 4 };
 }
 
-/** The variant's picture against the original's, both of this moment. */
-async function compare(name) {
-    const [original, variant] = [await load('original'), await load(name)];
-    return difference(picture(original), picture(variant));
+/** Each variant's picture against the original's, all of this moment. */
+async function compare(names) {
+    const original = await load('original');
+    const found = {};
+    for (const name of names) await load(name);
+    const before = picture(original);
+    for (const name of names) found[name] = difference(before, picture(loaded.get(name)));
+    return found;
 }
 
 /** How much of a variant's picture a material is seen in. */
@@ -332,7 +336,7 @@ function controls() {
     element('measure').addEventListener('click', async () => {
         element('measure').disabled = true;
         for (const [name, ms] of await measure()) {
-            const { off, most } = await compare(name);
+            const { off, most } = (await compare([name]))[name];
             fill(name, {
                 ms: ms === null ? 'no clock' : ms.toFixed(1),
                 off: name === 'original' ? '' : off,
