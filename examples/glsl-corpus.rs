@@ -69,7 +69,7 @@ fn main() {
     }
 }
 
-/// How long one material takes: rewritten, and made a program; the least of twenty.
+/// How long one material takes, the parser's share apart; each the least of twenty.
 fn timed(paths: &[PathBuf], include: Vec<PathBuf>) {
     let options = Options {
         include,
@@ -85,9 +85,26 @@ fn timed(paths: &[PathBuf], include: Vec<PathBuf>) {
         };
         (0..20).map(once).min().unwrap_or_default()
     };
+    let parser = least(&|| drop(front::glsl_syntax(&sources, &options)));
     let rewritten = least(&|| drop(front::normalised_glsl(&sources, &options)));
     let whole = least(&|| drop(front::parse(&sources, &options)));
-    println!("parsed and rewritten: {rewritten:.1?}; with naga, validated and linked: {whole:.1?}");
+    let out = front::parse(&sources, &options).ok().map(|parsed| {
+        let fragment = parsed.fragment.as_deref();
+        let state = MaterialState::default();
+        let plan = Plan::original("material", parsed.program, &parsed.vertex, fragment, &state);
+        let choices = emit::Options::default();
+        least(&|| drop(emit::emit(&plan, &[Target::GlslEs300], &choices)))
+    });
+    println!("preprocessed and parsed: {parser:.1?}");
+    println!("rewritten: {:.1?}", rewritten.saturating_sub(parser));
+    println!(
+        "by naga, validated and linked: {:.1?}",
+        whole.saturating_sub(rewritten)
+    );
+    println!("in all: {whole:.1?}");
+    if let Some(out) = out {
+        println!("out again as GLSL ES 3.00, read back and compared: {out:.1?}");
+    }
 }
 
 /// Shows what naga's front end is given for one material.

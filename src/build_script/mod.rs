@@ -149,6 +149,20 @@ impl Builder {
         self
     }
 
+    /// A folder in which `#include` of GLSL is looked up, after the including file's own.
+    #[must_use]
+    pub fn include(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.options.include.push(folder.into());
+        self
+    }
+
+    /// The clip space that GLSL positions are written for; the default goes by the dialect.
+    #[must_use]
+    pub fn clip_space(mut self, clip_space: front::ClipSpace) -> Self {
+        self.options.clip_space = Some(clip_space);
+        self
+    }
+
     /// Writes this target beside WGSL, which is always written: the files are in `FILES`. One that cannot say what a material does is told as a warning.
     #[must_use]
     pub fn emit(mut self, target: Target) -> Self {
@@ -244,11 +258,12 @@ impl Builder {
         let module = out.join(format!("{name}.rs"));
         let folder = out.join(&name);
         let key = stamp::key(self, &name, files, &texts, lock_text.as_deref());
-        if let Some(warnings) = stamp::still_holds(&folder, &key, &out) {
+        if let Some(held) = stamp::still_holds(&folder, &key, &out) {
+            read.extend(held.included);
             return Ok(Built {
                 module,
                 read,
-                warnings,
+                warnings: held.warnings,
                 written: Vec::new(),
             });
         }
@@ -273,7 +288,9 @@ impl Builder {
             hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
         }
         // Last, so that a build that was cut off is made again.
-        stamp::write(&folder, &key, &made.warnings, hashes).map_err(Error::Write)?;
+        stamp::write(&folder, &key, &made.warnings, hashes, &made.included)
+            .map_err(Error::Write)?;
+        read.extend(made.included.into_iter().map(|(path, _)| path));
         Ok(Built {
             module,
             read,
@@ -312,7 +329,14 @@ impl Builder {
             .collect();
         let mut warnings = Vec::new();
         let drawn = choose::choose(self, name, &sources, lock, &mut warnings)?;
+        // The first is the original: every program of a material has all the files that its text was read from.
+        let program = drawn.first().and_then(|d| d.plan.programs.values().next());
+        let all = program.map_or(&[][..], |p| p.sources().files());
+        let included = all.iter().skip(sources.len());
         Ok(Made {
+            included: included
+                .map(|f| (PathBuf::from(&f.name), f.text.clone()))
+                .collect(),
             module: generate::material(name, &drawn, self.types.as_deref()),
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
             warnings,
@@ -362,6 +386,8 @@ struct Asked {
 
 struct Made {
     module: String,
+    /// What the texts include: path and text.
+    included: Vec<(PathBuf, String)>,
     files: Vec<(String, Vec<File>)>,
     warnings: Vec<String>,
 }

@@ -1,7 +1,7 @@
 //! What a build was made of and came to, so that a material that did not change is not compiled again when a build script runs for another.
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +17,15 @@ struct Stamp {
     warnings: Vec<String>,
     /// Path below the folder for output, and BLAKE3.
     files: Vec<(String, String)>,
+    /// What the texts include: path and BLAKE3.
+    #[serde(default)]
+    included: Vec<(PathBuf, String)>,
+}
+
+/// What is known of a material that is still as it was.
+pub(super) struct Held {
+    pub(super) warnings: Vec<String>,
+    pub(super) included: Vec<PathBuf>,
 }
 
 /// Hash of all that decides what a build comes to. Which preshade it is, is told by the running program: a build script that was compiled again is another.
@@ -43,16 +52,23 @@ pub(super) fn hashed(folder: &Path, file: &File) -> (String, String) {
     (path, hash(&file.bytes))
 }
 
-/// The warnings of the last build, if it was of the same and its files are all still there.
-pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Vec<String>> {
+/// The last build, if it was of the same, included files too, and its files are all still there.
+pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Held> {
     let text = std::fs::read(folder.join(FILE)).ok()?;
     let stamp: Stamp = serde_json::from_slice(&text).ok()?;
     let is_there = |(path, wanted): &(String, String)| {
         let bytes = std::fs::read(out.join(path));
         bytes.is_ok_and(|bytes| hash(&bytes) == *wanted)
     };
-    let holds = stamp.key == key && stamp.files.iter().all(is_there);
-    holds.then_some(stamp.warnings)
+    let is_same = |(path, wanted): &(PathBuf, String)| {
+        std::fs::read(path).is_ok_and(|bytes| hash(&bytes) == *wanted)
+    };
+    let holds =
+        stamp.key == key && stamp.files.iter().all(is_there) && stamp.included.iter().all(is_same);
+    holds.then_some(Held {
+        warnings: stamp.warnings,
+        included: stamp.included.into_iter().map(|(path, _)| path).collect(),
+    })
 }
 
 /// Keeps what a build came to.
@@ -61,11 +77,14 @@ pub(super) fn write(
     key: &str,
     warnings: &[String],
     files: Vec<(String, String)>,
+    included: &[(PathBuf, String)],
 ) -> io::Result<()> {
+    let hashed = |(path, text): &(PathBuf, String)| (path.clone(), hash(text.as_bytes()));
     let stamp = Stamp {
         key: key.to_owned(),
         warnings: warnings.to_vec(),
         files,
+        included: included.iter().map(hashed).collect(),
     };
     let file = File {
         name: FILE.to_owned(),

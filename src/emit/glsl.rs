@@ -75,6 +75,7 @@ pub(super) fn write_named(
     };
     let numbered = program.module();
     let (mut text, said) = write(program, numbered, stage, entry, name, target, &options)?;
+    refuse_later_functions(&text, name, target)?;
     if turned {
         text = text.replace(TURNED, OWN_DEPTH);
     }
@@ -98,6 +99,37 @@ pub(super) fn write_named(
             difference,
         }),
         _ => Ok((text, said)),
+    }
+}
+
+/// What GLSL ES has from 3.10 on, and naga writes into 3.00 without a word.
+const LATER_FUNCTIONS: [&str; 14] = [
+    "bitCount",
+    "bitfieldExtract",
+    "bitfieldInsert",
+    "bitfieldReverse",
+    "findLSB",
+    "findMSB",
+    "frexp",
+    "imulExtended",
+    "ldexp",
+    "packSnorm4x8",
+    "packUnorm4x8",
+    "umulExtended",
+    "unpackSnorm4x8",
+    "unpackUnorm4x8",
+];
+
+fn refuse_later_functions(text: &str, name: &str, target: Target) -> Result<(), Error> {
+    let mut words = super::text::tokens(text).map(|(_, range)| &text[range]);
+    match words.find(|w| target == Target::GlslEs300 && LATER_FUNCTIONS.contains(w)) {
+        None => Ok(()),
+        Some(function) => Err(Error::Inexpressible {
+            file: name.to_owned(),
+            target,
+            what: format!("the function {function}"),
+            remedy: "emit GLSL 4.50, WGSL or SPIR-V".to_owned(),
+        }),
     }
 }
 

@@ -38,7 +38,7 @@ mod spirv;
 mod tess;
 mod text;
 mod tidy;
-mod wgsl;
+pub(crate) mod wgsl;
 
 use std::collections::BTreeMap;
 

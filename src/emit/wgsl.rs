@@ -8,7 +8,7 @@ use preshade_passes::program::{Language, Program};
 use super::{Error, Target, fingerprint, prepare, repair, tidy};
 
 /// Writes a reduced program; `name` is the file's, for errors, and `header` its first lines.
-pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
+pub(crate) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
     let (prepared, repaired) = written(program, name)?;
     let tidied = tidy::tidy(prepared.module(), &repaired);
     let text = format!("{header}{tidied}");

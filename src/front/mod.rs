@@ -7,6 +7,7 @@
 //! two modules, `entry` chooses entry points and checks that the stages fit. Every error is an [`Error`] that points at the author's text.
 
 mod declaration;
+mod dialect;
 mod entry;
 mod error;
 #[cfg(feature = "glsl")]
@@ -14,6 +15,8 @@ mod glsl;
 pub(crate) mod guard;
 #[cfg(feature = "glsl")]
 mod macros;
+#[cfg(feature = "naga-oil")]
+mod naga_oil;
 mod nesting;
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]
@@ -21,6 +24,8 @@ mod promote;
 #[cfg(feature = "glsl")]
 mod switch;
 pub(crate) mod varying;
+#[cfg(feature = "wesl")]
+mod wesl;
 mod wgsl;
 
 use std::borrow::Cow;
@@ -31,6 +36,7 @@ use naga::ShaderStage;
 use preshade_passes::declared::Declared;
 use preshade_passes::program::{Language, Program, SourceMap};
 
+use self::dialect::Dialect;
 pub use error::{Code, Color, Error, Label};
 
 /// One file of a material.
@@ -74,7 +80,7 @@ impl Source {
 
     fn language(&self) -> Option<Language> {
         self.language.or_else(|| match extension(&self.name)? {
-            "wgsl" => Some(Language::Wgsl),
+            "wgsl" | "wesl" => Some(Language::Wgsl),
             "vert" | "vs" | "frag" | "fs" | "glsl" | "slang" => Some(Language::Glsl),
             _ => None,
         })
@@ -117,11 +123,13 @@ pub struct Options {
 }
 
 /// The clip space that a GLSL text is written for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum ClipSpace {
     /// WebGPU's and Vulkan's depth, 0 to 1: positions stay as they are written.
+    #[serde(rename = "zero-to-one")]
     AsWritten,
     /// OpenGL's depth, -1 to 1: `gl_Position.z` becomes `(z + w) / 2` where the vertex stage ends.
+    #[serde(rename = "minus-one-to-one")]
     OpenGl,
 }
 
@@ -141,10 +149,48 @@ pub struct Parsed {
 /// # Errors
 /// Whatever is wrong with the text, as a frame on it; see [`Code`] for the kinds. naga's own panics come back as [`Code::Panic`].
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
+    let translated = sources.iter().map(|source| translated(source, options));
+    let translated = translated.collect::<Result<Vec<_>, _>>()?;
+    let plain: Vec<Source> = translated.into_iter().map(Cow::into_owned).collect();
+    let sources = plain.as_slice();
     let mut map = SourceMap::new();
     let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
     let (parsed, map) = parse_mapped(sources, &bases, map, options);
     parsed.map_err(|e| e.with_sources(&map))
+}
+
+/// The source in a language that is read here: of naga_oil's dialect and of WESL, the WGSL that they come to.
+fn translated<'a>(source: &'a Source, options: &Options) -> Result<Cow<'a, Source>, Error> {
+    let dialect = match source.language() {
+        Some(Language::Wgsl) => Dialect::of(source),
+        _ => Dialect::Plain,
+    };
+    let compile = || match dialect {
+        Dialect::Plain => Ok(None),
+        #[cfg(feature = "naga-oil")]
+        Dialect::NagaOil => naga_oil::compile(source, options).map(Some),
+        #[cfg(not(feature = "naga-oil"))]
+        Dialect::NagaOil => Err(dialect::not_built(source, "naga_oil's WGSL", "naga-oil")),
+        #[cfg(feature = "wesl")]
+        Dialect::Wesl => wesl::compile(source, options).map(Some),
+        #[cfg(not(feature = "wesl"))]
+        Dialect::Wesl => Err(dialect::not_built(source, "WESL", "wesl")),
+    };
+    let compiled = match dialect {
+        Dialect::Plain => None,
+        _ => guard::run(compile)
+            .unwrap_or_else(|panicked| Err(bug(std::slice::from_ref(source), &panicked)))?,
+    };
+    let _ = options;
+    Ok(match compiled {
+        None => Cow::Borrowed(source),
+        Some(text) => Cow::Owned(Source {
+            name: format!("{} (as WGSL)", source.name),
+            text,
+            language: Some(Language::Wgsl),
+            stage: source.stage,
+        }),
+    })
 }
 
 fn parse_mapped(
@@ -482,6 +528,21 @@ pub fn normalised_glsl(
         .zip(normalised)
         .map(|(text, n)| (text.stage, n.text))
         .collect())
+}
+
+/// Preprocesses and parses GLSL and makes nothing of it: what of [`parse`]'s time is the parser's.
+///
+/// # Errors
+/// As [`parse`]'s, of the syntax alone.
+#[cfg(feature = "glsl")]
+pub fn glsl_syntax(sources: &[Source], options: &Options) -> Result<(), Error> {
+    let mut map = SourceMap::new();
+    let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
+    let stages = glsl_stages(sources, &bases);
+    let texts: Vec<glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
+    let read = guard::run(|| glsl::parse_alone(&texts, options, &mut map));
+    let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
+    read.map_err(|e| e.with_sources(&Arc::new(map)))
 }
 
 /// A GLSL vertex stage that gives `fragment` whatever it reads, all zero, and passes `position` on: for looking at a fragment shader without its other half.

@@ -1,6 +1,7 @@
 //! The TOML of a scene, as data. `docs/scenes.md` documents it for users; a field's doc here says only what that page needs to stay true.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use preshade_passes::state::{DepthDirection, DepthFormat, MaterialState};
 use serde::Deserialize;
@@ -14,6 +15,7 @@ use super::mesh::{
 };
 use super::variables::Variable;
 use super::{DrawOrder, Sampler};
+use crate::front::ClipSpace;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -70,6 +72,13 @@ pub(super) struct MaterialEntry {
     pub shader: Option<Spanned<String>>,
     pub vertex: Option<Spanned<String>>,
     pub fragment: Option<Spanned<String>>,
+    /// GLSL's preprocessor definitions.
+    #[serde(default)]
+    pub define: BTreeMap<String, String>,
+    /// Folders for GLSL's `#include`.
+    #[serde(default)]
+    pub include: Vec<PathBuf>,
+    pub clip: Option<ClipSpace>,
     #[serde(default)]
     pub entry: Entry,
     #[serde(default)]

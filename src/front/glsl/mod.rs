@@ -74,19 +74,20 @@ pub(super) fn parse(
     Ok((modules?, declared))
 }
 
-/// A stage in naga's dialect.
-#[derive(Clone, Debug)]
-pub(super) struct Normalised {
-    pub text: String,
-    map: Map,
-}
-
-/// Rewrites the stages of one material for naga; with what they declared.
-pub(super) fn normalise(
+/// Preprocesses and parses the stages, no more.
+pub(super) fn parse_alone(
     texts: &[Text<'_>],
     options: &Options,
     map: &mut SourceMap,
-) -> Result<(Vec<Normalised>, Declared), Error> {
+) -> Result<(), Error> {
+    units(texts, options, map).map(|_| ())
+}
+
+fn units(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<Vec<syntax::Unit>, Error> {
     let mut units = Vec::new();
     for text in texts {
         units.push(syntax::parse(
@@ -101,6 +102,23 @@ pub(super) fn normalise(
             map,
         )?);
     }
+    Ok(units)
+}
+
+/// A stage in naga's dialect.
+#[derive(Clone, Debug)]
+pub(super) struct Normalised {
+    pub text: String,
+    map: Map,
+}
+
+/// Rewrites the stages of one material for naga; with what they declared.
+pub(super) fn normalise(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<(Vec<Normalised>, Declared), Error> {
+    let units = units(texts, options, map)?;
     let mut stages = Vec::new();
     for (unit, text) in units.iter().zip(texts) {
         stages.push(Stage::collect(unit, text.stage)?);
