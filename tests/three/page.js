@@ -216,6 +216,12 @@ function promise({ contract, forms }) {
     return `${of.kind}${budget}${given}`;
 }
 
+function described({ role, depth: { compare, write, bias, attachment } }) {
+    const pushed =
+        bias.constant || bias.slope_scale ? `, pushed by ${bias.constant} and ${bias.slope_scale} times the slope` : '';
+    return `${role}: ${compare} in ${attachment}${write ? ', writes depth' : ''}${pushed}`;
+}
+
 function taken(id, { plans, found, name }) {
     const verdict = found[id];
     const fallback = VARIANTS.find((variant) => variant.name === name)?.fallback;
@@ -247,12 +253,7 @@ function about(variant) {
             node('dt', 'Promise'),
             node('dd', promise(plan)),
             node('dt', 'Passes'),
-            node(
-                'dd',
-                plan.passes
-                    .map((pass) => `${pass.role}: ${pass.depth.compare}${pass.depth.write ? ', writes depth' : ''}`)
-                    .join('; '),
-            ),
+            node('dd', plan.passes.map(described).join('; ')),
             node('dt', 'Self-test'),
             node('dd', taken(id, variant), { className: broken ? 'wrong' : '' }),
         );
