@@ -1,6 +1,7 @@
 //! One entry point as GLSL 4.50, 4.00 or GLSL ES 3.00, with what a host must know to bind its resources.
 
 mod author;
+mod depth;
 mod loosen;
 mod read_back;
 mod std140;
@@ -58,11 +59,15 @@ pub(super) fn write_named(
     target: Target,
     options: &Options,
 ) -> Result<(String, StageFile), Error> {
-    let program = &authored.program;
-    let declared = program.declared();
+    let declared = authored.program.declared();
     let own_depth =
         declared.depth == Depth::OpenGl && options.glsl_clip_space == ClipSpace::AsWritten;
-    let options = match own_depth {
+    let authors_own = own_depth.then(|| depth::as_authored(&authored.program, stage, entry));
+    let authors_own = authors_own.flatten();
+    let program = authors_own.as_ref().unwrap_or(&authored.program);
+    // What cannot be left out is turned back, which costs the depth its last bits.
+    let turned = own_depth && authors_own.is_none();
+    let options = match turned {
         true => Options {
             glsl_clip_space: ClipSpace::OpenGl,
         },
@@ -71,7 +76,7 @@ pub(super) fn write_named(
     let numbered = program.module();
     let (mut text, said) = write(program, numbered, stage, entry, name, target, &options)?;
     refuse_later_functions(&text, name, target)?;
-    if own_depth {
+    if turned {
         text = text.replace(TURNED, OWN_DEPTH);
     }
     let dialect = match target {
