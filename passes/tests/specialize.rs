@@ -251,6 +251,8 @@ fn run(
     let environment = Environment {
         resources: BTreeMap::from([((0, 0), steering.clone())]),
         texture: &|_| [0.0; 4],
+        derivative: None,
+        trace: None,
         steps: 200_000,
     };
     let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;

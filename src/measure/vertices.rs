@@ -27,6 +27,8 @@ impl Vertices {
             environment: Environment {
                 resources,
                 texture: &|_: &evaluate::Lookup<'_>| [f32::NAN; 4],
+                derivative: None,
+                trace: None,
                 steps: STEPS,
             },
             bound,
