@@ -370,7 +370,8 @@ impl<'a, F: Number> Machine<'a, F> {
         let Value::Pointer { address, path } = pointer else {
             return Err(Stuck::Type(format!("{pointer:?} where a pointer belongs")));
         };
-        let mut at = &mut self.memory[*address];
+        let nowhere = || Stuck::Type("a pointer to nothing".to_owned());
+        let mut at = self.memory.get_mut(*address).ok_or_else(nowhere)?;
         for step in path {
             let Value::Composite(parts) = at else {
                 return Err(Stuck::Type("a path into a scalar".to_owned()));

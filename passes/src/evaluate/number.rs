@@ -25,6 +25,21 @@ pub trait Number: Copy + Debug {
     /// How two compare; `Some(None)` where one is not a number, `None` where it cannot be told.
     fn compare(self, other: Self) -> Option<Option<std::cmp::Ordering>>;
 
+    /// Whether a comparison by this operator holds; `None` where it cannot be told, or for another operator.
+    fn holds(op: BinaryOperator, a: Self, b: Self) -> Option<bool> {
+        use std::cmp::Ordering::{Equal, Greater, Less};
+        let order = a.compare(b)?;
+        Some(match op {
+            BinaryOperator::Equal => order == Some(Equal),
+            BinaryOperator::NotEqual => order != Some(Equal),
+            BinaryOperator::Less => order == Some(Less),
+            BinaryOperator::LessEqual => matches!(order, Some(Less | Equal)),
+            BinaryOperator::Greater => order == Some(Greater),
+            BinaryOperator::GreaterEqual => matches!(order, Some(Greater | Equal)),
+            _ => return None,
+        })
+    }
+
     /// A function of each component by itself; `None` for one that is none, or is not known.
     fn call(function: MathFunction, arguments: &[Self]) -> Option<Self>;
 
