@@ -61,6 +61,7 @@ mod vertex;
 
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Metric, Params};
+pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
 pub use single::{Candidates, Computed, Stages, alone, computed};
 
 use choose::Choice;

@@ -50,6 +50,7 @@ pub mod specialize;
 pub mod state;
 pub mod tessellate;
 pub mod trim_loop;
+pub mod validate;
 pub mod visibility_buffer;
 
 pub use naga;

@@ -66,6 +66,8 @@ fn drawn(plan: &Plan, weights: [f32; 4]) -> (f32, Vec<u32>) {
             looked.borrow_mut().push(binding);
             [0.1 * binding as f32; 4]
         },
+        derivative: None,
+        trace: None,
         steps: 10_000,
     };
     let outcome = evaluate::entry_point(program.module(), entry, &[], &environment).unwrap();

@@ -183,6 +183,8 @@ fn run(
     let environment = Environment {
         resources: BTreeMap::from([((0, 0), content.clone())]),
         texture: &|_| [0.0; 4],
+        derivative: None,
+        trace: None,
         steps: 50_000,
     };
     let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;

@@ -60,6 +60,8 @@ fn red(plan: &Plan) -> f32 {
     let environment = Environment {
         resources: BTreeMap::new(),
         texture: &|_| [0.0; 4],
+        derivative: None,
+        trace: None,
         steps: 10_000,
     };
     let outcome = evaluate::entry_point(program.module(), entry, &[], &environment).unwrap();

@@ -2,7 +2,7 @@
 //!
 //! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames and [`mod@constants`] what is, [`shading`] counts fragments and depth ties, [`timing`] times frames,
 //! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself ([`bounds`] proves how far that can be off);
-//! [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
+//! [`mod@truth`] tells how far original and variant are from what nobody rounded; [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
 //! [`crossover`] tells at which value of a scene's variable one variant overtakes another.
 
 pub mod bounds;
@@ -21,6 +21,7 @@ pub mod shading;
 pub mod shadow;
 pub mod statistics;
 pub mod timing;
+pub mod truth;
 pub mod variant;
 pub mod verdict;
 pub mod verify;

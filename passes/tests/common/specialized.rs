@@ -76,6 +76,8 @@ pub fn ran(plan: &Plan, uniform: &Value, p: [f32; 4]) -> Result<Option<Value>, S
     let environment = Environment {
         resources: BTreeMap::from([((0, 0), uniform.clone())]),
         texture: &|_| [0.0; 4],
+        derivative: None,
+        trace: None,
         steps: 200_000,
     };
     evaluate::entry_point(program.module(), entry, &arguments, &environment).map(|o| o.result)
