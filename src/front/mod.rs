@@ -18,6 +18,7 @@ mod nesting;
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]
 mod promote;
+mod size;
 #[cfg(feature = "glsl")]
 mod switch;
 pub(crate) mod varying;
@@ -31,6 +32,8 @@ use naga::ShaderStage;
 use preshade_passes::program::{Language, Program, SourceMap};
 
 pub use error::{Code, Color, Error, Label};
+
+use crate::limits::Limits;
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -111,8 +114,12 @@ pub struct Options {
     pub defines: Vec<(String, String)>,
     /// Folders in which GLSL's `#include` is looked up, after the including file's own.
     pub include: Vec<PathBuf>,
+    /// The folder that included files may not leave, and that the sources' names are relative to; `None`: any file may be included.
+    pub root: Option<PathBuf>,
     /// The clip space that GLSL positions are written for; `None` goes by the dialect: OpenGL's, but for Vulkan's GLSL.
     pub clip_space: Option<ClipSpace>,
+    /// What is refused for its size.
+    pub limits: Limits,
 }
 
 /// The clip space that a GLSL text is written for.
@@ -154,7 +161,7 @@ fn parse_mapped(
 ) -> (Result<Parsed, Error>, Arc<SourceMap>) {
     let checked = check_sources(sources).and_then(|language| {
         for (source, base) in sources.iter().zip(bases) {
-            nesting::check(&source.text, *base)?;
+            nesting::check(&source.text, *base, &options.limits)?;
         }
         Ok(language)
     });
@@ -211,6 +218,7 @@ fn assemble(
         };
         module = link(module, &second, base, map)?;
     }
+    size::check(&module, &options.limits)?;
     let entries = entry::choose(&module, options, map)?;
     entry::check_interface(&module, &entries, map)?;
     let names = entry::names(&module);

@@ -10,7 +10,7 @@ use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
 use preshade_passes::visibility_buffer;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Error;
 use crate::render::{
@@ -46,7 +46,7 @@ pub struct Shading {
 }
 
 /// [`Shading`] as it is reported.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShadingSummary {
     /// Fragments (samples, under MSAA).
     pub fragments: u64,

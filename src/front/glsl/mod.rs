@@ -92,8 +92,7 @@ pub(super) fn normalise(
                 stage: text.stage,
                 path: Path::new(text.name),
                 base: text.base,
-                defines: &options.defines,
-                include: &options.include,
+                options,
             },
             map,
         )?);
@@ -257,8 +256,7 @@ pub(super) fn vertex_stage_for(
             stage: text.stage,
             path: Path::new(text.name),
             base: text.base,
-            defines: &options.defines,
-            include: &options.include,
+            options,
         },
         map,
     )?;

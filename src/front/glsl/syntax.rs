@@ -4,7 +4,7 @@
 //! file they come from; [`Unit::place`] turns them into the author's bytes.
 
 use std::borrow::Cow;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -27,6 +27,7 @@ use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
+use crate::front::Options;
 use crate::front::error::{Code, Error};
 
 /// Most tokens a stage may have once its macros are expanded.
@@ -154,8 +155,7 @@ pub(super) struct Input<'a> {
     pub path: &'a Path,
     /// The file's place in the source map.
     pub base: u32,
-    pub defines: &'a [(String, String)],
-    pub include: &'a [PathBuf],
+    pub options: &'a Options,
 }
 
 /// Preprocesses and parses. Included files are added to `map`.
@@ -168,7 +168,10 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         && input.text.contains("sampler")
         && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
     let files = Files {
-        include: input.include.to_vec(),
+        include: input.options.include.to_vec(),
+        root: input.options.root.clone(),
+        left: Cell::new(input.options.limits.source_bytes),
+        included: Cell::new(0),
         stage: input.stage,
         read: Rc::default(),
     };
@@ -182,7 +185,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     let folder = input.path.parent().unwrap_or(Path::new(""));
     let file = processor
         .open_source(&text, folder)
-        .with_state(state(dialect, input.defines));
+        .with_state(state(dialect, &input.options.defines));
     let options = ParseOptions {
         default_version: if vulkan { 460 } else { dialect.version },
         target_vulkan: vulkan,
@@ -223,7 +226,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
             let path = processor.resolve(id);
             let text = path.and_then(|p| read.borrow().get(p).cloned());
             match (path, text) {
-                (Some(path), Some(text)) => map.add(path.to_string_lossy(), text),
+                (Some(path), Some(text)) => map.add(unmarked(path).to_string_lossy(), text),
                 _ => input.base,
             }
         })
@@ -341,22 +344,46 @@ fn state(dialect: Dialect, defines: &[(String, String)]) -> ProcessorState {
     builder.finish()
 }
 
+/// Most times that files are included. A file that includes itself, with no condition that ever ends it, is stopped here.
+const INCLUDES: u32 = 1000;
+
+/// Begins the folder that stands, before the name of each included file, for which inclusion it is: the preprocessor asks once for a path, and so for each of them.
+const MARK: char = '\u{1}';
+
+/// The path without what [`MARK`] begins.
+fn unmarked(path: &Path) -> PathBuf {
+    let is_mark = |c: &std::path::Component<'_>| c.as_os_str().to_string_lossy().starts_with(MARK);
+    path.components().filter(|c| !is_mark(c)).collect()
+}
+
 /// Files that a text includes: beside it, or below one of the include paths.
 struct Files {
     include: Vec<PathBuf>,
+    /// See [`Options::root`].
+    root: Option<PathBuf>,
+    /// Bytes that may still be included.
+    left: Cell<u64>,
+    /// How often a file was included.
+    included: Cell<u32>,
     /// The lines of another stage are left blank in what is included too.
     stage: ShaderStage,
     /// What was read, by the path asked for.
     read: Rc<RefCell<HashMap<PathBuf, String>>>,
 }
 
-impl FileSystem for Files {
-    type Error = io::Error;
-
-    fn canonicalize(&self, path: &Path) -> Result<PathBuf, io::Error> {
-        // `path` is the including file's folder with what stands in quotes: of its endings, the longest that an include path has.
+impl Files {
+    /// The file meant by `path`, which is the including file's folder with what stands in quotes: of its endings, the longest that an include path has.
+    fn find(&self, path: &Path) -> io::Result<PathBuf> {
+        let absent = || {
+            let message = format!("there is no file {}", path.display());
+            io::Error::new(io::ErrorKind::NotFound, message)
+        };
+        let beside = match &self.root {
+            Some(root) => root.join(path),
+            None => path.to_owned(),
+        };
         let mut ending = path;
-        let mut found = path.canonicalize();
+        let mut found = beside.canonicalize();
         while found.is_err() {
             if let Some(hit) = self
                 .include
@@ -369,18 +396,51 @@ impl FileSystem for Files {
             }
             let mut parts = ending.components();
             if parts.next().is_none() || parts.as_path().as_os_str().is_empty() {
-                return Err(io::Error::new(
-                    io::ErrorKind::NotFound,
-                    format!("there is no file {}", path.display()),
-                ));
+                return Err(absent());
             }
             ending = parts.as_path();
         }
         let found = found?;
-        let text = std::fs::read_to_string(&found)?;
+        match &self.root {
+            Some(root) if !found.starts_with(root) => Err(io::Error::new(
+                io::ErrorKind::PermissionDenied,
+                format!("{} lies outside of the root folder", path.display()),
+            )),
+            _ => Ok(found),
+        }
+    }
+
+    /// Its text, as far as there is room for it.
+    fn text(&self, found: &Path) -> io::Result<String> {
+        let refused = |message: String| io::Error::new(io::ErrorKind::InvalidData, message);
+        let about = std::fs::metadata(found)?;
+        if !about.is_file() {
+            return Err(refused(format!("{} is no file", found.display())));
+        }
+        let left = self.left.get().checked_sub(about.len());
+        let (Some(left), true) = (left, self.included.get() < INCLUDES) else {
+            return Err(refused(format!(
+                "more is included than the limit `source-bytes` allows, or more than {INCLUDES} times"
+            )));
+        };
+        self.left.set(left);
+        self.included.set(self.included.get() + 1);
+        std::fs::read_to_string(found)
+    }
+}
+
+impl FileSystem for Files {
+    type Error = io::Error;
+
+    fn canonicalize(&self, path: &Path) -> Result<PathBuf, io::Error> {
+        let found = self.find(&unmarked(path))?;
+        let text = self.text(&found)?;
+        let name = found.file_name().unwrap_or_default();
+        let mark = format!("{MARK}{}", self.included.get());
+        let marked = found.with_file_name(mark).join(name);
         self.read.borrow_mut().insert(path.to_owned(), text.clone());
-        self.read.borrow_mut().insert(found.clone(), text);
-        Ok(found)
+        self.read.borrow_mut().insert(marked.clone(), text);
+        Ok(marked)
     }
 
     fn exists(&self, path: &Path) -> bool {
