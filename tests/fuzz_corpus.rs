@@ -20,8 +20,20 @@ const TARGETS: [Target; 6] = [
     ("glsl", glsl, 25),
     ("scene", scenes::scene, 40),
     ("plan", scenes::plan, 200),
-    ("recipes", |data| drop(recipes::recipes(data)), 12),
-    ("ir", |data| drop(ir::ir(data)), 12),
+    (
+        "recipes",
+        |data| {
+            recipes::recipes(data);
+        },
+        12,
+    ),
+    (
+        "ir",
+        |data| {
+            ir::ir(data);
+        },
+        12,
+    ),
 ];
 
 /// Xorshift: the same inputs in every run.
@@ -88,7 +100,18 @@ fn mutated(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     }
     pieces.push(&text[start..]);
     const EXTREME: [&str; 12] = [
-        "0", "-1", "4294967295", "1e38", "nan", "inf", "0.0", "[]", "{}", "\"\"", "9223372036854775807", "1e-45",
+        "0",
+        "-1",
+        "4294967295",
+        "1e38",
+        "nan",
+        "inf",
+        "0.0",
+        "[]",
+        "{}",
+        "\"\"",
+        "9223372036854775807",
+        "1e-45",
     ];
     for _ in 0..1 + random.below(4) {
         let (at, from) = (random.below(pieces.len()), random.below(pieces.len()));

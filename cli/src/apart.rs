@@ -23,7 +23,9 @@ pub fn apart(
         .map_err(|why| Failure(format!("error: the original was not measured: {why}")))?;
     for (i, recipe) in recipes.iter().enumerate() {
         let variant = variant(i, recipe, limits);
-        report.variants.push(variant.unwrap_or_else(|why| not_measured(recipe, why)));
+        report
+            .variants
+            .push(variant.unwrap_or_else(|why| not_measured(recipe, why)));
         let missing = recipes[i + 1..].iter().map(ToString::to_string).collect();
         keeper.keep_report(&Unfinished::new(report.clone(), missing));
     }

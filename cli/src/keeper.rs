@@ -44,7 +44,9 @@ impl Keeper {
                 }
             }
             Err(e) => {
-                output::message(&format!("warning: what is measured so far is not kept: {e}"));
+                output::message(&format!(
+                    "warning: what is measured so far is not kept: {e}"
+                ));
                 self.folder = None;
             }
         }

@@ -15,10 +15,10 @@ use preshade::report::{Budget, Chosen, SweepReport};
 use preshade::scene::{self, DrawOrder, Scene, Variables};
 use preshade::sweep::{self, Sweep};
 
-use crate::input::ShaderArgs;
-use crate::output;
 use crate::apart::{apart, resumed};
+use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
+use crate::output;
 use crate::variable::Axis;
 use crate::view::ViewArgs;
 use crate::{Failure, Format, Outcome, worker};
@@ -192,7 +192,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         (true, None) => apart(&recipes(&sweeps), args.budget, &limits, &mut keeper)?,
         (false, Some(axis)) => {
-            return swept(args, &Opened::new(args)?, &first, axis, &sweeps, &bar, &mut keeper);
+            return swept(
+                args,
+                &Opened::new(args)?,
+                &first,
+                axis,
+                &sweeps,
+                &bar,
+                &mut keeper,
+            );
         }
         (false, None) => {
             let opened = Opened::new(args)?;
@@ -426,7 +434,12 @@ fn recipes(sweeps: &[Sweep]) -> Vec<Recipe> {
 
 /// Adds to a report which of its variants are the points of which sweep.
 fn tell_sweeps(report: &mut report::Report, sweeps: &[Sweep]) {
-    let names: Vec<String> = report.variants.iter().skip(1).map(|v| v.name.clone()).collect();
+    let names: Vec<String> = report
+        .variants
+        .iter()
+        .skip(1)
+        .map(|v| v.name.clone())
+        .collect();
     let mut names = names.into_iter();
     for sweep in sweeps {
         let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();

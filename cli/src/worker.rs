@@ -57,7 +57,9 @@ pub fn run(variant: usize, limits: &Limits) -> Result<String, String> {
             Err(e) => break Err(e.to_string()),
         }
         if start.elapsed() > Duration::from_secs(seconds) {
-            break Err(format!("it was stopped after {seconds} s (--limits seconds=N)"));
+            break Err(format!(
+                "it was stopped after {seconds} s (--limits seconds=N)"
+            ));
         }
         if let Some(bytes) = resident(&child).filter(|b| *b > limits.memory) {
             break Err(format!(
@@ -73,7 +75,8 @@ pub fn run(variant: usize, limits: &Limits) -> Result<String, String> {
         let _ = child.wait();
     }
     drop(alive);
-    let text = |bytes: Option<Vec<u8>>| String::from_utf8_lossy(&bytes.unwrap_or_default()).into_owned();
+    let text =
+        |bytes: Option<Vec<u8>>| String::from_utf8_lossy(&bytes.unwrap_or_default()).into_owned();
     let (out, told) = (text(out.join().ok()), text(told.join().ok()));
     let status = ended?;
     if matches!(status.code(), Some(0 | 1)) {

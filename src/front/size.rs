@@ -14,7 +14,11 @@ pub(super) fn check(module: &Module, limits: &Limits) -> Result<(), Error> {
         .map(|f| f.expressions.len())
         .sum();
     limits
-        .check("expressions", expressions as u64, "the number of expressions")
+        .check(
+            "expressions",
+            expressions as u64,
+            "the number of expressions",
+        )
         .map_err(told)?;
     // A type rests on earlier ones alone.
     let mut elements: Vec<u64> = Vec::with_capacity(module.types.len());

@@ -80,7 +80,11 @@ impl Shading {
 
 /// A frame prepared for counting: plans whose main passes add one instead of shading.
 #[derive(Debug)]
-pub struct Counter<'a>(Prepared<'a>);
+pub struct Counter<'a> {
+    prepared: Prepared<'a>,
+    /// For ties: the fragments that the original draws.
+    passed: Option<Prepared<'a>>,
+}
 
 impl<'a> Counter<'a> {
     /// Prepares counting what the opaque main passes of `plans` shade. `count` says what stands in for a pass's fragment stage. Passes
@@ -99,11 +103,14 @@ impl<'a> Counter<'a> {
             .iter()
             .map(|plan| Ok(every_late_fragment(counting_plan(plan, format, &count)?)))
             .collect::<Result<Vec<_>, Error>>()?;
-        Self::prepare(inputs, &plans, form)
+        Ok(Self {
+            prepared: Self::prepare(inputs, &plans, form)?,
+            passed: None,
+        })
     }
 
-    /// Prepares counting the fragments that share the winning depth of their pixel: 2 or more are a tie. `plans` are the original ones, drawn
-    /// first with their own state, then with EQUAL.
+    /// Prepares counting the fragments that share the winning depth of their pixel: 2 or more are a tie, and so is one where the original draws none, whose depth is that of the
+    /// cleared buffer. `plans` are the original ones, drawn first with their own state, then with EQUAL.
     ///
     /// # Errors
     /// As [`Prepared::new`].
@@ -115,6 +122,7 @@ impl<'a> Counter<'a> {
         count: impl Fn(&Plan, &GpuPass) -> CountProgram,
     ) -> Result<Self, Error> {
         let format = count_format(inputs.gpu(), plans);
+        let passed = Self::shaded(inputs, plans, form, &count)?.prepared;
         let plans = plans
             .iter()
             .map(|original| {
@@ -155,21 +163,22 @@ impl<'a> Counter<'a> {
                 Ok(plan)
             })
             .collect::<Result<Vec<_>, Error>>()?;
-        Self::prepare(inputs, &plans, form)
+        Ok(Self {
+            prepared: Self::prepare(inputs, &plans, form)?,
+            passed: Some(passed),
+        })
     }
 
     fn prepare(
         inputs: &'a SceneInputs<'a>,
         plans: &[Plan],
         form: ShaderForm,
-    ) -> Result<Self, Error> {
+    ) -> Result<Prepared<'a>, Error> {
         let variant = Variant::new(plans, form)?;
         let settings = FrameSettings {
             clear_color: [0.0; 4],
         };
-        Ok(Self(
-            Prepared::new(inputs, &variant, &settings)?.keeping_samples(),
-        ))
+        Ok(Prepared::new(inputs, &variant, &settings)?.keeping_samples())
     }
 
     /// Counts in one frame. Uniforms are those last set by [`SceneInputs::set_frame`].
@@ -177,23 +186,39 @@ impl<'a> Counter<'a> {
     /// # Errors
     /// As [`Prepared::draw`].
     pub fn count(&mut self, frame: &Frame, order: DrawOrder) -> Result<Shading, Error> {
-        self.0.aim(frame, order);
-        let counts = self.0.render_red()?.unwrap_or(DepthImage {
-            size: [0, 0],
-            samples: 1,
-            values: Vec::new(),
-        });
-        Ok(Shading::of(counts))
+        Ok(Shading::of(counted(&mut self.prepared, frame, order)?))
     }
 
-    /// Pixels (samples) counted twice or more: for [`Counter::ties`], the number of depth ties.
+    /// Pixels (samples) counted twice or more, or once where the original draws nothing: for [`Counter::ties`], the number of depth ties.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
     pub fn ties_in(&mut self, frame: &Frame, order: DrawOrder) -> Result<u64, Error> {
-        let shading = self.count(frame, order)?;
-        Ok(shading.counts.values.iter().filter(|v| **v >= 2.0).count() as u64)
+        let equal = counted(&mut self.prepared, frame, order)?.values;
+        let passed = match &mut self.passed {
+            Some(passed) => counted(passed, frame, order)?.values,
+            None => Vec::new(),
+        };
+        let is_tie = |(i, n): &(usize, &f32)| {
+            let most = passed.get(*i).map_or(1.0, |p| p.min(1.0));
+            **n > most
+        };
+        Ok(equal.iter().enumerate().filter(is_tie).count() as u64)
     }
+}
+
+/// What a frame prepared for counting counts, by pixel (sample).
+fn counted(
+    prepared: &mut Prepared<'_>,
+    frame: &Frame,
+    order: DrawOrder,
+) -> Result<DepthImage, Error> {
+    prepared.aim(frame, order);
+    Ok(prepared.render_red()?.unwrap_or(DepthImage {
+        size: [0, 0],
+        samples: 1,
+        values: Vec::new(),
+    }))
 }
 
 /// Counts the depth ties of a scene over every frame of every camera, which is what `equal` forms of a pre-pass must know, and looks at what the adapter does that no language decides.

@@ -381,6 +381,12 @@ impl Gpu {
         Ok(bytes)
     }
 
+    /// From now on every call says that the device was lost: for tests of what is kept then. No device is lost at a test's will.
+    #[doc(hidden)]
+    pub fn pretend_lost(&self, why: &str) {
+        lock(&self.trouble).lost = Some(why.to_owned());
+    }
+
     fn check_trouble(&self) -> Result<(), Error> {
         let mut trouble = lock(&self.trouble);
         if let Some(message) = &trouble.lost {

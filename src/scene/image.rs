@@ -128,8 +128,9 @@ impl Recipe {
         bytes: &[u8],
         limits: &crate::limits::Limits,
     ) -> Result<Image, Error> {
-        let wrong =
-            |e: ::image::ImageError| Error::new(format!("`{name}` is not a PNG that can be read: {e}"));
+        let wrong = |e: ::image::ImageError| {
+            Error::new(format!("`{name}` is not a PNG that can be read: {e}"))
+        };
         let png = ::image::ImageFormat::Png;
         let reader = || ::image::ImageReader::with_format(std::io::Cursor::new(bytes), png);
         let (width, height) = reader().into_dimensions().map_err(wrong)?;

@@ -18,8 +18,8 @@ use super::file::{
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Scene, Stream, Value, Variables,
-    bind, error, material, meshes, range, size, variables,
+    Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Scene, Stream, Value,
+    Variables, bind, error, material, meshes, range, size, variables,
 };
 use crate::front;
 
@@ -431,7 +431,11 @@ impl Loader<'_> {
             .help("a generated texture is 1 to 4096 texels wide")),
             (None, Some(_)) => {
                 let (limits, side) = (&self.access.limits, recipe.size.into());
-                limits.check("texture-size", side, format!("the side of texture `{name}`"))?;
+                limits.check(
+                    "texture-size",
+                    side,
+                    format!("the side of texture `{name}`"),
+                )?;
                 Ok(recipe.generate())
             }
             _ => Err(Error::new(format!(

@@ -155,7 +155,9 @@ impl Builder<'_> {
     fn take(&self, vertices: u64) -> Result<(), Error> {
         let all = self.vertices.get().saturating_add(vertices);
         self.vertices.set(all);
-        Ok(self.limits.check("vertices", all, "the vertices of all meshes")?)
+        Ok(self
+            .limits
+            .check("vertices", all, "the vertices of all meshes")?)
     }
 
     fn mesh(

@@ -24,7 +24,9 @@ pub(super) fn vertices(entry: &MeshEntry) -> u64 {
             let steps = u64::from(s.steps.min(1000));
             steps * (steps + 9) * 4
         }),
-        entry.arch.map(|s| (u64::from(s.segments.min(4096)) + 4) * 16),
+        entry
+            .arch
+            .map(|s| (u64::from(s.segments.min(4096)) + 4) * 16),
         entry
             .column
             .map(|s| patch([s.segments, s.rings]).saturating_add(96)),

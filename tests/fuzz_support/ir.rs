@@ -119,8 +119,8 @@ fn change(function: &mut Function, bytes: &mut Bytes<'_>) {
     }
 }
 
-/// Changes one statement somewhere in a block.
-fn disturb(block: &mut naga::Block, bytes: &mut Bytes<'_>) {
+/// Changes one statement somewhere in a block. What naga's validator takes and no front end makes is left out: a path without its return, code behind a discard that is always reached.
+fn disturb(block: &mut naga::Block, depth: usize, bytes: &mut Bytes<'_>) {
     let n = block.len();
     if n == 0 {
         return;
@@ -128,35 +128,29 @@ fn disturb(block: &mut naga::Block, bytes: &mut Bytes<'_>) {
     let at = bytes.below(n);
     let deeper = bytes.below(3) != 0;
     match &mut block[at] {
-        Statement::Block(inner) => disturb(inner, bytes),
+        Statement::Block(inner) => disturb(inner, depth, bytes),
         Statement::If { accept, reject, .. } if deeper => match bytes.below(2) {
-            0 => disturb(accept, bytes),
-            _ => disturb(reject, bytes),
+            0 => disturb(accept, depth + 1, bytes),
+            _ => disturb(reject, depth + 1, bytes),
         },
         Statement::Loop {
             body, continuing, ..
         } if deeper => match bytes.below(4) {
-            0 => disturb(continuing, bytes),
-            _ => disturb(body, bytes),
+            0 => disturb(continuing, 0, bytes),
+            _ => disturb(body, depth + 1, bytes),
         },
         Statement::Switch { cases, .. } if deeper => {
             let n = cases.len().max(1);
             if let Some(case) = cases.get_mut(bytes.below(n)) {
-                disturb(&mut case.body, bytes);
+                disturb(&mut case.body, depth + 1, bytes);
             }
         }
         Statement::If { accept, reject, .. } => std::mem::swap(accept, reject),
-        statement => match bytes.below(3) {
-            0 => *statement = Statement::Kill,
-            1 => {
-                let whole = std::mem::replace(statement, Statement::Break);
-                *statement = Statement::Block(naga::Block::from_vec(vec![whole]));
-            }
-            _ if !matches!(statement, Statement::Emit(_)) => {
-                block.cull(at..at + 1);
-            }
-            _ => {}
+        Statement::Store { .. } | Statement::Call { result: None, .. } => match bytes.below(2) {
+            0 if depth > 0 && at + 1 == n => block[at] = Statement::Kill,
+            _ => block.cull(at..at + 1),
         },
+        _ => {}
     }
 }
 
@@ -181,7 +175,7 @@ pub fn ir(data: &[u8]) -> bool {
             }
         };
         match bytes.below(3) {
-            0 => disturb(&mut function.body, bytes),
+            0 => disturb(&mut function.body, 0, bytes),
             _ => change(function, bytes),
         }
         if program.with_module(module.clone()).is_err() {
@@ -195,7 +189,13 @@ pub fn ir(data: &[u8]) -> bool {
         return false;
     };
     let state = preshade::passes::state::MaterialState::default();
-    let plan = Plan::original(name, program, &pass.vertex, pass.fragment.as_deref(), &state);
+    let plan = Plan::original(
+        name,
+        program,
+        &pass.vertex,
+        pass.fragment.as_deref(),
+        &state,
+    );
     let recipe = Recipe::parse_list(recipe).unwrap();
     if let Ok(plan) = recipe.apply(&plan, &Facts::without_ties()) {
         emitted(&plan);

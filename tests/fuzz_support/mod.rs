@@ -133,7 +133,12 @@ pub fn whole(module: naga::Module) {
     let fragment = named(naga::ShaderStage::Fragment);
     let state = MaterialState::default();
     let plan = Plan::original("m", program, &vertex, fragment.as_deref(), &state);
-    for recipe in ["depth-prepass", "early-discard", "hoist", "visibility-buffer:budget=1"] {
+    for recipe in [
+        "depth-prepass",
+        "early-discard",
+        "hoist",
+        "visibility-buffer:budget=1",
+    ] {
         let recipe = Recipe::parse_list(recipe).unwrap();
         if let Ok(plan) = recipe.apply(&plan, &Facts::without_ties()) {
             emitted(&plan);

@@ -29,8 +29,7 @@ pub fn materials() -> &'static [(String, Plan)] {
         let of = |path: &std::path::PathBuf| {
             let name = path.file_stem().unwrap().to_string_lossy().into_owned();
             let text = std::fs::read_to_string(path).unwrap();
-            let parsed =
-                front::parse(&[Source::new("m.wgsl", text)], &Options::default()).unwrap();
+            let parsed = front::parse(&[Source::new("m.wgsl", text)], &Options::default()).unwrap();
             let fragment = parsed.fragment.as_deref();
             let state = MaterialState::default();
             let plan = Plan::original(&name, parsed.program, &parsed.vertex, fragment, &state);
@@ -73,7 +72,13 @@ fn chosen(bytes: &mut Bytes<'_>) -> Plan {
     }
     let pass = plan.main().unwrap();
     let program = plan.program(pass).unwrap().clone();
-    Plan::original(name, program, &pass.vertex, pass.fragment.as_deref(), &state)
+    Plan::original(
+        name,
+        program,
+        &pass.vertex,
+        pass.fragment.as_deref(),
+        &state,
+    )
 }
 
 fn facts(bytes: &mut Bytes<'_>) -> Facts {
@@ -94,16 +99,29 @@ fn value(parameter: &Parameter, bytes: &mut Bytes<'_>) -> Option<String> {
         let at = bytes.below(parameter.choices.len());
         return Some(parameter.choices[at].value.clone());
     }
-    Some(match parameter.kind.as_deref()? {
-        "integer" => {
-            ["0", "1", "2", "3", "5", "8", "16", "64", "1000", "4294967295"][bytes.below(10)]
+    Some(
+        match parameter.kind.as_deref()? {
+            "integer" => [
+                "0",
+                "1",
+                "2",
+                "3",
+                "5",
+                "8",
+                "16",
+                "64",
+                "1000",
+                "4294967295",
+            ][bytes.below(10)],
+            "number" => {
+                ["0", "0.004", "0.02", "0.5", "1", "2", "1e-30", "1e30", "-1"][bytes.below(9)]
+            }
+            "boolean" => ["true", "false"][bytes.below(2)],
+            // Words: names of values and sites, that are rarely there.
+            _ => ["x", "model", "camera.time", "all"][bytes.below(4)],
         }
-        "number" => ["0", "0.004", "0.02", "0.5", "1", "2", "1e-30", "1e30", "-1"][bytes.below(9)],
-        "boolean" => ["true", "false"][bytes.below(2)],
-        // Words: names of values and sites, that are rarely there.
-        _ => ["x", "model", "camera.time", "all"][bytes.below(4)],
-    }
-    .to_owned())
+        .to_owned(),
+    )
 }
 
 fn step(pass: &'static dyn AnyPass, bytes: &mut Bytes<'_>) -> String {

@@ -60,4 +60,3 @@ pub fn scene(data: &[u8]) {
         Err(error) => assert!(!error.render().is_empty()),
     }
 }
-

@@ -26,7 +26,13 @@ pub const CASES: &[Case] = &[
         ],
         mutation: (
             "a quad leaves when one of its lanes is behind",
-            Mutation::Text(EARLY, &[("return quad > 0.5f;", "return fwidthFine(lane) + lane > 0.5f;")]),
+            Mutation::Text(
+                EARLY,
+                &[(
+                    "return quad > 0.5f;",
+                    "return fwidthFine(lane) + lane > 0.5f;",
+                )],
+            ),
         ),
     },
     Case {
@@ -34,10 +40,20 @@ pub const CASES: &[Case] = &[
         scene: "branches",
         guards: "derivatives that not all lanes of a quad are at: what they are is left to the adapter, and must be left alone",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Refused("nothing-pays"))],
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            ("hoist", Refused("nothing-pays")),
+        ],
         mutation: (
             "a quad leaves when one of its lanes is behind",
-            Mutation::Text(EARLY, &[("return quad > 0.5f;", "return fwidthFine(lane) + lane > 0.5f;")]),
+            Mutation::Text(
+                EARLY,
+                &[(
+                    "return quad > 0.5f;",
+                    "return fwidthFine(lane) + lane > 0.5f;",
+                )],
+            ),
         ),
     },
     Case {

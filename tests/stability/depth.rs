@@ -20,7 +20,13 @@ pub const CASES: &[Case] = &[
         scene: "layers",
         guards: "a pre-pass whose position differs from the main pass's by one bit: EQUAL fails on most pixels",
         setups: ALL,
-        recipes: &[(BIASED, Holds), (EQUAL, Untied), (SLICED, Untied), (EARLY, Holds), (READ_ONLY, Untied)],
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+        ],
         mutation: (
             "the pre-pass's z one float farther, under EQUAL",
             Mutation::Plans(EQUAL, |plans| moved(plans, Role::Prepass, Moved::Depth(1))),
@@ -31,9 +37,13 @@ pub const CASES: &[Case] = &[
         scene: "../atrium",
         guards: "ties, crossing cards and decals on a driver that compiles one vertex stage in two ways",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Withstands(2)), (EARLY, Withstands(2)), (EQUAL, Refused("depth-ties"))],
+        recipes: &[
+            (BIASED, Withstands(2)),
+            (EARLY, Withstands(2)),
+            (EQUAL, Untied),
+        ],
         mutation: (
-            "the pre-pass's z one float farther, under EQUAL: its self-test fails, and the fallback it names draws the original",
+            "the pre-pass's z one float nearer, under EQUAL: its self-test fails, and the fallback it names draws the original",
             Mutation::Own(self_tested),
         ),
     },
@@ -42,7 +52,12 @@ pub const CASES: &[Case] = &[
         scene: "infinite",
         guards: "a bias of the wrong sign where depth grows towards the viewer, and depths next to 0 and 1",
         setups: ALL,
-        recipes: &[(BIASED, Holds), (EQUAL, Untied), (EARLY, Holds), (READ_ONLY, Untied)],
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+        ],
         mutation: (
             "the bias with its sign turned round",
             Mutation::Plans(BIASED, |plans| {
@@ -70,7 +85,7 @@ pub const CASES: &[Case] = &[
         scene: "distances",
         guards: "a fixed tolerance of 0.0001, which from 100 m on takes hidden surfaces for visible ones",
         setups: &[FLOAT],
-        recipes: &[(EARLY, Shades(1.4)), (BIASED, Shades(1.4))],
+        recipes: &[(EARLY, Shades(1.4)), (BIASED, Shades(1.6))],
         mutation: (
             "tolerance=0.0001",
             Mutation::Shades("early-discard:tolerance=0.0001", 1.4),
@@ -81,10 +96,10 @@ pub const CASES: &[Case] = &[
         scene: "distances",
         guards: "the same under reversed Z, where no distance is too far to tell surfaces apart",
         setups: &[REVERSED],
-        recipes: &[(EARLY, Shades(1.05)), (BIASED, Shades(1.05))],
+        recipes: &[(EARLY, Shades(1.1)), (BIASED, Shades(1.1))],
         mutation: (
             "tolerance=0.0001",
-            Mutation::Shades("early-discard:tolerance=0.0001", 1.05),
+            Mutation::Shades("early-discard:tolerance=0.0001", 1.1),
         ),
     },
     Case {
@@ -92,7 +107,10 @@ pub const CASES: &[Case] = &[
         scene: "layers",
         guards: "a prologue that drops what is nearest, on a driver that computes it a bit farther the second time",
         setups: ALL,
-        recipes: &[(EARLY, Withstands(2)), ("early-discard:texture=packed", Holds)],
+        recipes: &[
+            (EARLY, Withstands(2)),
+            ("early-discard:texture=packed", Holds),
+        ],
         mutation: (
             "tolerance=0, and the pre-pass's z one float nearer",
             Mutation::Plans("early-discard:tolerance=0", |plans| {
@@ -105,9 +123,14 @@ pub const CASES: &[Case] = &[
         scene: "grazing",
         guards: "a constant bias alone, where one pixel spans many of its steps: what a rasteriser's snapping of the same vertices apart makes of it",
         setups: ALL,
-        recipes: &[(BIASED, Holds), (EQUAL, Untied), (EARLY, Holds), (READ_ONLY, Untied)],
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+        ],
         mutation: (
-            "slope bias 0, and the pre-pass 1/128 pixel down (with the slope bias that changes nothing)",
+            "a bias of one step and no slope, and the pre-pass 1/128 pixel up (with the whole bias that changes nothing)",
             Mutation::Own(without_slope),
         ),
     },
@@ -140,21 +163,45 @@ pub const CASES: &[Case] = &[
         scene: "layers",
         guards: "one sample's depth taken for a pixel's, at every edge",
         setups: SAMPLED,
-        recipes: &[(BIASED, Holds), (EQUAL, Untied), (SLICED, Untied), (EARLY, Holds), (READ_ONLY, Untied)],
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+        ],
         mutation: (
             "the prologue looks at the first sample alone",
-            Mutation::Text(EARLY, &[("pixel, 1i)", "pixel, 0i)"), ("pixel, 2i)", "pixel, 0i)"), ("pixel, 3i)", "pixel, 0i)")]),
+            Mutation::Text(
+                EARLY,
+                &[
+                    ("pixel, 1i)", "pixel, 0i)"),
+                    ("pixel, 2i)", "pixel, 0i)"),
+                    ("pixel, 3i)", "pixel, 0i)"),
+                ],
+            ),
         ),
     },
     Case {
         name: "depth clamp",
         scene: "clamped",
         guards: "surfaces clamped to depth 0, where a float format has no step to be pushed away by",
-        setups: DIRECTIONS,
+        setups: &[FLOAT],
         recipes: &[(BIASED, Refused("near-plane")), (EARLY, Holds)],
         mutation: (
             "told that nothing lies on the near plane",
             Mutation::Untied(BIASED),
+        ),
+    },
+    Case {
+        name: "depth clamp, reversed",
+        scene: "clamped",
+        guards: "surfaces clamped to depth 1, which are pushed away from there",
+        setups: &[REVERSED],
+        recipes: &[(BIASED, Holds), (EARLY, Holds)],
+        mutation: (
+            "the bias taken away",
+            Mutation::Plans(BIASED, |plans| biased(plans, |_| DepthBias::default())),
         ),
     },
 ];
@@ -171,9 +218,8 @@ fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
 fn self_tested(stage: &Stage<'_>) -> Red {
     let facts = preshade::passes::pass::Facts::without_ties();
     let recipe = |text: &str| preshade::recipe::Recipe::parse_list(text).unwrap();
-    let mut plans =
-        preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts).plans;
-    moved(&mut plans, Role::Prepass, Moved::Depth(1));
+    let mut plans = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts).plans;
+    moved(&mut plans, Role::Prepass, Moved::Depth(-1));
     let mut fallbacks = Vec::new();
     let mut failed = 0;
     for (plan, original) in plans.iter().zip(&stage.originals) {
@@ -186,7 +232,7 @@ fn self_tested(stage: &Stage<'_>) -> Red {
                 moved(
                     std::slice::from_mut(&mut fallback),
                     Role::Prepass,
-                    Moved::Depth(1),
+                    Moved::Depth(-1),
                 );
                 fallbacks.push(fallback);
             }
@@ -212,11 +258,12 @@ fn without_slope(stage: &Stage<'_>) -> Red {
     let (recipe, facts) = stage.chosen(BIASED);
     let mut plans = preshade::measure::variant(&stage.originals, &recipe, &facts).plans;
     let contract = contract(&plans);
-    moved(&mut plans, Role::Prepass, Moved::Down(1.0 / 128.0));
+    moved(&mut plans, Role::Prepass, Moved::Up(1.0 / 128.0));
     if let Red::Seen { how } = judged(stage, &plans, &contract) {
         panic!("with its slope the bias does not hold: {how}");
     }
     biased(&mut plans, |b| DepthBias {
+        constant: b.constant.signum(),
         slope_scale: 0.0,
         ..b
     });

@@ -17,7 +17,13 @@ pub const CASES: &[Case] = &[
         scene: "behind",
         guards: "corners divided by a w that is clamped to be positive, or taken for ones in front",
         setups: ALL,
-        recipes: &[(BIASED, Holds), (EQUAL, Untied), (EARLY, Holds), (VISIBLE, Holds), ("visibility-buffer:form=compute", Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=compute", Holds),
+        ],
         mutation: (
             "the resolve takes w for at least 0.05",
             Mutation::Text(
@@ -35,7 +41,12 @@ pub const CASES: &[Case] = &[
         scene: "eye-plane",
         guards: "a division by w ahead of interpolation, where w is 0",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds), (VISIBLE, Holds), ("visibility-buffer:form=binned", Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=binned", Holds),
+        ],
         mutation: (
             "the resolve divides by w first",
             Mutation::Text(
@@ -62,7 +73,10 @@ pub const CASES: &[Case] = &[
             "the resolve's cross products without what their rounding lost",
             Mutation::Text(
                 "visibility-buffer:budget=0.02",
-                &[("return fma(a.x, b.y, -(second)) + lost;", "return a.x * b.y - second;")],
+                &[(
+                    "return fma(a.x, b.y, -(second)) + lost;",
+                    "return a.x * b.y - second;",
+                )],
             ),
         ),
     },
@@ -71,11 +85,11 @@ pub const CASES: &[Case] = &[
         scene: "slivers",
         guards: "a pixel's centre just outside of what the rasteriser covers, from where a thin triangle is extrapolated far",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist:budget=0.05,finite=assumed", Holds)],
+        recipes: &[(BIASED, Holds), (EARLY, Holds), (VISIBLE, Holds)],
         mutation: (
             "the resolve extrapolates",
             Mutation::Text(
-                "visibility-buffer:budget=0.05",
+                VISIBLE,
                 &[("return max(turned, vec3<f32>());", "return turned;")],
             ),
         ),
@@ -96,7 +110,12 @@ pub const CASES: &[Case] = &[
         scene: "provoking",
         guards: "a value of the whole triangle taken for one of each vertex",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds), (VISIBLE, Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            ("hoist", Holds),
+            (VISIBLE, Holds),
+        ],
         mutation: (
             "the product of both computed at vertices, by hand",
             Mutation::Shader("provoking-naive.wgsl", rounding),
@@ -118,7 +137,11 @@ pub const CASES: &[Case] = &[
         scene: "hidden",
         guards: "one vertex without a finite value, which spreads over every triangle that it is a corner of",
         setups: &[FLOAT, REVERSED],
-        recipes: &[(BIASED, Holds), ("hoist", Holds), ("hoist:budget=0.05", Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            ("hoist", Holds),
+            ("hoist:budget=0.05", Holds),
+        ],
         mutation: (
             "all values taken to be finite",
             Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
@@ -130,16 +153,31 @@ pub const CASES: &[Case] = &[
         guards: "an edge that its two triangles divide differently: pixels drawn never, or twice",
         setups: DIRECTIONS,
         recipes: &[
-            ("hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=2", Holds),
-            ("hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=3,pattern=uniform", Holds),
-            ("hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=5,form=shared", Holds),
-            ("hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=8", Holds),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=2",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=3,pattern=uniform",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=5,form=shared",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=8",
+                Holds,
+            ),
         ],
         mutation: (
             "an edge's points computed from its ends as each triangle has them",
             Mutation::Text(
                 "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=5",
-                &[("let swap = tessellated_precedes(b.position, a.position);", "let swap = false;")],
+                &[(
+                    "let swap = tessellated_precedes(b.clip, a.clip);",
+                    "let swap = false;",
+                )],
             ),
         ),
     },
@@ -149,15 +187,27 @@ pub const CASES: &[Case] = &[
         guards: "neighbours of different levels, and lengths of an edge that two triangles round apart",
         setups: DIRECTIONS,
         recipes: &[
-            ("hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8", Holds),
-            ("hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=7,edge-pixels=5", Holds),
-            ("hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=40,edge-pixels=2", Holds),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=7,edge-pixels=5",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=40,edge-pixels=2",
+                Holds,
+            ),
         ],
         mutation: (
             "each triangle divides its edges as its longest one",
             Mutation::Text(
                 "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
-                &[("segments = ac;", "segments = inner;"), ("segments = bc;", "segments = inner;")],
+                &[
+                    ("segments = ac;", "segments = inner;"),
+                    ("segments = bc;", "segments = inner;"),
+                ],
             ),
         ),
     },

@@ -1,8 +1,8 @@
 //! Guards taken away. Nothing is widened: what is mutated is drawn and held to the contract of what it was made from.
 
 use naga::{
-    BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, Module, Scalar, ScalarKind, ShaderStage,
-    Span, Type, TypeInner, VectorSize,
+    BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, Module, Scalar, ScalarKind,
+    ShaderStage, Span, Type, TypeInner, VectorSize,
 };
 use preshade::emit::{self, Target};
 use preshade::front;
@@ -147,7 +147,7 @@ pub enum Moved {
     /// z by so many neighbouring floats, away from 0.
     Depth(i32),
     /// y by so many pixels of 96 rows.
-    Down(f32),
+    Up(f32),
 }
 
 /// Moves the position of every pass of `role`, in plans that have several passes.
@@ -190,8 +190,8 @@ fn move_entry(module: &mut Module, entry: usize, by: Moved) {
                 .collect();
             match by {
                 Moved::Depth(steps) => components[2] = stepped(emitter, components[2], steps),
-                Moved::Down(pixels) => {
-                    let by = Literal::F32(-2.0 * pixels / 96.0);
+                Moved::Up(pixels) => {
+                    let by = Literal::F32(2.0 * pixels / 96.0);
                     let by = emitter.constant(Expression::Literal(by));
                     let w = components[3];
                     let shift = binary(emitter, BinaryOperator::Multiply, w, by);
@@ -236,11 +236,7 @@ fn binary(
 }
 
 /// A float as far from 0 as so many neighbours on.
-fn stepped(
-    emitter: &mut Emitter<'_>,
-    expr: Handle<Expression>,
-    steps: i32,
-) -> Handle<Expression> {
+fn stepped(emitter: &mut Emitter<'_>, expr: Handle<Expression>, steps: i32) -> Handle<Expression> {
     let as_kind = |emitter: &mut Emitter<'_>, expr, kind| {
         emitter.emit(Expression::As {
             expr,

@@ -96,7 +96,11 @@ The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. A
     let _ = writeln!(out, "\nDrawn on:\n");
     for (number, results) in (1..).zip(adapters) {
         let a = &results.adapter;
-        let _ = writeln!(out, "{number}. {} ({}, {}, {})", a.name, a.backend, a.kind, a.driver);
+        let _ = writeln!(
+            out,
+            "{number}. {} ({}, {}, {})",
+            a.name, a.backend, a.kind, a.driver
+        );
     }
     for (group, cases) in groups {
         let _ = writeln!(out, "\n## {}\n", capital(group));
@@ -104,7 +108,11 @@ The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. A
             .map(|n| format!(" on {n} | mutated on {n} |"))
             .collect();
         let _ = writeln!(out, "| case | guards against | drawn | mutation |{columns}");
-        let _ = writeln!(out, "|---|---|---|---|{}", "---|".repeat(2 * adapters.len()));
+        let _ = writeln!(
+            out,
+            "|---|---|---|---|{}",
+            "---|".repeat(2 * adapters.len())
+        );
         for case in *cases {
             let recipes: Vec<String> = case
                 .recipes

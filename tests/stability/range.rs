@@ -26,7 +26,13 @@ pub const CASES: &[Case] = &[
         scene: "moved-1000",
         guards: MOVED,
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EQUAL, Untied), (SLICED, Untied), (EARLY, Holds), (VISIBLE, Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+        ],
         mutation: (IN_ANOTHER_ORDER, REASSOCIATED),
     },
     Case {
@@ -34,7 +40,12 @@ pub const CASES: &[Case] = &[
         scene: "moved-100000",
         guards: MOVED,
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EQUAL, Untied), (SLICED, Untied), (EARLY, Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+        ],
         mutation: (IN_ANOTHER_ORDER, REASSOCIATED),
     },
     Case {
@@ -50,7 +61,12 @@ pub const CASES: &[Case] = &[
         scene: "hash",
         guards: "a value that jumps between one float and the next, interpolated",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds), ("hoist:budget=0.05,finite=assumed", Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            ("hoist", Holds),
+            ("hoist:budget=0.05,finite=assumed", Holds),
+        ],
         mutation: (
             "the hash computed at vertices, by hand",
             Mutation::Shader("hash-naive.wgsl", within),
@@ -72,7 +88,11 @@ pub const CASES: &[Case] = &[
         scene: "ends",
         guards: "what overflows at a vertex that no fragment sees",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), ("hoist", Holds), ("hoist:budget=0.05", Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            ("hoist", Holds),
+            ("hoist:budget=0.05", Holds),
+        ],
         mutation: (
             "all values taken to be finite",
             Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
@@ -83,7 +103,11 @@ pub const CASES: &[Case] = &[
         scene: "half",
         guards: "the same of 65,504, the greatest half",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), ("hoist", Holds), ("hoist:budget=0.05", Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            ("hoist", Holds),
+            ("hoist:budget=0.05", Holds),
+        ],
         mutation: (
             "all values taken to be finite",
             Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
@@ -94,7 +118,12 @@ pub const CASES: &[Case] = &[
         scene: "denormal",
         guards: "numbers computed ahead of time by a machine that keeps what the adapter flushes to 0",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds), ("specialize", Holds), ("hoist", Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            ("specialize", Holds),
+            ("hoist", Holds),
+        ],
         mutation: ("the product folded, by hand", Mutation::Own(folded)),
     },
 ];
