@@ -125,21 +125,42 @@ fn included_files_stay_in_the_root_and_come_to_an_end() {
     let scene = here.join("a.toml");
     let read = run(Path::new("/"), &["explain", scene.to_str().unwrap()]);
     assert_eq!(read.status.code(), Some(0), "{}", stderr(&read));
-    // One that includes itself, and one that does so with nothing in between.
+    // One that includes itself, and some that include each other more and more often.
     let here = with_glsl("itself", "#include \"part.glsl\"");
-    fs::write(here.join("part.glsl"), "#include \"part.glsl\"\n").unwrap();
+    fs::write(
+        here.join("part.glsl"),
+        "#if 1\n#include \"part.glsl\"\n#endif\n",
+    )
+    .unwrap();
+    let refused = run(&here, &["explain", "a.toml"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let told = stderr(&refused);
+    assert!(told.contains("part.glsl includes itself"), "{told}");
+    let here = with_glsl("more", "#include \"0.glsl\"");
+    for i in 0..40 {
+        let twice = format!("#include \"{}.glsl\"\n", i + 1).repeat(2);
+        fs::write(here.join(format!("{i}.glsl")), twice).unwrap();
+    }
+    fs::write(here.join("40.glsl"), "").unwrap();
     let refused = run(&here, &["explain", "a.toml"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(
-        stderr(&refused).contains("more than 1000 times"),
+        stderr(&refused).contains("more than 10000 times"),
         "{}",
         stderr(&refused)
     );
+    // What is guarded may: it is empty the second time.
+    let here = with_glsl("guarded", "#include \"part.glsl\"");
+    let guarded =
+        "#ifndef PART\n#define PART\n#include \"part.glsl\"\nconst float one = 1.0;\n#endif\n";
+    fs::write(here.join("part.glsl"), guarded).unwrap();
+    let read = run(&here, &["explain", "a.toml"]);
+    assert_eq!(read.status.code(), Some(0), "{}", stderr(&read));
 }
 
 #[test]
 fn what_is_too_large_is_refused_by_the_limit_s_name() {
-    let body = "var<private> a: array<array<vec4<f32>, 65536>, 65536>;";
+    let body = "var<private> a: array<array<vec4<f32>, 4096>, 8192>;";
     for (name, from, to, args, told) in [
         (
             "plane",
@@ -225,7 +246,6 @@ const ENDLESS: &str = "var n = 0.0;
 #[test]
 fn a_shader_that_never_ends_is_stopped() {
     let here = folder("endless", SCENE, ENDLESS);
-    let start = Instant::now();
     let args = [
         "verify",
         "a.toml",
@@ -243,7 +263,6 @@ fn a_shader_that_never_ends_is_stopped() {
         told.contains("the original was not measured: it was stopped after 6 s"),
         "{told}"
     );
-    assert!(start.elapsed() < Duration::from_secs(60));
 }
 
 #[test]

@@ -280,16 +280,20 @@ fn vertices_per_fragment(
     Ok((fragments > 0.0).then(|| vertices * frames / fragments))
 }
 
-/// Pixels of the original at depth 0, where that is the near plane, in the first frame of every camera.
+/// Pixels of the original at the depth of the near plane, in the first frame of every camera. Under reversed Z only what is clamped is of interest: what is clipped there is pushed away as
+/// anywhere else.
 fn near_plane_pixels(
     inputs: &SceneInputs<'_>,
     plans: &[Plan],
     form: ShaderForm,
 ) -> Result<Option<u64>, Error> {
     let scene = inputs.scene();
-    if scene.depth_direction == DepthDirection::Reversed {
-        return Ok(Some(0));
-    }
+    let clamps = |p: &GpuPass| p.primitive.unclipped_depth;
+    let near = match scene.depth_direction {
+        DepthDirection::Forward => 0.0,
+        DepthDirection::Reversed if plans.iter().flat_map(|p| &p.passes).any(clamps) => 1.0,
+        DepthDirection::Reversed => return Ok(Some(0)),
+    };
     let variant = Variant::new(plans, form)?;
     let mut prepared = Prepared::new(inputs, &variant, &FrameSettings::of(scene))?;
     let mut pixels = 0;
@@ -299,7 +303,7 @@ fn near_plane_pixels(
         let Some(depth) = prepared.render()?.depth else {
             return Ok(None);
         };
-        pixels += depth.values.iter().filter(|d| **d == 0.0).count() as u64;
+        pixels += depth.values.iter().filter(|d| **d == near).count() as u64;
     }
     Ok(Some(pixels))
 }

@@ -196,12 +196,12 @@ pub const CASES: &[Case] = &[
     Case {
         name: "depth clamp, reversed",
         scene: "clamped",
-        guards: "surfaces clamped to depth 1, which are pushed away from there",
+        guards: "surfaces clamped to depth 1 after they were biased, in both passes: they hide themselves",
         setups: &[REVERSED],
-        recipes: &[(BIASED, Holds), (EARLY, Holds)],
+        recipes: &[(BIASED, Refused("near-plane")), (EARLY, Holds)],
         mutation: (
-            "the bias taken away",
-            Mutation::Plans(BIASED, |plans| biased(plans, |_| DepthBias::default())),
+            "told that nothing lies on the near plane",
+            Mutation::Untied(BIASED),
         ),
     },
 ];
@@ -216,7 +216,7 @@ fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
 
 /// What a host does that meets such a driver: it runs the self-test, which fails, and draws the fallback, which is right.
 fn self_tested(stage: &Stage<'_>) -> Red {
-    let facts = preshade::passes::pass::Facts::without_ties();
+    let facts = stage.facts.clone();
     let recipe = |text: &str| preshade::recipe::Recipe::parse_list(text).unwrap();
     let mut plans = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts).plans;
     moved(&mut plans, Role::Prepass, Moved::Depth(-1));

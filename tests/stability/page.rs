@@ -52,8 +52,28 @@ pub fn check(groups: &[(&str, &[Case])], measured: &dyn Fn() -> Results) {
     let folder = root().join("docs/stability");
     let update = std::env::var("UPDATE_PAGES").is_ok();
     if update {
-        let results = measured();
-        std::fs::write(folder.join(results.file()), results.json()).unwrap();
+        let mut results = measured();
+        let file = folder.join(results.file());
+        // Those that were not drawn this time stay as they are.
+        if let Some(before) = read(&folder)
+            .into_iter()
+            .find(|r| r.adapter == results.adapter)
+        {
+            let is_new = |o: &Outcome| results.outcomes.iter().all(|n| n.name != o.name);
+            let kept: Vec<Outcome> = before.outcomes.into_iter().filter(is_new).collect();
+            results.outcomes.extend(kept);
+        }
+        let names: Vec<&str> = groups
+            .iter()
+            .flat_map(|(_, cases)| cases.iter().map(|c| c.name))
+            .collect();
+        results
+            .outcomes
+            .retain(|o| names.contains(&o.name.as_str()));
+        results
+            .outcomes
+            .sort_by_key(|o| names.iter().position(|n| *n == o.name));
+        std::fs::write(file, results.json()).unwrap();
     }
     let page = page(groups, &read(&folder));
     let path = root().join("docs/stability.md");

@@ -8,6 +8,7 @@
 
 mod constant;
 mod gather;
+mod include;
 mod interface;
 mod lower;
 mod marks;

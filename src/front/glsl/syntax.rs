@@ -4,10 +4,8 @@
 //! file they come from; [`Unit::place`] turns them into the author's bytes.
 
 use std::borrow::Cow;
-use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::rc::Rc;
 
 use glsl_lang::ast;
@@ -18,7 +16,7 @@ use glsl_lang::parse::{HasParser, LangParser};
 use glsl_lang_pp::ext_name;
 use glsl_lang_pp::exts::Registry;
 use glsl_lang_pp::processor::event::DirectiveKind;
-use glsl_lang_pp::processor::fs::{FileSystem, Processor};
+use glsl_lang_pp::processor::fs::Processor;
 use glsl_lang_pp::processor::nodes::{Define, DefineObject, ExtensionBehavior};
 use glsl_lang_pp::processor::{ProcessorState, ProcessorStateBuilder};
 use lang_util::located::FileIdResolver as _;
@@ -27,6 +25,7 @@ use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
+use super::include::Files;
 use crate::front::Options;
 use crate::front::error::{Code, Error};
 
@@ -167,14 +166,11 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         && (dialect.version >= 420 || dialect.version == 110)
         && input.text.contains("sampler")
         && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
-    let files = Files {
-        include: input.options.include.to_vec(),
-        root: input.options.root.clone(),
-        left: Cell::new(input.options.limits.source_bytes),
-        included: Cell::new(0),
-        stage: input.stage,
-        read: Rc::default(),
-    };
+    let folder = input.path.parent().unwrap_or(Path::new(""));
+    let files = Files::new(input.options, input.stage);
+    files
+        .check(input.text, folder)
+        .map_err(|e| Error::new(Code::Parse, e.to_string()))?;
     let read = Rc::clone(&files.read);
     // The lexer knows Vulkan's types from 4.60 on.
     let text = match vulkan {
@@ -182,7 +178,6 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         false => Cow::Borrowed(input.text),
     };
     let mut processor = Processor::new_with_fs(files);
-    let folder = input.path.parent().unwrap_or(Path::new(""));
     let file = processor
         .open_source(&text, folder)
         .with_state(state(dialect, &input.options.defines));
@@ -226,7 +221,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
             let path = processor.resolve(id);
             let text = path.and_then(|p| read.borrow().get(p).cloned());
             match (path, text) {
-                (Some(path), Some(text)) => map.add(unmarked(path).to_string_lossy(), text),
+                (Some(path), Some(text)) => map.add(path.to_string_lossy(), text),
                 _ => input.base,
             }
         })
@@ -342,120 +337,6 @@ fn state(dialect: Dialect, defines: &[(String, String)]) -> ProcessorState {
         builder = builder.definition(define(name, value));
     }
     builder.finish()
-}
-
-/// Most times that files are included. A file that includes itself, with no condition that ever ends it, is stopped here.
-const INCLUDES: u32 = 1000;
-
-/// Begins the folder that stands, before the name of each included file, for which inclusion it is: the preprocessor asks once for a path, and so for each of them.
-const MARK: char = '\u{1}';
-
-/// The path without what [`MARK`] begins.
-fn unmarked(path: &Path) -> PathBuf {
-    let is_mark = |c: &std::path::Component<'_>| c.as_os_str().to_string_lossy().starts_with(MARK);
-    path.components().filter(|c| !is_mark(c)).collect()
-}
-
-/// Files that a text includes: beside it, or below one of the include paths.
-struct Files {
-    include: Vec<PathBuf>,
-    /// See [`Options::root`].
-    root: Option<PathBuf>,
-    /// Bytes that may still be included.
-    left: Cell<u64>,
-    /// How often a file was included.
-    included: Cell<u32>,
-    /// The lines of another stage are left blank in what is included too.
-    stage: ShaderStage,
-    /// What was read, by the path asked for.
-    read: Rc<RefCell<HashMap<PathBuf, String>>>,
-}
-
-impl Files {
-    /// The file meant by `path`, which is the including file's folder with what stands in quotes: of its endings, the longest that an include path has.
-    fn find(&self, path: &Path) -> io::Result<PathBuf> {
-        let absent = || {
-            let message = format!("there is no file {}", path.display());
-            io::Error::new(io::ErrorKind::NotFound, message)
-        };
-        let beside = match &self.root {
-            Some(root) => root.join(path),
-            None => path.to_owned(),
-        };
-        let mut ending = path;
-        let mut found = beside.canonicalize();
-        while found.is_err() {
-            if let Some(hit) = self
-                .include
-                .iter()
-                .map(|d| d.join(ending))
-                .find(|p| p.exists())
-            {
-                found = hit.canonicalize();
-                break;
-            }
-            let mut parts = ending.components();
-            if parts.next().is_none() || parts.as_path().as_os_str().is_empty() {
-                return Err(absent());
-            }
-            ending = parts.as_path();
-        }
-        let found = found?;
-        match &self.root {
-            Some(root) if !found.starts_with(root) => Err(io::Error::new(
-                io::ErrorKind::PermissionDenied,
-                format!("{} lies outside of the root folder", path.display()),
-            )),
-            _ => Ok(found),
-        }
-    }
-
-    /// Its text, as far as there is room for it.
-    fn text(&self, found: &Path) -> io::Result<String> {
-        let refused = |message: String| io::Error::new(io::ErrorKind::InvalidData, message);
-        let about = std::fs::metadata(found)?;
-        if !about.is_file() {
-            return Err(refused(format!("{} is no file", found.display())));
-        }
-        let left = self.left.get().checked_sub(about.len());
-        let (Some(left), true) = (left, self.included.get() < INCLUDES) else {
-            return Err(refused(format!(
-                "more is included than the limit `source-bytes` allows, or more than {INCLUDES} times"
-            )));
-        };
-        self.left.set(left);
-        self.included.set(self.included.get() + 1);
-        std::fs::read_to_string(found)
-    }
-}
-
-impl FileSystem for Files {
-    type Error = io::Error;
-
-    fn canonicalize(&self, path: &Path) -> Result<PathBuf, io::Error> {
-        let found = self.find(&unmarked(path))?;
-        let text = self.text(&found)?;
-        let name = found.file_name().unwrap_or_default();
-        let mark = format!("{MARK}{}", self.included.get());
-        let marked = found.with_file_name(mark).join(name);
-        self.read.borrow_mut().insert(path.to_owned(), text.clone());
-        self.read.borrow_mut().insert(marked.clone(), text);
-        Ok(marked)
-    }
-
-    fn exists(&self, path: &Path) -> bool {
-        path.exists()
-    }
-
-    fn read(&self, path: &Path) -> Result<Cow<'_, str>, io::Error> {
-        match self.read.borrow().get(path) {
-            Some(text) if super::has_stages(text) => {
-                Ok(Cow::Owned(super::stage_of(text, self.stage)))
-            }
-            Some(text) => Ok(Cow::Owned(text.clone())),
-            None => std::fs::read_to_string(path).map(Cow::Owned),
-        }
-    }
 }
 
 /// The lexer's tokens, each at its number instead of its place.
