@@ -12,6 +12,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use preshade::nearest::nearest;
 
 mod adapters;
+mod apart;
 mod bench;
 mod codes;
 mod completions;
@@ -20,6 +21,8 @@ mod explain;
 mod explore;
 mod graph;
 mod input;
+mod keeper;
+mod limits;
 mod lock;
 mod man;
 mod many;
@@ -31,6 +34,7 @@ mod variable;
 mod verify;
 mod view;
 mod watch;
+mod worker;
 
 /// Writes faster variants of a material's shaders, and proves each by picture and clock.
 #[derive(Parser)]

@@ -16,7 +16,7 @@ pub enum Assumption {
     OrdinaryNeighbours,
     /// No other opaque material of the frame writes the colour channels, or targets, that this one leaves as they are: what lies hidden would show there.
     LeftChannelsUnwritten,
-    /// No surface lies exactly on the near plane, at depth 0 of a float format, where bias vanishes.
+    /// No surface lies exactly on the near plane: at depth 0 of a float format bias vanishes, and what is clamped there was biased before.
     BeyondNearPlane,
     /// The original's position is `@invariant` already. Where it is not, marking it may move positions by their last bits.
     InvariantOriginal,

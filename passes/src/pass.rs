@@ -146,7 +146,7 @@ pub struct Facts {
     /// The same with fragments counted that the material discards: those that would tie if the discard were gone.
     #[serde(default)]
     pub undiscarded_depth_ties: Option<u64>,
-    /// Pixels (samples) whose final depth is exactly 0 where 0 is the near plane, in the first frame of every camera.
+    /// Pixels (samples) whose final depth is exactly that of the near plane, in the first frame of every camera.
     #[serde(default)]
     pub near_plane_pixels: Option<u64>,
     /// Vertices shaded for each fragment shaded, over every camera measured.

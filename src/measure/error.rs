@@ -18,6 +18,7 @@ pub struct ErrorLadder {
     pub changed_depth: u64,
     /// Largest difference of a colour channel, in the target's units (0..1 for unorm formats). Infinite where one is NaN and the other is not;
     /// written as `null` in JSON then.
+    #[serde(deserialize_with = "or_infinite")]
     pub max_abs: f64,
     /// Pixels where a colour channel differs by more than one step of 8 bits: more than a rounding may, that nothing decides by.
     #[serde(default)]
@@ -35,6 +36,11 @@ pub struct ErrorLadder {
     pub depth_max_ulp: u64,
     /// Column and row of the first pixel that differs in colour or depth, row by row.
     pub first_difference: Option<[u32; 2]>,
+}
+
+/// A number, or infinity where JSON has none.
+fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
 }
 
 impl ErrorLadder {
@@ -204,4 +210,34 @@ fn flip_map(a: &ColorImage, b: &ColorImage) -> nv_flip::FlipImageFloat {
         nv_flip::FlipImageRgb8::with_data(image.size[0], image.size[1], &bytes)
     };
     nv_flip::flip(rgb(a), rgb(b), nv_flip::DEFAULT_PIXELS_PER_DEGREE)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::ErrorLadder;
+
+    #[test]
+    fn an_infinite_difference_is_read_back() {
+        let error = ErrorLadder {
+            max_abs: f64::INFINITY,
+            nan_pixels: 3,
+            ..ErrorLadder::default()
+        };
+        let json = serde_json::to_string(&error).unwrap();
+        assert!(json.contains("\"max_abs\":null"), "{json}");
+        assert_eq!(serde_json::from_str::<ErrorLadder>(&json).unwrap(), error);
+    }
+
+    #[test]
+    fn an_infinite_difference_is_read_back() {
+        let error = ErrorLadder {
+            max_abs: f64::INFINITY,
+            nan_pixels: 3,
+            ..ErrorLadder::default()
+        };
+        let json = serde_json::to_string(&error).unwrap();
+        assert!(json.contains("\"max_abs\":null"), "{json}");
+        assert_eq!(serde_json::from_str::<ErrorLadder>(&json).unwrap(), error);
+    }
 }

@@ -4,14 +4,14 @@ use std::cmp::Ordering;
 
 use preshade_passes::contract::Verdict;
 use preshade_passes::hoist::Metric;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{ORIGINAL, VariantReport};
 use crate::measure::ErrorLadder;
 use crate::recipe::Recipe;
 
 /// How far a picture may be off.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Budget {
     /// What is counted.
     pub metric: Metric,
@@ -56,7 +56,7 @@ impl Budget {
 }
 
 /// A budget, and what it leaves of a report's variants.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Chosen {
     /// What was asked of them.
     pub budget: Budget,
@@ -75,7 +75,7 @@ fn is_zero(number: &usize) -> bool {
 }
 
 /// The variant that a budget leaves.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Choice {
     /// The fastest of those within the budget, and faster than the original; where nothing was timed, the one with the least error.
