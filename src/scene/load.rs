@@ -269,10 +269,13 @@ impl Loader<'_> {
             .map(|f| self.folder.folder(f))
             .collect::<Result<_, _>>()
             .map_err(|e| self.source.at(e, files[0].span()))?;
+        let defines = entry.defines.iter();
+        let defines: BTreeMap<String, String> =
+            defines.map(|(k, v)| (k.clone(), v.to_string())).collect();
         let options = front::Options {
+            defines: defines.clone().into_iter().collect(),
             vertex: entry.entry.vertex.clone(),
             fragment: entry.entry.fragment.clone(),
-            defines: entry.define.clone().into_iter().collect(),
             include,
             clip_space: entry.clip,
         };
@@ -286,6 +289,7 @@ impl Loader<'_> {
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,
+            defines,
             state: entry.state.clone(),
             values: values(&entry.values),
             textures: BTreeMap::new(),
