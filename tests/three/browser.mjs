@@ -5,7 +5,7 @@ import { chromium } from 'playwright-core';
 
 const PLACES = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'];
 
-/** A browser that hangs is given up: no run takes a tenth of this. */
+/** After so long a browser that hangs is given up. */
 const LIMIT_S = 900;
 
 /** A page of `width` by `height` with the page's errors collected in `errors`. */
