@@ -16,6 +16,7 @@ use super::decision::{Arm, Decision, Kind};
 use super::known::{Known, Sources};
 use super::params::Fold;
 use crate::graph::{FunctionGraph, FunctionId, Graph, Rate, StmtId, operands};
+use crate::place;
 
 /// Most versions of one function; further calls get the one that knows nothing of its arguments.
 const MOST_VERSIONS: usize = 24;
@@ -189,9 +190,8 @@ impl<'p> Folder<'p> {
                 None => super::expressions::zero(self.module, v.ty),
             })
             .collect();
-        for (_, variable) in frame.function.local_variables.iter_mut() {
-            variable.init = variable.init.and_then(|i| frame.map[i.index()]);
-        }
+        let locals = original.local_variables.len();
+        place::initialise(original, &mut frame.function, locals);
         self.block(&mut frame, &original.body, StmtId::from(0), &mut body);
         frame.function.body = body;
         (
