@@ -304,6 +304,7 @@ impl ShaderArgs {
                     parsed.fragment.as_deref(),
                     &state,
                 );
+                recipe.check_names(std::slice::from_ref(&plan))?;
                 return Ok(Materials {
                     asked: vec![plan.clone()],
                     frame: vec![plan],
@@ -329,6 +330,7 @@ impl ShaderArgs {
                 }
             },
         };
+        recipe.check_names(&asked)?;
         Ok(Materials {
             asked,
             frame: plans,

@@ -1,5 +1,6 @@
 //! `preshade verify`: a scene drawn with the original and its variants, what each costs in accuracy and gains in time.
 
+use std::ffi::OsString;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -247,9 +248,32 @@ fn share(args: &Args, json: &str) -> Result<(), Failure> {
     let Some(path) = &args.share else {
         return Ok(());
     };
+    let json = without_folders(json, std::env::args_os());
     std::fs::write(path, json).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
     output::message(&format!("wrote {}", path.display()));
     Ok(())
+}
+
+/// A report as it may be sent to others: folders that were typed as absolute paths tell of the machine, and are left out.
+fn without_folders(json: &str, arguments: impl Iterator<Item = OsString>) -> String {
+    let mut folders: Vec<String> = arguments
+        .filter_map(|argument| {
+            let argument = argument.to_str()?;
+            let path = argument
+                .split_once('=')
+                .map_or(argument, |(_, value)| value);
+            let folder = Path::new(path)
+                .parent()
+                .filter(|_| Path::new(path).is_absolute())?;
+            let folder = serde_json::to_string(&folder.join("")).ok()?;
+            Some(folder.trim_matches('"').to_owned())
+        })
+        .filter(|folder| folder.len() > 1)
+        .collect();
+    folders.sort_by_key(|folder| std::cmp::Reverse(folder.len()));
+    folders
+        .iter()
+        .fold(json.to_owned(), |json, folder| json.replace(folder, ""))
 }
 
 /// Writes what `--out` asks for, and the pictures.
@@ -466,12 +490,37 @@ pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
     let all = Recipe {
         steps: steps.collect(),
     };
+    all.check_names(&measure::originals(&scene))?;
     Ok(measure::grouped_for(scene, &all)?)
 }
 
 /// The command as it was typed, without the folder of the binary.
 pub fn command() -> String {
     let mut words = vec!["preshade".to_owned()];
-    words.extend(std::env::args().skip(1));
-    words.join(" ")
+    words.extend(
+        std::env::args_os()
+            .skip(1)
+            .map(|word| word.to_string_lossy().into_owned()),
+    );
+    shell_words::join(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_shared_names_no_folder_of_the_machine() {
+        let json = r#"{"command":"preshade verify /home/ada/work/a.toml --out=/home/ada/out scenes/b.toml","file":"/home/ada/work/shaders/a.wgsl"}"#;
+        let typed = [
+            "verify",
+            "/home/ada/work/a.toml",
+            "--out=/home/ada/out",
+            "scenes/b.toml",
+        ];
+        assert_eq!(
+            without_folders(json, typed.map(OsString::from).into_iter()),
+            r#"{"command":"preshade verify a.toml --out=out scenes/b.toml","file":"shaders/a.wgsl"}"#
+        );
+    }
 }

@@ -220,7 +220,7 @@ fn promised(params: &Params, pass: &GpuPass, before: &Program, after: &Program) 
     }
     let mut given = vec![Assumption::SameContraction, Assumption::FiniteTaps];
     given.sort();
-    let exposed = contraction::exposed(before, after, pass);
+    let exposed = contraction::exposed(before, after, pass, &BTreeSet::new());
     match exposed.roundings {
         0 => Contract::Exact { given },
         k => Contract::Rounding {

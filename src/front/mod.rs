@@ -6,6 +6,7 @@
 //! In data-flow order: `nesting` refuses what would exhaust the stack, `guard` runs naga, `glsl` and `wgsl` parse one file, `link` joins
 //! two modules, `entry` chooses entry points and checks that the stages fit. Every error is an [`Error`] that points at the author's text.
 
+mod beyond_wgsl;
 mod declaration;
 mod entry;
 mod error;
@@ -210,6 +211,10 @@ fn assemble(
             Language::Glsl => 0,
         };
         module = link(module, &second, base, map)?;
+    }
+    if language == Language::Glsl {
+        beyond_wgsl::leave_uniformity_to_the_author(&mut module);
+        beyond_wgsl::rename_constants(&mut module);
     }
     let entries = entry::choose(&module, options, map)?;
     entry::check_interface(&module, &entries, map)?;

@@ -262,7 +262,11 @@ impl Loader<'_> {
                 source.stage = Some(stage);
             }
         }
+        let defines = entry.defines.iter();
+        let defines: BTreeMap<String, String> =
+            defines.map(|(k, v)| (k.clone(), v.to_string())).collect();
         let options = front::Options {
+            defines: defines.clone().into_iter().collect(),
             vertex: entry.entry.vertex.clone(),
             fragment: entry.entry.fragment.clone(),
             ..front::Options::default()
@@ -277,6 +281,7 @@ impl Loader<'_> {
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,
+            defines,
             state: entry.state.clone(),
             values: values(&entry.values),
             textures: BTreeMap::new(),

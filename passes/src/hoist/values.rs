@@ -4,9 +4,10 @@
 //! a function used twice may have one of its uses moved. The nodes are expressions, versions of memory and what decides whether a statement runs;
 //! operands may be circular where a loop carries a value from turn to turn.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
+use rustc_hash::FxHashMap;
 
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
@@ -75,7 +76,7 @@ pub struct Values<'g, 'p> {
     pub roots: Vec<ValueId>,
     /// Those of `roots` that decide which fragments there are, and how deep: discards, the depth and the sample mask.
     pub coverage: Vec<ValueId>,
-    index: HashMap<Node, ValueId>,
+    index: FxHashMap<Node, ValueId>,
     children: BTreeMap<(ContextId, StmtId), ContextId>,
     /// Own facts, before what operands add.
     own: Vec<Fact>,
@@ -110,7 +111,7 @@ impl<'g, 'p> Values<'g, 'p> {
             values: Vec::new(),
             roots: Vec::new(),
             coverage: Vec::new(),
-            index: HashMap::new(),
+            index: FxHashMap::default(),
             children: BTreeMap::new(),
             own: Vec::new(),
         };

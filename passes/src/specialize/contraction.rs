@@ -40,8 +40,13 @@ pub struct Exposed {
     pub decides: Option<Surface>,
 }
 
-/// Compares the stages of a pass before and after.
-pub fn exposed(before: &Program, after: &Program, pass: &GpuPass) -> Exposed {
+/// Compares the stages of a pass before and after. `folded` are operations of the original that were left out as roundings: what rests on them may be rounded otherwise too.
+pub fn exposed(
+    before: &Program,
+    after: &Program,
+    pass: &GpuPass,
+    folded: &BTreeSet<(FunctionId, Handle<Expression>)>,
+) -> Exposed {
     let mut total = Exposed::default();
     let mut surface = Surface::Kept;
     let mut varyings = BTreeSet::new();
@@ -53,12 +58,9 @@ pub fn exposed(before: &Program, after: &Program, pass: &GpuPass) -> Exposed {
             return anything(&b, other);
         };
         let found = b.new_to(&a);
-        total.roundings += found.len() as u32;
-        let reached = b.reached(found);
-        for (output, root) in b.values.outputs() {
-            if !reached[root] {
-                continue;
-            }
+        let folded = a.of(folded);
+        total.roundings += (found.len() + folded.len()) as u32;
+        for output in a.outputs_of(folded).into_iter().chain(b.outputs_of(found)) {
             match output {
                 Some(Binding::BuiltIn(BuiltIn::Position { .. })) => surface = Surface::Rounded,
                 Some(Binding::Location { location, .. }) => {
@@ -81,7 +83,9 @@ pub fn exposed(before: &Program, after: &Program, pass: &GpuPass) -> Exposed {
             return anything(&b, other);
         };
         let mut found = b.new_to(&a);
-        total.roundings += found.len() as u32;
+        let folded = a.of(folded);
+        total.roundings += (found.len() + folded.len()) as u32;
+        decides |= a.decides(&a.reached(folded));
         // What the vertex stage hands over may be rounded otherwise too, and where the surface moves all that is interpolated on it.
         found.extend(b.inputs(&|binding| match binding {
             Binding::Location { location, .. } => {
@@ -334,6 +338,27 @@ impl<'g, 'p> Looked<'g, 'p> {
         values
             .filter(|(_, v)| matches!(v.node, Node::Input(i) if bound(i).is_some_and(is)))
             .map(|(id, _)| id)
+            .collect()
+    }
+
+    /// The values of these expressions, for each call of their functions.
+    fn of(&self, expressions: &BTreeSet<(FunctionId, Handle<Expression>)>) -> BTreeSet<ValueId> {
+        let is = |id: &ValueId| match self.values.values[*id].node {
+            Node::Expression(context, e, _) => {
+                expressions.contains(&(self.values.contexts[context].function, e))
+            }
+            _ => false,
+        };
+        (0..self.values.values.len()).filter(is).collect()
+    }
+
+    /// Bindings of the outputs that rest on some values.
+    fn outputs_of(&self, values: BTreeSet<ValueId>) -> Vec<Option<Binding>> {
+        let reached = self.reached(values);
+        let outputs = self.values.outputs().into_iter();
+        outputs
+            .filter(|(_, root)| reached[*root])
+            .map(|(binding, _)| binding)
             .collect()
     }
 
