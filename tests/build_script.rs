@@ -304,7 +304,11 @@ fn what_holds_for_some_values_alone_is_no_ones_default() {
     let module = package.module();
     let of = |name: &str| {
         let after = module.split(&format!("pub mod {name} {{")).nth(1).unwrap();
-        after.split("\n/// The material ").next().unwrap().to_owned()
+        after
+            .split("\n/// The material ")
+            .next()
+            .unwrap()
+            .to_owned()
     };
     for name in ["variant", "rimless"] {
         let text = of(name);
