@@ -148,6 +148,41 @@ fn other_passes_work_on_what_is_left() {
     assert!(why("depth-prepass,specialize").contains("specialize[not-first]"));
 }
 
+/// naga's GLSL front end has statements evaluate the initial values of locals. They are kept, whatever rewrites the function: three.js's tone mapping turned black without them.
+#[test]
+fn initial_values_of_glsl_locals_stay() {
+    let vertex = "#version 450
+        layout(location = 0) in vec3 position;
+        void main() { gl_Position = vec4(position, 1.0); }";
+    let fragment = "#version 450
+        layout(binding = 0) uniform Fog { float density; float weight; } fog;
+        layout(binding = 1) uniform texture2D map;
+        layout(binding = 2) uniform sampler map_sampler;
+        layout(location = 0) out vec4 color;
+        vec3 graded(vec3 c) {
+            const mat3 grade = mat3(vec3(0.59719, 0.07600, 0.02840), vec3(0.35458, 0.90834, 0.13383), vec3(0.04823, 0.01566, 0.83777));
+            if (fog.density > 0.0) { c = mix(c, vec3(0.5), fog.density); }
+            return grade * c + fog.weight * textureLod(sampler2D(map, map_sampler), c.xy, 0.0).rgb;
+        }
+        void main() { color = vec4(graded(gl_FragCoord.xyz), 1.0); }";
+    let sources = [
+        Source::new("grade.vert", vertex),
+        Source::new("grade.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &Options::default()).unwrap();
+    let (fragment, state) = (parsed.fragment.as_deref(), Default::default());
+    let original = Plan::original("grade", parsed.program, &parsed.vertex, fragment, &state);
+    let options = emit::Options::default();
+    for recipe in ["specialize:set=density=0", "skip-taps:budget=0.1"] {
+        let recipe = Recipe::parse_list(recipe).unwrap();
+        let plan = recipe.apply(&original, &Facts::default()).unwrap();
+        let files = emit::emit(&plan, &[emit::Target::Wgsl], &options).unwrap();
+        let main = files.iter().find(|f| f.name == "grade.main.wgsl").unwrap();
+        let text = String::from_utf8(main.bytes.clone()).unwrap();
+        assert!(text.contains("0.59719f"), "{recipe}\n{text}");
+    }
+}
+
 #[test]
 fn at_most_so_many_versions_are_made() {
     let scene = museum();

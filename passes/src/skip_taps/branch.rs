@@ -9,6 +9,7 @@ use naga::{
 
 use super::find::{Term, Weight};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
+use crate::place;
 
 /// The module in which each term is computed only where its weight's magnitude is above `threshold`, and is 0 elsewhere.
 pub fn skipping(graph: &Graph<'_>, terms: &[Term], threshold: f32) -> Module {
@@ -96,9 +97,7 @@ impl<'a, 'p> Copier<'a, 'p> {
             }
         }
         let locals = original.local_variables.len();
-        for (_, variable) in self.function.local_variables.iter_mut().take(locals) {
-            variable.init = variable.init.and_then(|i| self.map[i.index()]);
-        }
+        place::initialise(original, &mut self.function, locals);
         let body = self.block(&original.body, StmtId::from(0));
         self.function.body = body;
         for (e, name) in &original.named_expressions {
