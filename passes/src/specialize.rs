@@ -392,7 +392,7 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
         let arguments = arguments(module, &point.function, &known);
         stages.push((fragment, "fragment", folder.stage(fragment, arguments)));
     }
-    let (functions, records) = folder.into_functions();
+    let (types, functions, records) = folder.into_parts();
     let (mut used, mut roundings) = (BTreeSet::new(), BTreeSet::new());
     for (_, _, stage) in &stages {
         let (more, left_out) = stage.record.with_callees(&records);
@@ -400,7 +400,7 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
         roundings.extend(left_out);
     }
     let mut module = module.clone();
-    module.functions = functions;
+    (module.types, module.functions) = (types, functions);
     let kept: Vec<usize> = stages.iter().map(|(entry, ..)| *entry).collect();
     let mut notes = Vec::new();
     for (entry, name, stage) in stages {

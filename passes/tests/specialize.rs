@@ -496,6 +496,54 @@ struct B { f: f32, c: vec4<f32> }
     assert_eq!(assumed(&both), ["b.f", "a.k"]);
 }
 
+/// A front end computes what is made of literals alone, with other bits, and refuses 0 / 0.
+#[test]
+fn a_selected_constant_is_not_computed_with_by_a_front_end() {
+    for (body, params) in [
+        (
+            "return vec4(select(p.x, 0.0, u.k == 0u) / 0.0);",
+            set("k=0"),
+        ),
+        ("return p * f32(1 / select(1, 0, u.k == 0u));", set("k=0")),
+        (
+            "if u.k == 1u { return p; } return vec4(1.0 / f32(u.k == 1u));",
+            set("k=0"),
+        ),
+        (
+            "return p * (select(vec4(0.1), p, u.k == 1u) * 3.0);",
+            set("k=0"),
+        ),
+        (
+            "return vec4(mix(0.0, p.x, u.w) / 0.0);",
+            Params {
+                fold: Fold::Rounding,
+                ..set("u.w=0")
+            },
+        ),
+    ] {
+        let plan = original(&material("", body));
+        let next = specialized(&plan, &params).unwrap();
+        let written = text(&next);
+        assert!(
+            !written.contains("select") && !written.contains("mix"),
+            "{written}"
+        );
+        let content = uniform([0, 0, 0], 0.0);
+        let p = [2.5, 0.5, 0.75, 1.0];
+        assert_eq!(
+            ran(&next, &content, p).unwrap(),
+            ran(&plan, &content, p).unwrap()
+        );
+    }
+    // What nothing is computed of stays as it is written.
+    let plan = original(&material(
+        "",
+        "var c = p; c = select(vec4(0.5), p, u.k == 1u); return c;",
+    ));
+    let written = text(&specialized(&plan, &set("k=0")).unwrap());
+    assert!(written.contains("c = vec4(0.5f)"), "{written}");
+}
+
 /// Each loop is tried once, however many stand around it: with a try for each way to give up those outside this would not end.
 #[test]
 fn loops_in_loops_are_walked_once() {

@@ -1,8 +1,8 @@
 //! Expressions copied, and what is known of each.
 
 use naga::{
-    ArraySize, BinaryOperator, Block, Expression, Handle, Literal, LocalVariable, MathFunction,
-    Module, Type, TypeInner,
+    ArraySize, BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable,
+    MathFunction, Module, Type, TypeInner,
 };
 
 use super::arithmetic;
@@ -140,7 +140,14 @@ impl<'p> Folder<'p> {
             Fold::Rounding => known.undecided_by_finite(),
         };
         if let Some(same) = self.stands_for(frame, e) {
-            frame.map[e.index()] = Some(frame.mapped(same));
+            let copy = match self.held_as(frame, e, same) {
+                Some(ty) if !ahead => {
+                    frame.flush(out);
+                    held(frame, e, same, ty)
+                }
+                _ => frame.mapped(same),
+            };
+            frame.map[e.index()] = Some(copy);
             frame.known[e.index()] = frame.known[same.index()].clone();
             return;
         }
@@ -151,11 +158,13 @@ impl<'p> Folder<'p> {
             expression = Expression::AccessIndex { base, index: at };
         }
         let original = expression.clone();
+        // What is decided is read by nobody that could do without it, and is not to be made of literals alone.
+        let takes_literals = !ahead && frame.known[e.index()].literal().is_none();
         operands::map_expression(&mut expression, &mut |operand| {
             let literal = frame.known[operand.index()].literal();
             match literal.map(|(value, sources)| (value, Sources::clone(sources))) {
                 Some((value, sources))
-                    if arithmetic::takes_literal(&original, *operand) && !ahead =>
+                    if takes_literals && arithmetic::takes_literal(&original, *operand) =>
                 {
                     frame.folds(&sources);
                     *operand = frame.literal(value, out);
@@ -209,24 +218,47 @@ impl<'p> Folder<'p> {
         frame: &mut Frame<'p>,
         e: Handle<Expression>,
     ) -> Option<Handle<Expression>> {
-        let (same, sources) = match frame.original.expressions[e] {
+        let (same, sources, rounds) = match frame.original.expressions[e] {
             Expression::Select {
                 condition,
                 accept,
                 reject,
             } => {
                 let (truth, sources) = all_the_same(&frame.known[condition.index()])?;
-                (if truth { accept } else { reject }, sources)
+                (if truth { accept } else { reject }, sources, false)
             }
             _ if self.fold == Fold::Rounding => {
                 let (same, sources) = self.neutral(frame, e)?;
-                frame.record.roundings.insert((frame.id, e));
-                (same, sources)
+                (same, sources, true)
             }
             _ => return None,
         };
+        if rounds {
+            frame.record.roundings.insert((frame.id, e));
+        }
         frame.folds(&sources);
         Some(same)
+    }
+
+    /// The type of the variable that a constant which stands for `e` has to be held in; `None` where it does not. What a front end finds to be computed of literals alone it computes by itself,
+    /// with other bits, and `0 / 0` it refuses.
+    fn held_as(
+        &mut self,
+        frame: &Frame<'p>,
+        e: Handle<Expression>,
+        same: Handle<Expression>,
+    ) -> Option<Handle<Type>> {
+        let inner = frame.f.ty(self.module, same);
+        let is_number = matches!(inner, TypeInner::Scalar(_) | TypeInner::Vector { .. })
+            && inner.scalar_kind() != Some(naga::ScalarKind::Bool);
+        let is_held = is_number && frame.is_operand[e.index()] && is_constant(frame.original, same);
+        is_held.then(|| {
+            let ty = Type {
+                name: None,
+                inner: inner.clone(),
+            };
+            self.types.insert(ty, naga::Span::UNDEFINED)
+        })
     }
 
     /// The operand that adding 0, multiplying by 1 or mixing by 0 or 1 leaves, in real numbers.
@@ -517,6 +549,44 @@ impl Place {
         }
         self
     }
+}
+
+/// Whether an expression is computed of the author's constants alone.
+fn is_constant(function: &Function, e: Handle<Expression>) -> bool {
+    match &function.expressions[e] {
+        Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_) => true,
+        Expression::Compose { components, .. } => {
+            components.iter().all(|c| is_constant(function, *c))
+        }
+        Expression::Splat { value, .. } => is_constant(function, *value),
+        _ => false,
+    }
+}
+
+/// A constant read from a variable in place of `e`.
+fn held(
+    frame: &mut Frame<'_>,
+    e: Handle<Expression>,
+    constant: Handle<Expression>,
+    ty: Handle<Type>,
+) -> Handle<Expression> {
+    fn copy(frame: &mut Frame<'_>, e: Handle<Expression>) -> Handle<Expression> {
+        let mut expression = frame.original.expressions[e].clone();
+        operands::map_expression(&mut expression, &mut |o| *o = copy(frame, *o));
+        frame.append(expression, e)
+    }
+    let init = copy(frame, constant);
+    let variable = LocalVariable {
+        name: frame.original.named_expressions.get(&e).cloned(),
+        ty,
+        init: Some(init),
+    };
+    let variable = frame
+        .function
+        .local_variables
+        .append(variable, naga::Span::UNDEFINED);
+    let pointer = frame.append(Expression::LocalVariable(variable), e);
+    frame.emit(Expression::Load { pointer }, e)
 }
 
 /// What a read beside a texture's texels gives: 0, or alpha 1 (WGSL, section 17.7.4).

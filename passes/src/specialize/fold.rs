@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{
     Arena, Block, Expression, Function, Handle, Literal, LocalVariable, Module, Span, Statement,
+    Type, UniqueArena,
 };
 
 use super::assume::Assumptions;
@@ -26,7 +27,8 @@ pub struct Folder<'p> {
     pub(super) fold: Fold,
     /// Turns of a loop that are written out, at most.
     pub(super) turns: u32,
-    /// The functions of the module under construction.
+    /// The types and functions of the module under construction.
+    pub(super) types: UniqueArena<Type>,
     pub(super) functions: Arena<Function>,
     /// What folding came to, for each of `functions`.
     pub(super) records: Vec<Record>,
@@ -52,6 +54,8 @@ pub(super) struct Frame<'p> {
     /// The copy of each of the author's expressions.
     pub map: Vec<Option<Handle<Expression>>>,
     pub known: Vec<Known>,
+    /// Whether another expression reads it.
+    pub is_operand: Vec<bool>,
     pub arguments: Vec<Known>,
     /// What is known of each local variable.
     pub locals: Vec<Known>,
@@ -90,6 +94,7 @@ impl<'p> Folder<'p> {
             assumptions,
             fold,
             turns,
+            types: graph.module().types.clone(),
             functions: Arena::new(),
             records: Vec::new(),
             versions: BTreeMap::new(),
@@ -106,9 +111,9 @@ impl<'p> Folder<'p> {
         }
     }
 
-    /// The functions that stages call, and what folding each came to.
-    pub fn into_functions(self) -> (Arena<Function>, Vec<Record>) {
-        (self.functions, self.records)
+    /// The types of all functions, the functions that stages call, and what folding each of these came to.
+    pub fn into_parts(self) -> (UniqueArena<Type>, Arena<Function>, Vec<Record>) {
+        (self.types, self.functions, self.records)
     }
 
     pub(super) fn run(&mut self, id: FunctionId, arguments: Vec<Known>) -> Frame<'p> {
@@ -128,6 +133,7 @@ impl<'p> Folder<'p> {
             },
             map: vec![None; original.expressions.len()],
             known: vec![Known::Unknown; original.expressions.len()],
+            is_operand: are_operands(original),
             arguments,
             locals: Vec::new(),
             returned: None,
@@ -341,6 +347,17 @@ impl<'p> Folder<'p> {
         }
         Flow::Next
     }
+}
+
+/// Which expressions of a function other expressions read.
+fn are_operands(function: &Function) -> Vec<bool> {
+    let mut are = vec![false; function.expressions.len()];
+    for (_, expression) in function.expressions.iter() {
+        for operand in operands::of_expression(expression) {
+            are[operand.index()] = true;
+        }
+    }
+    are
 }
 
 impl Frame<'_> {

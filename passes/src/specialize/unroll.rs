@@ -223,6 +223,7 @@ impl Snapshot {
             original: _,
             f: _,
             arguments: _,
+            is_operand: _,
             function,
             map,
             known,
