@@ -97,6 +97,57 @@ fn a_museum_takes_eight_versions_and_changes_no_pixel() {
     assert_eq!(before, after);
 }
 
+/// What is left of a material goes through every other pass, and keeps what both promise; what cannot stand together is refused by name.
+#[test]
+fn other_passes_work_on_what_is_left() {
+    let mut scene = museum();
+    let kinds = ["banner", "puppet", "bronze"];
+    scene
+        .draws
+        .retain(|d| kinds.iter().any(|k| d.name.starts_with(k)));
+    scene.cameras.truncate(1);
+    scene.cameras[0].frames.truncate(1);
+    let scene = measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS).unwrap();
+    assert_eq!(scene.materials.len(), 3);
+    let bits = [
+        "specialize,depth-prepass:form=equal",
+        "specialize,early-discard",
+    ];
+    let within = [
+        "specialize,visibility-buffer:budget=0.05",
+        "specialize,hoist:budget=0.05,finite=assumed",
+        "specialize,hoist:budget=0.05,finite=assumed,depth-prepass",
+    ];
+    for recipe in bits.into_iter().chain(within) {
+        let variant = specialized(&scene, recipe);
+        for plan in variant.plans.iter().filter(|p| !p.steps.is_empty()) {
+            let guard = plan.guard.as_ref();
+            assert!(guard.is_some_and(|g| !g.values.is_empty()), "{recipe}");
+            assert!(plan.fallback.is_some(), "{recipe}");
+        }
+        let report = verified(&scene, variant);
+        assert_eq!(report.verdict, Verdict::Holds, "{recipe}");
+        // Some of them have nothing that is worth carrying.
+        let refused = |why: &str| why.contains("hoist[");
+        assert!(report.kept.len() < 3, "{recipe}: {:?}", report.kept);
+        let mut kept = report.kept.iter();
+        assert!(kept.all(|k| refused(&k.why)), "{recipe}: {:?}", report.kept);
+        let error = report.error.unwrap();
+        assert_eq!(error.changed_depth, 0, "{recipe}");
+        if bits.contains(&recipe) {
+            // Nothing is fused here, so that nothing is fused otherwise.
+            assert_eq!(error.changed_pixels, 0, "{recipe}");
+        }
+    }
+    let why = |recipe: &str| {
+        let report = verified(&scene, specialized(&scene, recipe));
+        assert_eq!(report.kept.len(), 3, "{recipe}");
+        report.kept[0].why.clone()
+    };
+    assert!(why("specialize,hoist").contains("hoist[nothing-pays]"));
+    assert!(why("depth-prepass,specialize").contains("specialize[not-first]"));
+}
+
 #[test]
 fn at_most_so_many_versions_are_made() {
     let scene = museum();

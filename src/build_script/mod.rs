@@ -154,6 +154,20 @@ impl Builder {
         self
     }
 
+    /// A folder in which `#include` of GLSL is looked up, after the including file's own.
+    #[must_use]
+    pub fn include(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.options.include.push(folder.into());
+        self
+    }
+
+    /// The clip space that GLSL positions are written for; the default goes by the dialect.
+    #[must_use]
+    pub fn clip_space(mut self, clip_space: front::ClipSpace) -> Self {
+        self.options.clip_space = Some(clip_space);
+        self
+    }
+
     /// Writes this target beside WGSL, which is always written: the files are in `FILES`. One that cannot say what a material does is told as a warning.
     #[must_use]
     pub fn emit(mut self, target: Target) -> Self {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::PathBuf;
 
 use preshade_passes::state::{DepthDirection, DepthFormat, MaterialState};
 use serde::Deserialize;
@@ -15,6 +16,7 @@ use super::mesh::{
 };
 use super::variables::Variable;
 use super::{DrawOrder, Sampler};
+use crate::front::ClipSpace;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -71,6 +73,10 @@ pub(super) struct MaterialEntry {
     pub shader: Option<Spanned<String>>,
     pub vertex: Option<Spanned<String>>,
     pub fragment: Option<Spanned<String>>,
+    /// Folders for GLSL's `#include`.
+    #[serde(default)]
+    pub include: Vec<PathBuf>,
+    pub clip: Option<ClipSpace>,
     #[serde(default)]
     pub entry: Entry,
     #[serde(default)]
