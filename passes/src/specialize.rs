@@ -130,6 +130,18 @@ impl Specialized {
                 "give it a scene, or values by hand (specialize:set=NAME=NUMBER); fold=rounding folds weights of 0 and 1 too",
             )));
         }
+        let guard = assumptions.guard(&folded.used);
+        let before = plan.guard.clone().unwrap_or_default();
+        if let Some(none) = before.and(guard.clone()).contradicted() {
+            return Err(Box::new(refusal(
+                "unfit-values",
+                format!(
+                    "an earlier step of the recipe takes another value of `{}`",
+                    none.name
+                ),
+                "give each value once",
+            )));
+        }
         let shrunk =
             shrink::shrink(&folded.program, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
         let costs = |program: &Program| {
@@ -145,7 +157,7 @@ impl Specialized {
         };
         let (before, after) = (costs(program), costs(&shrunk.program));
         Ok(Self {
-            guard: assumptions.guard(&folded.used),
+            guard,
             cost: [[before[0], after[0]], [before[1], after[1]]],
             key: SiteKey {
                 role: Role::Main,

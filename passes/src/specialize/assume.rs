@@ -160,6 +160,9 @@ pub enum Unfit {
     /// Not a number of the type.
     #[error("`{0}` cannot be {1}")]
     Value(String, String),
+    /// Two numbers for one.
+    #[error("`{0}` is given twice")]
+    Twice(String),
 }
 
 /// All assumptions, and what they make known.
@@ -411,6 +414,9 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
             ScalarType::F32 => f64::from(value as f32),
             _ => value,
         };
+        if out.iter().any(|a: &Assumed| a.place == place) {
+            return Err(Unfit::Twice(full));
+        }
         out.push(Assumed {
             name: full,
             place,
