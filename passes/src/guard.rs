@@ -178,6 +178,13 @@ impl Guard {
         })
     }
 
+    /// The first value that no number can have: two guards in one want different ones.
+    pub fn contradicted(&self) -> Option<&Assumed> {
+        // Bounds that are NaN hold nothing either.
+        let is_empty = |a: &&Assumed| !matches!(a.bounds.low.partial_cmp(&a.bounds.high), Some(o) if o.is_le());
+        self.values.iter().find(is_empty)
+    }
+
     /// What is assumed of attributes and textures, which no buffer tells: a host that changes one of them draws the original.
     pub fn fixed(&self) -> impl Iterator<Item = &Assumed> {
         self.values
@@ -250,6 +257,9 @@ mod tests {
                 high: 0.5
             }
         );
+        assert_eq!(both.contradicted(), None);
+        let neither = both.clone().and(fog(Bounds::one(0.75)));
+        assert_eq!(neither.contradicted().map(|a| &*a.name), Some("fog"));
         let json = serde_json::to_string(&both).unwrap_or_default();
         assert_eq!(serde_json::from_str::<Guard>(&json).ok(), Some(both));
     }

@@ -161,6 +161,21 @@ impl Specialized {
             )));
         }
         let program_folded = program.with_module(module).map_err(bug)?;
+        // Whatever the text has another value of is assumed.
+        let mut used = folded.used;
+        used.extend(assumptions.set_overrides().map(|(_, _, at)| at));
+        let guard = assumptions.guard(&used);
+        let before = plan.guard.clone().unwrap_or_default();
+        if let Some(none) = before.and(guard.clone()).contradicted() {
+            return Err(Box::new(refusal(
+                "unfit-values",
+                format!(
+                    "an earlier step of the recipe takes another value of `{}`",
+                    none.name
+                ),
+                "give each value once",
+            )));
+        }
         let shrunk =
             shrink::shrink(&program_folded, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
         let costs = |program: &Program| {
@@ -175,11 +190,8 @@ impl Specialized {
             ]
         };
         let (before, after) = (costs(program), costs(&shrunk.program));
-        // Whatever the text has another value of is assumed.
-        let mut used = folded.used;
-        used.extend(assumptions.set_overrides().map(|(_, _, at)| at));
         Ok(Self {
-            guard: assumptions.guard(&used),
+            guard,
             cost: [[before[0], after[0]], [before[1], after[1]]],
             key: SiteKey {
                 role: Role::Main,

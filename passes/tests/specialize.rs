@@ -165,6 +165,11 @@ fn what_does_not_fit_is_refused_with_what_would() {
     assert!(refused("fgo=0").contains("is named `fgo`"));
     assert!(refused("flags=0.5").contains("cannot be 0.5"));
     assert!(refused("flags").contains("is not `name=number`"));
+    assert!(refused("flags=1+flags=2").contains("`material.flags` is given twice"));
+    // Nor by two steps: no value would be let through by both.
+    let once = specialized(&original(LIT), &set("flags=1")).unwrap();
+    let twice = specialized(&once, &set("flags=2"));
+    assert!(twice.is_err_and(|why| why.contains("material.flags") || why.contains("no branch")));
 }
 
 /// What the adapter may round either way is not decided.

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use naga::{Binding, BuiltIn, ShaderStage};
 use preshade_passes::bound::exactly;
 use preshade_passes::evaluate::{
-    Derivative, Environment, Lookup, Number, Shadowed, Stuck, Value, ulps,
+    Derivative, Environment, Lookup, Number, Shadowed, Stuck, Value, from_bytes, ulps,
 };
 use preshade_passes::plan::Plan;
 use preshade_passes::reflect::Io;
@@ -22,7 +22,7 @@ use serde::Serialize;
 
 use super::vertices::{self, STEPS, Vertices};
 use crate::scene::Scene;
-use crate::scene::bind;
+use crate::scene::bind::{self, DrawBindings};
 
 /// What to look at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -171,7 +171,8 @@ pub fn truth(
     for draw in scene.draws.iter().filter(|d| d.material == material) {
         let bound = bind::draw(scene, &scene.materials[material], pass, draw, frame)
             .map_err(|e| e.to_string())?;
-        let resources = vertices::resources(module, &bound);
+        let mut resources = vertices::resources(module, &bound);
+        resources.extend(of_any_length(module, &bound));
         draws.push(Vertices {
             environment: Environment {
                 resources,
@@ -238,6 +239,31 @@ pub fn truth(
         .into_iter()
         .map(|(output, seen)| seen.told(name, output))
         .collect())
+}
+
+/// Buffers that hold an array of no given length: as many elements as there are bytes for.
+fn of_any_length(
+    module: &naga::Module,
+    bound: &DrawBindings,
+) -> BTreeMap<(u32, u32), Value<Shadowed>> {
+    let globals = module.global_variables.iter();
+    globals
+        .filter_map(|(_, global)| {
+            let at = global.binding.as_ref().map(|b| (b.group, b.binding))?;
+            let naga::TypeInner::Array {
+                base,
+                size: naga::ArraySize::Dynamic,
+                stride,
+            } = module.types[global.ty].inner
+            else {
+                return None;
+            };
+            let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
+            let elements = buffer.data.bytes.chunks_exact(stride as usize);
+            let elements = elements.map(|bytes| from_bytes(module, base, bytes));
+            Some((at, Value::Composite(elements.collect::<Option<_>>()?)))
+        })
+        .collect()
 }
 
 impl Point<'_> {

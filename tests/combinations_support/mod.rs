@@ -20,20 +20,37 @@ const MOST_STEPS: usize = 4;
 
 /// A recipe for a material of this module.
 pub fn recipe(module: &Module, random: &mut Random) -> Recipe {
-    let steps = 1 + random.below(MOST_STEPS);
-    Recipe {
-        steps: (0..steps).map(|_| step(module, random)).collect(),
+    let count = 1 + random.below(MOST_STEPS);
+    let mut steps: Vec<Step> = (0..count).map(|_| step(module, random)).collect();
+    // Some passes are only of use ahead of others: half of the recipes have them there.
+    if random.below(2) == 0 {
+        steps.sort_by_key(|s| {
+            ["specialize", "trim-loop", "hoist"]
+                .iter()
+                .rposition(|p| *p == s.pass)
+                .map_or(3, |i| i)
+        });
     }
+    Recipe { steps }
 }
 
 fn step(module: &Module, random: &mut Random) -> Step {
+    // What is refused most often is tried most often.
+    let often = ["specialize", "hoist", "trim-loop", "tessellate"];
     let pass = PASSES[random.below(PASSES.len())];
+    let pass = match random.below(3) {
+        0 => often
+            .get(random.below(often.len()))
+            .and_then(|name| preshade::passes::pass_named(name))
+            .unwrap_or(pass),
+        _ => pass,
+    };
     let mut params = Map::new();
     for parameter in parameters(pass) {
         // What needs a budget mostly has one, or nothing would ever be moved.
         let odds = match parameter.name.as_str() {
-            "budget" => 8,
-            "set" => 7,
+            "budget" | "set" => 9,
+            "fold" | "finite" => 6,
             _ => 3,
         };
         if random.below(10) < odds
@@ -75,7 +92,7 @@ fn value(
         }
         (_, "set") => {
             let scalars = uniform_scalars(module);
-            let chosen: Vec<String> = (0..1 + random.below(3))
+            let chosen: Vec<String> = (0..1 + random.below(6))
                 .filter_map(|_| {
                     let scalar = scalars.get(random.below(scalars.len()))?;
                     let number = ["0", "1", "2", "0.5"][random.below(4)];

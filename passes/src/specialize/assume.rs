@@ -177,6 +177,9 @@ pub enum Unfit {
     /// Not a number of the type.
     #[error("`{0}` cannot be {1}")]
     Value(String, String),
+    /// Two numbers for one.
+    #[error("`{0}` is given twice")]
+    Twice(String),
 }
 
 /// All assumptions, and what they make known.
@@ -380,7 +383,9 @@ pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
             (name, scalars.chain(overrides).collect())
         }
         Unfit::Syntax(text) => (text, Vec::new()),
-        Unfit::Ambiguous(name, _) | Unfit::Value(name, _) => (name, Vec::new()),
+        Unfit::Ambiguous(name, _) | Unfit::Value(name, _) | Unfit::Twice(name) => {
+            (name, Vec::new())
+        }
     };
     Some(Misnamed {
         message,
@@ -452,6 +457,9 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
             ScalarType::F32 => f64::from(value as f32),
             _ => value,
         };
+        if out.iter().any(|a: &Assumed| a.place == place) {
+            return Err(Unfit::Twice(full));
+        }
         out.push(Assumed {
             name: full,
             place,

@@ -80,6 +80,13 @@ impl<'a> Material<'a> {
                 "tessellate first, then add the pre-pass: it is then divided alike",
             ));
         }
+        if !pass.geometry.is_as_given() || !plan.compute.is_empty() {
+            return Err(refuse(
+                "not-first",
+                "its triangles are divided already, and its vertex stage makes vertices of new ones",
+                "tessellate once, at the level that is wanted",
+            ));
+        }
         if !pass.primitive.topology.is_triangles() {
             return Err(refuse(
                 "topology",

@@ -48,6 +48,15 @@ pub enum Depths {
     NotNearer(DepthDirection),
 }
 
+/// What a variant promises of positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Positions {
+    /// The same bits.
+    Bits,
+    /// The same numbers: 0 is -0.
+    Numbers,
+}
+
 /// What a variant promises of the memory that it writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stores {
@@ -60,8 +69,8 @@ pub enum Stores {
 /// What has to be the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
-    /// What rasterisation needs of a vertex stage.
-    Vertices,
+    /// What rasterisation needs of a vertex stage: the same bits, or the same numbers.
+    Vertices(Positions),
     /// Fragments.
     Fragments {
         /// Colours.
@@ -93,7 +102,7 @@ pub fn difference<F: Number>(
     variant: &Ran<F>,
 ) -> Option<Difference> {
     match rule {
-        Rule::Vertices => vertices(original, variant),
+        Rule::Vertices(positions) => vertices(original, variant, positions),
         Rule::Fragments {
             colors,
             discards,
@@ -139,13 +148,21 @@ fn slot_differs<F: Number>(
     }
 }
 
-fn vertices<F: Number>(original: &Ran<F>, variant: &Ran<F>) -> Option<Difference> {
+fn vertices<F: Number>(
+    original: &Ran<F>,
+    variant: &Ran<F>,
+    positions: Positions,
+) -> Option<Difference> {
+    let same = |a: &Value<F>, b: &Value<F>| match positions {
+        Positions::Bits => same_bits(a, b),
+        Positions::Numbers => near(a, b, 0.0),
+    };
     let builtins = original.outputs.keys().copied();
     let builtins = builtins.filter(|slot| matches!(slot, Slot::BuiltIn(_)));
     // A vertex stage without a position is no vertex stage.
     builtins
         .chain([POSITION])
-        .find_map(|slot| slot_differs(slot, original, variant, &same_bits))
+        .find_map(|slot| slot_differs(slot, original, variant, &same))
 }
 
 /// Whether it is there at all.

@@ -236,15 +236,23 @@ impl Inputs {
     pub fn fragment(&self, module: &Module, io: &Io) -> Option<Value> {
         let slot = Slot::of(io.binding.as_ref()?);
         let mut random = Random::new(self.seed, &format!("fragment {slot}"));
-        if slot == POSITION && self.profile != Profile::Extreme {
+        if slot == POSITION {
+            // The rasteriser's: within the target, and between the planes.
             let pixel = |random: &mut Random| random.below(64) as f32 + 0.5;
             let at = [pixel(&mut random), pixel(&mut random)];
-            return Some(Value::vector(&[
-                at[0],
-                at[1],
-                random.unit(),
-                0.1 + random.unit(),
-            ]));
+            let depth = match random.below(8) {
+                0 => 0.0,
+                1 => 1.0,
+                2 => f32::MIN_POSITIVE,
+                _ => random.unit(),
+            };
+            let w = match self.profile {
+                Profile::Ordinary | Profile::Equal => 0.1 + random.unit(),
+                Profile::Mixed | Profile::Extreme => {
+                    float(Profile::Extreme, Of::Vertex, &mut random)
+                }
+            };
+            return Some(Value::vector(&[at[0], at[1], depth, w]));
         }
         value(module, io.ty, self.profile, Of::Vertex, &mut random)
     }

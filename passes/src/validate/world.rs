@@ -36,13 +36,16 @@ pub enum Place {
 /// An input of a stage, by what it is.
 type Input<'a, F> = Box<dyn Fn(&Module, &Io, usize) -> Option<Value<F>> + 'a>;
 
+/// The texel of a lookup.
+type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
+
 /// What a draw is made with.
 pub struct World<'a, F: 'a> {
     /// Uniforms and buffers.
     pub resources: BTreeMap<(u32, u32), Value<F>>,
     attribute: Input<'a, F>,
     fragment: Input<'a, F>,
-    texel: Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>,
+    texel: Texel<'a, F>,
     derivative: Box<dyn Fn(Derivative<F>) -> F + 'a>,
     inside: Box<dyn Fn([F; 3]) -> F + 'a>,
 }
@@ -124,7 +127,7 @@ pub fn concrete<'a>(
         // Half of the fragments have neighbours like themselves. With the others it is linear, as a derivative is, and 0 of 0.
         derivative: Box::new(|derivative| {
             let slopes = match inputs.seed.is_multiple_of(2) {
-                true => [derivative.of - derivative.of; 2],
+                true => [derivative.of * 0.0; 2],
                 false => [derivative.of * 0.0625, derivative.of * -0.03125],
             };
             match derivative.axis {
