@@ -8,7 +8,7 @@ demo:
 
 # Everything CI checks: format, lints, docs, tests.
 test:
-	scripts/setup.sh vulkan gl accept
+	scripts/setup.sh vulkan gl accept three
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --quiet

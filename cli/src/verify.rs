@@ -602,6 +602,7 @@ pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
     let all = Recipe {
         steps: steps.collect(),
     };
+    all.check_names(&measure::originals(&scene))?;
     Ok(measure::grouped_for(scene, &all)?)
 }
 

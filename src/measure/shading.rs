@@ -4,6 +4,7 @@
 //! Why not the adapter's pipeline statistics: software adapters count fragments before the early depth test.
 
 use naga::{Literal, ShaderStage};
+use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
@@ -233,23 +234,43 @@ pub fn facts(
 ) -> Result<Facts, Error> {
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = super::originals(scene);
-    let ties = |discarded| -> Result<Option<u64>, Error> {
-        let mut counter = Counter::ties(&inputs, &plans, form, discarded, &count)?;
-        let mut ties = 0;
-        for (_, frame) in scene.frames() {
-            inputs.set_frame(frame)?;
-            ties += counter.ties_in(frame, DrawOrder::AsGiven)?;
-        }
-        Ok(Some(ties))
+    let counter = |discarded| Counter::ties(&inputs, &plans, form, discarded, &count);
+    let mut kept = counter(Discarded::LeftOut)?;
+    // Where nothing is discarded both are the same.
+    let mut all = match plans.iter().any(discards) {
+        true => Some(counter(Discarded::Counted)?),
+        false => None,
     };
+    let (mut ties, mut undiscarded) = (0, 0);
+    for (_, frame) in scene.frames() {
+        inputs.set_frame(frame)?;
+        let here = kept.ties_in(frame, DrawOrder::AsGiven)?;
+        ties += here;
+        undiscarded += match &mut all {
+            Some(all) => all.ties_in(frame, DrawOrder::AsGiven)?,
+            None => here,
+        };
+    }
     Ok(Facts {
-        depth_ties: ties(Discarded::LeftOut)?,
-        undiscarded_depth_ties: ties(Discarded::Counted)?,
+        depth_ties: Some(ties),
+        undiscarded_depth_ties: Some(undiscarded),
         near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
         vertices_per_fragment: vertices_per_fragment(&inputs, &plans, form, &count)?,
         // Of an adapter that does not show it the usual is taken.
         rasterizer: super::rasterizer(gpu).ok(),
         ..super::known(scene)
+    })
+}
+
+/// Whether a material's main pass may discard.
+fn discards(plan: &Plan) -> bool {
+    let pass = plan.main().and_then(|p| Some((p, plan.program(p)?)));
+    pass.is_some_and(|(pass, program)| {
+        let fragment = pass.fragment.as_deref();
+        let entry = fragment.and_then(|f| program.entry_point(naga::ShaderStage::Fragment, f));
+        entry.is_some_and(|(index, _)| {
+            Graph::build(program).may_discard(FunctionId::EntryPoint(index))
+        })
     })
 }
 

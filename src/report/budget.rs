@@ -65,6 +65,13 @@ pub struct Chosen {
     /// What `rewrite` makes the chosen variant of, under a promise of this budget; `None`: of its recipe as it stands.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recipe: Option<String>,
+    /// Variants that a first look saw within the budget, as good as any that was verified, and that were not verified themselves.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub unverified: usize,
+}
+
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 /// The variant that a budget leaves.
@@ -124,7 +131,15 @@ impl Chosen {
             budget,
             choice: Choice::among(variants, budget),
             recipe: None,
+            unverified: 0,
         }
+    }
+
+    /// The same beside so many variants that were not verified.
+    #[must_use]
+    pub fn beside(mut self, unverified: usize) -> Self {
+        self.unverified = unverified;
+        self
     }
 
     /// The same, with what `rewrite` makes the variant that is within the budget of: the recipe that `promised` has for its name.
@@ -136,8 +151,17 @@ impl Chosen {
         self
     }
 
-    /// As a sentence.
+    /// In words.
     pub fn said(&self) -> String {
+        let open = match (&self.choice, self.unverified) {
+            (Choice::Within { .. }, _) | (_, 0) => String::new(),
+            (_, 1) => " One more was drawn within it, and not verified.".to_owned(),
+            (_, n) => format!(" {n} more were drawn within it, and not verified."),
+        };
+        self.said_of_verified() + &open
+    }
+
+    fn said_of_verified(&self) -> String {
         let (name, most) = (self.budget.name(), self.budget.most);
         let times = |speedup: Option<f64>| {
             speedup.map_or_else(|| "not timed".to_owned(), |s| format!("{s:.2}x"))

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{EulerRot, Mat4, Quat, Vec3};
@@ -333,12 +333,24 @@ impl Loader<'_> {
                 source.stage = Some(stage);
             }
         }
+        let defines = entry.defines.iter();
+        let defines: BTreeMap<String, String> =
+            defines.map(|(k, v)| (k.clone(), v.to_string())).collect();
+        // A text's name is where it lies below the root; what it includes lies beside the file.
+        let beside = files.iter().filter_map(|f| Path::new(f.get_ref()).parent());
+        let include = entry.include.iter().map(PathBuf::as_path).chain(beside);
+        let include = include
+            .map(|f| self.folder.folder(f))
+            .collect::<Result<_, _>>()
+            .map_err(|e| self.source.at(e, files[0].span()))?;
         let options = front::Options {
+            defines: defines.clone().into_iter().collect(),
             vertex: entry.entry.vertex.clone(),
             fragment: entry.entry.fragment.clone(),
+            include,
+            clip_space: entry.clip,
             root: self.folder.root().map(Path::to_owned),
             limits: self.access.limits,
-            ..front::Options::default()
         };
         let parsed = front::parse(&texts, &options).map_err(|e| {
             let what = Error::new(format!("the shader of material `{name}`: {e}"))
@@ -350,6 +362,7 @@ impl Loader<'_> {
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,
+            defines,
             state: entry.state.clone(),
             values: values(&entry.values),
             textures: BTreeMap::new(),

@@ -116,6 +116,8 @@ pub struct Material {
     pub vertex: String,
     /// Fragment entry point.
     pub fragment: Option<String>,
+    /// Definitions that its GLSL was preprocessed with, by name.
+    pub defines: BTreeMap<String, String>,
     /// Pipeline state, scene-wide depth settings already applied.
     pub state: MaterialState,
     /// Values by variable name, or by `variable.member`. What is not named here is filled by convention (see the module `bind`).

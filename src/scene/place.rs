@@ -81,6 +81,19 @@ impl Folder {
         self.read.borrow().iter().cloned().collect()
     }
 
+    /// The whole path of a folder the scene names.
+    pub(super) fn folder(&self, name: &Path) -> Result<PathBuf, Error> {
+        let real = self.base.join(name).canonicalize();
+        let real = real.map_err(|e| Error::read(name, &e))?;
+        match real.starts_with(&self.root) {
+            true => Ok(real),
+            false => Err(Error::new(format!(
+                "`{}` lies outside of the scene's root folder",
+                name.display()
+            ))),
+        }
+    }
+
     /// [`Folder::read`], as text.
     pub(super) fn read_text(&self, name: &str) -> Result<(String, String), Error> {
         let (shown, bytes) = self.read(name)?;

@@ -157,13 +157,13 @@ pub const CASES: &[Case] = &[
             ),
         ],
         mutation: (
-            "an edge's points computed from its ends as each triangle has them",
+            "each triangle divides its edges as its longest one",
             Mutation::Text(
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=5",
-                &[(
-                    "let swap = tessellated_precedes(b.clip, a.clip);",
-                    "let swap = false;",
-                )],
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                &[
+                    ("segments = ac;", "segments = inner;"),
+                    ("segments = bc;", "segments = inner;"),
+                ],
             ),
         ),
     },

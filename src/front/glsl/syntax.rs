@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use glsl_lang::ast;
@@ -247,14 +247,31 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         .note("write functions in their place"));
     }
     match parsed {
-        Ok(tree) => Ok(Unit {
-            tree,
-            dialect,
-            names,
-            invariant_all,
-            places,
-        }),
+        Ok(tree) => {
+            add_silent(&read.borrow(), map);
+            Ok(Unit {
+                tree,
+                dialect,
+                names,
+                invariant_all,
+                places,
+            })
+        }
         Err(error) => Err(explain(error, &places, &mut span)),
+    }
+}
+
+/// Adds to `map` the files of which no word is left, which define macros and nothing else: the text rests on them too.
+fn add_silent(read: &HashMap<PathBuf, String>, map: &mut SourceMap) {
+    let mut silent: Vec<(&PathBuf, &String)> = read
+        .iter()
+        // Each is also there by the path that it was asked for by.
+        .filter(|(path, _)| path.canonicalize().is_ok_and(|whole| whole == **path))
+        .filter(|(path, _)| !map.files().iter().any(|f| Path::new(&f.name) == **path))
+        .collect();
+    silent.sort();
+    for (path, text) in silent {
+        map.add(path.to_string_lossy(), text);
     }
 }
 
