@@ -206,7 +206,8 @@ pub const CASES: &[Case] = &[
     },
 ];
 
-fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
+/// Changes the bias of every pre-pass.
+pub fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
     for pass in plans.iter_mut().flat_map(|p| &mut p.passes) {
         if let (Role::Prepass, Some(depth)) = (pass.role, &mut pass.depth) {
             depth.bias = change(depth.bias);

@@ -81,20 +81,6 @@ pub const CASES: &[Case] = &[
         ),
     },
     Case {
-        name: "slivers and triangles without area",
-        scene: "slivers",
-        guards: "a pixel's centre just outside of what the rasteriser covers, from where a thin triangle is extrapolated far",
-        setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds), (VISIBLE, Holds)],
-        mutation: (
-            "the resolve extrapolates",
-            Mutation::Text(
-                VISIBLE,
-                &[("return max(turned, vec3<f32>());", "return turned;")],
-            ),
-        ),
-    },
-    Case {
         name: "centroids at edges",
         scene: "centroid",
         guards: "a value carried without the way it is interpolated: outside of its triangle at every edge",
@@ -171,13 +157,13 @@ pub const CASES: &[Case] = &[
             ),
         ],
         mutation: (
-            "an edge's points computed from its ends as each triangle has them",
+            "each triangle divides its edges as its longest one",
             Mutation::Text(
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=5",
-                &[(
-                    "let swap = tessellated_precedes(b.clip, a.clip);",
-                    "let swap = false;",
-                )],
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                &[
+                    ("segments = ac;", "segments = inner;"),
+                    ("segments = bc;", "segments = inner;"),
+                ],
             ),
         ),
     },
