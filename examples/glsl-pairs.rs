@@ -4,7 +4,7 @@
 //! cargo run --release --example glsl-pairs --features verify -- [--pairs 200] [--seed 1] [--pictures DIR] FOLDER..
 //! ```
 //!
-//! A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader that reads no varying may stand alone. What OpenGL does not take, or draws nothing of, is no
+//! `mediump` and `lowp` are `highp` on both roads. A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader that reads no varying may stand alone. What OpenGL does not take, or draws nothing of, is no
 //! pair, and another is drawn in its place. Each pair has a process of its own, and a minute.
 #![allow(
     clippy::unwrap_used,
@@ -117,12 +117,19 @@ fn pairs_below(folder: &Path) -> Vec<Vec<PathBuf>> {
     let mut stems: BTreeMap<PathBuf, BTreeSet<PathBuf>> = BTreeMap::new();
     for file in files {
         let ending = file.extension().and_then(|e| e.to_str());
-        if matches!(ending, Some("vert" | "frag" | "vs" | "fs" | "gs" | "geom" | "tesc")) {
-            stems.entry(file.with_extension("")).or_default().insert(file);
+        if matches!(
+            ending,
+            Some("vert" | "frag" | "vs" | "fs" | "gs" | "geom" | "tesc")
+        ) {
+            stems
+                .entry(file.with_extension(""))
+                .or_default()
+                .insert(file);
         }
     }
     let is = |p: &PathBuf, endings: [&str; 2]| {
-        p.extension().is_some_and(|e| endings.iter().any(|x| e == *x))
+        p.extension()
+            .is_some_and(|e| endings.iter().any(|x| e == *x))
     };
     let of = |files: BTreeSet<PathBuf>| {
         let vertex = files.iter().find(|f| is(f, ["vert", "vs"])).cloned();
@@ -139,7 +146,11 @@ fn pairs_below(folder: &Path) -> Vec<Vec<PathBuf>> {
 /// What a process of its own says of a pair.
 fn limited(pair: &[PathBuf], pictures: Option<&str>) -> String {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.arg("--one").args(pair).stderr(Stdio::piped()).stdout(Stdio::piped());
+    command
+        .arg("--one")
+        .args(pair)
+        .stderr(Stdio::piped())
+        .stdout(Stdio::piped());
     if let Some(folder) = pictures {
         command.env("PRESHADE_PICTURES", folder);
     }
@@ -159,7 +170,10 @@ fn limited(pair: &[PathBuf], pictures: Option<&str>) -> String {
         Some(line) => line.to_owned(),
         None => {
             let said = String::from_utf8_lossy(&output.stderr);
-            let line = said.lines().find(|l| l.contains("panicked")).unwrap_or("it died");
+            let line = said
+                .lines()
+                .find(|l| l.contains("panicked"))
+                .unwrap_or("it died");
             let more = said.lines().skip_while(|l| !l.contains("panicked")).nth(1);
             format!("failed: {line} {}", more.unwrap_or_default())
         }
@@ -188,12 +202,18 @@ fn one(files: &[String]) -> String {
     let gl = native::Native::new();
     let mut scene = match both::scene("pair", &texts, SIZE) {
         Ok(scene) => scene,
+        // Half a pair.
+        Err(e) if files.len() == 1 && e.starts_with("error[interface]") => {
+            return "no pair: it reads varyings".to_owned();
+        }
         Err(e) => return format!("refused: {}", e.lines().next().unwrap_or_default()),
     };
     let module = scene.materials[0].program.module();
     let loose = scene.materials[0].program.declared().loose;
     let block = module.global_variables.iter().map(|(_, g)| g);
-    let block = block.filter(|g| loose.is_some() && g.binding == loose).find_map(|g| g.name.clone());
+    let block = block
+        .filter(|g| loose.is_some() && g.binding == loose)
+        .find_map(|g| g.name.clone());
     let names: Vec<String> = scene.materials[0]
         .program
         .declared()
@@ -210,13 +230,13 @@ fn one(files: &[String]) -> String {
             values.insert(format!("{block}.{name}"), value);
         }
     }
-    let [vertex, fragment] = &texts;
+    let [vertex, fragment] = &texts.each_ref().map(|t| in_full_precision(t));
     let drawn = both::draw(&gl, &scene, [vertex, fragment], FirstRow::Highest);
     let pictures = match drawn {
         Ok(pictures) => pictures,
         Err(e) => return format!("not by OpenGL: {}", e.lines().next().unwrap_or_default()),
     };
-    let channels = if fragment.contains("out vec3") { 3 } else { 4 };
+    let channels = both::channels(fragment);
     let found = pictures.difference(channels);
     let pixels = pictures.native.depth.len();
     if found.seen < pixels / 100 {
@@ -234,6 +254,25 @@ fn one(files: &[String]) -> String {
             found.apart, found.seen, found.most, found.edges
         ),
     }
+}
+
+/// A text of GLSL ES with all in `highp`, as preshade reads it: Mesa computes `mediump`, which integers are unless told otherwise, in 16 bits.
+fn in_full_precision(text: &str) -> String {
+    let is_es = text.lines().any(|l| {
+        let l = l.trim();
+        l.starts_with("#version") && (l.ends_with("es") || l.ends_with("100"))
+    });
+    if !is_es {
+        return text.to_owned();
+    }
+    let last = text.lines().filter(|l| {
+        let l = l.trim_start();
+        l.starts_with("#version") || l.starts_with("#extension")
+    });
+    let last = last.last().unwrap_or_default();
+    text.replace("mediump", "highp")
+        .replace("lowp", "highp")
+        .replacen(last, &format!("{last}\nprecision highp int;"), 1)
 }
 
 /// A vertex stage for a fragment stage that reads nothing of it, in its dialect.

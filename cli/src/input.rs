@@ -19,6 +19,7 @@ use preshade::render;
 use preshade::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
+use crate::limits::LimitArgs;
 
 /// A shader and the state it is drawn with, or a scene.
 #[derive(Clone, clap::Args)]
@@ -43,6 +44,8 @@ pub struct ShaderArgs {
     pub set: Vec<String>,
     #[command(flatten)]
     pub glsl: GlslArgs,
+    #[command(flatten)]
+    pub limits: LimitArgs,
     #[command(flatten)]
     pub state: StateArgs,
 }
@@ -355,6 +358,7 @@ impl ShaderArgs {
                     parsed.fragment.as_deref(),
                     &state,
                 );
+                recipe.check_names(std::slice::from_ref(&plan))?;
                 return Ok(Materials {
                     asked: vec![plan.clone()],
                     frame: vec![plan],
@@ -380,6 +384,7 @@ impl ShaderArgs {
                 }
             },
         };
+        recipe.check_names(&asked)?;
         Ok(Materials {
             asked,
             frame: plans,
@@ -450,7 +455,8 @@ impl ShaderArgs {
             None => Ok(Input::Shader(self.parse()?, self.state.state()?)),
             Some(path) if self.files.len() == 1 => {
                 self.check_scene_flags()?;
-                let scene = scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?;
+                let scene = scene::load_within(path, &variables, self.limits.access())
+                    .map_err(|e| Failure(e.render()))?;
                 Ok(Input::Scene(self.state.set_up(scene)))
             }
             Some(_) => Err(Failure(
@@ -538,6 +544,8 @@ impl ShaderArgs {
             defines: self.glsl.defines()?,
             include: self.glsl.include.clone(),
             clip_space: self.glsl.clip_space(),
+            limits: self.limits.limits(),
+            ..front::Options::default()
         };
         front::parse(&sources, &options).map_err(|e| Failure(e.render(color())))
     }

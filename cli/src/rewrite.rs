@@ -9,6 +9,7 @@ use preshade::passes::contract::Contract;
 use preshade::passes::neighbours;
 use preshade::passes::pass::{AnyPass, Facts, Refusal};
 use preshade::passes::plan::Plan;
+use preshade::passes::validate::{Check, Effort, Verdict, validate};
 use preshade::passes::{PASSES, pass_named};
 use preshade::recipe::{Recipe, Step};
 use rayon::prelude::*;
@@ -56,6 +57,10 @@ pub struct Args {
     /// Print the time that reading, each pass and writing took to stderr.
     #[arg(long)]
     time_passes: bool,
+    /// Hold each variant against the original before it is written, without a GPU: proved, or run on random and adversarial inputs. One that breaks a promise is not written, and the exit
+    /// status is 1.
+    #[arg(long)]
+    validate: bool,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -133,7 +138,17 @@ struct Rewritten {
     contract: Contract,
     refusals: Vec<Refusal>,
     notes: Vec<String>,
+    /// What validation said, where it was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    validation: Option<Vec<Check>>,
     files: Vec<Written>,
+}
+
+impl Rewritten {
+    fn is_broken(&self) -> bool {
+        let checks = self.validation.iter().flatten();
+        checks.into_iter().any(|c| c.verdict.is_broken())
+    }
 }
 
 /// A file that was written, or would have been.
@@ -199,8 +214,8 @@ impl Times {
     }
 }
 
-/// Rewrites a material, every material of a scene, or with `--out-dir` many.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+/// Rewrites a material, every material of a scene, or with `--out-dir` many. `config` is the file that flags were taken from.
+pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     let recipe = Recipe::parse(&args.passes)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
     let nowhere = args.output.is_none() && args.out_dir.is_none();
@@ -262,7 +277,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 continue;
             }
             taken.extend(paths.clone().map(|p| (p, from)));
-            rules.push((paths.collect(), read));
+            let read = read.into_iter().chain(config.map(Path::to_path_buf));
+            rules.push((paths.collect(), read.collect()));
             write(
                 folder,
                 files.into_iter().cloned().collect(),
@@ -281,6 +297,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(path) = &args.depfile {
         depfile(path, &rules)?;
     }
+    let is_broken = report.iter().any(Rewritten::is_broken);
     if args.format == Format::Json {
         output::json(&Report {
             schema: "preshade.rewrite.v1",
@@ -292,6 +309,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         output::message(&Times::table(all_times.iter()));
     }
     match errors.is_empty() {
+        true if is_broken => Ok(Outcome::ContractBroken),
         true => Ok(Outcome::Fine),
         false => Err(Failure(errors.join("\n"))),
     }
@@ -376,9 +394,23 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
             made.messages
                 .push(format!("note: `{}`: {note}", plan.material));
         }
-        let emitted = made
-            .times
-            .took(u8::MAX, "emit", || emit_each(&plan, targets))?;
+        let validation = args.validate.then(|| {
+            made.times.took(u8::MAX - 1, "validate", || {
+                validate(original, &plan, &Effort::default())
+            })
+        });
+        let checks = validation.iter().flatten();
+        made.messages.extend(checks.map(|c| said(&plan, c)));
+        let is_broken = validation.iter().flatten().any(|c| c.verdict.is_broken());
+        let emitted = match is_broken {
+            true => Emitted {
+                files: Vec::new(),
+                errors: Vec::new(),
+            },
+            false => made
+                .times
+                .took(u8::MAX, "emit", || emit_each(&plan, targets))?,
+        };
         made.errors
             .extend(emitted.errors.iter().map(|e| format!("error: {e}")));
         if recipe.steps.is_empty() && emitted.errors.is_empty() && args.out_dir.is_none() {
@@ -402,11 +434,35 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
             contract: plan.contract.clone(),
             refusals,
             notes: plan.notes.clone(),
+            validation,
             files: written.collect(),
         };
         made.materials.push((rewritten, emitted.files));
     }
     Ok(made)
+}
+
+/// What became of a promise, as a message.
+fn said(plan: &Plan, check: &Check) -> String {
+    let level = match check.verdict {
+        Verdict::Counterexample(_) => "error",
+        Verdict::NotEvaluable { .. } => "warning",
+        Verdict::Proved { .. } | Verdict::Agreed { .. } => "note",
+    };
+    let line = format!(
+        "{level}: `{}`, {} pass, {}: {}",
+        plan.material,
+        check.role.name(),
+        check.promise,
+        check.verdict
+    );
+    match check.verdict.is_broken() {
+        true => format!(
+            "{line}\nnothing is written of `{}`: this is a bug in preshade, please report it with the shader",
+            plan.material
+        ),
+        false => line,
+    }
 }
 
 /// What of a plan could be written.

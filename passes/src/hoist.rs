@@ -61,6 +61,7 @@ mod vertex;
 
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Metric, Params};
+pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
 pub use single::{Candidates, Computed, Stages, alone, computed};
 
 use choose::Choice;
@@ -470,6 +471,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             },
             Some(Class::Affine) => Contract::Rounding {
                 k: self.roundings(),
+                turned: None,
                 given: self.given.clone(),
             },
             Some(Class::Smooth) => Contract::Approximate {

@@ -6,8 +6,8 @@ mod common;
 use std::collections::BTreeMap;
 
 use naga::Module;
-use preshade_passes::bound::{self, Affine, Distance};
-use preshade_passes::evaluate::{self, Environment, Number, Stuck, Value};
+use preshade_passes::bound::{self, Affine, Distance, Interval};
+use preshade_passes::evaluate::{self, Environment, Number, Shadowed, Stuck, Value};
 use proptest::prelude::*;
 
 /// The module of a function `f` of a position and of texture coordinates.
@@ -45,6 +45,8 @@ fn value(module: &Module, at: Corner) -> Vec<f32> {
     let environment = Environment {
         resources: BTreeMap::new(),
         texture: &|_| [0.0; 4],
+        derivative: None,
+        trace: None,
         steps: 100_000,
     };
     let outcome = evaluate::run(module, function, &arguments(at), &environment).unwrap();
@@ -166,6 +168,8 @@ fn with_a_constant(expression: &str, constant: f32) -> (Result<Vec<Distance>, St
         let environment = Environment {
             resources: BTreeMap::from([((0, 0), Value::f32(constant))]),
             texture: &|_| [0.0; 4],
+            derivative: None,
+            trace: None,
             steps: 100_000,
         };
         let outcome = evaluate::run(&module, function, &[Value::vector(&at)], &environment);
@@ -313,5 +317,137 @@ proptest! {
         for (found, seen) in found.iter().zip(&seen) {
             prop_assert!(found.max + found.roundings >= *seen, "{text}: {found:?} under {seen}");
         }
+    }
+}
+
+/// A vector of the intervals that corners span.
+fn boxed(corners: [Corner; 3], components: std::ops::Range<usize>) -> Value<Interval> {
+    let ends = components.map(|i| {
+        let of = |f: fn(f32, f32) -> f32| corners.iter().map(|c| c[i]).reduce(f).unwrap();
+        Interval::new(f64::from(of(f32::min)), f64::from(of(f32::max)))
+    });
+    Value::composite(&ends.collect::<Vec<_>>())
+}
+
+fn over_box(module: &Module, corners: [Corner; 3]) -> Result<Vec<Interval>, Stuck> {
+    let (_, function) = module.functions.iter().next().unwrap();
+    let environment = Environment {
+        resources: BTreeMap::new(),
+        texture: &|_| [Interval::ANYTHING; 4],
+        derivative: None,
+        trace: None,
+        steps: 100_000,
+    };
+    let arguments = [boxed(corners, 0..3), boxed(corners, 3..5)];
+    let outcome = evaluate::run(module, function, &arguments, &environment)?;
+    outcome.result.unwrap().floats()
+}
+
+fn shadowed(module: &Module, at: Corner) -> (Vec<Shadowed>, u64) {
+    let (_, function) = module.functions.iter().next().unwrap();
+    let environment = Environment {
+        resources: BTreeMap::new(),
+        texture: &|_| [Shadowed::of(0.0); 4],
+        derivative: None,
+        trace: None,
+        steps: 100_000,
+    };
+    let arguments: Vec<_> = arguments(at).iter().map(bound::exactly).collect();
+    let outcome = evaluate::run(module, function, &arguments, &environment).unwrap();
+    (outcome.result.unwrap().floats().unwrap(), outcome.flips)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    /// What `f32` gives of numbers of the box lies in the interval, and so does what `f64` gives.
+    #[test]
+    fn an_interval_holds_every_sample(bytes in proptest::collection::vec(any::<u8>(), 4..60), corners in any::<[[i8; 5]; 3]>()) {
+        let text = expression(&mut bytes.iter(), 4);
+        let module = module(&format!("return vec3({text});"));
+        let corners = corners.map(|c| c.map(|x| f32::from(x) / 64.0));
+        let found = over_box(&module, corners).unwrap();
+        for weights in lattice(4) {
+            let at = between(corners, weights);
+            let (shadowed, _) = shadowed(&module, at);
+            prop_assert!(found[0].contains(f64::from(shadowed[0].value)), "{text} at {at:?}: {found:?} without {shadowed:?}");
+            prop_assert!(found[0].contains(shadowed[0].truth), "{text} at {at:?}: {found:?} without {shadowed:?}");
+        }
+    }
+
+    /// The one of two numbers is what the interpreter gives of `f32` alone.
+    #[test]
+    fn a_shadow_changes_nothing(bytes in proptest::collection::vec(any::<u8>(), 4..60), corner in any::<[i8; 5]>()) {
+        let module = module(&format!("return vec3({});", expression(&mut bytes.iter(), 4)));
+        let corner = corner.map(|x| f32::from(x) / 64.0);
+        let (both, _) = shadowed(&module, corner);
+        for (both, alone) in both.iter().zip(value(&module, corner)) {
+            prop_assert_eq!(both.value.to_bits(), alone.to_bits());
+        }
+    }
+}
+
+#[test]
+fn intervals_are_as_narrow_as_they_can_be() {
+    let module =
+        module("return vec3(sin(p.x) + 2.0 * p.y, floor(q.x + 0.5), exp(p.z) / (2.0 + q.y));");
+    let found = over_box(&module, TRIANGLE).unwrap();
+    assert!(found.iter().all(|i| i.is_known()), "{found:?}");
+    // Over numbers that are one, hardly wider than a rounding.
+    let point = over_box(&module, [TRIANGLE[1]; 3]).unwrap();
+    for interval in point {
+        let [low, high] = interval.ends();
+        assert!(high - low < 2e-3, "{interval:?}");
+    }
+    // What it cannot tell, it does not decide.
+    let branch = common::program(
+        "fn f(p: vec3<f32>, q: vec2<f32>) -> vec3<f32> { if p.x < 0.3 { return p; } return p.zyx; }
+        @fragment fn fs() -> @location(0) vec4<f32> { return vec4(f(vec3(0.0), vec2(0.0)), 1.0); }",
+    );
+    let found = over_box(branch.module(), TRIANGLE);
+    assert!(matches!(found, Err(Stuck::Undecided(_))), "{found:?}");
+}
+
+#[test]
+fn the_truth_is_what_nothing_was_rounded_of() {
+    let module = module("let far = p.x + 1e8; return vec3(far - 1e8, p.y * p.y, p.z);");
+    let at = [0.3, 0.1, 0.7, 0.0, 0.0];
+    let ([sum, square, input], flips) = (
+        <[Shadowed; 3]>::try_from(shadowed(&module, at).0).unwrap(),
+        shadowed(&module, at).1,
+    );
+    assert_eq!((sum.value, flips), (0.0, 0));
+    assert!((sum.truth - f64::from(0.3_f32)).abs() < 1e-7);
+    assert_eq!(square.truth, f64::from(0.1_f32) * f64::from(0.1_f32));
+    assert!(square.error() > 0.0 && evaluate::ulps(f64::from(square.value), square.truth) <= 0.5);
+    assert_eq!(input.error(), 0.0);
+}
+
+/// The path is the one that `f32` takes, and where `f64` would take another that is told.
+#[test]
+fn flips_are_counted_and_not_taken() {
+    for (body, flips) in [
+        // In f32 the sum is 1e8 exactly.
+        (
+            "if p.x + 1e8 > 1e8 { return vec3(1.0); } return vec3(2.0);",
+            1,
+        ),
+        (
+            "return select(vec3(2.0), vec3(1.0), vec3(p.x + 1e8) > vec3(1e8));",
+            3,
+        ),
+        (
+            "return vec3(2.0 + f32(i32((p.x + 1.0) + 1e8 - 1e8)) * 0.0);",
+            1,
+        ),
+        (
+            "return vec3(2.0 + f32(bitcast<u32>(p.x + 1e8 - 1e8) & 0u));",
+            1,
+        ),
+        ("if p.x > 0.25 { return vec3(2.0); } return vec3(1.0);", 0),
+    ] {
+        let (found, counted) = shadowed(&module(body), [0.3; 5]);
+        assert_eq!((found[0].value, counted), (2.0, flips), "{body}");
+        assert_eq!(found[0].truth, 2.0, "{body}");
     }
 }

@@ -60,6 +60,8 @@ fn run(program: &Program, name: &str, seed: u32) -> Result<Outcome, Stuck> {
     let environment = Environment {
         resources: BTreeMap::new(),
         texture: &|_| [0.0; 4],
+        derivative: None,
+        trace: None,
         steps: 200_000,
     };
     let arguments = arguments(program.module(), &point.function, seed);

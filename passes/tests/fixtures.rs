@@ -107,6 +107,8 @@ fn run(program: &Program, entry: usize, seed: u32) -> Result<Outcome, Stuck> {
     let environment = Environment {
         resources,
         texture: &texel,
+        derivative: None,
+        trace: None,
         steps: 2_000_000,
     };
     evaluate::entry_point(module, entry, &arguments, &environment)

@@ -171,6 +171,8 @@ fn position(plan: &Plan, subdivision: &Subdivision, mesh: &Mesh<'_>, at: (u32, u
     let environment = Environment {
         resources,
         texture: &|_| [0.0; 4],
+        derivative: None,
+        trace: None,
         steps: 100_000,
     };
     let program = plan.program(plan.main().unwrap()).unwrap();

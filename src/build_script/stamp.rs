@@ -15,17 +15,10 @@ const FILE: &str = "preshade.stamp";
 struct Stamp {
     key: String,
     warnings: Vec<String>,
+    /// Files that the material's own include, and BLAKE3.
+    included: Vec<(PathBuf, String)>,
     /// Path below the folder for output, and BLAKE3.
     files: Vec<(String, String)>,
-    /// What the texts include: path and BLAKE3.
-    #[serde(default)]
-    included: Vec<(PathBuf, String)>,
-}
-
-/// What is known of a material that is still as it was.
-pub(super) struct Held {
-    pub(super) warnings: Vec<String>,
-    pub(super) included: Vec<PathBuf>,
 }
 
 /// Hash of all that decides what a build comes to. Which preshade it is, is told by the running program: a build script that was compiled again is another.
@@ -52,20 +45,24 @@ pub(super) fn hashed(folder: &Path, file: &File) -> (String, String) {
     (path, hash(&file.bytes))
 }
 
-/// The last build, if it was of the same, included files too, and its files are all still there.
-pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Held> {
+/// What the last build told.
+pub(super) struct Kept {
+    pub warnings: Vec<String>,
+    pub included: Vec<PathBuf>,
+}
+
+/// What the last build told, if it was of the same and its files are all still there.
+pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> {
     let text = std::fs::read(folder.join(FILE)).ok()?;
     let stamp: Stamp = serde_json::from_slice(&text).ok()?;
-    let is_there = |(path, wanted): &(String, String)| {
-        let bytes = std::fs::read(out.join(path));
+    let is_there = |path: &Path, wanted: &String| {
+        let bytes = std::fs::read(path);
         bytes.is_ok_and(|bytes| hash(&bytes) == *wanted)
     };
-    let is_same = |(path, wanted): &(PathBuf, String)| {
-        std::fs::read(path).is_ok_and(|bytes| hash(&bytes) == *wanted)
-    };
-    let holds =
-        stamp.key == key && stamp.files.iter().all(is_there) && stamp.included.iter().all(is_same);
-    holds.then_some(Held {
+    let holds = stamp.key == key
+        && stamp.included.iter().all(|(p, h)| is_there(p, h))
+        && stamp.files.iter().all(|(p, h)| is_there(&out.join(p), h));
+    holds.then(|| Kept {
         warnings: stamp.warnings,
         included: stamp.included.into_iter().map(|(path, _)| path).collect(),
     })
@@ -75,16 +72,19 @@ pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Held> 
 pub(super) fn write(
     folder: &Path,
     key: &str,
-    warnings: &[String],
+    Kept { warnings, included }: Kept,
     files: Vec<(String, String)>,
-    included: &[(PathBuf, String)],
 ) -> io::Result<()> {
-    let hashed = |(path, text): &(PathBuf, String)| (path.clone(), hash(text.as_bytes()));
+    let hashed = |path: PathBuf| {
+        let bytes = std::fs::read(&path)?;
+        Ok((path, hash(&bytes)))
+    };
+    let included: io::Result<_> = included.into_iter().map(hashed).collect();
     let stamp = Stamp {
         key: key.to_owned(),
-        warnings: warnings.to_vec(),
+        warnings,
+        included: included?,
         files,
-        included: included.iter().map(hashed).collect(),
     };
     let file = File {
         name: FILE.to_owned(),

@@ -106,7 +106,10 @@ pub(super) fn header(plan: &Plan, program: &Program) -> String {
 fn contract(contract: &Contract) -> String {
     let promise = match contract {
         Contract::Exact { .. } => "exact".to_owned(),
-        Contract::Rounding { k, .. } => format!("rounding, k = {k}"),
+        Contract::Rounding { k, turned, .. } => match turned {
+            None => format!("rounding, k = {k}"),
+            Some(turned) => format!("rounding, k = {k}, {turned}"),
+        },
         Contract::Approximate { .. } | Contract::Budgets { .. } => {
             let budgets: Vec<String> = contract.budgets().iter().map(Budget::to_string).collect();
             format!("approximate, {}", budgets.join(", "))

@@ -6,6 +6,7 @@
 //! In data-flow order: `nesting` refuses what would exhaust the stack, `guard` runs naga, `glsl` and `wgsl` parse one file, `link` joins
 //! two modules, `entry` chooses entry points and checks that the stages fit. Every error is an [`Error`] that points at the author's text.
 
+mod beyond_wgsl;
 mod declaration;
 mod dialect;
 mod entry;
@@ -21,6 +22,7 @@ mod nesting;
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]
 mod promote;
+mod size;
 #[cfg(feature = "glsl")]
 mod switch;
 pub(crate) mod varying;
@@ -38,6 +40,8 @@ use preshade_passes::program::{Language, Program, SourceMap};
 
 use self::dialect::Dialect;
 pub use error::{Code, Color, Error, Label};
+
+use crate::limits::Limits;
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -118,8 +122,12 @@ pub struct Options {
     pub defines: Vec<(String, String)>,
     /// Folders in which GLSL's `#include` is looked up, after the including file's own.
     pub include: Vec<PathBuf>,
+    /// The folder that included files may not leave, and that the sources' names are relative to; `None`: any file may be included.
+    pub root: Option<PathBuf>,
     /// The clip space that GLSL positions are written for; `None` goes by the dialect: OpenGL's, but for Vulkan's GLSL.
     pub clip_space: Option<ClipSpace>,
+    /// What is refused for its size.
+    pub limits: Limits,
 }
 
 /// The clip space that a GLSL text is written for.
@@ -201,7 +209,7 @@ fn parse_mapped(
 ) -> (Result<Parsed, Error>, Arc<SourceMap>) {
     let checked = check_sources(sources).and_then(|language| {
         for (source, base) in sources.iter().zip(bases) {
-            nesting::check(&source.text, *base)?;
+            nesting::check(&source.text, *base, &options.limits)?;
         }
         Ok(language)
     });
@@ -259,6 +267,11 @@ fn assemble(
         };
         module = link(module, &second, base, map)?;
     }
+    if language == Language::Glsl {
+        beyond_wgsl::leave_uniformity_to_the_author(&mut module);
+        beyond_wgsl::rename_constants(&mut module);
+    }
+    size::check(&module, &options.limits)?;
     let entries = entry::choose(&module, options, map)?;
     entry::check_interface(&module, &entries, map)?;
     let names = entry::names(&module);

@@ -2,7 +2,7 @@
 //!
 //! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames and [`mod@constants`] what is, [`shading`] counts fragments and depth ties, [`timing`] times frames,
 //! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself ([`bounds`] proves how far that can be off);
-//! [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
+//! [`mod@truth`] tells how far original and variant are from what nobody rounded; [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
 //! [`crossover`] tells at which value of a scene's variable one variant overtakes another.
 
 pub mod bounds;
@@ -21,6 +21,7 @@ pub mod shading;
 pub mod shadow;
 pub mod statistics;
 pub mod timing;
+pub mod truth;
 pub mod variant;
 pub mod verdict;
 pub mod verify;
@@ -60,9 +61,13 @@ pub enum Error {
 
 /// What a scene tells without being drawn. What its files do not fit is left out.
 pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
+    let changing = changing(scene).ok();
+    let constants = changing
+        .clone()
+        .and_then(|changing| constants::constants_beside(scene, changing).ok());
     preshade_passes::pass::Facts {
-        changing: changing(scene).ok(),
-        constants: constants(scene).unwrap_or_default(),
+        changing,
+        constants: constants.unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
         ..preshade_passes::pass::Facts::default()
     }
@@ -77,11 +82,15 @@ pub fn known_for(
     use preshade_passes::early_discard::EarlyDiscard;
     use preshade_passes::pass::{Facts, Pass};
     use preshade_passes::shadow::Shadow;
+    use preshade_passes::skip_taps::SkipTaps;
+    use preshade_passes::trim_loop::TrimLoop;
     // The passes that read neither: all others may.
     let names = [
         DepthPrepass::INFO.name,
         EarlyDiscard::INFO.name,
         Shadow::INFO.name,
+        SkipTaps::INFO.name,
+        TrimLoop::INFO.name,
     ];
     match recipe
         .steps

@@ -27,6 +27,8 @@ impl Vertices {
             environment: Environment {
                 resources,
                 texture: &|_: &evaluate::Lookup<'_>| [f32::NAN; 4],
+                derivative: None,
+                trace: None,
                 steps: STEPS,
             },
             bound,
@@ -68,7 +70,8 @@ impl<F: Number> Vertices<F> {
         Ok((by_location(module, function, outcome), steps))
     }
 
-    fn input(
+    /// What an input of the vertex stage is at a vertex of an instance; `None` where the draw has nothing for it.
+    pub fn input(
         &self,
         module: &naga::Module,
         ty: naga::Handle<naga::Type>,

@@ -22,8 +22,12 @@ pub fn scene(name: &str, texts: &[String; 2], size: [u32; 2]) -> Result<Scene, S
         Source::new(format!("{name}.vert"), &texts[0]),
         Source::new(format!("{name}.frag"), &texts[1]),
     ];
-    let parsed = front::parse(&sources, &front::Options::default())
-        .map_err(|e| e.render(front::Color::Never))?;
+    // What OpenGL draws is written for OpenGL, whatever its dialect.
+    let options = front::Options {
+        clip_space: Some(front::ClipSpace::OpenGl),
+        ..front::Options::default()
+    };
+    let parsed = front::parse(&sources, &options).map_err(|e| e.render(front::Color::Never))?;
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
     Ok(synthesise(parsed, state).resized(size))
@@ -215,6 +219,13 @@ pub fn draw(gl: &Native, scene: &Scene, texts: [&str; 2], first: FirstRow) -> Re
     let clear = scene.clear_color.map(|c| c as f32);
     let native = gl.draw_pair(first, scene.size, clear, texts, &draws)?;
     Ok(Both { ours, native })
+}
+
+/// How many components the fragment stage's output has: OpenGL leaves the others open.
+pub fn channels(fragment: &str) -> usize {
+    let outputs = ["out float ", "out vec2 ", "out vec3 "];
+    let narrow = outputs.iter().position(|o| fragment.contains(o));
+    narrow.map_or(4, |i| i + 1)
 }
 
 /// How two pictures differ.

@@ -250,10 +250,7 @@ impl Maker {
         }
         if self.random.often() {
             self.say("invariant");
-            self.vertex.declared += match self.dialect.version {
-                120 => "invariant gl_Position;\n",
-                _ => "invariant gl_Position;\n",
-            };
+            self.vertex.declared += "invariant gl_Position;\n";
         }
         if self.dialect.is_new() && self.random.often() {
             self.say("gl_VertexID");
@@ -333,7 +330,7 @@ impl Maker {
     }
 
     fn uniforms(&mut self) {
-        let mut add = |this: &mut Self, text: &str, names: &[(usize, &str)]| {
+        let add = |this: &mut Self, text: &str, names: &[(usize, &str)]| {
             this.fragment.declared += text;
             for (n, name) in names {
                 this.fragment.names[n - 1].push((*name).to_owned());
@@ -488,14 +485,19 @@ impl Maker {
             }
             2 => {
                 self.say("macros");
+                // ES and GLSL 1.20 have no `##`.
+                let pastes = self.dialect.is_new() && !self.dialect.es;
+                let paste = match pastes {
+                    true => format!("#define PASTE{k}(a, b) a##b\n"),
+                    false => String::new(),
+                };
                 writeln!(
                     self.fragment.functions,
-                    "#define PASTE{k}(a, b) a##b\n#define SQUARE{k}(x) ((x) * (x))"
+                    "{paste}#define SQUARE{k}(x) ((x) * (x))"
                 )
                 .unwrap();
                 writeln!(self.fragment.functions, "{ty} {name}(vec3 a) {{ float b = SQUARE{k}(a.x); vec2 c = a.yz; vec4 d = vec4(a, 1.0); return {value}; }}").unwrap();
-                // ES 1.00 and GLSL 1.20 have no `##`.
-                let call = match self.dialect.is_new() {
+                let call = match pastes {
                     true => format!("PASTE{k}(made, {k}x{n})(tint)"),
                     false => format!("{name}(tint)"),
                 };
@@ -638,7 +640,14 @@ impl Maker {
             false => "",
         };
         let Stage { declared, body, .. } = &self.vertex;
-        let place = "    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);\n";
+        // A triangle that is clipped has no linear values that two drivers, or two clip spaces, agree on: small enough to be seen whole.
+        let size = match declared.contains("noperspective") {
+            true => "0.41",
+            false => "1.0",
+        };
+        let place = format!(
+            "    gl_Position = projectionMatrix * modelViewMatrix * vec4(position * {size}, 1.0);\n"
+        );
         let vertex = format!("{directive}{precision}{declared}void main() {{\n{body}{place}}}\n");
         let Stage {
             declared,

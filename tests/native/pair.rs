@@ -286,6 +286,10 @@ impl Native {
                     gl.uniform_1_i32(location, unit as i32);
                     continue;
                 }
+                // A sampler that only the driver takes for used reads black.
+                if matches!(uniform.utype, glow::SAMPLER_2D | glow::SAMPLER_CUBE) {
+                    continue;
+                }
                 let Some(bytes) = (draw.uniform)(&name) else {
                     return Err(format!("the uniform `{name}` has no value"));
                 };

@@ -9,7 +9,7 @@
 //! least and its largest; what decides a branch differently within the triangle ends the evaluation.
 //!
 //! Beside the remainder, which is of the exact function over real numbers (evaluated in `f64`), a number carries how far what an adapter computes may be from it: WGSL's own accuracies, from operation to
-//! operation. A comparison, a jump or a conversion to an integer is decided only where all that an adapter may compute lies on one side of it.
+//! operation. [`Interval`] is the plain one: only between which numbers a value lies. A comparison, a jump or a conversion to an integer is decided only where all that an adapter may compute lies on one side of it.
 
 use std::collections::BTreeMap;
 
@@ -19,10 +19,12 @@ use crate::evaluate::{self, Environment, Lookup, Number, Scalar, Stuck, Value};
 
 mod accuracy;
 mod affine;
+mod interval;
 mod operations;
 
 pub use accuracy::Accuracy;
 pub use affine::Affine;
+pub use interval::Interval;
 
 /// Steps of the interpreter for one triangle.
 const STEPS: u64 = 200_000;
@@ -32,6 +34,8 @@ pub fn environment(resources: BTreeMap<(u32, u32), Value<Affine>>) -> Environmen
     Environment {
         resources,
         texture: &|_: &Lookup<'_, Affine>| [Affine::ANYTHING; 4],
+        derivative: None,
+        trace: None,
         steps: STEPS,
     }
 }

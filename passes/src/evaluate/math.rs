@@ -141,9 +141,10 @@ fn scalar_binary<F: Number>(
 fn compare<F: Number>(op: BinaryOperator, a: Scalar<F>, b: Scalar<F>) -> Result<Scalar<F>, Stuck> {
     use std::cmp::Ordering::{Equal, Greater, Less};
     let order = match (a, b) {
-        (Scalar::F32(a), Scalar::F32(b)) => a
-            .compare(b)
-            .ok_or_else(|| Stuck::Undecided(format!("{op:?} of {a:?} and {b:?}")))?,
+        (Scalar::F32(a), Scalar::F32(b)) => {
+            let undecided = || Stuck::Undecided(format!("{op:?} of {a:?} and {b:?}"));
+            return F::holds(op, a, b).map(Scalar::Bool).ok_or_else(undecided);
+        }
         (Scalar::I32(a), Scalar::I32(b)) => Some(a.cmp(&b)),
         (Scalar::U32(a), Scalar::U32(b)) => Some(a.cmp(&b)),
         (Scalar::Bool(a), Scalar::Bool(b)) => Some(a.cmp(&b)),

@@ -1,9 +1,13 @@
 //! A small interpreter of naga IR on the CPU: one invocation, 32-bit scalars. It is what the slicer is tested against: running a slice gives
 //! the sliced value, bit for bit.
 //!
-//! `discard` is a demotion, as in WGSL: the invocation is marked and runs on. A dynamic index out of bounds is clamped. Derivatives,
-//! implicit levels of detail, atomics and subgroup operations have no meaning for one invocation alone; the textures are the caller's.
+//! It is generic over what it takes for a float, a [`Number`]: `f32`; `f64`; both side by side ([`Shadowed`]), which tells how far rounding has led from the truth; intervals
+//! and affine numbers, which stand for all of a triangle ([`mod@crate::bound`]); terms, which stand for every number there is ([`mod@crate::validate`]).
+//!
+//! `discard` is a demotion, as in WGSL: the invocation is marked and runs on. A dynamic index out of bounds is clamped. Atomics and subgroup operations have no meaning for one
+//! invocation alone. What textures and derivatives give is the caller's to say: they are inputs.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use naga::{
@@ -11,14 +15,17 @@ use naga::{
     Statement, SwitchValue,
 };
 
+mod flips;
 mod layout;
 mod math;
 mod number;
+mod shadow;
 mod value;
 
 pub use layout::from_bytes;
 pub use number::Number;
-pub use value::{Scalar, Value};
+pub use shadow::{Shadowed, ulps};
+pub use value::{OverrideValue, Scalar, Value, constant};
 
 /// Why an evaluation came to no end.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -45,8 +52,32 @@ pub enum Stuck {
 pub struct Lookup<'a, F = f32> {
     /// Group and binding of the texture.
     pub binding: Option<(u32, u32)>,
-    /// Coordinates, array index, level or gradients, depth reference: in this order, those there are.
+    /// Coordinates, array index, sample or level if one is named, depth reference: in this order, those there are.
     pub coordinates: &'a [F],
+    /// What else decides the level: a bias, or both gradients. Empty where the level is implicit or named.
+    pub footprint: &'a [F],
+}
+
+/// A derivative (`dpdx`, `fwidthFine`) of one component.
+#[derive(Clone, Copy, Debug)]
+pub struct Derivative<F = f32> {
+    /// Along which axis; `Width` is `abs(dpdx) + abs(dpdy)`, which the caller is asked for as such.
+    pub axis: naga::DerivativeAxis,
+    /// How fine.
+    pub control: naga::DerivativeControl,
+    /// Of what.
+    pub of: F,
+}
+
+/// A value that was computed on the way.
+#[derive(Clone, Debug)]
+pub struct Traced<F = f32> {
+    /// The author's text for it.
+    pub span: naga::Span,
+    /// What kind of expression or statement it is, in naga's word: spans of an expression and its operand may be one.
+    pub kind: &'static str,
+    /// The value: of an expression, or stored.
+    pub value: Value<F>,
 }
 
 /// What surrounds an invocation.
@@ -55,6 +86,10 @@ pub struct Environment<'a, F = f32> {
     pub resources: BTreeMap<(u32, u32), Value<F>>,
     /// The texel a lookup gives.
     pub texture: &'a dyn Fn(&Lookup<'_, F>) -> [F; 4],
+    /// What a derivative gives; `None`: it stops the evaluation.
+    pub derivative: Option<&'a dyn Fn(Derivative<F>) -> F>,
+    /// Where to write down what is computed on the way, if anywhere.
+    pub trace: Option<&'a RefCell<Vec<Traced<F>>>>,
     /// Statements and expressions evaluated before the interpreter gives up.
     pub steps: u64,
 }
@@ -66,6 +101,10 @@ pub struct Outcome<F = f32> {
     pub result: Option<Value<F>>,
     /// Whether it was discarded.
     pub discarded: bool,
+    /// What storage buffers that it may write hold at its end, by group and binding.
+    pub stored: BTreeMap<(u32, u32), Value<F>>,
+    /// Comparisons and conversions that would have come out otherwise had nothing been rounded, component by component: of numbers that know their truth ([`Number::truth`]).
+    pub flips: u64,
     /// Steps it took.
     pub steps: u64,
 }
@@ -100,6 +139,7 @@ pub fn run<F: Number>(
         memory: Vec::new(),
         globals: BTreeMap::new(),
         discarded: false,
+        flips: 0,
         steps: 0,
     };
     for (handle, global) in module.global_variables.iter() {
@@ -108,7 +148,7 @@ pub fn run<F: Number>(
             (_, Some(at)) => environment.resources.get(&(at.group, at.binding)).cloned(),
             (_, None) => global
                 .init
-                .map(|init| value::constant(module, init))
+                .map(|init| value::default_constant(module, init))
                 .transpose()?,
         };
         let value = match value {
@@ -123,9 +163,20 @@ pub fn run<F: Number>(
         machine.memory.push(value);
     }
     let result = machine.call(function, arguments.to_vec())?;
+    let stored = machine.globals.iter().filter_map(|(handle, address)| {
+        let global = &module.global_variables[*handle];
+        let at = global.binding.as_ref()?;
+        let AddressSpace::Storage { access } = global.space else {
+            return None;
+        };
+        let is_written = access.contains(naga::StorageAccess::STORE);
+        is_written.then(|| ((at.group, at.binding), machine.memory[*address].clone()))
+    });
     Ok(Outcome {
+        stored: stored.collect(),
         result,
         discarded: machine.discarded,
+        flips: machine.flips,
         steps: machine.steps,
     })
 }
@@ -136,6 +187,7 @@ struct Machine<'a, F> {
     memory: Vec<Value<F>>,
     globals: BTreeMap<Handle<GlobalVariable>, usize>,
     discarded: bool,
+    flips: u64,
     steps: u64,
 }
 
@@ -224,6 +276,13 @@ impl<'a, F: Number> Machine<'a, F> {
                 for e in range.clone() {
                     self.step()?;
                     let value = self.evaluate(frame, e)?;
+                    if let Some(trace) = self.environment.trace {
+                        trace.borrow_mut().push(Traced {
+                            span: frame.function.expressions.get_span(e),
+                            kind: kind(&frame.function.expressions[e]),
+                            value: value.clone(),
+                        });
+                    }
                     frame.values[e.index()] = Some(value);
                 }
             }
@@ -311,7 +370,8 @@ impl<'a, F: Number> Machine<'a, F> {
         let Value::Pointer { address, path } = pointer else {
             return Err(Stuck::Type(format!("{pointer:?} where a pointer belongs")));
         };
-        let mut at = &mut self.memory[*address];
+        let nowhere = || Stuck::Type("a pointer to nothing".to_owned());
+        let mut at = self.memory.get_mut(*address).ok_or_else(nowhere)?;
         for step in path {
             let Value::Composite(parts) = at else {
                 return Err(Stuck::Type("a path into a scalar".to_owned()));
@@ -346,10 +406,10 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(match &function.expressions[e] {
             Expression::Literal(l) => Value::literal(l)?,
             Expression::Constant(c) => {
-                value::constant(self.module, self.module.constants[*c].init)?
+                value::default_constant(self.module, self.module.constants[*c].init)?
             }
             Expression::Override(o) => match self.module.overrides[*o].init {
-                Some(init) => value::constant(self.module, init)?,
+                Some(init) => value::default_constant(self.module, init)?,
                 None => return Err(Stuck::Unsupported("an override without a value".to_owned())),
             },
             Expression::ZeroValue(ty) => Value::zero(self.module, *ty)?,
@@ -401,9 +461,11 @@ impl<'a, F: Number> Machine<'a, F> {
                 self.place(&pointer)?.clone()
             }
             Expression::Unary { op, expr } => math::unary(*op, &self.get(frame, *expr)?)?,
-            Expression::Binary { op, left, right } => {
-                let left = self.get(frame, *left)?;
-                math::binary(*op, &left, &self.get(frame, *right)?)?
+            expression @ Expression::Binary { op, left, right } => {
+                let (left, right) = (self.get(frame, *left)?, self.get(frame, *right)?);
+                let value = math::binary(*op, &left, &right)?;
+                self.flips += flips::of(expression, &[&left, &right], &value);
+                value
             }
             Expression::Select {
                 condition,
@@ -422,8 +484,28 @@ impl<'a, F: Number> Machine<'a, F> {
                     })?,
                 }
             }
-            Expression::Relational { fun, argument } => {
-                math::relational(*fun, &self.get(frame, *argument)?)?
+            expression @ Expression::Relational { fun, argument } => {
+                let argument = self.get(frame, *argument)?;
+                let value = math::relational(*fun, &argument)?;
+                self.flips += flips::of(expression, &[&argument], &value);
+                value
+            }
+            Expression::Derivative {
+                axis,
+                ctrl,
+                expr: of,
+            } => {
+                let Some(derivative) = self.environment.derivative else {
+                    return Err(Stuck::Unsupported(format!("Derivative of {axis:?}")));
+                };
+                self.get(frame, *of)?.map(&mut |of| match of {
+                    Scalar::F32(of) => Ok(Scalar::F32(derivative(Derivative {
+                        axis: *axis,
+                        control: *ctrl,
+                        of,
+                    }))),
+                    other => Err(Stuck::Type(format!("a derivative of {other:?}"))),
+                })?
             }
             Expression::Math {
                 fun,
@@ -439,11 +521,16 @@ impl<'a, F: Number> Machine<'a, F> {
                     .collect::<Result<Vec<_>, _>>()?;
                 math::call(*fun, &arguments.iter().collect::<Vec<_>>())?
             }
-            Expression::As {
+            expression @ Expression::As {
                 expr,
                 kind,
                 convert,
-            } => math::cast(*kind, *convert, &self.get(frame, *expr)?)?,
+            } => {
+                let of = self.get(frame, *expr)?;
+                let value = math::cast(*kind, *convert, &of)?;
+                self.flips += flips::of(expression, &[&of], &value);
+                value
+            }
             Expression::ImageSample {
                 image,
                 coordinate,
@@ -455,16 +542,18 @@ impl<'a, F: Number> Machine<'a, F> {
             } => {
                 let mut operands = vec![*coordinate];
                 operands.extend(array_index);
+                let mut footprint = Vec::new();
                 match level {
                     SampleLevel::Auto | SampleLevel::Zero => {}
-                    SampleLevel::Exact(l) | SampleLevel::Bias(l) => operands.push(*l),
-                    SampleLevel::Gradient { x, y } => operands.extend([*x, *y]),
+                    SampleLevel::Exact(l) => operands.push(*l),
+                    SampleLevel::Bias(l) => footprint.push(*l),
+                    SampleLevel::Gradient { x, y } => footprint.extend([*x, *y]),
                 }
                 operands.extend(depth_ref);
-                let texel = self.lookup(frame, *image, &operands)?;
+                let texel = self.lookup(frame, *image, &operands, &footprint)?;
                 match depth_ref {
                     Some(_) => Value::number(texel[0]),
-                    None => self.texel(*image, function, texel),
+                    None => self.texel(*image, function, texel)?,
                 }
             }
             Expression::ImageLoad {
@@ -476,29 +565,40 @@ impl<'a, F: Number> Machine<'a, F> {
             } => {
                 let mut operands = vec![*coordinate];
                 operands.extend([array_index, sample, level].into_iter().flatten());
-                let texel = self.lookup(frame, *image, &operands)?;
-                self.texel(*image, function, texel)
+                let texel = self.lookup(frame, *image, &operands, &[])?;
+                self.texel(*image, function, texel)?
             }
             other => return Err(Stuck::Unsupported(format!("{other:?}"))),
         })
     }
 
-    /// A texel as the texture's class gives it: depth as one float.
-    fn texel(&self, image: Handle<Expression>, function: &Function, texel: [F; 4]) -> Value<F> {
-        let is_depth = match function.expressions[image] {
-            Expression::GlobalVariable(g) => matches!(
-                self.module.types[self.module.global_variables[g].ty].inner,
-                naga::TypeInner::Image {
-                    class: naga::ImageClass::Depth { .. },
-                    ..
+    /// A texel as the texture's class gives it: depth as one float, integers as the whole part of what the caller gave.
+    fn texel(
+        &self,
+        image: Handle<Expression>,
+        function: &Function,
+        texel: [F; 4],
+    ) -> Result<Value<F>, Stuck> {
+        use naga::{ImageClass, ScalarKind};
+        let class = match function.expressions[image] {
+            Expression::GlobalVariable(g) => {
+                match self.module.types[self.module.global_variables[g].ty].inner {
+                    naga::TypeInner::Image { class, .. } => Some(class),
+                    _ => None,
                 }
-            ),
-            _ => false,
+            }
+            _ => None,
         };
-        if is_depth {
-            Value::number(texel[0])
-        } else {
-            Value::composite(&texel)
+        let kind = match class {
+            Some(ImageClass::Depth { .. }) => return Ok(Value::number(texel[0])),
+            Some(ImageClass::Sampled { kind, .. }) => kind,
+            Some(ImageClass::Storage { format, .. }) => naga::Scalar::from(format).kind,
+            _ => ScalarKind::Float,
+        };
+        let texel = Value::composite(&texel);
+        match kind {
+            ScalarKind::Sint | ScalarKind::Uint => math::cast(kind, Some(4), &texel),
+            _ => Ok(texel),
         }
     }
 
@@ -507,23 +607,58 @@ impl<'a, F: Number> Machine<'a, F> {
         frame: &mut Frame<'a, F>,
         image: Handle<Expression>,
         operands: &[Handle<Expression>],
+        footprint: &[Handle<Expression>],
     ) -> Result<[F; 4], Stuck> {
         let Value::Resource(texture) = self.get(frame, image)? else {
             return Err(Stuck::Type("a lookup in no texture".to_owned()));
         };
-        let mut coordinates = Vec::new();
-        for operand in operands {
-            let value = self.get(frame, *operand)?;
-            let floats = math::cast(naga::ScalarKind::Float, Some(4), &value)?;
-            coordinates.extend(floats.floats()?);
-        }
+        let coordinates = self.numbers(frame, operands)?;
+        let footprint = self.numbers(frame, footprint)?;
         Ok((self.environment.texture)(&Lookup {
             binding: self.module.global_variables[texture]
                 .binding
                 .as_ref()
                 .map(|b| (b.group, b.binding)),
             coordinates: &coordinates,
+            footprint: &footprint,
         }))
+    }
+
+    /// The components of operands as floats, one after the other.
+    fn numbers(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        operands: &[Handle<Expression>],
+    ) -> Result<Vec<F>, Stuck> {
+        let mut numbers = Vec::new();
+        for operand in operands {
+            let value = self.get(frame, *operand)?;
+            let floats = math::cast(naga::ScalarKind::Float, Some(4), &value)?;
+            numbers.extend(floats.floats()?);
+        }
+        Ok(numbers)
+    }
+}
+
+/// The name of an expression's kind.
+fn kind(expression: &Expression) -> &'static str {
+    match expression {
+        Expression::Compose { .. } => "Compose",
+        Expression::Access { .. } => "Access",
+        Expression::AccessIndex { .. } => "AccessIndex",
+        Expression::Splat { .. } => "Splat",
+        Expression::Swizzle { .. } => "Swizzle",
+        Expression::Load { .. } => "Load",
+        Expression::ImageSample { .. } => "ImageSample",
+        Expression::ImageLoad { .. } => "ImageLoad",
+        Expression::Unary { .. } => "Unary",
+        Expression::Binary { .. } => "Binary",
+        Expression::Select { .. } => "Select",
+        Expression::Derivative { .. } => "Derivative",
+        Expression::Relational { .. } => "Relational",
+        Expression::Math { .. } => "Math",
+        Expression::As { .. } => "As",
+        _ => "expression",
     }
 }
 

@@ -6,7 +6,7 @@ use naga::{BinaryOperator, MathFunction};
 
 use super::Stuck;
 
-/// A float of the interpreter: `f32` itself, or what stands for a range of them.
+/// A float of the interpreter: `f32` or `f64` itself, or what stands for a range of them.
 ///
 /// Integers and booleans are always what they are: a number that cannot say what it is as one of them stops the evaluation.
 pub trait Number: Copy + Debug {
@@ -25,6 +25,21 @@ pub trait Number: Copy + Debug {
     /// How two compare; `Some(None)` where one is not a number, `None` where it cannot be told.
     fn compare(self, other: Self) -> Option<Option<std::cmp::Ordering>>;
 
+    /// Whether a comparison by this operator holds; `None` where it cannot be told, or for another operator.
+    fn holds(op: BinaryOperator, a: Self, b: Self) -> Option<bool> {
+        use std::cmp::Ordering::{Equal, Greater, Less};
+        let order = a.compare(b)?;
+        Some(match op {
+            BinaryOperator::Equal => order == Some(Equal),
+            BinaryOperator::NotEqual => order != Some(Equal),
+            BinaryOperator::Less => order == Some(Less),
+            BinaryOperator::LessEqual => matches!(order, Some(Less | Equal)),
+            BinaryOperator::Greater => order == Some(Greater),
+            BinaryOperator::GreaterEqual => matches!(order, Some(Greater | Equal)),
+            _ => return None,
+        })
+    }
+
     /// A function of each component by itself; `None` for one that is none, or is not known.
     fn call(function: MathFunction, arguments: &[Self]) -> Option<Self>;
 
@@ -37,6 +52,12 @@ pub trait Number: Copy + Debug {
 
     /// Itself as far as its whole part goes, which a conversion to an integer takes; `None` where that is several.
     fn truncated(self) -> Option<f32>;
+
+    /// What it would be if nothing had been rounded on the way, where that is followed beside it: decisions that it would make otherwise are counted
+    /// ([`super::Outcome::flips`]).
+    fn truth(self) -> Option<f64> {
+        None
+    }
 }
 
 /// [`Number::single`] where there has to be one.
@@ -59,88 +80,100 @@ pub fn truncated<F: Number>(number: F) -> Result<f32, Stuck> {
         .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))
 }
 
-impl Number for f32 {
-    fn of(number: f32) -> Self {
-        number
-    }
-
-    fn is_same(self, other: Self) -> bool {
-        self.to_bits() == other.to_bits()
-    }
-
-    fn negated(self) -> Self {
-        -self
-    }
-
-    fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
-        Some(match op {
-            BinaryOperator::Add => a + b,
-            BinaryOperator::Subtract => a - b,
-            BinaryOperator::Multiply => a * b,
-            BinaryOperator::Divide => a / b,
-            BinaryOperator::Modulo => a % b,
-            _ => return None,
-        })
-    }
-
-    fn compare(self, other: Self) -> Option<Option<std::cmp::Ordering>> {
-        Some(self.partial_cmp(&other))
-    }
-
-    fn call(function: MathFunction, arguments: &[Self]) -> Option<Self> {
-        use MathFunction as M;
-        Some(match (function, arguments) {
-            (M::Abs, [v]) => v.abs(),
-            (M::Sign, [v]) if *v == 0.0 => 0.0,
-            (M::Sign, [v]) => v.signum(),
-            (M::Min, [a, b]) => a.min(*b),
-            (M::Max, [a, b]) => a.max(*b),
-            (M::Clamp, [v, low, high]) => v.max(*low).min(*high),
-            (M::Saturate, [v]) => v.clamp(0.0, 1.0),
-            (M::Cos, [v]) => v.cos(),
-            (M::Cosh, [v]) => v.cosh(),
-            (M::Sin, [v]) => v.sin(),
-            (M::Sinh, [v]) => v.sinh(),
-            (M::Tan, [v]) => v.tan(),
-            (M::Tanh, [v]) => v.tanh(),
-            (M::Acos, [v]) => v.acos(),
-            (M::Asin, [v]) => v.asin(),
-            (M::Atan, [v]) => v.atan(),
-            (M::Atan2, [y, x]) => y.atan2(*x),
-            (M::Radians, [v]) => v.to_radians(),
-            (M::Degrees, [v]) => v.to_degrees(),
-            (M::Ceil, [v]) => v.ceil(),
-            (M::Floor, [v]) => v.floor(),
-            (M::Round, [v]) => v.round_ties_even(),
-            (M::Fract, [v]) => v - v.floor(),
-            (M::Trunc, [v]) => v.trunc(),
-            (M::Exp, [v]) => v.exp(),
-            (M::Exp2, [v]) => v.exp2(),
-            (M::Log, [v]) => v.ln(),
-            (M::Log2, [v]) => v.log2(),
-            (M::Pow, [v, y]) => v.powf(*y),
-            (M::Sqrt, [v]) => v.sqrt(),
-            (M::InverseSqrt, [v]) => 1.0 / v.sqrt(),
-            (M::Step, [edge, v]) => f32::from(u8::from(v >= edge || v.is_nan() || edge.is_nan())),
-            (M::Mix, [a, b, t]) => a * (1.0 - t) + b * t,
-            (M::Fma, [a, b, c]) => a * b + c,
-            (M::SmoothStep, [low, high, v]) => {
-                let t = ((v - low) / (high - low)).clamp(0.0, 1.0);
-                t * t * (3.0 - 2.0 * t)
+macro_rules! float {
+    ($float:ty) => {
+        impl Number for $float {
+            fn of(number: f32) -> Self {
+                Self::from(number)
             }
-            _ => return None,
-        })
-    }
 
-    fn within(self, _: f32, _: f32) -> Self {
-        self
-    }
+            fn is_same(self, other: Self) -> bool {
+                self.to_bits() == other.to_bits()
+            }
 
-    fn single(self) -> Option<f32> {
-        Some(self)
-    }
+            fn negated(self) -> Self {
+                -self
+            }
 
-    fn truncated(self) -> Option<f32> {
-        Some(self)
-    }
+            fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
+                Some(match op {
+                    BinaryOperator::Add => a + b,
+                    BinaryOperator::Subtract => a - b,
+                    BinaryOperator::Multiply => a * b,
+                    BinaryOperator::Divide => a / b,
+                    BinaryOperator::Modulo => a % b,
+                    _ => return None,
+                })
+            }
+
+            fn compare(self, other: Self) -> Option<Option<std::cmp::Ordering>> {
+                Some(self.partial_cmp(&other))
+            }
+
+            fn call(function: MathFunction, arguments: &[Self]) -> Option<Self> {
+                use MathFunction as M;
+                Some(match (function, arguments) {
+                    (M::Abs, [v]) => v.abs(),
+                    (M::Sign, [v]) if *v == 0.0 => 0.0,
+                    (M::Sign, [v]) => v.signum(),
+                    (M::Min, [a, b]) => a.min(*b),
+                    (M::Max, [a, b]) => a.max(*b),
+                    (M::Clamp, [v, low, high]) => v.max(*low).min(*high),
+                    (M::Saturate, [v]) => v.clamp(0.0, 1.0),
+                    (M::Cos, [v]) => v.cos(),
+                    (M::Cosh, [v]) => v.cosh(),
+                    (M::Sin, [v]) => v.sin(),
+                    (M::Sinh, [v]) => v.sinh(),
+                    (M::Tan, [v]) => v.tan(),
+                    (M::Tanh, [v]) => v.tanh(),
+                    (M::Acos, [v]) => v.acos(),
+                    (M::Acosh, [v]) => v.acosh(),
+                    (M::Asin, [v]) => v.asin(),
+                    (M::Asinh, [v]) => v.asinh(),
+                    (M::Atan, [v]) => v.atan(),
+                    (M::Atanh, [v]) => v.atanh(),
+                    (M::Atan2, [y, x]) => y.atan2(*x),
+                    (M::Radians, [v]) => v.to_radians(),
+                    (M::Degrees, [v]) => v.to_degrees(),
+                    (M::Ceil, [v]) => v.ceil(),
+                    (M::Floor, [v]) => v.floor(),
+                    (M::Round, [v]) => v.round_ties_even(),
+                    (M::Fract, [v]) => v - v.floor(),
+                    (M::Trunc, [v]) => v.trunc(),
+                    (M::Exp, [v]) => v.exp(),
+                    (M::Exp2, [v]) => v.exp2(),
+                    (M::Log, [v]) => v.ln(),
+                    (M::Log2, [v]) => v.log2(),
+                    (M::Pow, [v, y]) => v.powf(*y),
+                    (M::Sqrt, [v]) => v.sqrt(),
+                    (M::InverseSqrt, [v]) => 1.0 / v.sqrt(),
+                    (M::Step, [edge, v]) => {
+                        Self::from(u8::from(v >= edge || v.is_nan() || edge.is_nan()))
+                    }
+                    (M::Mix, [a, b, t]) => a * (1.0 - t) + b * t,
+                    (M::Fma, [a, b, c]) => a * b + c,
+                    (M::SmoothStep, [low, high, v]) => {
+                        let t = ((v - low) / (high - low)).clamp(0.0, 1.0);
+                        t * t * (3.0 - 2.0 * t)
+                    }
+                    _ => return None,
+                })
+            }
+
+            fn within(self, _: f32, _: f32) -> Self {
+                self
+            }
+
+            fn single(self) -> Option<f32> {
+                Some(self as f32)
+            }
+
+            fn truncated(self) -> Option<f32> {
+                Some(self.trunc() as f32)
+            }
+        }
+    };
 }
+
+float!(f32);
+float!(f64);

@@ -193,6 +193,29 @@ impl<'g, 'p> Values<'g, 'p> {
             .map_or(Rate::Const, |v| self.values[v].fact.rate)
     }
 
+    /// The values of the entry point's outputs, one for each output and return.
+    pub fn outputs(&self) -> Vec<(Option<Binding>, ValueId)> {
+        let module = self.graph.module();
+        let f = self.function(0);
+        let outputs = reflect::outputs(module, f.function);
+        let is_struct = f.function.result.as_ref().is_some_and(|r| {
+            r.binding.is_none() && matches!(module.types[r.ty].inner, TypeInner::Struct { .. })
+        });
+        let mut found = Vec::new();
+        for (id, node) in f.statements.iter() {
+            if let Statement::Return { value: Some(value) } = node.statement
+                && f.control.is_reachable(id)
+            {
+                for (m, output) in outputs.iter().enumerate() {
+                    let path = is_struct.then_some(m as u32).into_iter().collect();
+                    let root = self.get(&self.resolve(0, *value, path));
+                    found.extend(root.map(|r| (output.binding.clone(), r)));
+                }
+            }
+        }
+        found
+    }
+
     fn find_roots(&mut self) -> Result<(), TooLarge> {
         let module = self.graph.module();
         let f = self.function(0);

@@ -44,6 +44,8 @@ pub fn run(
     let environment = Environment {
         resources: draw_constants(module),
         texture: &|_| [0.0; 4],
+        derivative: None,
+        trace: None,
         steps: 200_000,
     };
     let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;

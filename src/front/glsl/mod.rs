@@ -9,6 +9,7 @@
 mod constant;
 mod declared;
 mod gather;
+mod include;
 mod interface;
 mod lower;
 mod marks;
@@ -96,8 +97,7 @@ fn units(
                 stage: text.stage,
                 path: Path::new(text.name),
                 base: text.base,
-                defines: &options.defines,
-                include: &options.include,
+                options,
             },
             map,
         )?);
@@ -280,8 +280,7 @@ pub(super) fn vertex_stage_for(
             stage: text.stage,
             path: Path::new(text.name),
             base: text.base,
-            defines: &options.defines,
-            include: &options.include,
+            options,
         },
         map,
     )?;

@@ -1,0 +1,70 @@
+//! Decisions that would be others if nothing had been rounded.
+
+use naga::{BinaryOperator, Expression, RelationalFunction, ScalarKind};
+
+use super::math;
+use super::number::Number;
+use super::value::{Scalar, Value};
+
+/// How many components of what `expression` decided of `operands` its operands' truths ([`Number::truth`]) decide otherwise; 0 where it decides nothing, or they have none.
+pub fn of<F: Number>(expression: &Expression, operands: &[&Value<F>], decided: &Value<F>) -> u64 {
+    use BinaryOperator as B;
+    let is_decision = match expression {
+        Expression::Binary { op, .. } => matches!(
+            op,
+            B::Equal | B::NotEqual | B::Less | B::LessEqual | B::Greater | B::GreaterEqual
+        ),
+        Expression::Relational { fun, .. } => {
+            matches!(fun, RelationalFunction::IsNan | RelationalFunction::IsInf)
+        }
+        Expression::As { kind, .. } => *kind != ScalarKind::Float,
+        _ => false,
+    };
+    if !is_decision {
+        return 0;
+    }
+    let Some(truths) = operands
+        .iter()
+        .map(|o| truths(o))
+        .collect::<Option<Vec<_>>>()
+    else {
+        return 0;
+    };
+    let by_truth = match (expression, &truths[..]) {
+        (Expression::Binary { op, .. }, [left, right]) => math::binary(*op, left, right),
+        (Expression::Relational { fun, .. }, [one]) => math::relational(*fun, one),
+        (Expression::As { kind, convert, .. }, [one]) => math::cast(*kind, *convert, one),
+        _ => return 0,
+    };
+    by_truth.map_or(0, |other| differing(decided, &other))
+}
+
+fn truths<F: Number>(value: &Value<F>) -> Option<Value<f64>> {
+    Some(match value {
+        Value::Scalar(scalar) => Value::Scalar(match scalar {
+            Scalar::F32(x) => Scalar::F32(x.truth()?),
+            Scalar::I32(x) => Scalar::I32(*x),
+            Scalar::U32(x) => Scalar::U32(*x),
+            Scalar::Bool(x) => Scalar::Bool(*x),
+        }),
+        Value::Composite(parts) => {
+            Value::Composite(parts.iter().map(truths).collect::<Option<_>>()?)
+        }
+        Value::Pointer { .. } | Value::Resource(_) => return None,
+    })
+}
+
+fn differing<F: Number>(a: &Value<F>, b: &Value<f64>) -> u64 {
+    match (a, b) {
+        (Value::Composite(a), Value::Composite(b)) => {
+            a.iter().zip(b).map(|(a, b)| differing(a, b)).sum()
+        }
+        (Value::Scalar(a), Value::Scalar(b)) => u64::from(match (a, b) {
+            (Scalar::I32(a), Scalar::I32(b)) => a != b,
+            (Scalar::U32(a), Scalar::U32(b)) => a != b,
+            (Scalar::Bool(a), Scalar::Bool(b)) => a != b,
+            _ => false,
+        }),
+        _ => 0,
+    }
+}

@@ -1,0 +1,104 @@
+//! A number with its truth beside it: shadow values (Benz, Hildebrandt and Hack 2012), here of `f32` by `f64`.
+
+use std::cmp::Ordering;
+
+use naga::{BinaryOperator, MathFunction};
+
+use super::number::Number;
+
+/// What `f32` makes of a number, and what `f64` does, which had the same inputs. The `f32` decides all branches, selections and conversions to integers, so that both are of one
+/// path through the shader; decisions that the `f64` would make otherwise are flips ([`super::Outcome::flips`]), and what a path gives that has none is told by both.
+///
+/// A jump within a function (`floor`, `fract`, `step`, `sign`) is no decision: each jumps for itself, and the difference is an error like another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shadowed {
+    /// Rounded to `f32` after each operation.
+    pub value: f32,
+    /// Rounded to `f64`.
+    pub truth: f64,
+}
+
+impl Shadowed {
+    /// The distance of the value from the truth.
+    pub fn error(self) -> f64 {
+        (f64::from(self.value) - self.truth).abs()
+    }
+}
+
+/// Distance of two numbers in units in the last place of an `f32` as large as `truth`, where that is not below the smallest normal number.
+pub fn ulps(value: f64, truth: f64) -> f64 {
+    let exponent = truth.abs().max(f64::from(f32::MIN_POSITIVE)).log2().floor();
+    (value - truth).abs() / 2_f64.powf(exponent - 23.0)
+}
+
+impl Number for Shadowed {
+    fn of(number: f32) -> Self {
+        Self {
+            value: number,
+            truth: f64::from(number),
+        }
+    }
+
+    fn is_same(self, other: Self) -> bool {
+        self.value.is_same(other.value) && self.truth.is_same(other.truth)
+    }
+
+    fn negated(self) -> Self {
+        Self {
+            value: -self.value,
+            truth: -self.truth,
+        }
+    }
+
+    fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
+        Some(Self {
+            value: f32::binary(op, a.value, b.value)?,
+            truth: f64::binary(op, a.truth, b.truth)?,
+        })
+    }
+
+    fn compare(self, other: Self) -> Option<Option<Ordering>> {
+        self.value.compare(other.value)
+    }
+
+    fn call(function: MathFunction, arguments: &[Self]) -> Option<Self> {
+        let values: Vec<f32> = arguments.iter().map(|a| a.value).collect();
+        let truths: Vec<f64> = arguments.iter().map(|a| a.truth).collect();
+        Some(Self {
+            value: f32::call(function, &values)?,
+            truth: f64::call(function, &truths)?,
+        })
+    }
+
+    fn within(self, _: f32, _: f32) -> Self {
+        self
+    }
+
+    fn single(self) -> Option<f32> {
+        self.value.single()
+    }
+
+    fn truncated(self) -> Option<f32> {
+        self.value.truncated()
+    }
+
+    fn truth(self) -> Option<f64> {
+        Some(self.truth)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ulps;
+
+    #[test]
+    fn a_unit_is_that_of_the_truth() {
+        let next = f64::from(f32::from_bits(1_f32.to_bits() + 1));
+        assert_eq!(ulps(next, 1.0), 1.0);
+        assert_eq!(ulps(1.0, 1.0), 0.0);
+        // Below a power of two the unit is half as large.
+        assert_eq!(ulps(1.0, f64::from(1_f32.next_down())), 1.0);
+        assert_eq!(ulps(0.0, 0.0), 0.0);
+        assert!(ulps(f64::NAN, 1.0).is_nan());
+    }
+}

@@ -1,0 +1,333 @@
+//! What of two results has to be the same.
+
+use naga::BuiltIn;
+
+use super::stage::{POSITION, Ran, Slot};
+use crate::evaluate::{Number, Scalar, Value};
+use crate::state::DepthDirection;
+
+/// What the colours of a variant promise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Colors {
+    /// The same bits.
+    Bits,
+    /// The same number: 0 is -0.
+    Numbers,
+    /// No further off than this, in each channel.
+    Within(f64),
+    /// They are not looked at.
+    Ignored,
+    /// The alpha of location 0 has the same bits: it decides coverage.
+    Alpha,
+}
+
+/// Which fragments a variant may discard that the original does not, and the reverse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Discards {
+    /// The same.
+    Same,
+    /// Another pass has discarded them already, and this one compares for equality with what that left.
+    LeftToEqual,
+    /// More: those that lie strictly behind what is there.
+    Hidden {
+        /// Depth of the fragment.
+        own: f32,
+        /// What is there.
+        other: f32,
+        /// Which way depth grows.
+        direction: DepthDirection,
+    },
+}
+
+/// What the depths of a variant promise that a fragment stage writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depths {
+    /// The same bits.
+    Same,
+    /// No nearer.
+    NotNearer(DepthDirection),
+}
+
+/// What a variant promises of the memory that it writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stores {
+    /// The same bits.
+    Same,
+    /// Another pass writes it.
+    Ignored,
+}
+
+/// What has to be the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rule {
+    /// What rasterisation needs of a vertex stage.
+    Vertices,
+    /// Fragments.
+    Fragments {
+        /// Colours.
+        colors: Colors,
+        /// Discards.
+        discards: Discards,
+        /// Depths.
+        depths: Depths,
+        /// Memory.
+        stores: Stores,
+    },
+}
+
+/// What differs, and the two values in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// What.
+    pub output: String,
+    /// The original's.
+    pub original: String,
+    /// The variant's.
+    pub variant: String,
+}
+
+/// The first difference that a rule does not allow.
+pub fn difference<F: Number>(
+    rule: Rule,
+    original: &Ran<F>,
+    variant: &Ran<F>,
+) -> Option<Difference> {
+    match rule {
+        Rule::Vertices => vertices(original, variant),
+        Rule::Fragments {
+            colors,
+            discards,
+            depths,
+            stores,
+        } => fragment(original, variant, discards)
+            .map_or_else(|| memory(original, variant, stores), Some)
+            .or_else(|| {
+                // What is discarded is not seen.
+                let is_seen = !original.discarded && !variant.discarded;
+                is_seen
+                    .then(|| colors_and_depth(original, variant, colors, depths))
+                    .flatten()
+            }),
+    }
+}
+
+fn differ(
+    output: impl ToString,
+    original: impl ToString,
+    variant: impl ToString,
+) -> Option<Difference> {
+    Some(Difference {
+        output: output.to_string(),
+        original: original.to_string(),
+        variant: variant.to_string(),
+    })
+}
+
+fn slot_differs<F: Number>(
+    slot: Slot,
+    original: &Ran<F>,
+    variant: &Ran<F>,
+    same: &dyn Fn(&Value<F>, &Value<F>) -> bool,
+) -> Option<Difference> {
+    match (original.outputs.get(&slot), variant.outputs.get(&slot)) {
+        (None, None) => None,
+        (Some(a), Some(b)) if same(a, b) => None,
+        (a, b) => {
+            let said = |v: Option<&Value<F>>| v.map_or("nothing".to_owned(), text);
+            differ(slot, said(a), said(b))
+        }
+    }
+}
+
+fn vertices<F: Number>(original: &Ran<F>, variant: &Ran<F>) -> Option<Difference> {
+    let builtins = original.outputs.keys().copied();
+    let builtins = builtins.filter(|slot| matches!(slot, Slot::BuiltIn(_)));
+    // A vertex stage without a position is no vertex stage.
+    builtins
+        .chain([POSITION])
+        .find_map(|slot| slot_differs(slot, original, variant, &same_bits))
+}
+
+/// Whether it is there at all.
+fn fragment<F: Number>(
+    original: &Ran<F>,
+    variant: &Ran<F>,
+    discards: Discards,
+) -> Option<Difference> {
+    let said = |discarded| if discarded { "discarded" } else { "kept" };
+    let is_allowed = match (original.discarded, variant.discarded, discards) {
+        (true, false, Discards::LeftToEqual) => true,
+        (
+            false,
+            true,
+            Discards::Hidden {
+                own,
+                other,
+                direction,
+            },
+        ) => {
+            // What the shader writes is clamped.
+            let written = original.outputs.get(&FRAG_DEPTH);
+            let written = written.and_then(|v| v.float().ok()?.single());
+            let own = written.map_or(own, |depth| depth.clamp(0.0, 1.0));
+            // A depth that is no number is behind nothing, and before nothing.
+            own.is_nan()
+                || match direction {
+                    DepthDirection::Forward => own > other,
+                    DepthDirection::Reversed => own < other,
+                }
+        }
+        (original, variant, _) => original == variant,
+    };
+    match is_allowed {
+        true => None,
+        false => differ(
+            "the fragment",
+            said(original.discarded),
+            said(variant.discarded),
+        ),
+    }
+}
+
+fn memory<F: Number>(original: &Ran<F>, variant: &Ran<F>, stores: Stores) -> Option<Difference> {
+    if stores == Stores::Ignored || original.discarded != variant.discarded {
+        return None;
+    }
+    original
+        .stored
+        .iter()
+        .find_map(|(at, value)| match variant.stored.get(at) {
+            Some(other) if same_bits(value, other) => None,
+            other => differ(
+                format!("buffer {at:?}"),
+                text(value),
+                other.map_or("nothing".to_owned(), text),
+            ),
+        })
+}
+
+fn colors_and_depth<F: Number>(
+    original: &Ran<F>,
+    variant: &Ran<F>,
+    colors: Colors,
+    depths: Depths,
+) -> Option<Difference> {
+    let depth = |a: &Value<F>, b: &Value<F>| match depths {
+        Depths::Same => same_bits(a, b),
+        Depths::NotNearer(direction) => not_nearer(a, b, direction),
+    };
+    if let Some(found) = slot_differs(FRAG_DEPTH, original, variant, &depth) {
+        return Some(found);
+    }
+    if colors == Colors::Ignored {
+        return None;
+    }
+    let others = original.outputs.keys().copied();
+    let others = others.filter(|slot| *slot != FRAG_DEPTH);
+    others
+        .filter(|slot| colors != Colors::Alpha || *slot == Slot::Location(0, None))
+        .find_map(|slot| {
+            slot_differs(slot, original, variant, &|a, b| match (slot, colors) {
+                (Slot::BuiltIn(_), _) | (_, Colors::Bits) => same_bits(a, b),
+                (_, Colors::Alpha) => same_bits(&alpha(a), &alpha(b)),
+                (_, Colors::Numbers) => near(a, b, 0.0),
+                (_, Colors::Within(most)) => near(a, b, most),
+                (_, Colors::Ignored) => true,
+            })
+        })
+}
+
+const FRAG_DEPTH: Slot = Slot::BuiltIn(BuiltIn::FragDepth);
+
+fn alpha<F: Number>(color: &Value<F>) -> Value<F> {
+    match color {
+        Value::Composite(parts) if parts.len() == 4 => parts[3].clone(),
+        other => other.clone(),
+    }
+}
+
+/// Whether two values are the same bits, any NaN being the same as any other: which of its bits an operation keeps is nobody's promise.
+pub fn same_bits<F: Number>(a: &Value<F>, b: &Value<F>) -> bool {
+    let is_nan = |x: F| x.single().is_some_and(f32::is_nan);
+    every(a, b, &|a, b| match (a, b) {
+        (Scalar::F32(a), Scalar::F32(b)) => a.is_same(b) || (is_nan(a) && is_nan(b)),
+        (a, b) => a == b,
+    })
+}
+
+fn near<F: Number>(a: &Value<F>, b: &Value<F>, most: f64) -> bool {
+    every(a, b, &|a, b| match (a, b) {
+        (Scalar::F32(a), Scalar::F32(b)) => match (a.single(), b.single()) {
+            (Some(a), Some(b)) if a.is_finite() => (f64::from(a) - f64::from(b)).abs() <= most,
+            (Some(_), Some(_)) => true,
+            _ => a.is_same(b),
+        },
+        (a, b) => a == b,
+    })
+}
+
+fn not_nearer<F: Number>(a: &Value<F>, b: &Value<F>, direction: DepthDirection) -> bool {
+    every(a, b, &|a, b| match (a, b) {
+        (Scalar::F32(a), Scalar::F32(b)) => match (a.single(), b.single()) {
+            // A depth is clamped before it is compared.
+            (Some(a), Some(b)) => {
+                let away = b.clamp(0.0, 1.0) - a.clamp(0.0, 1.0);
+                a.is_nan() || away * direction.away() >= 0.0
+            }
+            _ => a.is_same(b),
+        },
+        (a, b) => a == b,
+    })
+}
+
+fn every<F: Number>(
+    a: &Value<F>,
+    b: &Value<F>,
+    same: &dyn Fn(Scalar<F>, Scalar<F>) -> bool,
+) -> bool {
+    match (a, b) {
+        (Value::Scalar(a), Value::Scalar(b)) => same(*a, *b),
+        (Value::Composite(a), Value::Composite(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| every(a, b, same))
+        }
+        (a, b) => a == b,
+    }
+}
+
+/// A value in words; of a long one, how it begins.
+pub fn text<F: Number>(value: &Value<F>) -> String {
+    const MOST: usize = 160;
+    fn write<F: Number>(value: &Value<F>, out: &mut String) {
+        if out.len() > MOST {
+            return;
+        }
+        match value {
+            Value::Scalar(Scalar::F32(x)) => match x.single() {
+                Some(x) => out.push_str(&format!("{x:?}")),
+                None => out.push_str(&format!("{x:?}")),
+            },
+            Value::Scalar(Scalar::I32(x)) => out.push_str(&x.to_string()),
+            Value::Scalar(Scalar::U32(x)) => out.push_str(&format!("{x}u")),
+            Value::Scalar(Scalar::Bool(x)) => out.push_str(&x.to_string()),
+            Value::Composite(parts) => {
+                out.push('(');
+                for (i, part) in parts.iter().enumerate() {
+                    if i > 0 {
+                        out.push_str(", ");
+                    }
+                    write(part, out);
+                }
+                out.push(')');
+            }
+            other => out.push_str(&format!("{other:?}")),
+        }
+    }
+    let mut out = String::new();
+    write(value, &mut out);
+    if out.len() > MOST {
+        let end = out.floor_char_boundary(MOST);
+        out.truncate(end);
+        out.push_str(" ..");
+    }
+    out
+}

@@ -1,0 +1,453 @@
+//! Inputs of both stages: ordinary ones, and those that shaders break on.
+
+use std::collections::BTreeMap;
+
+use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
+
+use super::stage::{POSITION, Slot};
+use crate::evaluate::{Lookup, Number, Scalar, Value};
+use crate::guard::{Assumed, Guard, Place, ScalarType};
+use crate::reflect::Io;
+
+/// Elements that a buffer of no given length has.
+const RUNTIME_ELEMENTS: u32 = 16;
+/// Scalars of a buffer that is filled: where there are more, it stays 0.
+const MOST_SCALARS: u32 = 1 << 14;
+
+/// Which numbers an input has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// From -2 to 2, and of the draw from 1/4 to 4: what `ordinary-numbers` promises ([`crate::contract::Assumption::OrdinaryNumbers`]).
+    Ordinary,
+    /// Ordinary ones, and one in six out of those below.
+    Mixed,
+    /// All the same.
+    Equal,
+    /// 0 and -0, subnormal and huge ones, infinities, NaN, the ends of integers.
+    Extreme,
+}
+
+/// The profile of the n-th input: half of them ordinary.
+pub fn profile(n: u64) -> Profile {
+    match n % 6 {
+        0..=2 => Profile::Ordinary,
+        3 => Profile::Mixed,
+        4 => Profile::Extreme,
+        _ => Profile::Equal,
+    }
+}
+
+/// Numbers that arithmetic breaks on.
+const FLOATS: [f32; 22] = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    -0.5,
+    1e-45,
+    -1.1e-39,
+    f32::MIN_POSITIVE,
+    1e-20,
+    -1e-20,
+    16_777_216.0,
+    -1e6,
+    1e20,
+    f32::MAX,
+    f32::MIN,
+    f32::INFINITY,
+    f32::NEG_INFINITY,
+    f32::NAN,
+    1.000_000_1,
+    0.03,
+    0.11,
+];
+const INTEGERS: [u32; 10] = [
+    0,
+    1,
+    2,
+    31,
+    32,
+    255,
+    0x7fff_ffff,
+    0x8000_0000,
+    0xffff_fffe,
+    0xffff_ffff,
+];
+
+/// Numbers one after the other, of a seed (Steele, Lea and Flood 2014, SplitMix).
+#[derive(Clone, Debug)]
+pub struct Random(u64);
+
+impl Random {
+    /// Of a seed, and of what it is for.
+    pub fn new(seed: u64, of: &str) -> Self {
+        let hash = of.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
+            (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
+        });
+        Self(hash ^ seed.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+
+    /// The next.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// A number below `n`.
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.bits() % n.max(1) as u64) as usize
+    }
+
+    /// From 0 up to 1, without 1.
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 40) as f32 / (1_u64 << 24) as f32
+    }
+}
+
+/// Where a number goes, which decides what is ordinary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Of {
+    Draw,
+    Vertex,
+}
+
+/// What a draw finds.
+#[derive(Clone, Debug)]
+pub struct Inputs {
+    /// Which one it is: the same seed gives the same inputs.
+    pub seed: u64,
+    /// Which numbers it has.
+    pub profile: Profile,
+    /// Uniforms and buffers.
+    pub resources: BTreeMap<(u32, u32), Value>,
+    /// Numbers that a guard fixes of textures, by group, binding and channel.
+    texels: BTreeMap<(u32, u32, u32), f32>,
+    /// Numbers that a guard fixes of attributes.
+    attributes: BTreeMap<(u32, u32), f32>,
+}
+
+impl Inputs {
+    /// The inputs of a seed for the variables of a module, as a guard wants them.
+    pub fn new(module: &Module, guard: Option<&Guard>, seed: u64) -> Self {
+        let profile = profile(seed);
+        let mut resources = BTreeMap::new();
+        for (_, global) in module.global_variables.iter() {
+            let Some(at) = &global.binding else { continue };
+            if global.space == AddressSpace::Handle || scalars(module, global.ty) > MOST_SCALARS {
+                continue;
+            }
+            let name = format!("resource {} {}", at.group, at.binding);
+            let mut random = Random::new(seed, &name);
+            if let Some(value) = value(module, global.ty, profile, Of::Draw, &mut random) {
+                resources.insert((at.group, at.binding), value);
+            }
+        }
+        let mut this = Self {
+            seed,
+            profile,
+            resources,
+            texels: BTreeMap::new(),
+            attributes: BTreeMap::new(),
+        };
+        for assumed in guard.into_iter().flat_map(|g| &g.values) {
+            this.assume(module, assumed);
+        }
+        this
+    }
+
+    fn assume(&mut self, module: &Module, assumed: &Assumed) {
+        let mut random = Random::new(self.seed, &assumed.name);
+        let number = within(assumed, &mut random);
+        match &assumed.place {
+            Place::Uniform {
+                group,
+                binding,
+                offset,
+            } => {
+                let at = (*group, *binding);
+                let global = module.global_variables.iter().find(|(_, g)| {
+                    g.binding
+                        .as_ref()
+                        .is_some_and(|b| (b.group, b.binding) == at)
+                });
+                if let (Some((_, global)), Some(value)) = (global, self.resources.get_mut(&at)) {
+                    set(module, global.ty, value, *offset, number);
+                }
+            }
+            Place::Attribute {
+                location,
+                component,
+            } => {
+                if let Scalar::F32(number) = number {
+                    self.attributes.insert((*location, *component), number);
+                }
+            }
+            Place::Texture {
+                group,
+                binding,
+                channel,
+            } => {
+                if let Scalar::F32(number) = number {
+                    self.texels.insert((*group, *binding, *channel), number);
+                }
+            }
+            // The text of the variant has it; `super::with_overrides` gives it to the original's.
+            Place::Override { .. } => {}
+        }
+    }
+
+    /// An input of a vertex stage, at a corner of the triangle.
+    pub fn attribute(&self, module: &Module, io: &Io, corner: usize) -> Option<Value> {
+        let slot = Slot::of(io.binding.as_ref()?);
+        let mut random = Random::new(self.seed, &format!("vertex {slot} {corner}"));
+        match slot {
+            Slot::BuiltIn(BuiltIn::VertexIndex) => return Some(Value::u32(corner as u32)),
+            // One triangle is of one instance.
+            Slot::BuiltIn(BuiltIn::InstanceIndex | BuiltIn::BaseInstance) => {
+                return Some(Value::u32((self.seed % 3) as u32));
+            }
+            _ => {}
+        }
+        let mut value = value(module, io.ty, self.profile, Of::Vertex, &mut random)?;
+        if let Slot::Location(location, _) = slot {
+            match &mut value {
+                Value::Composite(parts) => {
+                    for (component, part) in (0..).zip(parts) {
+                        if let Some(number) = self.attributes.get(&(location, component)) {
+                            *part = Value::f32(*number);
+                        }
+                    }
+                }
+                one => {
+                    if let Some(number) = self.attributes.get(&(location, 0)) {
+                        *one = Value::f32(*number);
+                    }
+                }
+            }
+        }
+        Some(value)
+    }
+
+    /// An input of a fragment stage that no vertex stage gives; or any, where all of them are to be random.
+    pub fn fragment(&self, module: &Module, io: &Io) -> Option<Value> {
+        let slot = Slot::of(io.binding.as_ref()?);
+        let mut random = Random::new(self.seed, &format!("fragment {slot}"));
+        if slot == POSITION && self.profile != Profile::Extreme {
+            let pixel = |random: &mut Random| random.below(64) as f32 + 0.5;
+            let at = [pixel(&mut random), pixel(&mut random)];
+            return Some(Value::vector(&[
+                at[0],
+                at[1],
+                random.unit(),
+                0.1 + random.unit(),
+            ]));
+        }
+        value(module, io.ty, self.profile, Of::Vertex, &mut random)
+    }
+
+    /// A texel: a smooth function of where it is looked up, told apart by texture, from 0 to 1. Which level a lookup takes by itself is left out of it.
+    pub fn texel(&self, lookup: &Lookup<'_>) -> [f32; 4] {
+        let start = lookup
+            .binding
+            .map_or(0.0, |(group, binding)| (group * 16 + binding) as f32);
+        let sum = lookup
+            .coordinates
+            .iter()
+            .fold(start, |sum, c| sum * 1.7 + c.clamp(-1e6, 1e6));
+        [0, 1, 2, 3].map(|channel| {
+            let fixed = lookup
+                .binding
+                .and_then(|(group, binding)| self.texels.get(&(group, binding, channel)));
+            let wave = (sum * (channel + 1) as f32).sin() * 0.5 + 0.5;
+            fixed.copied().unwrap_or(wave)
+        })
+    }
+
+    /// A number that a guard fixes of a texture.
+    pub fn fixed_texel(&self, binding: Option<(u32, u32)>, channel: u32) -> Option<f32> {
+        let (group, binding) = binding?;
+        self.texels.get(&(group, binding, channel)).copied()
+    }
+
+    /// A number that a guard fixes of an attribute.
+    pub fn fixed_attribute(&self, location: u32, component: u32) -> Option<f32> {
+        self.attributes.get(&(location, component)).copied()
+    }
+
+    /// Weights of the corners at a point inside. Their sum is off by some last bits, as a rasteriser's is.
+    pub fn weights(&self) -> [f32; 3] {
+        let mut random = Random::new(self.seed, "weights");
+        let (u, v) = (random.unit(), random.unit());
+        let (u, v) = if u + v > 1.0 {
+            (1.0 - u, 1.0 - v)
+        } else {
+            (u, v)
+        };
+        [1.0 - u - v, u, v]
+    }
+}
+
+/// A number between bounds: one of the ends, or one between them.
+fn within(assumed: &Assumed, random: &mut Random) -> Scalar {
+    let (low, high) = (assumed.bounds.low, assumed.bounds.high);
+    let number = match random.below(3) {
+        0 => low,
+        1 => high,
+        _ => low + (high - low) * f64::from(random.unit()),
+    };
+    match assumed.ty {
+        // A rounding must not lead out of the bounds.
+        ScalarType::F32 => Scalar::F32((number as f32).clamp(low as f32, high as f32)),
+        ScalarType::I32 => Scalar::I32(number.trunc().clamp(low, high) as i32),
+        ScalarType::U32 => Scalar::U32(number.trunc().clamp(low, high) as u32),
+    }
+}
+
+/// Scalars of a type; so many that it is not filled where that is not known.
+pub fn scalars(module: &Module, ty: Handle<Type>) -> u32 {
+    match &module.types[ty].inner {
+        TypeInner::Scalar(_) | TypeInner::Atomic(_) => 1,
+        TypeInner::Vector { size, .. } => *size as u32,
+        TypeInner::Matrix { columns, rows, .. } => *columns as u32 * *rows as u32,
+        TypeInner::Array { base, size, .. } => {
+            let count = match size {
+                ArraySize::Constant(n) => n.get(),
+                _ => RUNTIME_ELEMENTS,
+            };
+            scalars(module, *base).saturating_mul(count)
+        }
+        TypeInner::Struct { members, .. } => members
+            .iter()
+            .fold(0, |sum: u32, m| sum.saturating_add(scalars(module, m.ty))),
+        _ => u32::MAX,
+    }
+}
+
+/// A value of a type; `None` of one whose values the interpreter has not.
+fn value(
+    module: &Module,
+    ty: Handle<Type>,
+    profile: Profile,
+    of: Of,
+    random: &mut Random,
+) -> Option<Value> {
+    let scalar = |s: naga::Scalar, random: &mut Random| {
+        let scalar = match (s.kind, s.width) {
+            (ScalarKind::Float, 4) => Scalar::F32(float(profile, of, random)),
+            (ScalarKind::Sint, 4) => Scalar::I32(integer(profile, random) as i32),
+            (ScalarKind::Uint, 4) => Scalar::U32(integer(profile, random)),
+            (ScalarKind::Bool, _) => Scalar::Bool(random.below(2) == 0),
+            _ => return None,
+        };
+        Some(Value::Scalar(scalar))
+    };
+    let times = |count: usize, part: &mut dyn FnMut() -> Option<Value>| {
+        (0..count)
+            .map(|_| part())
+            .collect::<Option<_>>()
+            .map(Value::Composite)
+    };
+    match &module.types[ty].inner {
+        TypeInner::Scalar(s) | TypeInner::Atomic(s) => scalar(*s, random),
+        TypeInner::Vector { size, scalar: s } => times(*size as usize, &mut || scalar(*s, random)),
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar: s,
+        } => times(*columns as usize, &mut || {
+            times(*rows as usize, &mut || scalar(*s, random))
+        }),
+        TypeInner::Array { base, size, .. } => {
+            let count = match size {
+                ArraySize::Constant(n) => n.get(),
+                _ => RUNTIME_ELEMENTS,
+            };
+            times(count as usize, &mut || {
+                value(module, *base, profile, of, random)
+            })
+        }
+        TypeInner::Struct { members, .. } => {
+            let members = members
+                .iter()
+                .map(|m| value(module, m.ty, profile, of, random));
+            members.collect::<Option<_>>().map(Value::Composite)
+        }
+        _ => None,
+    }
+}
+
+fn float(profile: Profile, of: Of, random: &mut Random) -> f32 {
+    let ordinary = |random: &mut Random| match of {
+        Of::Vertex => random.unit() * 4.0 - 2.0,
+        Of::Draw => 0.25 + random.unit() * 3.75,
+    };
+    match profile {
+        Profile::Ordinary => ordinary(random),
+        Profile::Mixed if random.below(6) > 0 => ordinary(random),
+        Profile::Mixed | Profile::Extreme => FLOATS[random.below(FLOATS.len())],
+        Profile::Equal => 1.5,
+    }
+}
+
+/// Most are small: they count turns, and tell flags apart.
+fn integer(profile: Profile, random: &mut Random) -> u32 {
+    match profile {
+        Profile::Ordinary => random.below(9) as u32,
+        Profile::Mixed if random.below(6) > 0 => random.below(9) as u32,
+        Profile::Mixed | Profile::Extreme => INTEGERS[random.below(INTEGERS.len())],
+        Profile::Equal => 1,
+    }
+}
+
+/// Writes a scalar at an offset in bytes of a value of this type.
+pub fn set<F: Number>(
+    module: &Module,
+    ty: Handle<Type>,
+    value: &mut Value<F>,
+    offset: u32,
+    number: Scalar<F>,
+) {
+    if let (TypeInner::Scalar(_), Value::Scalar(scalar), 0) =
+        (&module.types[ty].inner, &mut *value, offset)
+    {
+        *scalar = number;
+        return;
+    }
+    let Value::Composite(parts) = value else {
+        return;
+    };
+    match &module.types[ty].inner {
+        TypeInner::Vector { .. } => {
+            if let Some(part) = parts.get_mut(offset as usize / 4) {
+                *part = Value::Scalar(number);
+            }
+        }
+        TypeInner::Matrix { rows, .. } => {
+            let stride = if *rows as u32 == 2 { 8 } else { 16 };
+            if let Some(Value::Composite(column)) = parts.get_mut((offset / stride) as usize)
+                && let Some(part) = column.get_mut((offset % stride / 4) as usize)
+            {
+                *part = Value::Scalar(number);
+            }
+        }
+        TypeInner::Array { base, stride, .. } => {
+            if let Some(part) = parts.get_mut((offset / stride) as usize) {
+                set(module, *base, part, offset % stride, number);
+            }
+        }
+        TypeInner::Struct { members, .. } => {
+            let found = members.iter().rposition(|m| m.offset <= offset);
+            if let Some(index) = found
+                && let Some(part) = parts.get_mut(index)
+            {
+                let member = &members[index];
+                set(module, member.ty, part, offset - member.offset, number);
+            }
+        }
+        _ => {}
+    }
+}

@@ -1,0 +1,308 @@
+//! Numbers that stand for every number there is: terms, hash-consed, so that two are the same term only where they are the same operations on the same inputs (value numbering; Cocke 1969,
+//! Click 1995, and for translation validation Necula 2000).
+//!
+//! The interpreter runs on them as on any other [`Number`]. Where a branch rests on a comparison of terms it is taken both ways, one after the other: [`proved`] runs once for each
+//! combination of answers. Two comparisons that hang together get answers that cannot both be; that costs runs, and what is the same in those too is the same all the more.
+//!
+//! Nothing is taken to be true of an operation but that it gives the same of the same: not that a sum has no order, and not that `x - x` is 0. So what is the same here is the same bits on any
+//! adapter that computes one operation in one way, be its inputs NaN or infinite.
+
+use std::cell::RefCell;
+use std::cmp::Ordering;
+use std::collections::HashMap;
+
+use naga::{BinaryOperator, MathFunction};
+
+use crate::evaluate::{Number, Stuck};
+
+/// A float, as the term it is the result of. It means something within the [`proved`] that it was made in, and on its thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Term(u32);
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+enum Node {
+    /// Bits of an `f32`.
+    Constant(u32),
+    /// From outside, by name.
+    Input(String),
+    Negated(Term),
+    Binary(BinaryOperator, Term, Term),
+    Call(MathFunction, Vec<Term>),
+    /// What the world outside gives of terms: a texel, a derivative, an interpolated number.
+    Given(String, Vec<Term>),
+}
+
+/// A question that a branch may ask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Question {
+    Equal(Term, Term),
+    Less(Term, Term),
+    LessEqual(Term, Term),
+}
+
+#[derive(Default)]
+struct Arena {
+    nodes: Vec<Node>,
+    terms: HashMap<Node, Term>,
+    answers: HashMap<Question, bool>,
+    /// The answers of this run, in the order they were asked for: those that are prescribed, and behind them `false`.
+    path: Vec<bool>,
+    asked: usize,
+}
+
+/// Terms there may be.
+const MOST_TERMS: usize = 400_000;
+
+thread_local! {
+    static ARENA: RefCell<Arena> = RefCell::default();
+}
+
+impl Arena {
+    fn term(&mut self, node: Node) -> Term {
+        if let Some(known) = self.terms.get(&node) {
+            return *known;
+        }
+        let term = Term(self.nodes.len() as u32);
+        self.nodes.push(node.clone());
+        self.terms.insert(node, term);
+        term
+    }
+
+    fn constant(&self, term: Term) -> Option<f32> {
+        match self.nodes.get(term.0 as usize)? {
+            Node::Constant(bits) => Some(f32::from_bits(*bits)),
+            _ => None,
+        }
+    }
+
+    fn answer(&mut self, question: Question) -> bool {
+        if let Some(known) = self.answers.get(&question) {
+            return *known;
+        }
+        if self.asked == self.path.len() {
+            self.path.push(false);
+        }
+        let answer = self.path[self.asked];
+        self.asked += 1;
+        self.answers.insert(question, answer);
+        answer
+    }
+
+    /// Goes on to the next combination of answers; `false` where that was the last.
+    fn next(&mut self) -> bool {
+        self.answers.clear();
+        self.asked = 0;
+        while let Some(last) = self.path.pop() {
+            if !last {
+                self.path.push(true);
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// Runs `same` for each combination of answers that comparisons of terms may give, and says over how many; `None` where one of them says that something is not the same, where an
+/// evaluation rests on what no term tells, or where there are more than `most` combinations.
+pub fn proved(most: u64, mut same: impl FnMut() -> Result<bool, Stuck>) -> Option<u64> {
+    ARENA.with_borrow_mut(|arena| *arena = Arena::default());
+    let mut paths = 0;
+    loop {
+        paths += 1;
+        let fits = ARENA.with_borrow(|arena| arena.nodes.len() <= MOST_TERMS);
+        if paths > most || !fits || !same().unwrap_or(false) {
+            return None;
+        }
+        if !ARENA.with_borrow_mut(Arena::next) {
+            return Some(paths);
+        }
+    }
+}
+
+impl Term {
+    /// The input of that name.
+    pub fn input(name: &str) -> Self {
+        ARENA.with_borrow_mut(|arena| arena.term(Node::Input(name.to_owned())))
+    }
+
+    /// What the world outside makes of terms, by name.
+    pub fn given(name: &str, of: &[Self]) -> Self {
+        ARENA.with_borrow_mut(|arena| arena.term(Node::Given(name.to_owned(), of.to_vec())))
+    }
+
+    /// A node, or the number that it is where all of `operands` are numbers: a counter that is a float has to count. There are operands that say so only where every adapter
+    /// has the same result.
+    fn folded(
+        operands: &[Self],
+        node: impl FnOnce() -> Node,
+        fold: impl FnOnce(&[f32]) -> Option<f32>,
+    ) -> Option<Self> {
+        ARENA.with_borrow_mut(|arena| {
+            if arena.nodes.len() > MOST_TERMS {
+                return None;
+            }
+            let constants: Option<Vec<f32>> = operands.iter().map(|t| arena.constant(*t)).collect();
+            let node = match constants.filter(|c| !c.is_empty()) {
+                Some(constants) => Node::Constant(fold(&constants)?.to_bits()),
+                None => node(),
+            };
+            Some(arena.term(node))
+        })
+    }
+}
+
+impl Number for Term {
+    fn of(number: f32) -> Self {
+        ARENA.with_borrow_mut(|arena| arena.term(Node::Constant(number.to_bits())))
+    }
+
+    fn is_same(self, other: Self) -> bool {
+        self == other
+    }
+
+    fn negated(self) -> Self {
+        ARENA.with_borrow_mut(|arena| {
+            let node = match arena.constant(self) {
+                Some(number) => Node::Constant((-number).to_bits()),
+                None => Node::Negated(self),
+            };
+            arena.term(node)
+        })
+    }
+
+    fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
+        use BinaryOperator as B;
+        let node = || Node::Binary(op, a, b);
+        match op {
+            B::Add | B::Subtract | B::Multiply => {
+                Self::folded(&[a, b], node, |n| f32::binary(op, n[0], n[1]))
+            }
+            B::Divide | B::Modulo => Self::folded(&[], node, |_| None),
+            _ => None,
+        }
+    }
+
+    /// [`Number::holds`] asks less.
+    fn compare(self, other: Self) -> Option<Option<Ordering>> {
+        ARENA.with_borrow(|arena| {
+            let (a, b) = (arena.constant(self)?, arena.constant(other)?);
+            Some(a.partial_cmp(&b))
+        })
+    }
+
+    fn holds(op: BinaryOperator, a: Self, b: Self) -> Option<bool> {
+        use BinaryOperator as B;
+        ARENA.with_borrow_mut(|arena| {
+            if let (Some(a), Some(b)) = (arena.constant(a), arena.constant(b)) {
+                return f32::holds(op, a, b);
+            }
+            // Equality knows no order of its operands.
+            let (first, second) = if a.0 <= b.0 { (a, b) } else { (b, a) };
+            Some(match op {
+                B::Equal => arena.answer(Question::Equal(first, second)),
+                B::NotEqual => !arena.answer(Question::Equal(first, second)),
+                B::Less => arena.answer(Question::Less(a, b)),
+                B::Greater => arena.answer(Question::Less(b, a)),
+                B::LessEqual => arena.answer(Question::LessEqual(a, b)),
+                B::GreaterEqual => arena.answer(Question::LessEqual(b, a)),
+                _ => return None,
+            })
+        })
+    }
+
+    fn call(function: MathFunction, arguments: &[Self]) -> Option<Self> {
+        use MathFunction as M;
+        let node = || Node::Call(function, arguments.to_vec());
+        match function {
+            // Each adapter has one and the same number for these.
+            M::Abs
+            | M::Sign
+            | M::Min
+            | M::Max
+            | M::Clamp
+            | M::Saturate
+            | M::Floor
+            | M::Ceil
+            | M::Trunc
+            | M::Round => Self::folded(arguments, node, |n| f32::call(function, n)),
+            _ => Self::folded(&[], node, |_| None),
+        }
+    }
+
+    fn within(self, _: f32, _: f32) -> Self {
+        self
+    }
+
+    fn single(self) -> Option<f32> {
+        ARENA.with_borrow(|arena| arena.constant(self))
+    }
+
+    fn truncated(self) -> Option<f32> {
+        self.single().map(f32::trunc)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sum(a: Term, b: Term) -> Term {
+        Term::binary(BinaryOperator::Add, a, b).unwrap_or(a)
+    }
+
+    #[test]
+    fn the_same_operations_on_the_same_inputs_are_one_term() {
+        let paths = proved(8, || {
+            let (a, b) = (Term::input("a"), Term::input("b"));
+            Ok(sum(a, b) == sum(a, b))
+        });
+        assert_eq!(paths, Some(1));
+        let paths = proved(8, || {
+            let (a, b) = (Term::input("a"), Term::input("b"));
+            Ok(sum(a, b) == sum(b, a))
+        });
+        assert_eq!(paths, None);
+    }
+
+    #[test]
+    fn comparisons_are_answered_both_ways_and_the_same_way_twice() {
+        let less = |a, b| Term::holds(BinaryOperator::Less, a, b).unwrap_or_default();
+        let mut seen = Vec::new();
+        let paths = proved(8, || {
+            let (a, b) = (Term::input("a"), Term::input("b"));
+            let answers = [less(a, b), less(b, a), less(a, b)];
+            seen.push(answers);
+            Ok(answers[0] == answers[2])
+        });
+        assert_eq!(paths, Some(4));
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), 4);
+        // One way in which it is not the same is enough.
+        let other = proved(8, || {
+            let (a, b) = (Term::input("a"), Term::input("b"));
+            Ok(!(less(a, b) && less(b, a)))
+        });
+        assert_eq!(other, None);
+        // And so are too many ways.
+        let many = proved(8, || {
+            let all = (0..9).map(|i| less(Term::input("a"), Term::input(&i.to_string())));
+            Ok(all.fold(true, |all, _| all))
+        });
+        assert_eq!(many, None);
+    }
+
+    #[test]
+    fn constants_count() {
+        let paths = proved(1, || {
+            let mut turns = 0;
+            let mut x = Term::of(0.0);
+            while Term::holds(BinaryOperator::Less, x, Term::of(3.0)).unwrap_or_default() {
+                x = sum(x, Term::of(1.0));
+                turns += 1;
+            }
+            Ok(turns == 3 && x.single() == Some(3.0))
+        });
+        assert_eq!(paths, Some(1));
+    }
+}

@@ -1,0 +1,282 @@
+//! What surrounds a draw: everything that both the original and the variant are given, as numbers or as terms.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
+use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
+
+use super::inputs::{self, Inputs, Random};
+use super::stage::{At, POSITION, Ran, Slot, Stage, interpolated};
+use super::term::Term;
+use crate::evaluate::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value};
+use crate::reflect::Io;
+
+/// Both stages of a pass.
+#[derive(Clone, Copy, Debug)]
+pub struct Stages<'p> {
+    /// The vertex stage.
+    pub vertex: Stage<'p>,
+    /// The fragment stage, if there is one.
+    pub fragment: Option<Stage<'p>>,
+}
+
+/// What is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// What the vertex stage gives.
+    Vertex,
+    /// What the fragment stage gives on a corner of a triangle, where it finds what the vertex stage gave there.
+    Corner(usize),
+    /// What it gives inside.
+    Inside,
+    /// What it gives of inputs that no vertex stage has to have given.
+    Anywhere,
+}
+
+/// An input of a stage, by what it is.
+type Input<'a, F> = Box<dyn Fn(&Module, &Io, usize) -> Option<Value<F>> + 'a>;
+
+/// What a draw is made with.
+pub struct World<'a, F: 'a> {
+    /// Uniforms and buffers.
+    pub resources: BTreeMap<(u32, u32), Value<F>>,
+    attribute: Input<'a, F>,
+    fragment: Input<'a, F>,
+    texel: Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>,
+    derivative: Box<dyn Fn(Derivative<F>) -> F + 'a>,
+    inside: Box<dyn Fn([F; 3]) -> F + 'a>,
+}
+
+impl<F: Number> World<'_, F> {
+    /// Runs stages in it.
+    ///
+    /// # Errors
+    /// [`Stuck`].
+    pub fn run(
+        &self,
+        stages: Stages<'_>,
+        place: Place,
+        steps: u64,
+        trace: Option<&RefCell<Vec<Traced<F>>>>,
+    ) -> Result<Ran<F>, Stuck> {
+        let environment = |trace| Environment {
+            resources: self.resources.clone(),
+            texture: &*self.texel,
+            derivative: Some(&*self.derivative),
+            trace,
+            steps,
+        };
+        let vertex = |corner: usize, trace| {
+            let module = stages.vertex.module();
+            let input = |io: &Io| (self.attribute)(module, io, corner);
+            stages.vertex.run(&input, &environment(trace))
+        };
+        if place == Place::Vertex {
+            return vertex(0, trace);
+        }
+        let Some(fragment) = stages.fragment else {
+            // Nothing is drawn but depth.
+            return Ok(Ran {
+                outputs: BTreeMap::new(),
+                discarded: false,
+                stored: BTreeMap::new(),
+                flips: 0,
+            });
+        };
+        let module = fragment.module();
+        let own = |io: &Io| (self.fragment)(module, io, 0);
+        if place == Place::Anywhere {
+            return fragment.run(&own, &environment(trace));
+        }
+        // Of the vertices only the one whose numbers are not interpolated is followed.
+        let traced = |corner| trace.filter(|_| place == Place::Corner(corner));
+        let corners = [
+            vertex(0, traced(0))?,
+            vertex(1, traced(1))?,
+            vertex(2, traced(2))?,
+        ];
+        let at = match place {
+            Place::Corner(corner) => At::Corner(corner),
+            _ => At::Inside(&*self.inside),
+        };
+        let input = |io: &Io| match io.binding {
+            Some(naga::Binding::Location { .. }) => interpolated(io, corners.each_ref(), &at),
+            _ => own(io),
+        };
+        fragment.run(&input, &environment(trace))
+    }
+}
+
+/// Of numbers.
+pub fn concrete<'a>(
+    inputs: &'a Inputs,
+    attachments: &'a BTreeMap<(u32, u32), [f32; 4]>,
+) -> World<'a, f32> {
+    let weights = inputs.weights();
+    World {
+        resources: inputs.resources.clone(),
+        attribute: Box::new(|module, io, corner| inputs.attribute(module, io, corner)),
+        fragment: Box::new(|module, io, _| inputs.fragment(module, io)),
+        texel: Box::new(|lookup| {
+            let attachment = lookup.binding.and_then(|at| attachments.get(&at));
+            attachment.copied().unwrap_or_else(|| inputs.texel(lookup))
+        }),
+        // Half of the fragments have neighbours like themselves. With the others it is linear, as a derivative is, and 0 of 0.
+        derivative: Box::new(|derivative| {
+            let slopes = match inputs.seed.is_multiple_of(2) {
+                true => [derivative.of - derivative.of; 2],
+                false => [derivative.of * 0.0625, derivative.of * -0.03125],
+            };
+            match derivative.axis {
+                naga::DerivativeAxis::X => slopes[0],
+                naga::DerivativeAxis::Y => slopes[1],
+                naga::DerivativeAxis::Width => slopes[0].abs() + slopes[1].abs(),
+            }
+        }),
+        inside: Box::new(move |corners: [f32; 3]| {
+            let parts = corners.iter().zip(weights);
+            parts.fold(0.0, |sum, (corner, weight)| sum + corner * weight)
+        }),
+    }
+}
+
+/// How deep a fragment lies, and how deep what a prologue compares it with: at, before and behind it.
+pub fn depths(inputs: &Inputs, module: &Module, io: Option<&Io>, clear: f32) -> [f32; 2] {
+    let own = io
+        .and_then(|io| inputs.fragment(module, io))
+        .and_then(|p| p.floats().ok())
+        .map_or(0.5, |p| p[2]);
+    let mut random = Random::new(inputs.seed, "attachment");
+    let other = match random.below(6) {
+        0 => clear,
+        1 => own,
+        2 => own.next_up(),
+        3 => own.next_down(),
+        _ => random.unit(),
+    };
+    [own, other.clamp(0.0, 1.0)]
+}
+
+/// Of terms, but for the numbers that a guard fixes, which `inputs` has.
+pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
+    let mut resources = BTreeMap::new();
+    for (_, global) in module.global_variables.iter() {
+        let Some(at) = &global.binding else { continue };
+        if global.space == naga::AddressSpace::Handle {
+            continue;
+        }
+        let name = format!("resource {} {}", at.group, at.binding);
+        // What has no given length has no terms for what lies beyond.
+        let value = match inputs::scalars(module, global.ty) < MOST_SCALARS {
+            true => terms(module, global.ty, &name),
+            false => opaque(&name),
+        };
+        resources.insert((at.group, at.binding), value);
+    }
+    World {
+        resources,
+        attribute: Box::new(|module, io, corner| {
+            let slot = Slot::of(io.binding.as_ref()?);
+            let mut value = terms(module, io.ty, &format!("vertex {slot} {corner}"));
+            if let Slot::Location(location, _) = slot {
+                let fixed = |component| inputs.fixed_attribute(location, component);
+                match &mut value {
+                    Value::Composite(parts) => {
+                        for (component, part) in (0..).zip(parts) {
+                            if let Some(number) = fixed(component) {
+                                *part = Value::number(Term::of(number));
+                            }
+                        }
+                    }
+                    one => {
+                        if let Some(number) = fixed(0) {
+                            *one = Value::number(Term::of(number));
+                        }
+                    }
+                }
+            }
+            Some(value)
+        }),
+        fragment: Box::new(|module, io, _| {
+            let slot = Slot::of(io.binding.as_ref()?);
+            Some(match slot {
+                // Either is looked at.
+                Slot::BuiltIn(BuiltIn::FrontFacing) => {
+                    let front = Term::holds(
+                        naga::BinaryOperator::Less,
+                        Term::input("front"),
+                        Term::of(0.0),
+                    );
+                    Value::Scalar(Scalar::Bool(front?))
+                }
+                _ if slot == POSITION => terms(module, io.ty, "fragment position"),
+                _ => terms(module, io.ty, &format!("fragment {slot}")),
+            })
+        }),
+        texel: Box::new(|lookup| {
+            let of = [lookup.coordinates, lookup.footprint].concat();
+            let name = format!("texel {:?} {}", lookup.binding, lookup.coordinates.len());
+            [0, 1, 2, 3].map(
+                |channel| match inputs.fixed_texel(lookup.binding, channel) {
+                    Some(number) => Term::of(number),
+                    None => Term::given(&format!("{name} {channel}"), &of),
+                },
+            )
+        }),
+        derivative: Box::new(|d| {
+            Term::given(&format!("derivative {:?} {:?}", d.axis, d.control), &[d.of])
+        }),
+        inside: Box::new(|corners| Term::given("interpolated", &corners)),
+    }
+}
+
+/// Scalars of a buffer that has terms.
+const MOST_SCALARS: u32 = 4096;
+
+/// A term for each float of a type. What else is in it may be passed on, and not looked at.
+fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Term> {
+    let times = |count: usize, part: &dyn Fn(usize) -> Value<Term>| {
+        Value::Composite((0..count).map(part).collect())
+    };
+    let scalar = |s: naga::Scalar, name: &str| match (s.kind, s.width) {
+        (ScalarKind::Float, 4) => Value::number(Term::input(name)),
+        _ => opaque(name),
+    };
+    match &module.types[ty].inner {
+        TypeInner::Scalar(s) => scalar(*s, name),
+        TypeInner::Vector { size, scalar: s } => {
+            times(*size as usize, &|i| scalar(*s, &format!("{name} {i}")))
+        }
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar: s,
+        } => times(*columns as usize, &|c| {
+            times(*rows as usize, &|r| scalar(*s, &format!("{name} {c} {r}")))
+        }),
+        TypeInner::Array {
+            base,
+            size: naga::ArraySize::Constant(count),
+            ..
+        } => times(count.get() as usize, &|i| {
+            terms(module, *base, &format!("{name} {i}"))
+        }),
+        TypeInner::Struct { members, .. } => {
+            let parts = members.iter().enumerate();
+            Value::Composite(
+                parts
+                    .map(|(i, m)| terms(module, m.ty, &format!("{name} {i}")))
+                    .collect(),
+            )
+        }
+        _ => opaque(name),
+    }
+}
+
+/// A value of which nothing is known but that it is this one: a pointer to a place that is nowhere, which stops what looks at it.
+fn opaque(name: &str) -> Value<Term> {
+    Value::Pointer {
+        address: usize::MAX,
+        path: name.bytes().map(usize::from).collect(),
+    }
+}
