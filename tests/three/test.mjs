@@ -92,7 +92,7 @@ async function changes(page) {
 }
 
 async function controls(page) {
-    await page.setViewportSize({ width: 960, height: 440 });
+    await page.setViewportSize({ width: 900, height: 380 });
     await page.focus('input[name=variant][value=original]');
     await page.keyboard.press('ArrowDown');
     await page.waitForFunction(() => document.getElementById('about').textContent.includes('Self-test'));
@@ -107,7 +107,7 @@ async function controls(page) {
     await page.evaluate(() => window.page.choose('hoist-budget'));
     await page.click('input[name=view][value=difference]');
     await page.screenshot({ path: join(out, 'hoist-difference-dark.png') });
-    await page.setViewportSize({ width: 400, height: 500 });
+    await page.setViewportSize({ width: 360, height: 420 });
     await page.click('input[name=view][value=picture]');
     await page.screenshot({ path: join(out, 'narrow-dark.png') });
     assert.ok(
@@ -131,7 +131,7 @@ async function broken(page, visit, address) {
         }
         await same(page, ['prepass-equal'], 'fallen back to the biased form');
     }
-    await page.setViewportSize({ width: 960, height: 440 });
+    await page.setViewportSize({ width: 900, height: 380 });
     await page.evaluate(() => window.page.choose('prepass-equal'));
     assert.match(await page.textContent('#about'), /failed: .* Drawn by prepass-biased/);
     await page.screenshot({ path: join(out, 'fallback.png') });
