@@ -102,6 +102,7 @@ fn bevys_material_is_read() {
         ("MATERIAL_BIND_GROUP", "3"),
         ("MAX_CASCADES_PER_LIGHT", "4"),
         ("MAX_DIRECTIONAL_LIGHTS", "10"),
+        ("MAX_RECT_LIGHTS", "16"),
         ("AVAILABLE_STORAGE_BUFFER_BINDINGS", "8"),
         ("VERTEX_POSITIONS", "true"),
         ("VERTEX_NORMALS", "true"),

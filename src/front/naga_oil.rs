@@ -133,8 +133,8 @@ fn plain_names(module: &mut Module) {
         if let TypeInner::Struct { members, .. } = &mut ty.inner {
             members.iter_mut().for_each(|m| plain(&mut m.name));
         }
-        let free = module.types.get(&ty).is_none_or(|other| other == handle);
-        if free {
+        // Nothing to do, or the name of another one just like it.
+        if module.types.get(&ty).is_none() {
             module.types.replace(handle, ty);
         }
     }
