@@ -1,4 +1,4 @@
-.PHONY: demo test bench setup
+.PHONY: demo test bench audit fuzz setup
 
 # Renders the shrine with the original and its variants, and prints what each costs and gains.
 demo:
@@ -8,7 +8,7 @@ demo:
 
 # Everything CI checks: format, lints, docs, tests.
 test:
-	scripts/setup.sh vulkan gl accept
+	scripts/setup.sh vulkan gl accept three
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --quiet
@@ -18,3 +18,19 @@ test:
 bench:
 	scripts/setup.sh vulkan
 	cargo run --release -p preshade-cli -- bench
+
+# Advisories, licences and sources of all dependencies, the oldest compiler that is promised, and the public API against the last release. The tools take minutes to build, so this is apart from `test`.
+audit:
+	command -v cargo-deny >/dev/null || cargo install cargo-deny --locked
+	command -v cargo-semver-checks >/dev/null || cargo install cargo-semver-checks --locked
+	cargo deny --all-features check
+	scripts/msrv.sh
+	cargo semver-checks --workspace --exclude preshade-cli || test -z "$$(git tag --list 'v*')"
+
+# Each fuzzing target for SECONDS seconds, from seeds made of the fixtures. Needs `cargo install cargo-fuzz`; what is found is in fuzz/artifacts.
+SECONDS ?= 300
+fuzz:
+	cd fuzz && cargo run --release --features verify --bin seeds
+	cd fuzz && for target in wgsl glsl scene plan recipes ir module; do \
+		RUSTC_BOOTSTRAP=1 cargo fuzz run --features verify --sanitizer none $$target -- -max_total_time=$(SECONDS) -max_len=16384 || exit 1; \
+	done

@@ -1,13 +1,13 @@
 //! How much GLSL of other people's is read: over the folders named, a table of what is accepted and why the rest is refused.
 //!
 //! ```text
-//! cargo run --release --example glsl-corpus --features glsl,spirv -- [--verbose] [--include DIR] FOLDER..
+//! cargo run --release --example glsl-corpus --features glsl,spirv -- [--verbose] [--include DIR] [--write DIR] FOLDER..
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- --print FILE [FILE]
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- --time FILE [FILE]
 //! ```
 //!
 //! A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader by itself is given a vertex stage that writes what it reads, and a file with
-//! `#pragma stage` lines is a pair. Accepted is what parses, validates, is emitted as WGSL that reads back as the same program, and as GLSL 4.50 or ES 3.00 that is read in again.
+//! `#pragma stage` lines is a pair. `--write` keeps what is emitted, for other compilers to look at. Accepted is what parses, validates, is emitted as WGSL that reads back as the same program, and as GLSL 4.50 or ES 3.00 that is read in again.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
@@ -44,6 +44,7 @@ struct Case {
 fn main() {
     let mut folders = Vec::new();
     let mut include = Vec::new();
+    let mut write = None;
     let (mut verbose, mut print, mut time) = (false, false, false);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -51,6 +52,7 @@ fn main() {
             "--verbose" => verbose = true,
             "--print" => print = true,
             "--time" => time = true,
+            "--write" => write = arguments.next().map(PathBuf::from),
             "--include" => include.extend(arguments.next().map(PathBuf::from)),
             _ => folders.push(PathBuf::from(argument)),
         }
@@ -63,11 +65,11 @@ fn main() {
         return normalised(&folders, include);
     }
     for folder in &folders {
-        table(folder, &include, verbose);
+        table(folder, &include, write.as_deref(), verbose);
     }
 }
 
-/// How long one material takes: rewritten, and made a program; the least of twenty.
+/// How long one material takes, the parser's share apart; each the least of twenty.
 fn timed(paths: &[PathBuf], include: Vec<PathBuf>) {
     let options = Options {
         include,
@@ -83,9 +85,26 @@ fn timed(paths: &[PathBuf], include: Vec<PathBuf>) {
         };
         (0..20).map(once).min().unwrap_or_default()
     };
+    let parser = least(&|| drop(front::glsl_syntax(&sources, &options)));
     let rewritten = least(&|| drop(front::normalised_glsl(&sources, &options)));
     let whole = least(&|| drop(front::parse(&sources, &options)));
-    println!("parsed and rewritten: {rewritten:.1?}; with naga, validated and linked: {whole:.1?}");
+    let out = front::parse(&sources, &options).ok().map(|parsed| {
+        let fragment = parsed.fragment.as_deref();
+        let state = MaterialState::default();
+        let plan = Plan::original("material", parsed.program, &parsed.vertex, fragment, &state);
+        let choices = emit::Options::default();
+        least(&|| drop(emit::emit(&plan, &[Target::GlslEs300], &choices)))
+    });
+    println!("preprocessed and parsed: {parser:.1?}");
+    println!("rewritten: {:.1?}", rewritten.saturating_sub(parser));
+    println!(
+        "by naga, validated and linked: {:.1?}",
+        whole.saturating_sub(rewritten)
+    );
+    println!("in all: {whole:.1?}");
+    if let Some(out) = out {
+        println!("out again as GLSL ES 3.00, read back and compared: {out:.1?}");
+    }
 }
 
 /// Shows what naga's front end is given for one material.
@@ -105,17 +124,21 @@ fn normalised(paths: &[PathBuf], include: Vec<PathBuf>) {
     }
 }
 
-fn table(folder: &Path, include: &[PathBuf], verbose: bool) {
+fn table(folder: &Path, include: &[PathBuf], write: Option<&Path>, verbose: bool) {
     let mut files = Vec::new();
     walk(folder, &mut files);
     let (cases, others) = cases(&files);
     let mut counted: BTreeMap<Outcome, Vec<String>> = BTreeMap::new();
     let begun = Instant::now();
     for case in &cases {
-        let outcome = limited(&case.paths, include);
+        let outcome = limited(case, include, write);
         if verbose && outcome != Outcome::Accepted {
             println!("{}: {outcome:?}", case.name);
         }
+        let outcome = match outcome {
+            Outcome::Refused(why) => Outcome::Refused(general(&why)),
+            other => other,
+        };
         counted.entry(outcome).or_default().push(case.name.clone());
     }
     let accepted = counted.get(&Outcome::Accepted).map_or(0, Vec::len);
@@ -207,12 +230,15 @@ fn cases(files: &[PathBuf]) -> (Vec<Case>, usize) {
     (cases, others)
 }
 
-fn limited(paths: &[PathBuf], include: &[PathBuf]) -> Outcome {
+fn limited(case: &Case, include: &[PathBuf], write: Option<&Path>) -> Outcome {
     let (send, receive) = mpsc::channel();
-    let (paths, include) = (paths.to_vec(), include.to_vec());
+    let (paths, include) = (case.paths.clone(), include.to_vec());
+    // Folders and all, so that two materials of one name stay apart.
+    let name = case.name.replace(['/', '\\', '.'], "-");
+    let write = write.map(|folder| folder.join(name));
     let spawned = std::thread::Builder::new()
         .stack_size(64 << 20)
-        .spawn(move || send.send(judge(&paths, include)).ok());
+        .spawn(move || send.send(judge(&paths, include, write.as_deref())).ok());
     assert!(spawned.is_ok());
     match receive.recv_timeout(LIMIT) {
         Ok(outcome) => outcome,
@@ -223,7 +249,7 @@ fn limited(paths: &[PathBuf], include: &[PathBuf]) -> Outcome {
     }
 }
 
-fn judge(paths: &[PathBuf], include: Vec<PathBuf>) -> Outcome {
+fn judge(paths: &[PathBuf], include: Vec<PathBuf>, write: Option<&Path>) -> Outcome {
     let options = Options {
         include,
         ..Options::default()
@@ -261,37 +287,47 @@ fn judge(paths: &[PathBuf], include: Vec<PathBuf>) -> Outcome {
     );
     // The emitter itself reads WGSL back and compares.
     if let Err(error) = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()) {
-        return Outcome::Refused(general(&error.to_string()));
+        return Outcome::Refused(error.to_string());
     }
     let mut last = String::new();
+    let mut accepted = false;
     for target in [Target::Glsl450, Target::GlslEs300] {
+        // The emitter reads GLSL back too, stage by stage; here the stages are linked.
         let files = match emit::emit(&plan, &[target], &emit::Options::default()) {
             Ok(files) => files,
-            Err(error) => {
+            // Of two languages one is enough.
+            Err(error @ emit::Error::Inexpressible { .. }) => {
                 last = error.to_string();
                 continue;
             }
+            Err(error) => return Outcome::Refused(error.to_string()),
         };
+        if let Some(folder) = write
+            && let Err(error) = emit::write(folder, &files)
+        {
+            return Outcome::Refused(error.to_string());
+        }
         let texts: Vec<Source> = files
             .iter()
             .filter(|f| f.name.ends_with(".vert") || f.name.ends_with(".frag"))
             .map(|f| Source::new(&f.name, String::from_utf8_lossy(&f.bytes)))
             .collect();
-        match front::parse(&texts, &Options::default()) {
-            Ok(_) => return Outcome::Accepted,
-            Err(error) => {
-                last = format!("read back: {}", error.message());
-                break;
-            }
+        if let Err(error) = front::parse(&texts, &Options::default()) {
+            let why = format!("read back: {}", error.message());
+            return Outcome::Refused(why);
         }
+        accepted = true;
     }
-    Outcome::Refused(general(&last))
+    match accepted {
+        true => Outcome::Accepted,
+        false => Outcome::Refused(last),
+    }
 }
 
 fn refused(error: &front::Error) -> Outcome {
     match error.code() {
         Code::Panic => Outcome::Panicked(error.notes().first().cloned().unwrap_or_default()),
-        code => Outcome::Refused(format!("{}: {}", code.name(), general(error.message()))),
+        code => Outcome::Refused(format!("{}: {}", code.name(), error.message())),
     }
 }
 

@@ -4,6 +4,7 @@
 #   setup.sh vulkan    a Vulkan loader, and Mesa's software Vulkan (lavapipe) where no adapter is found
 #   setup.sh gl        EGL and OpenGL 4: Mesa's, in software where there is no graphics card
 #   setup.sh accept    spirv-val, glslangValidator, and Tint (npm package `webgpu`) for the acceptance tests
+#   setup.sh three     Chromium, node and npm, for the page of tests/three
 set -eu
 
 have() { command -v "$1" >/dev/null 2>&1; }
@@ -48,11 +49,18 @@ accept() {
     (cd "$here/../tests/accept" && { [ -d node_modules/webgpu ] || npm ci --silent --no-audit --no-fund; })
 }
 
+three() {
+    if ! have node || ! have npm; then install nodejs npm; fi
+    # On Ubuntu the package of that name installs a snap: there, name a browser by CHROMIUM.
+    [ -n "${CHROMIUM:-}" ] || have chromium || have chromium-browser || have google-chrome || install chromium
+}
+
 for part in "$@"; do
     case "$part" in
         vulkan) vulkan ;;
         gl) gl ;;
         accept) accept ;;
+        three) three ;;
         *) echo "setup: unknown part $part" >&2; exit 2 ;;
     esac
 done

@@ -10,6 +10,8 @@ pub mod emit;
 #[cfg(feature = "compiler")]
 pub mod front;
 #[cfg(feature = "compiler")]
+pub mod limits;
+#[cfg(feature = "compiler")]
 pub mod lock;
 #[cfg(feature = "compiler")]
 pub mod nearest;

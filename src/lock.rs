@@ -14,10 +14,10 @@
 //!             @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }";
 //! let (sources, options, state) = ([Source::new("lit.wgsl", text)], Options::default(), MaterialState::default());
 //! let parsed = parse(&sources, &options)?;
+//! let inputs = Inputs::of(&parsed, &options.defines, &state);
 //! let original = Plan::original("lit", parsed.program, &parsed.vertex, parsed.fragment.as_deref(), &state);
 //!
 //! let mut lock = Lock::default();
-//! let inputs = Inputs::of(&sources, &options, &state);
 //! let recipe = Recipe::parse(["depth-prepass"])?;
 //! lock.materials.insert("lit".to_owned(), Locked::resolve(&original, &recipe, &Facts::default(), inputs.clone(), None)?);
 //!
@@ -98,15 +98,14 @@ fn is_nothing(facts: &Facts) -> bool {
 pub struct Inputs {
     /// [`TOOL`].
     pub tool: String,
-    /// The material's files, in order.
+    /// The material's files, in order, and what they include.
     pub sources: Vec<HashedSource>,
     /// Preprocessor definitions, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub defines: BTreeMap<String, String>,
-    /// Vertex entry point, where it was chosen among several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub vertex: Option<String>,
-    /// Fragment entry point, where it was chosen among several.
+    /// Vertex entry point, be it the only one or chosen among several.
+    pub vertex: String,
+    /// Fragment entry point, likewise; `None` where depth alone is drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fragment: Option<String>,
     /// The state that the author draws the material with.
@@ -221,15 +220,26 @@ pub enum Mismatch {
 
 impl Inputs {
     /// Of a material as it is read now.
-    pub fn of(sources: &[front::Source], options: &front::Options, state: &MaterialState) -> Self {
+    pub fn of(parsed: &front::Parsed, defines: &[(String, String)], state: &MaterialState) -> Self {
+        let files = parsed.program.sources().files();
         Self {
             tool: TOOL.to_owned(),
-            sources: sources.iter().map(HashedSource::of).collect(),
-            defines: options.defines.iter().cloned().collect(),
-            vertex: options.vertex.clone(),
-            fragment: options.fragment.clone(),
+            sources: files
+                .iter()
+                .map(|f| HashedSource::of(&f.name, &f.text))
+                .collect(),
+            defines: defines.iter().cloned().collect(),
+            vertex: parsed.vertex.clone(),
+            fragment: parsed.fragment.clone(),
             state: state.clone(),
         }
+    }
+
+    /// Whether both are of files of the same names.
+    fn is_of_files(&self, other: &Self) -> bool {
+        let names = |inputs: &Self| inputs.sources.iter().map(|s| s.file.clone()).collect();
+        let (own, others): (Vec<String>, Vec<String>) = (names(self), names(other));
+        own == others
     }
 
     fn files(&self) -> String {
@@ -244,7 +254,7 @@ impl Inputs {
                 locked: self.tool.clone(),
             });
         }
-        if self.files() != now.files() {
+        if !self.is_of_files(now) {
             return Some(Mismatch::Files {
                 locked: self.files(),
                 now: now.files(),
@@ -276,12 +286,12 @@ impl Inputs {
 }
 
 impl HashedSource {
-    fn of(source: &front::Source) -> Self {
-        let path = Path::new(&source.name);
+    fn of(name: &str, text: &str) -> Self {
+        let path = Path::new(name);
         let file = path.file_name().unwrap_or(path.as_os_str());
         Self {
             file: file.to_string_lossy().into_owned(),
-            blake3: hash(&source.text.replace("\r\n", "\n")),
+            blake3: hash(&text.replace("\r\n", "\n")),
         }
     }
 }
@@ -347,21 +357,35 @@ fn resolved(plan: &Plan) -> Recipe {
 
 /// What of `facts` a lock keeps for a material: nothing of the others, and no frequencies.
 fn about(material: &str, facts: &Facts) -> Facts {
-    let of_it = |name: &String| name == material;
+    // Every field by name: what is added to the facts has to say here whose it is.
+    let Facts {
+        depth_ties,
+        undiscarded_depth_ties,
+        near_plane_pixels,
+        vertices_per_fragment,
+        changing,
+        ranges,
+        constants,
+        frequencies: _,
+        rasterizer,
+    } = facts;
     Facts {
-        changing: facts.changing.as_ref().map(|all| {
-            let of_it = all.iter().filter(|c| of_it(&c.material));
-            of_it.cloned().collect()
-        }),
-        ranges: facts
-            .ranges
-            .iter()
-            .filter(|r| of_it(&r.material))
-            .cloned()
-            .collect(),
+        depth_ties: *depth_ties,
+        undiscarded_depth_ties: *undiscarded_depth_ties,
+        near_plane_pixels: *near_plane_pixels,
+        vertices_per_fragment: *vertices_per_fragment,
+        changing: changing
+            .as_ref()
+            .map(|all| own(all, |c| c.material == material)),
+        ranges: own(ranges, |r| r.material == material),
+        constants: own(constants, |c| c.material == material),
         frequencies: Vec::new(),
-        ..facts.clone()
+        rasterizer: *rasterizer,
     }
+}
+
+fn own<T: Clone>(all: &[T], is_own: impl Fn(&T) -> bool) -> Vec<T> {
+    all.iter().filter(|one| is_own(one)).cloned().collect()
 }
 
 /// Hash of the WGSL of a plan, in the order of its programs, without lines that are comments.
@@ -463,6 +487,15 @@ impl Lock {
         Ok(!changed.is_empty())
     }
 
+    /// Materials of other names than `material` that were chosen for files called as those of `now`: a scene may name a material otherwise than a build script does.
+    pub fn same_files(&self, material: &str, now: &Inputs) -> Vec<&str> {
+        let others = self.materials.iter().filter(|(name, _)| *name != material);
+        others
+            .filter(|(_, locked)| locked.inputs.is_of_files(now))
+            .map(|(name, _)| name.as_str())
+            .collect()
+    }
+
     /// What was chosen for a material, if that was of what is there now.
     ///
     /// # Errors
@@ -484,6 +517,9 @@ impl Lock {
 mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
 
+    use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
+    use preshade_passes::pass::Constant;
+
     use super::*;
 
     const TEXT: &str = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }\n\
@@ -501,8 +537,8 @@ mod tests {
     }
 
     fn inputs(text: &str) -> Inputs {
-        let (options, state) = (front::Options::default(), MaterialState::default());
-        Inputs::of(&sources(text), &options, &state)
+        let parsed = front::parse(&sources(text), &front::Options::default()).unwrap();
+        Inputs::of(&parsed, &[], &MaterialState::default())
     }
 
     fn locked() -> Lock {
@@ -560,7 +596,7 @@ mod tests {
         );
         assert_eq!(with(&|now| now.state.depth_write = false), Mismatch::State);
         assert_eq!(
-            with(&|now| now.vertex = Some("vs".to_owned())),
+            with(&|now| now.vertex = "vs_main".to_owned()),
             Mismatch::EntryPoints
         );
         let mut older = locked();
@@ -582,6 +618,28 @@ mod tests {
         of_lit.facts.depth_ties = Some(1);
         let refused = of_lit.apply(&original(TEXT)).unwrap_err();
         assert!(matches!(refused, Mismatch::Refused(_)), "{refused}");
+    }
+
+    #[test]
+    fn nothing_is_kept_of_other_materials() {
+        let of = |material: &str| Constant {
+            material: material.to_owned(),
+            value: Assumed {
+                name: "fog".to_owned(),
+                place: Place::Override {
+                    name: "fog".to_owned(),
+                },
+                ty: ScalarType::F32,
+                bounds: Bounds::one(0.5),
+            },
+        };
+        let facts = Facts {
+            constants: vec![of("lit"), of("toon")],
+            ..Facts::default()
+        };
+        let recipe = Recipe::default();
+        let locked = Locked::resolve(&original(TEXT), &recipe, &facts, inputs(TEXT), None).unwrap();
+        assert_eq!(locked.facts.constants, [of("lit")]);
     }
 
     #[test]

@@ -44,6 +44,16 @@ pub enum RecipeError {
         /// The nearest name there is.
         nearest: Option<&'static str>,
     },
+    /// A parameter names what no material has.
+    #[error("{pass}: {message}{}", suggestion(.nearest))]
+    Misnamed {
+        /// Name of the pass.
+        pass: String,
+        /// What is wrong.
+        message: String,
+        /// The nearest name there is.
+        nearest: Option<String>,
+    },
     /// `key=value` was expected.
     #[error("in `{text}`: expected `key=value` after the colon, found `{found}`{}", several(.word_of, .found))]
     Syntax {
@@ -300,6 +310,32 @@ impl Recipe {
     pub fn as_passes(&self) -> String {
         let steps: Vec<String> = self.steps.iter().map(|s| format!("--pass {s}")).collect();
         steps.join(" ")
+    }
+
+    /// Checks the names among the parameters against the materials that are meant: what some of them have is no slip, though the others refuse it.
+    ///
+    /// # Errors
+    /// [`RecipeError::Misnamed`], of a name that none of `plans` has.
+    pub fn check_names(&self, plans: &[Plan]) -> Result<(), RecipeError> {
+        for step in &self.steps {
+            let Ok(pass) = find(&step.pass) else { continue };
+            let params = serde_json::Value::Object(step.params.clone());
+            let slips: Option<Vec<_>> = plans.iter().map(|p| pass.misnamed(p, &params)).collect();
+            let slips = slips.unwrap_or_default();
+            let Some(first) = slips.first() else { continue };
+            let known = slips.iter().flat_map(|s| &s.known);
+            // The end of a path names a thing too.
+            let known = known.flat_map(|path| {
+                let ends = path.match_indices('.').map(|(at, _)| &path[at + 1..]);
+                std::iter::once(path.as_str()).chain(ends)
+            });
+            return Err(RecipeError::Misnamed {
+                pass: step.pass.clone(),
+                message: first.message.clone(),
+                nearest: nearest(&first.name, known).map(str::to_owned),
+            });
+        }
+        Ok(())
     }
 
     /// Applies every step. `plan` is untouched.

@@ -72,10 +72,10 @@ impl Package {
         let text = fs::read_to_string(self.0.join("toon.wgsl")).unwrap();
         let sources = [Source::new("toon.wgsl", text)];
         let parsed = parse(&sources, &options).unwrap();
+        let inputs = Inputs::of(&parsed, &options.defines, &state);
         let fragment = parsed.fragment.as_deref();
         let plan = Plan::original("toon", parsed.program, &parsed.vertex, fragment, &state);
         let recipe = Recipe::parse(recipe).unwrap();
-        let inputs = Inputs::of(&sources, &options, &state);
         let locked = Locked::resolve(&plan, &recipe, facts, inputs, None).unwrap();
         let lock = Lock {
             materials: BTreeMap::from([("toon".to_owned(), locked)]),
@@ -102,7 +102,9 @@ fn a_pass_that_needs_no_scene_is_made() {
     let module = package.module();
     assert!(module.contains("pub static PREPASS: Pass"));
     assert!(module.contains("pub use variant::*;"));
-    // Nothing of this machine.
+    // Nothing of this machine, and nothing of cargo: the module finds its files from where it lies.
+    assert!(module.contains("include_str!(\"toon/variant/toon.prepass.wgsl\")"));
+    assert!(!module.contains("OUT_DIR"));
     assert!(!module.contains(env!("CARGO_TARGET_TMPDIR")));
 }
 
@@ -230,6 +232,164 @@ fn a_lock_is_obeyed() {
     let variant = variant.split("pub mod variant {").nth(1).unwrap();
     assert!(variant.contains("depth-prepass:") && variant.contains("form=equal"));
     assert!(variant.contains("wgpu::CompareFunction::Equal"));
+}
+
+#[test]
+fn a_lock_holds_for_the_only_entry_points_by_their_names_too() {
+    let package = Package::new("entry");
+    package.lock(&["depth-prepass"], &Facts::default());
+    let builder = configure().vertex("vs_main").fragment("fs_main");
+    assert_eq!(package.build(builder).unwrap().warnings, [""; 0]);
+    let variant = package.module();
+    let variant = variant.split("pub mod variant {").nth(1).unwrap();
+    assert!(variant.contains("pub static PREPASS"));
+    // An entry point that was renamed is an edit like others.
+    let renamed = SHADER.replace("vs_main", "vertex");
+    fs::write(package.0.join("toon.wgsl"), renamed).unwrap();
+    let built = package.build(configure()).unwrap();
+    assert!(built.warnings[0].contains("toon.wgsl was edited"));
+}
+
+#[test]
+fn a_lock_of_the_same_file_by_another_name_is_told() {
+    let package = Package::new("renamed");
+    package.lock(&["depth-prepass"], &Facts::default());
+    let built = package.build(configure().name("cel")).unwrap();
+    let [warning] = &built.warnings[..] else {
+        panic!("{:?}", built.warnings);
+    };
+    assert!(
+        warning.ends_with("preshade.lock says nothing of `cel`, but of `toon`, which is of the same file: to obey it say `.name(\"toon\")`"),
+        "{warning}"
+    );
+    // Of another file it is none of its business.
+    fs::write(package.0.join("other.wgsl"), SHADER).unwrap();
+    let builder = configure().out_dir(package.0.join("out"));
+    let built = builder.build(&[&package.0.join("other.wgsl")]).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+}
+
+#[test]
+fn a_lock_holds_for_what_the_shader_was_preprocessed_with() {
+    let package = Package::new("defines");
+    let lock = |defines: &[(&str, &str)]| {
+        package.lock(&["depth-prepass"], &Facts::default());
+        let path = package.0.join("preshade.lock");
+        let mut lock = Lock::read(&path).unwrap().unwrap();
+        let own = |(name, value): &(&str, &str)| ((*name).to_owned(), (*value).to_owned());
+        lock.materials.get_mut("toon").unwrap().inputs.defines = defines.iter().map(own).collect();
+        lock.write(&path).unwrap();
+    };
+    lock(&[("FOG", "1")]);
+    let built = package.build(configure().define("FOG", "1")).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    let built = package.build(configure().define("FOG", "2")).unwrap();
+    assert!(built.warnings[0].contains("other definitions (FOG)"));
+}
+
+#[test]
+fn what_holds_for_some_values_alone_is_no_ones_default() {
+    let package = Package::new("guard");
+    let step = "let rim = step(toon.rim, 1.0 - max(dot(n, v), 0.0));";
+    let branch =
+        "var rim = 0.0; if toon.rim > 0.0 { rim = step(toon.rim, 1.0 - max(dot(n, v), 0.0)); }";
+    assert!(SHADER.contains(step));
+    fs::write(package.0.join("toon.wgsl"), SHADER.replace(step, branch)).unwrap();
+    package.lock(&["specialize:set=toon.rim=0"], &Facts::default());
+    let still = ["specialize:set=toon.rim=0"];
+    let built = package
+        .build(configure().variant("rimless", still))
+        .unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    let module = package.module();
+    let of = |name: &str| {
+        let after = module.split(&format!("pub mod {name} {{")).nth(1).unwrap();
+        after
+            .split("\n/// The material ")
+            .next()
+            .unwrap()
+            .to_owned()
+    };
+    for name in ["variant", "rimless"] {
+        let text = of(name);
+        assert!(
+            text.contains("pub const GUARD: &[Assumed] = &[Assumed { name: \"toon.rim\", place: Place::Uniform { group: 1, binding: 0, offset: 20 }, ty: ScalarType::F32, low: 0.0, high: 0.0 }];"),
+            "{text}"
+        );
+        assert!(text.contains("\nstatic PASSES") && text.contains("\nstatic MAIN"));
+        assert!(!text.contains("pub static PASSES") && !text.contains("pub static MAIN"));
+        assert!(text.contains("CHOICES: &[&Variant] = &[&VARIANT, &super::original::VARIANT]"));
+    }
+    assert!(of("original").contains("pub static PASSES"));
+    assert!(of("original").contains("GUARD: &[Assumed] = &[]"));
+    assert!(!module.contains("pub use variant::*"));
+    assert!(module.contains("pub use original::*;"));
+    assert!(module.contains("pub use variant::{CHOICES, GUARD, guard_holds, variant_for};"));
+}
+
+#[test]
+fn two_materials_of_one_name_are_an_error() {
+    let package = Package::new("same-name");
+    for folder in ["a", "b"] {
+        fs::create_dir_all(package.0.join(folder)).unwrap();
+        fs::write(package.0.join(folder).join("lit.wgsl"), SHADER).unwrap();
+    }
+    let builder = configure().out_dir(package.0.join("out"));
+    builder.compile(package.0.join("a/lit.wgsl")).unwrap();
+    // Again is no other material.
+    builder.compile(package.0.join("a/lit.wgsl")).unwrap();
+    let other = builder.compile(package.0.join("b/lit.wgsl")).unwrap_err();
+    let said = other.to_string();
+    assert!(said.starts_with("`lit` is compiled twice, of "), "{said}");
+    assert!(said.contains("a/lit.wgsl") && said.contains("b/lit.wgsl"));
+    let shadow = builder.clone().pass("shadow");
+    let otherwise = shadow.compile(package.0.join("a/lit.wgsl")).unwrap_err();
+    assert!(matches!(otherwise, Error::Taken { .. }), "{otherwise}");
+    builder
+        .name("lit_b")
+        .compile(package.0.join("b/lit.wgsl"))
+        .unwrap();
+}
+
+#[cfg(feature = "glsl")]
+#[test]
+fn included_files_are_read_and_told() {
+    let package = Package::new("included");
+    let path = |name: &str| package.0.join(name);
+    let vertex =
+        "#version 450\nlayout(location = 0) in vec4 p;\nvoid main() { gl_Position = p; }\n";
+    let fragment = "#version 450\n#extension GL_GOOGLE_include_directive : require\n#include \"tint.glsl\"\nlayout(location = 0) out vec4 color;\nvoid main() { color = vec4(TINT); }\n";
+    fs::write(path("lit.vert"), vertex).unwrap();
+    fs::write(path("lit.frag"), fragment).unwrap();
+    // A macro alone: no word of the file itself is left in the program.
+    fs::write(path("tint.glsl"), "#define TINT 0.25\n").unwrap();
+    let build = || {
+        let builder = configure().out_dir(path("out"));
+        builder
+            .build(&[&path("lit.vert"), &path("lit.frag")])
+            .unwrap()
+    };
+    let first = build();
+    let tint = path("tint.glsl").canonicalize().unwrap();
+    assert!(first.read.contains(&tint), "{:?}", first.read);
+    let second = build();
+    assert_eq!((second.written.len(), &second.read), (0, &first.read));
+    fs::write(path("tint.glsl"), "#define TINT 0.75\n").unwrap();
+    assert!(!build().written.is_empty());
+}
+
+#[cfg(feature = "spirv")]
+#[test]
+fn a_target_is_written_beside_the_others() {
+    let package = Package::new("targets");
+    let builder = configure().pass("depth-prepass").emit(Target::Spirv);
+    assert_eq!(package.build(builder).unwrap().warnings, [""; 0]);
+    let names = package.names("variant");
+    let binaries = names.iter().filter(|n| n.ends_with(".spv")).count();
+    assert!(
+        binaries > 1 && names.contains(&"toon.main.wgsl".to_owned()),
+        "{names:?}"
+    );
 }
 
 #[test]

@@ -220,6 +220,73 @@ fn a_deep_expression_can_be_read_again() {
     accept::accept(&[("deep".to_owned(), files)]);
 }
 
+/// A material of two GLSL stages, to be written anew.
+fn from_glsl(vertex: &str, fragment: &str) -> Plan {
+    let sources = [
+        Source::new("m.vert", vertex),
+        Source::new("m.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &front::Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    Plan::original(
+        "material",
+        touched(&parsed.program),
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    )
+}
+
+#[test]
+fn glsl_that_samples_where_invocations_part_is_wgsl_that_others_take() {
+    let vertex = "#version 450
+layout(location = 0) in vec3 p;
+layout(location = 0) out vec2 uv;
+void main() { uv = p.xy; gl_Position = vec4(p, 1.0); }
+";
+    let fragment = "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 0) out vec4 color;
+layout(set = 0, binding = 0) uniform texture2D t;
+layout(set = 0, binding = 1) uniform sampler s;
+void main() {
+    color = vec4(1.0);
+    if (uv.x > 0.5) color = texture(sampler2D(t, s), uv);
+}
+";
+    let files = emit_all(&from_glsl(vertex, fragment));
+    let wgsl = text(&files, "material.main.wgsl");
+    assert!(
+        wgsl.contains("\ndiagnostic(off, derivative_uniformity);"),
+        "{wgsl}"
+    );
+    accept::accept(&[("uniformity".to_owned(), files)]);
+}
+
+#[test]
+fn a_constant_under_a_word_that_wgsl_reserves_is_renamed() {
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let fragment = "#version 450
+layout(constant_id = 3) const int type = 2;
+layout(location = 0) out vec4 color;
+void main() { color = vec4(type == 1 ? 0.25 : 0.75); }
+";
+    let files = emit_all(&from_glsl(vertex, fragment));
+    let wgsl = text(&files, "material.main.wgsl");
+    assert!(wgsl.contains("@id(3) override type_0: i32 = 2i;"), "{wgsl}");
+    accept::accept(&[("reserved".to_owned(), files)]);
+}
+
+#[test]
+fn the_number_of_layers_is_asked_for_in_every_target() {
+    let layers = format!(
+        "@group(0) @binding(0) var t: texture_2d_array<f32>;\n{VS}@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ \
+         return textureLoad(t, vec2<i32>(p.xy) % vec2<i32>(textureDimensions(t)), textureNumLayers(t) - 1u, 0); }}"
+    );
+    let (name, files) = emitted("layers.wgsl", &layers, &Target::GENERAL);
+    accept::accept(&[(name, files)]);
+}
+
 #[test]
 fn a_glsl_switch_that_falls_through_is_written_out() {
     let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
@@ -237,19 +304,7 @@ void main() {
     color = vec4(x);
 }
 ";
-    let sources = [
-        Source::new("m.vert", vertex),
-        Source::new("m.frag", fragment),
-    ];
-    let parsed = front::parse(&sources, &front::Options::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
-    let plan = Plan::original(
-        "material",
-        touched(&parsed.program),
-        &parsed.vertex,
-        parsed.fragment.as_deref(),
-        &MaterialState::default(),
-    );
+    let plan = from_glsl(vertex, fragment);
     let files = emit_all(&plan);
     insta::assert_snapshot!("glsl_switch_wgsl", text(&files, "material.main.wgsl"));
     accept::accept(&[("switch".to_owned(), files)]);

@@ -148,8 +148,17 @@ fn the_example_draws_the_originals_picture_and_is_built_when_it_must_be() {
         .arg("--headless")
         .env("NODEVICE_SELECT", "1"));
     let said = String::from_utf8(output.stdout).unwrap();
-    let variants: Vec<&str> = said.lines().skip(2).collect();
-    assert_eq!(variants.len(), 2, "{said}");
+    let lines: Vec<&str> = said.lines().skip(2).collect();
+    assert_eq!(lines.len(), 4, "{said}");
+    let (variants, still) = lines.split_at(2);
+    assert!(
+        still[0].starts_with("time 0: specialize:") && still[0].ends_with(": true"),
+        "{said}"
+    );
+    assert_eq!(
+        still[1], "time 0.7: as its author wrote it, as the original: true",
+        "a guard that does not hold"
+    );
     for variant in variants {
         assert!(
             variant.contains(": 2 passes, 0 pixels changed, self-test "),

@@ -77,7 +77,11 @@ fn check(found: &Found) {
             Fate::Beaten { by } | Fate::Even { with: by } | Fate::Same { r#as: by } => {
                 assert!(e.points.iter().any(|p| p.name == *by), "{by}");
             }
-            Fate::Frontier | Fate::Refused { .. } | Fate::Predicted { .. } | Fate::Slow { .. } => {}
+            Fate::Frontier
+            | Fate::Unverified { .. }
+            | Fate::Refused { .. }
+            | Fate::Predicted { .. }
+            | Fate::Slow { .. } => {}
             Fate::Broken { why } | Fate::NotMeasured { why } => {
                 assert!(
                     why.contains("were drawn before it"),

@@ -9,7 +9,7 @@ use std::time::Duration;
 use preshade::measure::{
     self, CountProgram, Outcome, Settings, Timed, TimingSettings, Variant, verify,
 };
-use preshade::passes::contract::{Assumption, Contract, Verdict};
+use preshade::passes::contract::{Assumption, Contract, Surface, Turned, Verdict};
 use preshade::passes::plan::{GpuPass, Plan};
 use preshade::passes::state::CompareFunction;
 use preshade::render::ShaderForm;
@@ -353,6 +353,7 @@ fn contracts_are_held_to_their_own_terms() {
     };
     let rounding = Contract::Rounding {
         k: 4,
+        turned: None,
         given: Vec::new(),
     };
     assert!(broken(&Contract::exact(), &error));
@@ -368,8 +369,28 @@ fn contracts_are_held_to_their_own_terms() {
     assert!(!broken(&approximate(0.01).and(max_abs(0.01)), &error));
     assert!(broken(&approximate(0.01).and(max_abs(0.001)), &error));
     assert!(broken(&max_abs(0.01).and(approximate(0.001)), &error));
+    // Where a decision may turn on a rounding, a share of the pixels may differ by more than a step; elsewhere none may.
+    let turning = |surface| Contract::Rounding {
+        k: 4,
+        turned: Some(Turned {
+            share: 0.001,
+            surface,
+        }),
+        given: Vec::new(),
+    };
+    (error.pixels, error.beyond_step, error.max_abs) = (10_000, 10, 0.5);
+    assert!(broken(&rounding, &error));
+    assert!(!broken(&turning(Surface::Kept), &error));
+    error.beyond_step = 11;
+    assert!(broken(&turning(Surface::Rounded), &error));
+    (error.beyond_step, error.max_abs) = (0, 1.0 / 255.0);
     error.changed_depth = 1;
     assert!(broken(&rounding, &error));
+    assert!(broken(&turning(Surface::Kept), &error));
+    assert!(!broken(&turning(Surface::Rounded), &error));
+    error.nan_pixels = 1;
+    assert!(broken(&turning(Surface::Rounded), &error));
+    error.nan_pixels = 0;
     error.flip_mean = f64::NAN;
     assert!(broken(&approximate(1.0), &error));
 }

@@ -52,6 +52,41 @@ fn fs(in: Out) -> @location(0) vec4<f32> {
 }
 ";
 
+/// One that blends: two sides of a rock, by how much each faces the viewer.
+const BLEND: &str = "\
+@group(0) @binding(0) var<uniform> camera: mat4x4<f32>;
+@group(0) @binding(1) var rock: texture_2d<f32>;
+@group(0) @binding(2) var rock_sampler: sampler;
+
+struct Out {
+    @builtin(position) position: vec4<f32>,
+    @location(0) world: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+}
+
+@vertex
+fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>) -> Out {
+    return Out(camera * vec4<f32>(position, 1.0), position, normal);
+}
+
+@fragment
+fn fs(in: Out) -> @location(0) vec4<f32> {
+    let sharp = pow(abs(in.normal.xy), vec2<f32>(8.0));
+    let weights = sharp / (sharp.x + sharp.y);
+    let side = textureSample(rock, rock_sampler, in.world.zy);
+    let top = textureSample(rock, rock_sampler, in.world.xz);
+    return side * weights.x + top * weights.y;
+}
+";
+
+/// The example of a pass, and its name.
+fn example(name: &str) -> (&'static str, &'static str) {
+    match name {
+        "skip-taps" => ("rock", BLEND),
+        _ => ("leaf", EXAMPLE),
+    }
+}
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -60,6 +95,7 @@ fn root() -> &'static Path {
 fn recipe(name: &str) -> Vec<&'static str> {
     match name {
         "specialize" => vec!["specialize:set=fog=0"],
+        "skip-taps" => vec!["skip-taps:budget=0.01"],
         "trim-loop" => vec!["trim-loop:budget=0.05"],
         "hoist" => vec!["hoist:budget=0.05"],
         "tessellate" => vec!["hoist:budget=0.05", "tessellate:level=4"],
@@ -154,9 +190,11 @@ fn page(pass: &dyn AnyPass) -> String {
     }
     let steps = recipe(info.name);
     let (options, state) = (Options::default(), MaterialState::default());
-    let parsed = parse(&[Source::new("leaf.wgsl", EXAMPLE)], &options).unwrap();
+    let (name, source) = example(info.name);
+    let file = format!("{name}.wgsl");
+    let parsed = parse(&[Source::new(file, source)], &options).unwrap();
     let original = Plan::original(
-        "leaf",
+        name,
         parsed.program,
         &parsed.vertex,
         parsed.fragment.as_deref(),
@@ -169,7 +207,7 @@ fn page(pass: &dyn AnyPass) -> String {
     let flags: Vec<String> = steps.iter().map(|s| format!("--pass {s}")).collect();
     write!(
         text,
-        "\n## Example\n\n`preshade rewrite leaf.wgsl {}` of\n\n```wgsl\n{EXAMPLE}```\n\n",
+        "\n## Example\n\n`preshade rewrite {name}.wgsl {}` of\n\n```wgsl\n{source}```\n\n",
         flags.join(" ")
     )
     .unwrap();
@@ -199,7 +237,7 @@ fn page(pass: &dyn AnyPass) -> String {
     }
     for file in emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap() {
         let content = String::from_utf8(file.bytes).unwrap();
-        let is_original = content == EXAMPLE;
+        let is_original = content == source;
         if file.name.ends_with(".wgsl") && !is_original {
             write!(
                 text,

@@ -97,6 +97,92 @@ fn a_museum_takes_eight_versions_and_changes_no_pixel() {
     assert_eq!(before, after);
 }
 
+/// What is left of a material goes through every other pass, and keeps what both promise; what cannot stand together is refused by name.
+#[test]
+fn other_passes_work_on_what_is_left() {
+    let mut scene = museum();
+    let kinds = ["banner", "puppet", "bronze"];
+    scene
+        .draws
+        .retain(|d| kinds.iter().any(|k| d.name.starts_with(k)));
+    scene.cameras.truncate(1);
+    scene.cameras[0].frames.truncate(1);
+    let scene = measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS).unwrap();
+    assert_eq!(scene.materials.len(), 3);
+    let bits = [
+        "specialize,depth-prepass:form=equal",
+        "specialize,early-discard",
+    ];
+    let within = [
+        "specialize,visibility-buffer:budget=0.05",
+        "specialize,hoist:budget=0.05,finite=assumed",
+        "specialize,hoist:budget=0.05,finite=assumed,depth-prepass",
+    ];
+    for recipe in bits.into_iter().chain(within) {
+        let variant = specialized(&scene, recipe);
+        for plan in variant.plans.iter().filter(|p| !p.steps.is_empty()) {
+            let guard = plan.guard.as_ref();
+            assert!(guard.is_some_and(|g| !g.values.is_empty()), "{recipe}");
+            assert!(plan.fallback.is_some(), "{recipe}");
+        }
+        let report = verified(&scene, variant);
+        assert_eq!(report.verdict, Verdict::Holds, "{recipe}");
+        // Some of them have nothing that is worth carrying.
+        let refused = |why: &str| why.contains("hoist[");
+        assert!(report.kept.len() < 3, "{recipe}: {:?}", report.kept);
+        let mut kept = report.kept.iter();
+        assert!(kept.all(|k| refused(&k.why)), "{recipe}: {:?}", report.kept);
+        let error = report.error.unwrap();
+        assert_eq!(error.changed_depth, 0, "{recipe}");
+        if bits.contains(&recipe) {
+            // Nothing is fused here, so that nothing is fused otherwise.
+            assert_eq!(error.changed_pixels, 0, "{recipe}");
+        }
+    }
+    let why = |recipe: &str| {
+        let report = verified(&scene, specialized(&scene, recipe));
+        assert_eq!(report.kept.len(), 3, "{recipe}");
+        report.kept[0].why.clone()
+    };
+    assert!(why("specialize,hoist").contains("hoist[nothing-pays]"));
+    assert!(why("depth-prepass,specialize").contains("specialize[not-first]"));
+}
+
+/// naga's GLSL front end has statements evaluate the initial values of locals. They are kept, whatever rewrites the function: three.js's tone mapping turned black without them.
+#[test]
+fn initial_values_of_glsl_locals_stay() {
+    let vertex = "#version 450
+        layout(location = 0) in vec3 position;
+        void main() { gl_Position = vec4(position, 1.0); }";
+    let fragment = "#version 450
+        layout(binding = 0) uniform Fog { float density; float weight; } fog;
+        layout(binding = 1) uniform texture2D map;
+        layout(binding = 2) uniform sampler map_sampler;
+        layout(location = 0) out vec4 color;
+        vec3 graded(vec3 c) {
+            const mat3 grade = mat3(vec3(0.59719, 0.07600, 0.02840), vec3(0.35458, 0.90834, 0.13383), vec3(0.04823, 0.01566, 0.83777));
+            if (fog.density > 0.0) { c = mix(c, vec3(0.5), fog.density); }
+            return grade * c + fog.weight * textureLod(sampler2D(map, map_sampler), c.xy, 0.0).rgb;
+        }
+        void main() { color = vec4(graded(gl_FragCoord.xyz), 1.0); }";
+    let sources = [
+        Source::new("grade.vert", vertex),
+        Source::new("grade.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &Options::default()).unwrap();
+    let (fragment, state) = (parsed.fragment.as_deref(), Default::default());
+    let original = Plan::original("grade", parsed.program, &parsed.vertex, fragment, &state);
+    let options = emit::Options::default();
+    for recipe in ["specialize:set=density=0", "skip-taps:budget=0.1"] {
+        let recipe = Recipe::parse_list(recipe).unwrap();
+        let plan = recipe.apply(&original, &Facts::default()).unwrap();
+        let files = emit::emit(&plan, &[emit::Target::Wgsl], &options).unwrap();
+        let main = files.iter().find(|f| f.name == "grade.main.wgsl").unwrap();
+        let text = String::from_utf8(main.bytes.clone()).unwrap();
+        assert!(text.contains("0.59719f"), "{recipe}\n{text}");
+    }
+}
+
 #[test]
 fn at_most_so_many_versions_are_made() {
     let scene = museum();

@@ -88,7 +88,13 @@ fn budget(most: f64) -> Budget {
 
 #[test]
 fn a_range_has_a_table_a_plot_and_pictures_a_form() {
-    let (sweep, names, Outcome { report, pictures }) = drawn();
+    let (
+        sweep,
+        names,
+        Outcome {
+            report, pictures, ..
+        },
+    ) = drawn();
     let told = SweepReport::new(&sweep, &names);
     let table = told.table(&report);
     for form in ["form=pulled", "form=shared", "form=static"] {

@@ -345,6 +345,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,
+            defines: BTreeMap::new(),
             state,
             values,
             textures: BTreeMap::new(),

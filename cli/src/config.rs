@@ -51,6 +51,11 @@ impl Config {
         })
     }
 
+    /// The file that was read, if there is one.
+    pub fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+
     /// `command` with the file's values for defaults, and with names in the environment.
     pub fn apply(&self, command: Command) -> Command {
         let names: Vec<String> = command

@@ -133,6 +133,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Some(dir) => Journal::open(&dir.join(JOURNAL))
             .map_err(|e| Failure(format!("error: {}: {e}", dir.join(JOURNAL).display())))?,
     };
+    let missing = journal.missing();
+    if !missing.is_empty() {
+        output::message(&format!(
+            "note: a search before this one ended without {} of its candidates: {}",
+            missing.len(),
+            missing.join(", ")
+        ));
+    }
     let settings = Settings {
         form: match args.form {
             FormArg::Text => ShaderForm::Text,

@@ -19,6 +19,7 @@ use preshade::render;
 use preshade::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
+use crate::limits::LimitArgs;
 
 /// A shader and the state it is drawn with, or a scene.
 #[derive(Clone, clap::Args)]
@@ -42,7 +43,60 @@ pub struct ShaderArgs {
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub set: Vec<String>,
     #[command(flatten)]
+    pub glsl: GlslArgs,
+    #[command(flatten)]
+    pub limits: LimitArgs,
+    #[command(flatten)]
     pub state: StateArgs,
+}
+
+/// How GLSL is read.
+#[derive(Clone, Default, clap::Args)]
+#[command(next_help_heading = "GLSL")]
+pub struct GlslArgs {
+    /// A folder for #include, after the including file's own; may be given several times.
+    #[arg(long, value_name = "DIR")]
+    pub include: Vec<PathBuf>,
+    /// Define a macro, as 1 where no value is given; may be given several times.
+    #[arg(long, value_name = "NAME[=VALUE]")]
+    pub define: Vec<String>,
+    /// Depth of clip space that positions are written for; default: OpenGL's, but for Vulkan's GLSL.
+    #[arg(long, value_enum, value_name = "RANGE")]
+    pub clip: Option<Clip>,
+}
+
+/// Depth of clip space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Clip {
+    /// WebGPU's and Vulkan's.
+    ZeroToOne,
+    /// OpenGL's.
+    MinusOneToOne,
+}
+
+impl GlslArgs {
+    /// The definitions, name and value.
+    fn defines(&self) -> Result<Vec<(String, String)>, Failure> {
+        let mut all = Vec::new();
+        for text in &self.define {
+            let (name, value) = text.split_once('=').unwrap_or((text, "1"));
+            let starts = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
+            if !starts || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
+                return Err(Failure(format!(
+                    "error: --define {text}: expected NAME or NAME=VALUE"
+                )));
+            }
+            all.push((name.to_owned(), value.to_owned()));
+        }
+        Ok(all)
+    }
+
+    fn clip_space(&self) -> Option<front::ClipSpace> {
+        self.clip.map(|clip| match clip {
+            Clip::ZeroToOne => front::ClipSpace::AsWritten,
+            Clip::MinusOneToOne => front::ClipSpace::OpenGl,
+        })
+    }
 }
 
 /// Source language.
@@ -50,7 +104,7 @@ pub struct ShaderArgs {
 pub enum Lang {
     /// WebGPU Shading Language.
     Wgsl,
-    /// GLSL 4.40 to 4.60.
+    /// GLSL of any version.
     Glsl,
 }
 
@@ -304,6 +358,7 @@ impl ShaderArgs {
                     parsed.fragment.as_deref(),
                     &state,
                 );
+                recipe.check_names(std::slice::from_ref(&plan))?;
                 return Ok(Materials {
                     asked: vec![plan.clone()],
                     frame: vec![plan],
@@ -329,6 +384,7 @@ impl ShaderArgs {
                 }
             },
         };
+        recipe.check_names(&asked)?;
         Ok(Materials {
             asked,
             frame: plans,
@@ -354,8 +410,15 @@ impl ShaderArgs {
     /// The files that a command on these arguments reads, whether or not it could.
     pub fn reads(&self) -> Vec<PathBuf> {
         let mut files = self.given();
-        if let Ok(Input::Scene(scene)) = self.input() {
-            files.extend(scene.files);
+        match self.input() {
+            Ok(Input::Scene(scene)) => files.extend(scene.files),
+            // Included files come after the author's own, which are there already.
+            Ok(Input::Shader(parsed, _)) => {
+                let all = parsed.program.sources().files();
+                let included = all.iter().skip(self.files.len());
+                files.extend(included.map(|f| PathBuf::from(&f.name)));
+            }
+            Err(_) => {}
         }
         files
     }
@@ -392,7 +455,8 @@ impl ShaderArgs {
             None => Ok(Input::Shader(self.parse()?, self.state.state()?)),
             Some(path) if self.files.len() == 1 => {
                 self.check_scene_flags()?;
-                let scene = scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?;
+                let scene = scene::load_within(path, &variables, self.limits.access())
+                    .map_err(|e| Failure(e.render()))?;
                 Ok(Input::Scene(self.state.set_up(scene)))
             }
             Some(_) => Err(Failure(
@@ -442,6 +506,9 @@ impl ShaderArgs {
             ("--lang", self.lang.is_some()),
             ("--vertex", self.vertex.is_some()),
             ("--fragment", self.fragment.is_some()),
+            ("--include", !self.glsl.include.is_empty()),
+            ("--define", !self.glsl.define.is_empty()),
+            ("--clip", self.glsl.clip.is_some()),
             ("--state", s.state.is_some()),
             ("--depth-compare", s.depth_compare.is_some()),
             ("--no-depth-write", s.no_depth_write),
@@ -474,6 +541,10 @@ impl ShaderArgs {
         let options = front::Options {
             vertex: self.vertex.clone(),
             fragment: self.fragment.clone(),
+            defines: self.glsl.defines()?,
+            include: self.glsl.include.clone(),
+            clip_space: self.glsl.clip_space(),
+            limits: self.limits.limits(),
             ..front::Options::default()
         };
         front::parse(&sources, &options).map_err(|e| Failure(e.render(color())))

@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use preshade::decide::Decision;
-use preshade::front::{Options, Source};
+use preshade::front::Parsed;
 use preshade::lock::{FILE_NAME, Inputs, Lock, Locked, Measured};
-use preshade::passes::naga::ShaderStage;
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::scene::{Material, Scene};
@@ -69,23 +68,13 @@ fn locked(material: &Material, facts: &Facts, decision: &Decision) -> Result<Loc
     let chosen = decision.plans.get(plan);
     let recipe = chosen.and_then(|p| p.recipes.get(&material.name));
     let recipe = recipe.map_or(Ok(Recipe::default()), |r| Recipe::parse_list(r))?;
-    let program = &material.program;
-    let files = program.sources().files().iter();
-    let sources: Vec<Source> = files.map(|f| Source::new(&f.name, &f.text)).collect();
-    // Of several entry points of a stage one was chosen, and has to be again.
-    let several = |stage| {
-        let entries = program.module().entry_points.iter();
-        entries.filter(|e| e.stage == stage).count() > 1
+    let parsed = Parsed {
+        program: material.program.clone(),
+        vertex: material.vertex.clone(),
+        fragment: material.fragment.clone(),
     };
-    let options = Options {
-        vertex: several(ShaderStage::Vertex).then(|| material.vertex.clone()),
-        fragment: material
-            .fragment
-            .clone()
-            .filter(|_| several(ShaderStage::Fragment)),
-        ..Options::default()
-    };
-    let inputs = Inputs::of(&sources, &options, &material.state);
+    let defines: Vec<(String, String)> = material.defines.clone().into_iter().collect();
+    let inputs = Inputs::of(&parsed, &defines, &material.state);
     let measured = measured(decision, plan);
     Ok(Locked::resolve(
         &material.plan(),

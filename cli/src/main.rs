@@ -4,7 +4,7 @@
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
@@ -12,6 +12,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use preshade::nearest::nearest;
 
 mod adapters;
+mod apart;
 mod bench;
 mod codes;
 mod completions;
@@ -20,6 +21,8 @@ mod explain;
 mod explore;
 mod graph;
 mod input;
+mod keeper;
+mod limits;
 mod lock;
 mod man;
 mod many;
@@ -31,6 +34,7 @@ mod variable;
 mod verify;
 mod view;
 mod watch;
+mod worker;
 
 /// Writes faster variants of a material's shaders, and proves each by picture and clock.
 #[derive(Parser)]
@@ -116,12 +120,13 @@ enum Command {
 }
 
 impl Command {
-    fn run(&self) -> Result<Outcome, Failure> {
+    /// Does what it says; `config` is the file that flags were taken from.
+    fn run(&self, config: Option<&Path>) -> Result<Outcome, Failure> {
         match self {
             Self::Explain(a) => explain::run(a),
             Self::Graph(a) => graph::run(a),
             Self::Passes(a) => passes::run(a),
-            Self::Rewrite(a) => rewrite::run(a),
+            Self::Rewrite(a) => rewrite::run(a, config),
             Self::Verify(a) => verify::run(a),
             Self::Plan(a) => plan::run(a),
             Self::Explore(a) => explore::run(a),
@@ -266,7 +271,7 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
         ));
     };
     match cli.watch {
-        true => watch::run(|| wanted.reads(), || wanted.run()),
-        false => wanted.run(),
+        true => watch::run(|| wanted.reads(), || wanted.run(config.path())),
+        false => wanted.run(config.path()),
     }
 }

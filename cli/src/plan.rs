@@ -18,6 +18,7 @@ use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report::Budget;
 use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
+use crate::limits::LimitArgs;
 use crate::output;
 use crate::verify::{OrderArg, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
@@ -45,6 +46,8 @@ pub struct Args {
     /// Set a variable of the scene; may be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    limits: LimitArgs,
     #[command(flatten)]
     view: ViewArgs,
     /// Draw in these orders only.
@@ -92,7 +95,10 @@ pub struct Args {
 impl Args {
     /// The files that it reads.
     pub fn reads(&self) -> Vec<PathBuf> {
-        let of_scene = |path: &PathBuf| scene::load(path).map(|s| s.files).unwrap_or_default();
+        let of_scene = |path: &PathBuf| {
+            let scene = scene::load_within(path, &Variables::new(), self.limits.access());
+            scene.map(|s| s.files).unwrap_or_default()
+        };
         let below = self.scenes.iter().flat_map(of_scene);
         self.scenes.iter().cloned().chain(below).collect()
     }
@@ -315,7 +321,8 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
         variables.insert(name.trim().to_owned(), Variable::parse(value.trim()));
     }
     let mut scene = match path.extension().is_some_and(|e| e == "toml") {
-        true => scene::load_with(path, &variables).map_err(|e| Failure(e.render()))?,
+        true => scene::load_within(path, &variables, args.limits.access())
+            .map_err(|e| Failure(e.render()))?,
         false => {
             let name = path.display().to_string();
             let text = std::fs::read_to_string(path)
@@ -324,7 +331,11 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
                 true => front::Color::Always,
                 false => front::Color::Never,
             };
-            let parsed = front::parse(&[Source::new(&name, text)], &front::Options::default())
+            let options = front::Options {
+                limits: args.limits.limits(),
+                ..front::Options::default()
+            };
+            let parsed = front::parse(&[Source::new(&name, text)], &options)
                 .map_err(|e| Failure(e.render(color)))?;
             scene::synthesise(parsed, MaterialState::default())
         }

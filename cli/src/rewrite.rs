@@ -214,8 +214,8 @@ impl Times {
     }
 }
 
-/// Rewrites a material, every material of a scene, or with `--out-dir` many.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+/// Rewrites a material, every material of a scene, or with `--out-dir` many. `config` is the file that flags were taken from.
+pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     let recipe = Recipe::parse(&args.passes)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
     let nowhere = args.output.is_none() && args.out_dir.is_none();
@@ -277,7 +277,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 continue;
             }
             taken.extend(paths.clone().map(|p| (p, from)));
-            rules.push((paths.collect(), read));
+            let read = read.into_iter().chain(config.map(Path::to_path_buf));
+            rules.push((paths.collect(), read.collect()));
             write(
                 folder,
                 files.into_iter().cloned().collect(),

@@ -1,5 +1,6 @@
 //! `preshade verify`: a scene drawn with the original and its variants, what each costs in accuracy and gains in time.
 
+use std::ffi::OsString;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -15,11 +16,13 @@ use preshade::report::{Budget, Chosen, SweepReport};
 use preshade::scene::{self, DrawOrder, Scene, Variables};
 use preshade::sweep::{self, Sweep};
 
+use crate::apart::{apart, resumed};
 use crate::input::ShaderArgs;
+use crate::keeper::Keeper;
 use crate::output;
 use crate::variable::Axis;
 use crate::view::ViewArgs;
-use crate::{Failure, Format, Outcome};
+use crate::{Failure, Format, Outcome, worker};
 
 /// Arguments of `verify`.
 #[derive(clap::Args)]
@@ -155,6 +158,9 @@ const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-
 
 /// Verifies a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    if worker::mine().is_some() {
+        worker::end_with_parent();
+    }
     let mut sweeps = sweeps(&args.passes, &args.recipes)?;
     if sweeps.is_empty() {
         for pass in DEFAULT {
@@ -175,28 +181,108 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     {
         output::message(&note);
     }
-    let choice = args
-        .adapter
-        .clone()
-        .map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let gpu = Gpu::new(&choice)?;
+    let limits = args.shader.limits.limits();
+    let mut keeper = Keeper::new(args.out.as_deref());
     let bar = output::bar();
-    let Some(axis) = &args.sweep else {
-        let outcome = measured(args, &gpu, &first, &sweeps, &bar)?;
-        bar.finish_and_clear();
-        return told(args, &outcome);
+    let mut outcome = match (limits.isolates() && worker::mine().is_none(), &args.sweep) {
+        (true, Some(_)) => {
+            return Err(Failure(
+                "error: --sweep is measured in one process: it goes without `seconds` and `memory` among the limits"
+                    .to_owned(),
+            ));
+        }
+        (true, None) => apart(&recipes(&sweeps), args.budget, &limits, &mut keeper)?,
+        (false, Some(axis)) => {
+            return swept(
+                args,
+                &Opened::new(args)?,
+                &first,
+                axis,
+                &sweeps,
+                &bar,
+                &mut keeper,
+            );
+        }
+        (false, None) => {
+            let opened = Opened::new(args)?;
+            let outcome = match measured(args, &opened.0, &first, &sweeps, &bar, &mut keeper) {
+                Ok(outcome) => outcome,
+                Err(e) => {
+                    opened.abandon();
+                    return Err(e);
+                }
+            };
+            match (&outcome.lost, worker::mine()) {
+                (Some(why), None) => {
+                    output::message(&format!(
+                        "warning: {why}; what is missing is measured on a device of its own, in a process each"
+                    ));
+                    opened.abandon();
+                    resumed(outcome, &recipes(&sweeps), &limits, &mut keeper)
+                }
+                _ => outcome,
+            }
+        }
     };
+    bar.finish_and_clear();
+    if worker::mine().is_none() {
+        tell_sweeps(&mut outcome.report, &sweeps);
+    }
+    let ended = told(args, &outcome)?;
+    keeper.done();
+    Ok(ended)
+}
+
+/// An adapter that is open for a while.
+struct Opened(Gpu);
+
+impl Opened {
+    fn new(args: &Args) -> Result<Self, Failure> {
+        let choice = args
+            .adapter
+            .clone()
+            .map_or(AdapterChoice::Best, AdapterChoice::Matching);
+        Ok(Self(Gpu::new(&choice)?))
+    }
+
+    /// Leaves a device that was lost as it is: closing one that hangs may hang.
+    fn abandon(self) {
+        std::mem::forget(self.0);
+    }
+}
+
+/// Measures at each value of a variable.
+fn swept(
+    args: &Args,
+    opened: &Opened,
+    first: &Scene,
+    axis: &Axis,
+    sweeps: &[Sweep],
+    bar: &ProgressBar,
+    keeper: &mut Keeper,
+) -> Result<Outcome, Failure> {
     let mut points = Vec::new();
     let mut pictures = Vec::new();
-    for value in &axis.values {
+    for (i, value) in axis.values.iter().enumerate() {
         bar.suspend(|| output::message(&format!("{} = {value}", axis.variable)));
-        let scene = grouped(scene(args, &axis.at(*value))?, &sweeps)?;
-        let outcome = measured(args, &gpu, &scene, &sweeps, &bar)?;
+        let outcome = match i {
+            0 => measured(args, &opened.0, first, sweeps, bar, keeper)?,
+            _ => {
+                let scene = grouped(scene(args, &axis.at(*value))?, sweeps)?;
+                measured(args, &opened.0, &scene, sweeps, bar, keeper)?
+            }
+        };
         pictures = outcome.pictures;
+        let mut outcome_report = outcome.report;
+        tell_sweeps(&mut outcome_report, sweeps);
         points.push(Point {
             value: *value,
-            report: outcome.report,
+            report: outcome_report,
         });
+        if i + 1 < axis.values.len() {
+            let so_far = Series::new(&axis.variable, points.clone()).to_json()?;
+            keeper.keep("series.unfinished.json", so_far);
+        }
     }
     bar.finish_and_clear();
     let series = Series::new(&axis.variable, points);
@@ -209,6 +295,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut files = vec![file("series.json", json)];
     files.extend(report::crossover::svg(&series).map(|svg| file("series.svg", svg)));
     write(args, files, &pictures)?;
+    keeper.done();
     Ok(match series.is_broken() {
         true => Outcome::ContractBroken,
         false => Outcome::Fine,
@@ -219,9 +306,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 fn told(args: &Args, outcome: &measure::Outcome) -> Result<Outcome, Failure> {
     // Told before it is written: a full disk does not lose what was measured.
     let json = outcome.report.to_json()?;
+    let is_worker = worker::mine().is_some();
     match args.format {
-        Format::Human => output::data(&report::table::render(&outcome.report))?,
-        Format::Json => output::data(&json)?,
+        Format::Human if !is_worker => output::data(&report::table::render(&outcome.report))?,
+        Format::Human | Format::Json => output::data(&json)?,
+    }
+    if is_worker {
+        // Its report is the other process's to write, which may have pictures from several.
+        write(args, Vec::new(), &outcome.pictures)?;
+        return Ok(Outcome::Fine);
     }
     share(args, &json)?;
     let mut files = vec![file("report.json", json)];
@@ -247,9 +340,32 @@ fn share(args: &Args, json: &str) -> Result<(), Failure> {
     let Some(path) = &args.share else {
         return Ok(());
     };
+    let json = without_folders(json, std::env::args_os());
     std::fs::write(path, json).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
     output::message(&format!("wrote {}", path.display()));
     Ok(())
+}
+
+/// A report as it may be sent to others: folders that were typed as absolute paths tell of the machine, and are left out.
+fn without_folders(json: &str, arguments: impl Iterator<Item = OsString>) -> String {
+    let mut folders: Vec<String> = arguments
+        .filter_map(|argument| {
+            let argument = argument.to_str()?;
+            let path = argument
+                .split_once('=')
+                .map_or(argument, |(_, value)| value);
+            let folder = Path::new(path)
+                .parent()
+                .filter(|_| Path::new(path).is_absolute())?;
+            let folder = serde_json::to_string(&folder.join("")).ok()?;
+            Some(folder.trim_matches('"').to_owned())
+        })
+        .filter(|folder| folder.len() > 1)
+        .collect();
+    folders.sort_by_key(|folder| std::cmp::Reverse(folder.len()));
+    folders
+        .iter()
+        .fold(json.to_owned(), |json, folder| json.replace(folder, ""))
 }
 
 /// Writes what `--out` asks for, and the pictures.
@@ -271,18 +387,20 @@ fn write(
     Ok(())
 }
 
-/// Measures one scene.
+/// Measures one scene in this process.
 fn measured(
     args: &Args,
     gpu: &Gpu,
     scene: &Scene,
     sweeps: &[Sweep],
     bar: &ProgressBar,
+    keeper: &mut Keeper,
 ) -> Result<measure::Outcome, Failure> {
-    let recipes = sweeps
-        .iter()
-        .flat_map(|s| s.points.iter().map(|p| p.recipe.clone()))
-        .collect();
+    let all = recipes(sweeps);
+    let mine: Vec<Recipe> = match worker::mine() {
+        None => all,
+        Some(n) => all.into_iter().take(n).skip(n.max(1) - 1).collect(),
+    };
     let form = match args.form {
         FormArg::Text => ShaderForm::Text,
         FormArg::Ir => ShaderForm::Ir,
@@ -294,7 +412,7 @@ fn measured(
         });
         Facts::default()
     });
-    let recipes = choose(gpu, scene, form, recipes, &mut facts, bar)?;
+    let recipes = choose(gpu, scene, form, mine, &mut facts, bar)?;
     let originals = measure::originals(scene);
     let variants: Vec<_> = recipes
         .iter()
@@ -319,15 +437,10 @@ fn measured(
     let mut outcome = measure::verify(gpu, scene, &variants, &settings, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(p.what);
-    })?;
-    let mut names = variants.iter().map(|v| v.name.clone());
-    for sweep in sweeps {
-        let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();
-        if sweep.varies() {
-            let told = SweepReport::new(sweep, &names);
-            outcome.report.sweeps.push(told);
+        if let (Some(so_far), None) = (p.so_far, worker::mine()) {
+            keeper.keep_report(&so_far);
         }
-    }
+    })?;
     outcome.report.chosen = args.budget.map(|budget| {
         Chosen::among(&outcome.report.variants, budget).made_by(|name| {
             let drawn = variants.iter().position(|v| v.name == name)?;
@@ -335,6 +448,29 @@ fn measured(
         })
     });
     Ok(outcome)
+}
+
+/// Every recipe asked for, in the order of the report's variants behind the original.
+fn recipes(sweeps: &[Sweep]) -> Vec<Recipe> {
+    let points = sweeps.iter().flat_map(|s| &s.points);
+    points.map(|p| p.recipe.clone()).collect()
+}
+
+/// Adds to a report which of its variants are the points of which sweep.
+fn tell_sweeps(report: &mut report::Report, sweeps: &[Sweep]) {
+    let names: Vec<String> = report
+        .variants
+        .iter()
+        .skip(1)
+        .map(|v| v.name.clone())
+        .collect();
+    let mut names = names.into_iter();
+    for sweep in sweeps {
+        let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();
+        if sweep.varies() {
+            report.sweeps.push(SweepReport::new(sweep, &names));
+        }
+    }
 }
 
 /// Recipes whose choices are left to measurement, chosen.
@@ -466,12 +602,37 @@ pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
     let all = Recipe {
         steps: steps.collect(),
     };
+    all.check_names(&measure::originals(&scene))?;
     Ok(measure::grouped_for(scene, &all)?)
 }
 
 /// The command as it was typed, without the folder of the binary.
 pub fn command() -> String {
     let mut words = vec!["preshade".to_owned()];
-    words.extend(std::env::args().skip(1));
-    words.join(" ")
+    words.extend(
+        std::env::args_os()
+            .skip(1)
+            .map(|word| word.to_string_lossy().into_owned()),
+    );
+    shell_words::join(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_shared_names_no_folder_of_the_machine() {
+        let json = r#"{"command":"preshade verify /home/ada/work/a.toml --out=/home/ada/out scenes/b.toml","file":"/home/ada/work/shaders/a.wgsl"}"#;
+        let typed = [
+            "verify",
+            "/home/ada/work/a.toml",
+            "--out=/home/ada/out",
+            "scenes/b.toml",
+        ];
+        assert_eq!(
+            without_folders(json, typed.map(OsString::from).into_iter()),
+            r#"{"command":"preshade verify a.toml --out=out scenes/b.toml","file":"shaders/a.wgsl"}"#
+        );
+    }
 }

@@ -78,6 +78,27 @@ fn the_tree_is_kept_and_what_was_read_is_told() {
     assert_eq!(rules.len(), 3);
     // Again: nothing to write.
     assert_eq!(stderr(&run(&tree, &REWRITE)), "");
+    // What decides the passes decides the output.
+    fs::write(
+        tree.join("preshade.toml"),
+        "[rewrite]\npass = [\"depth-prepass\"]\n",
+    )
+    .unwrap();
+    let args = [
+        "rewrite",
+        "shaders/lit.wgsl",
+        "-o",
+        "one",
+        "--depfile",
+        "one/lit.d",
+    ];
+    let output = run(&tree, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let rule = fs::read_to_string(tree.join("one/lit.d")).unwrap();
+    assert_eq!(
+        rule,
+        "one/lit.main.wgsl one/lit.prepass.wgsl one/lit.plan.json: shaders/lit.wgsl preshade.toml\n"
+    );
 }
 
 #[test]
@@ -256,6 +277,11 @@ fn a_decision_is_kept_for_builds() {
     let tree = tree("many-lock");
     let scene = fs::read_to_string(fixture("scenes/first.toml")).unwrap();
     fs::create_dir_all(tree.join("scenes")).unwrap();
+    let scene = scene.replace(
+        "[materials.stone]\n",
+        "[materials.stone]\ndefines = { FOG = 1 }\n",
+    );
+    assert!(scene.contains("FOG"));
     fs::write(tree.join("scenes/first.toml"), scene).unwrap();
     for shader in ["textured.wgsl", "foliage.wgsl"] {
         fs::copy(
@@ -285,12 +311,16 @@ fn a_decision_is_kept_for_builds() {
     let names: Vec<&String> = lock.materials.keys().collect();
     assert_eq!(names, ["leaves", "stone"]);
     assert!(lock.materials["stone"].measured.is_some());
-    let built = preshade::configure()
-        .name("stone")
-        .out_dir(tree.join("out"))
-        .build(&[&tree.join("shaders/textured.wgsl")])
-        .unwrap();
+    let build = |builder: preshade::build_script::Builder| {
+        let builder = builder.name("stone").out_dir(tree.join("out"));
+        builder
+            .build(&[&tree.join("shaders/textured.wgsl")])
+            .unwrap()
+    };
+    let built = build(preshade::configure().define("FOG", "1").vertex("vs_main"));
     assert_eq!(built.warnings, [""; 0]);
+    let otherwise = build(preshade::configure());
+    assert!(otherwise.warnings[0].contains("other definitions (FOG)"));
     assert_eq!(built.read.last(), Some(&path));
     let predicted = run(&tree, &[&args[..], &["--time", "no"]].concat());
     assert_eq!(predicted.status.code(), Some(2));

@@ -16,7 +16,7 @@ pub enum Assumption {
     OrdinaryNeighbours,
     /// No other opaque material of the frame writes the colour channels, or targets, that this one leaves as they are: what lies hidden would show there.
     LeftChannelsUnwritten,
-    /// No surface lies exactly on the near plane, at depth 0 of a float format, where bias vanishes.
+    /// No surface lies exactly on the near plane: at depth 0 of a float format bias vanishes, and what is clamped there was biased before.
     BeyondNearPlane,
     /// The original's position is `@invariant` already. Where it is not, marking it may move positions by their last bits.
     InvariantOriginal,
@@ -45,8 +45,10 @@ pub enum Assumption {
     NumbersOfTheScene,
     /// Positions computed by two pipelines from one source differ by less than the pass's bias or tolerance.
     PositionWithinBias,
-    /// Which products a compiler fuses with a sum does not rest on branches that are not there any more.
+    /// What a compiler fuses and reorders rests on no more of an operation than the float operations it takes operands from, whether they stand in one basic block, and how many read them.
     SameContraction,
+    /// What is multiplied with a weight of 0 is neither NaN nor infinite: textures of floating point may hold such texels.
+    FiniteTaps,
     /// The values that a draw is made with lie where the plan's guard says ([`crate::guard`]).
     ValuesOfTheGuard,
 }
@@ -65,6 +67,9 @@ pub enum Contract {
     Rounding {
         /// Number of roundings that may differ.
         k: u32,
+        /// What decisions may turn on them; absent: none rests on them, and each pixel keeps to its roundings.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        turned: Option<Turned>,
         /// Sorted, each once.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         given: Vec<Assumption>,
@@ -89,6 +94,50 @@ pub enum Contract {
     },
 }
 
+/// What of a picture may turn on roundings: a comparison, a discard, a texel, an edge that lies within them of where it falls otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub struct Turned {
+    /// Part of the pixels, at most, that may differ by more than roundings do, 0 to 1.
+    pub share: f64,
+    /// Whether the surface itself may move by roundings.
+    pub surface: Surface,
+}
+
+/// Where triangles lie on the screen, and how deep.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Surface {
+    /// Where the original's do: depth keeps its bits.
+    Kept,
+    /// Positions are rounded otherwise: depths may differ, which is measured and no promise is about.
+    Rounded,
+}
+
+impl Turned {
+    /// Largest share that is ever promised: one pixel in a thousand.
+    const MOST: f64 = 1.0 / 1024.0;
+
+    /// What may turn on `k` roundings, reckoned before anything is drawn. A number that decides is taken to run through its own size over no more than 1,024 pixels where it turns: `k`
+    /// roundings of 2^-24 then move an edge by no more than `k` 2^-14 of a pixel, and an edge is taken to run through one pixel of 16. The same holds of the outlines of a surface that moves.
+    pub fn on(k: u32, surface: Surface) -> Self {
+        let share = f64::from(k) / f64::from(1 << 18);
+        Self {
+            share: share.min(Self::MOST),
+            surface,
+        }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            share: (self.share + other.share).min(Self::MOST),
+            surface: self.surface.max(other.surface),
+        }
+    }
+}
+
 /// What an output may be off by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Budget {
@@ -96,6 +145,20 @@ pub struct Budget {
     pub metric: String,
     /// Largest value of the metric.
     pub budget: f64,
+}
+
+impl std::fmt::Display for Turned {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "decisions may turn on them in {:.3} % of the pixels",
+            100.0 * self.share
+        )?;
+        match self.surface {
+            Surface::Kept => Ok(()),
+            Surface::Rounded => write!(f, ", depth is rounded too"),
+        }
+    }
 }
 
 impl std::fmt::Display for Budget {
@@ -136,10 +199,23 @@ impl Contract {
         given.dedup();
         match (self, other) {
             (Exact { .. }, Exact { .. }) => Exact { given },
-            (Rounding { k: a, .. }, Rounding { k: b, .. }) => Rounding { k: a + b, given },
-            (Rounding { k, .. }, Exact { .. }) | (Exact { .. }, Rounding { k, .. }) => {
-                Rounding { k, given }
-            }
+            (
+                Rounding {
+                    k: a, turned: s, ..
+                },
+                Rounding {
+                    k: b, turned: t, ..
+                },
+            ) => Rounding {
+                k: a + b,
+                turned: match (s, t) {
+                    (Some(s), Some(t)) => Some(s.and(t)),
+                    (one, other) => one.or(other),
+                },
+                given,
+            },
+            (Rounding { k, turned, .. }, Exact { .. })
+            | (Exact { .. }, Rounding { k, turned, .. }) => Rounding { k, turned, given },
             _ => match narrowest.len() {
                 1 => {
                     let Budget { metric, budget } = narrowest.remove(0);
@@ -214,6 +290,7 @@ mod tests {
     fn budgets_of_different_metrics_are_all_kept() {
         let rounding = |k| Contract::Rounding {
             k,
+            turned: None,
             given: Vec::new(),
         };
         let mean = approximate("flip_mean", 0.05);

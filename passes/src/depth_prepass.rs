@@ -178,7 +178,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             let format = plan
                 .depth_format(&opaque.depth.attachment)
                 .unwrap_or_default();
-            if opaque.direction == DepthDirection::Forward && format.may_be_float() {
+            if rests_on_near_plane(&opaque, format) {
                 refusals.extend(on_near_plane(&opaque, facts));
             }
             refusals.extend(reads_biased_depth(&opaque));
@@ -264,16 +264,23 @@ fn reads_biased_depth(opaque: &Opaque) -> Option<Refusal> {
     })
 }
 
-/// The bias of a float format is relative to the depth: on the near plane, at 0, it is nothing.
+/// Whether a surface on the near plane cannot be pushed away: the bias of a float format is relative to the depth, and at 0 it is nothing; and what is not clipped is clamped
+/// after it was biased (Vulkan 1.3, 28.10 and 29.5), in every format and direction.
+fn rests_on_near_plane(opaque: &Opaque, format: DepthFormat) -> bool {
+    let forward = opaque.direction == DepthDirection::Forward;
+    (forward && format.may_be_float()) || opaque.pass.primitive.unclipped_depth
+}
+
+/// A surface that was seen on the near plane, or lies there by construction.
 fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
     let refuse = |reason: String| {
         Refusal::new(
             DepthPrepass::INFO.name,
             "near-plane",
             format!(
-                "{reason}, where a float depth format has no bias and the pre-pass would hide what it was drawn for"
+                "{reason}, where a bias pushes nothing away (float depth formats, and surfaces that are clamped) and the pre-pass would hide what it was drawn for"
             ),
-            "draw it without depth, in its own phase, or with a unorm depth format; or take form=equal",
+            "draw it without depth, in its own phase, or clipped and with a unorm depth format; or take form=equal",
         )
     };
     let module = opaque.program.module();
@@ -285,7 +292,7 @@ fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
     }
     let n = facts.near_plane_pixels.filter(|n| *n > 0)?;
     Some(refuse(format!(
-        "{n} pixels of the frame were measured to lie on the near plane, at depth 0"
+        "{n} pixels of the frame were measured to lie on the near plane"
     )))
 }
 
@@ -362,10 +369,7 @@ fn biased(
         Assumption::SameViewport,
         Assumption::OrdinaryNeighbours,
     ];
-    given.extend(
-        (opaque.direction == DepthDirection::Forward && format.may_be_float())
-            .then_some(Assumption::BeyondNearPlane),
-    );
+    given.extend(rests_on_near_plane(opaque, format).then_some(Assumption::BeyondNearPlane));
     given.extend(opaque.assumptions());
     next.steps.push(step(slice, opaque, params, given));
     next.self_test = self_test::biased(&next);

@@ -133,7 +133,7 @@ impl std::fmt::Display for Assumed {
 /// All that a variant assumes: nothing else of the scene's values went into it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Guard {
-    /// By place, each once.
+    /// By place and type, each once.
     pub values: Vec<Assumed>,
 }
 
@@ -142,7 +142,8 @@ impl Guard {
     #[must_use]
     pub fn and(mut self, other: Self) -> Self {
         for assumed in other.values {
-            match self.values.iter_mut().find(|a| a.place == assumed.place) {
+            let same = |a: &&mut Assumed| a.place == assumed.place && a.ty == assumed.ty;
+            match self.values.iter_mut().find(same) {
                 Some(have) => {
                     have.bounds.low = have.bounds.low.max(assumed.bounds.low);
                     have.bounds.high = have.bounds.high.min(assumed.bounds.high);
@@ -150,7 +151,8 @@ impl Guard {
                 None => self.values.push(assumed),
             }
         }
-        self.values.sort_by(|a, b| a.place.cmp(&b.place));
+        self.values
+            .sort_by(|a, b| a.place.cmp(&b.place).then(a.ty.cmp(&b.ty)));
         self
     }
 

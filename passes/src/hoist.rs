@@ -471,6 +471,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             },
             Some(Class::Affine) => Contract::Rounding {
                 k: self.roundings(),
+                turned: None,
                 given: self.given.clone(),
             },
             Some(Class::Smooth) => Contract::Approximate {

@@ -7,7 +7,7 @@
 //! 2. [`graph`]: an analysis overlay on it (dependence, rate, effect, cost);
 //! 3. [`mod@slice`]: what decides a value, an output or an effect;
 //! 4. [`place`]: a slice rebuilt as an entry point of its own;
-//! 5. [`mod@specialize`], [`depth_prepass`], [`early_discard`], [`hoist`], [`tessellate`], [`trim_loop`], [`visibility_buffer`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
+//! 5. [`mod@specialize`], [`depth_prepass`], [`early_discard`], [`hoist`], [`tessellate`], [`skip_taps`], [`trim_loop`], [`visibility_buffer`]: the transforms, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
 //! 6. [`frame`]: the plans of several materials merged into one frame.
 //!
 //! Nothing in here reads a file, touches a GPU or asks the time.
@@ -18,6 +18,7 @@ pub mod channels;
 pub mod contract;
 pub mod count;
 pub mod coverage;
+pub mod declared;
 pub mod depth_only;
 pub mod depth_prepass;
 pub mod draw_table;
@@ -43,6 +44,7 @@ pub mod reflect;
 pub mod returns;
 pub mod self_test;
 pub mod shadow;
+pub mod skip_taps;
 pub mod slice;
 pub mod specialize;
 pub mod state;
@@ -61,6 +63,7 @@ pub const PASSES: &[&dyn pass::AnyPass] = &[
     &pass::Erased::<shadow::Shadow>::NEW,
     &pass::Erased::<hoist::Hoist>::NEW,
     &pass::Erased::<tessellate::Tessellate>::NEW,
+    &pass::Erased::<skip_taps::SkipTaps>::NEW,
     &pass::Erased::<trim_loop::TrimLoop>::NEW,
     &pass::Erased::<visibility_buffer::VisibilityBuffer>::NEW,
 ];

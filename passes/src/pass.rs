@@ -146,7 +146,7 @@ pub struct Facts {
     /// The same with fragments counted that the material discards: those that would tie if the discard were gone.
     #[serde(default)]
     pub undiscarded_depth_ties: Option<u64>,
-    /// Pixels (samples) whose final depth is exactly 0 where 0 is the near plane, in the first frame of every camera.
+    /// Pixels (samples) whose final depth is exactly that of the near plane, in the first frame of every camera.
     #[serde(default)]
     pub near_plane_pixels: Option<u64>,
     /// Vertices shaded for each fragment shaded, over every camera measured.
@@ -324,6 +324,11 @@ pub trait Pass {
     /// What it is.
     const INFO: PassInfo;
 
+    /// What of its parameters names nothing in the material: a slip of whoever wrote them where none of the materials meant has it, and no refusal.
+    fn misnamed(_plan: &Plan, _params: &Self::Params) -> Option<Misnamed> {
+        None
+    }
+
     /// Where it applies on `plan`, and every refusal.
     fn sites(plan: &Plan, facts: &Facts, params: &Self::Params) -> Sites;
 
@@ -337,6 +342,17 @@ pub trait Pass {
         site: &SiteKey,
         params: &Self::Params,
     ) -> Result<Plan, Box<Refusal>>;
+}
+
+/// A name among the parameters that a material has not, or a value that what is named cannot have.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Misnamed {
+    /// What is wrong, in words.
+    pub message: String,
+    /// The name, as given.
+    pub name: String,
+    /// The names there are; empty where the name is not what is wrong.
+    pub known: Vec<String>,
 }
 
 /// Parameters that do not fit a pass.
@@ -360,6 +376,8 @@ pub trait AnyPass: Sync {
     /// # Errors
     /// Unknown names, values out of range or of another type.
     fn complete(&self, params: &serde_json::Value) -> Result<serde_json::Value, ParamError>;
+    /// As [`Pass::misnamed`]; nothing of parameters that do not fit the pass.
+    fn misnamed(&self, plan: &Plan, params: &serde_json::Value) -> Option<Misnamed>;
     /// As [`Pass::sites`].
     ///
     /// # Errors
@@ -416,6 +434,10 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
             pass: P::INFO.name.to_owned(),
             message: e.to_string(),
         })
+    }
+
+    fn misnamed(&self, plan: &Plan, params: &serde_json::Value) -> Option<Misnamed> {
+        P::misnamed(plan, &Self::params(params).ok()?)
     }
 
     fn sites(

@@ -7,6 +7,7 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use serde::{Deserialize, Serialize};
 
 use crate::calls;
+use crate::declared::Declared;
 
 /// One file of the author's source. `base` is where its text begins in the address space that all spans of a
 /// [`SourceMap`] share.
@@ -126,6 +127,7 @@ pub struct Program {
     info: Arc<ModuleInfo>,
     sources: Arc<SourceMap>,
     language: Language,
+    declared: Arc<Declared>,
     /// No transform has touched it.
     as_written: bool,
 }
@@ -150,8 +152,16 @@ impl Program {
             info: Arc::new(info),
             sources,
             language,
+            declared: Arc::default(),
             as_written: true,
         })
+    }
+
+    /// The program with what its author's text declares beside it.
+    #[must_use]
+    pub fn with_declared(mut self, declared: Declared) -> Self {
+        self.declared = Arc::new(declared);
+        self
     }
 
     /// The program with another module in place of its own, validated: what a transform returns.
@@ -161,6 +171,7 @@ impl Program {
     pub fn with_module(&self, module: naga::Module) -> Result<Self, Box<Invalid>> {
         let program = Self::new(module, Arc::clone(&self.sources), self.language)?;
         Ok(Self {
+            declared: Arc::clone(&self.declared),
             as_written: false,
             ..program
         })
@@ -197,6 +208,11 @@ impl Program {
     /// The author's language.
     pub fn language(&self) -> Language {
         self.language
+    }
+
+    /// What the author's text declares that the module has no word for.
+    pub fn declared(&self) -> &Declared {
+        &self.declared
     }
 
     /// The entry point of that name, with its index (names are unique within a stage only).

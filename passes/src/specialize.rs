@@ -14,38 +14,47 @@
 //! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write (`shrink`), which takes dead work,
 //! varyings, attributes and bindings along.
 //!
-//! The promise is `Exact`: only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
+//! Only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
 //! `fold=rounding`, sums with 0 and products with 0 and 1 go too.
+//!
+//! The promise is `Exact` where nothing around a float operation changes that a compiler fuses and reorders by, else `Rounding`, with the share of pixels in which a decision may turn on one
+//! ([`contraction`]): where a branch goes, a product may be fused into a sum that was none before, and no text prevents it.
 //!
 //! What was assumed is the plan's [`crate::guard::Guard`]. It hurts where values change after all: each change of variant is another pipeline.
 
 use std::collections::BTreeSet;
 
-use naga::{Binding, Interpolation, ShaderStage};
+use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 
-use crate::contract::{Assumption, Contract};
-use crate::graph::Graph;
+use crate::contract::{Assumption, Contract, Turned};
+use crate::graph::{FunctionId, Graph};
 use crate::guard::Guard;
-use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::pass::{Facts, Misnamed, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::program::Program;
 use crate::reflect;
 
 pub mod arithmetic;
 pub mod assume;
+pub mod contraction;
+mod control;
 pub mod decision;
 pub mod effects;
 mod expressions;
 pub mod fold;
 pub mod known;
+mod overrides;
 mod params;
 mod shrink;
+mod unroll;
+mod versions;
 
 pub use params::{Fold, Params};
 
 use assume::Assumptions;
-use decision::Decision;
-use fold::Folder;
+use contraction::Exposed;
+use decision::Placed;
+use fold::{Folder, Stage};
 use known::{Known, Scalar};
 
 /// The pass.
@@ -60,6 +69,11 @@ impl Pass for Specialize {
         source: "Crawford and O'Boyle, Specialization Opportunities in Graphical Workloads (2019)",
         hurts: "where values change from frame to frame, and where many draws want many variants",
     };
+
+    fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
+        let (_, program) = examine(plan).ok()?;
+        assume::misnamed(program.module(), params.set.as_deref()?)
+    }
 
     fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
         match Specialized::new(plan, facts, params) {
@@ -106,7 +120,8 @@ pub struct Specialized {
     key: SiteKey,
     /// Key of the program it takes the place of.
     of: String,
-    roundings: u32,
+    /// Float operations of the original that were left out.
+    roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
 }
 
 impl Specialized {
@@ -117,7 +132,8 @@ impl Specialized {
     pub fn new(plan: &Plan, facts: &Facts, params: &Params) -> Result<Self, Box<Refusal>> {
         let (pass, program) = examine(plan)?;
         let assumptions = assumptions(plan, program, facts, params)?;
-        let folded = folded(pass, program, &assumptions, params).map_err(bug)?;
+        let graph = Graph::build(program);
+        let folded = folded(&graph, pass, &assumptions, params);
         if folded.used.is_empty() {
             return Err(Box::new(refusal(
                 "nothing-known",
@@ -130,20 +146,23 @@ impl Specialized {
                 "give it a scene, or values by hand (specialize:set=NAME=NUMBER); fold=rounding folds weights of 0 and 1 too",
             )));
         }
-        let guard = assumptions.guard(&folded.used);
-        let before = plan.guard.clone().unwrap_or_default();
-        if let Some(none) = before.and(guard.clone()).contradicted() {
+        let set = assumptions.set_overrides();
+        let module =
+            overrides::resolved(folded.module, set.map(|(handle, value, _)| (handle, value)));
+        if let Some(name) = overrides::unwritable(&module) {
             return Err(Box::new(refusal(
-                "unfit-values",
+                "override-default",
                 format!(
-                    "an earlier step of the recipe takes another value of `{}`",
-                    none.name
+                    "the default of the override `{name}` is computed of another's, and naga's writer has no words for that"
                 ),
-                "give each value once",
+                format!(
+                    "give `{name}` a value, or those that it is computed of: specialize:set={name}=NUMBER"
+                ),
             )));
         }
+        let program_folded = program.with_module(module).map_err(bug)?;
         let shrunk =
-            shrink::shrink(&folded.program, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
+            shrink::shrink(&program_folded, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
         let costs = |program: &Program| {
             let graph = Graph::build(program);
             let of = |stage, name: Option<&str>| {
@@ -156,6 +175,21 @@ impl Specialized {
             ]
         };
         let (before, after) = (costs(program), costs(&shrunk.program));
+        // Whatever the text has another value of is assumed.
+        let mut used = folded.used;
+        used.extend(assumptions.set_overrides().map(|(_, _, at)| at));
+        let guard = assumptions.guard(&used);
+        let assumed = plan.guard.clone().unwrap_or_default();
+        if let Some(none) = assumed.and(guard.clone()).contradicted() {
+            return Err(Box::new(refusal(
+                "unfit-values",
+                format!(
+                    "an earlier step of the recipe takes another value of `{}`",
+                    none.name
+                ),
+                "give each value once",
+            )));
+        }
         Ok(Self {
             guard,
             cost: [[before[0], after[0]], [before[1], after[1]]],
@@ -169,6 +203,11 @@ impl Specialized {
             of: pass.program.clone(),
             roundings: folded.roundings,
         })
+    }
+
+    /// What is left of the material.
+    pub fn program(&self) -> &Program {
+        &self.program
     }
 
     /// A hash of what is left: the same for two draws whose values lead to the same stages.
@@ -205,10 +244,23 @@ impl Specialized {
                 reflect::fill(pass, &self.program);
             }
         }
-        let given = vec![Assumption::SameContraction, Assumption::ValuesOfTheGuard];
-        let contract = match self.roundings {
+        let mut given = vec![Assumption::SameContraction, Assumption::ValuesOfTheGuard];
+        if !self.roundings.is_empty() {
+            given.insert(1, Assumption::FiniteTaps);
+        }
+        let before = plan
+            .main()
+            .and_then(|pass| Some((pass, plan.program(pass)?)));
+        let exposed = before.map_or_else(Exposed::default, |(pass, program)| {
+            contraction::exposed(program, &self.program, pass, &self.roundings)
+        });
+        let contract = match exposed.roundings {
             0 => Contract::Exact { given },
-            k => Contract::Rounding { k, given },
+            k => Contract::Rounding {
+                k,
+                turned: exposed.decides.map(|surface| Turned::on(k, surface)),
+                given,
+            },
         };
         next.notes.push(self.describe());
         next.steps.push(Step {
@@ -270,33 +322,42 @@ fn assumptions(
 
 /// Both stages folded.
 struct Folded {
-    program: Program,
+    module: naga::Module,
+    /// Assumptions that something left in them rests on.
     used: BTreeSet<usize>,
-    roundings: u32,
-    decisions: Vec<Decision>,
+    /// Float operations that were left out.
+    roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
+    /// Where decisions were left or taken, by stage.
+    stages: Vec<(&'static str, decision::Record)>,
+    /// What folding each function came to.
+    records: Vec<decision::Record>,
 }
 
-fn folded(
-    pass: &GpuPass,
-    program: &Program,
-    assumptions: &Assumptions,
-    params: &Params,
-) -> Result<Folded, Box<crate::program::Invalid>> {
-    let graph = Graph::build(program);
-    let module = program.module();
-    let mut folder = Folder::new(&graph, assumptions, params.fold, params.unroll);
-    let mut stages = Vec::new();
+impl Folded {
+    /// What the draw decides in both stages.
+    fn decisions(&self, graph: &Graph<'_>) -> Vec<Placed> {
+        let mut all = Vec::new();
+        for (name, record) in &self.stages {
+            decision::of_stage(graph, name, record, &self.records, &mut all);
+        }
+        all
+    }
+}
+
+fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: &Params) -> Folded {
+    let (program, module) = (graph.program(), graph.module());
+    let mut folder = Folder::new(graph, assumptions, params.fold, params.unroll);
+    let mut stages: Vec<(usize, &'static str, Stage)> = Vec::new();
     let mut varyings = Vec::new();
     if let Some((vertex, point)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) {
         let known = |io: &reflect::Io| match io.binding {
             Some(Binding::Location { location, .. }) => {
-                assumptions.attribute(location, components(module, io.ty))
+                assumptions.attribute(location, &module.types[io.ty].inner)
             }
             _ => Known::Unknown,
         };
         let arguments = arguments(module, &point.function, &known);
-        let (function, result, _) = folder.stage(vertex, arguments);
-        stages.push((vertex, function));
+        let stage = folder.stage(vertex, arguments);
         let outputs = reflect::outputs(module, &point.function);
         let is_struct = point
             .function
@@ -309,15 +370,16 @@ fn folded(
             .filter_map(|(i, io)| match io.binding {
                 Some(Binding::Location { location, .. }) => {
                     let value = if is_struct {
-                        result.part(i)
+                        stage.result.part(i)
                     } else {
-                        result.clone()
+                        stage.result.clone()
                     };
                     Some((location, value))
                 }
                 _ => None,
             })
             .collect();
+        stages.push((vertex, "vertex", stage));
     }
     let fragment = pass
         .fragment
@@ -340,17 +402,22 @@ fn folded(
             _ => Known::Unknown,
         };
         let arguments = arguments(module, &point.function, &known);
-        let (function, _, _) = folder.stage(fragment, arguments);
-        stages.push((fragment, function));
+        stages.push((fragment, "fragment", folder.stage(fragment, arguments)));
     }
-    let used = folder.used().clone();
-    let roundings = folder.roundings;
-    let decisions = std::mem::take(&mut folder.decisions);
+    let (types, functions, records) = folder.into_parts();
+    let (mut used, mut roundings) = (BTreeSet::new(), BTreeSet::new());
+    for (_, _, stage) in &stages {
+        let (more, left_out) = stage.record.with_callees(&records);
+        used.extend(more);
+        roundings.extend(left_out);
+    }
     let mut module = module.clone();
-    module.functions = folder.into_functions();
-    let kept: Vec<usize> = stages.iter().map(|(entry, _)| *entry).collect();
-    for (entry, function) in stages {
-        module.entry_points[entry].function = function;
+    (module.types, module.functions) = (types, functions);
+    let kept: Vec<usize> = stages.iter().map(|(entry, ..)| *entry).collect();
+    let mut notes = Vec::new();
+    for (entry, name, stage) in stages {
+        module.entry_points[entry].function = stage.function;
+        notes.push((name, stage.record));
     }
     // Other entry points call functions that are not there any more.
     let mut index = 0;
@@ -358,42 +425,12 @@ fn folded(
         index += 1;
         kept.contains(&(index - 1))
     });
-    for (handle, value) in assumptions.set_overrides() {
-        let ty = module.overrides[handle].ty;
-        if let Some(literal) = literal(&module, ty, value) {
-            let literal = naga::Expression::Literal(literal);
-            let init = module
-                .global_expressions
-                .append(literal, naga::Span::UNDEFINED);
-            module.overrides[handle].init = Some(init);
-        }
-    }
-    Ok(Folded {
-        program: program.with_module(module)?,
+    Folded {
+        module,
         used,
         roundings,
-        decisions,
-    })
-}
-
-fn literal(
-    module: &naga::Module,
-    ty: naga::Handle<naga::Type>,
-    value: f64,
-) -> Option<naga::Literal> {
-    Some(match module.types[ty].inner.scalar()? {
-        naga::Scalar::BOOL => naga::Literal::Bool(value != 0.0),
-        naga::Scalar::I32 => naga::Literal::I32(value as i32),
-        naga::Scalar::U32 => naga::Literal::U32(value as u32),
-        naga::Scalar::F32 => naga::Literal::F32(value as f32),
-        _ => return None,
-    })
-}
-
-fn components(module: &naga::Module, ty: naga::Handle<naga::Type>) -> Option<u32> {
-    match module.types[ty].inner {
-        naga::TypeInner::Vector { size, .. } => Some(size as u32),
-        _ => None,
+        stages: notes,
+        records,
     }
 }
 

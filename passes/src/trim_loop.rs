@@ -149,7 +149,7 @@ impl Trimmed {
         };
         let graph = Graph::build(program);
         let meant = meant(&graph, fragment, params).map_err(alone)?;
-        let found = found(&graph, pass, fragment, &meant);
+        let found = found(&graph, pass, fragment, &meant, params.turns);
         let left = left(&graph, &found);
         let chosen: Vec<(&Found, &Counted)> = found
             .iter()
@@ -270,12 +270,13 @@ fn meant(
     Ok(meant)
 }
 
-/// The loops of functions, and which of them can lose a turn.
+/// The loops of functions, and which of them can lose `turns` turns.
 fn found(
     graph: &Graph<'_>,
     pass: &GpuPass,
     fragment: usize,
     meant: &BTreeSet<FunctionId>,
+    turns: u32,
 ) -> Vec<Found> {
     let program = graph.program();
     let decides = Decides::of(graph, program, fragment, pass);
@@ -316,6 +317,9 @@ fn found(
                 Some(c) if c.turns < 2 => Err("it makes one turn, or none"),
                 Some(c) if uses.get(&c.bound) != Some(&1) => {
                     Err("the number that its counter is compared with is used elsewhere too")
+                }
+                Some(c) if c.bound_for(stays(&c, turns)).is_none() => {
+                    Err("no other number in place of its bound takes away so many turns")
                 }
                 Some(c) => Ok(c),
             };
@@ -361,7 +365,7 @@ fn trimmed(graph: &Graph<'_>, chosen: &[(&Found, &Counted)], turns: u32) -> naga
             let mut rewrite = Rewrite::default();
             for (_, counted) in of {
                 let left = stays(counted, turns);
-                // A counter that is compared for equality may have no such number: it stays.
+                // Loops without such a number were not chosen.
                 let Some(bound) = counted.bound_for(left) else {
                     continue;
                 };

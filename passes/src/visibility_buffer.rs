@@ -275,7 +275,11 @@ impl<'a> Material<'a> {
             site: self.depth.key(&self.opaque),
             params: serde_json::to_value(params).unwrap_or_default(),
             contract: match params.budget {
-                None => Contract::Rounding { k, given },
+                None => Contract::Rounding {
+                    k,
+                    turned: None,
+                    given,
+                },
                 Some(budget) => Contract::Approximate {
                     metric: "max_abs".to_owned(),
                     budget,

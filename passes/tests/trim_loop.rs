@@ -182,6 +182,24 @@ fn what_decides_more_than_a_colour_stays() {
     assert!(shared.contains("vertex stage"), "{shared}");
 }
 
+/// `i *= -2` goes to and fro: each of its values but the last is passed on the way back.
+#[test]
+fn a_loop_without_a_bound_for_less_turns_stays() {
+    let alone = "@fragment fn fs(@location(0) x: f32) -> @location(0) vec4<f32> {
+        var s = 0.0; for (var i = 1; i < 10; i *= -2) { s += x; } return vec4(s); }";
+    let stays = reason(alone);
+    assert!(stays.contains("no other number"), "{stays}");
+    let beside = alone.replace("return", "for (var j = 0; j < 4; j++) { s += x; } return");
+    let found = TrimLoop::sites(&original(&beside), &Facts::default(), &params(1, None));
+    assert!(found.sites[0].what.contains("3 turns instead of 4"));
+    assert_eq!(
+        found.sites[0].what.matches("instead of").count(),
+        2,
+        "{found:#?}"
+    );
+    assert_eq!(found.left.len(), 1);
+}
+
 #[test]
 fn loops_that_do_not_decide_the_discard_go() {
     let plan = original(

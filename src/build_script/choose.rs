@@ -1,5 +1,7 @@
 //! Which plans a material is built as: the lock's, or what is asked for and needs no scene.
 
+use std::path::PathBuf;
+
 use preshade_passes::contract::{Assumption, Contract};
 use preshade_passes::pass::{Facts, Refusal};
 use preshade_passes::plan::Plan;
@@ -8,7 +10,7 @@ use super::generate::Drawn;
 use super::{Asked, Builder, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::lock::{Inputs, Lock, Mismatch};
+use crate::lock::{Inputs, Lock, Locked, Mismatch};
 use crate::recipe::{Recipe, Step};
 
 /// The variants of a material for which nothing is asked: what needs no scene.
@@ -18,35 +20,50 @@ pub(super) const BY_DEFAULT: [(&str, &str); 3] = [
     ("shadow", "shadow"),
 ];
 
-/// The original, the material's own variant, then those with names of their own.
+/// What a material is built as.
+pub(super) struct Chosen {
+    /// The original, the material's own variant, then those with names of their own.
+    pub drawn: Vec<Drawn>,
+    /// Files that its own include.
+    pub included: Vec<PathBuf>,
+}
+
+/// Chooses the plans of a material.
 pub(super) fn choose(
     builder: &Builder,
     name: &str,
     sources: &[front::Source],
     lock: Option<&Lock>,
     warnings: &mut Vec<String>,
-) -> Result<Vec<Drawn>, Error> {
+) -> Result<Chosen, Error> {
     let Asked { own, named } = builder.recipes()?;
     let locked = lock.and_then(|lock| lock.materials.get(name));
     // The pipeline state and the entry points are no part of the shader: what the lock says of them holds also where the shader was edited.
-    let mut options = builder.options.clone();
-    if let Some(locked) = locked {
-        options.vertex = options.vertex.or(locked.inputs.vertex.clone());
-        options.fragment = options.fragment.or(locked.inputs.fragment.clone());
-    }
     let state = builder.state.clone();
     let state = state.or(locked.map(|l| l.inputs.state.clone()));
     let state = state.unwrap_or_default();
-    let parsed = front::parse(sources, &options).map_err(Error::Shader)?;
+    let parsed = parse(sources, &builder.options, locked)?;
+    let inputs = Inputs::of(&parsed, &builder.options.defines, &state);
+    let included = parsed.program.sources().files().iter().skip(sources.len());
+    let mut included: Vec<PathBuf> = included.map(|f| PathBuf::from(&f.name)).collect();
+    // Both stages may include it.
+    included.sort();
+    included.dedup();
     let fragment = parsed.fragment.as_deref();
     let original = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);
 
-    let inputs = Inputs::of(sources, &options, &state);
     let obeyed = lock.map(|lock| lock.check(name, &inputs)?.apply(&original));
     let variant = match obeyed {
         Some(Ok(plan)) => (plan, Vec::new()),
         // No lock, or one of other materials.
         None | Some(Err(Mismatch::NoMaterial { .. })) => {
+            let others = lock.map(|lock| lock.same_files(name, &inputs));
+            if let Some([first, ..]) = others.as_deref() {
+                let why = format!(
+                    "preshade.lock says nothing of `{name}`, but of `{first}`, which is of the same file: to obey it say `.name(\"{first}\")`"
+                );
+                warnings.push(warning(sources, &why));
+            }
             without_scene(&original, &own.unwrap_or_default(), sources, warnings)
         }
         Some(Err(mismatch)) => {
@@ -62,10 +79,31 @@ pub(super) fn choose(
     for (name, recipe) in named {
         plans.push((name, without_scene(&original, &recipe, sources, warnings)));
     }
-    plans
+    let drawn = plans
         .into_iter()
         .map(|(name, (plan, left_out))| emitted(builder, name, plan, left_out, sources, warnings))
-        .collect()
+        .collect::<Result<_, _>>()?;
+    Ok(Chosen { drawn, included })
+}
+
+/// The shader, with the entry points that are asked for, or else those of the lock where the shader still has them.
+fn parse(
+    sources: &[front::Source],
+    options: &front::Options,
+    locked: Option<&Locked>,
+) -> Result<front::Parsed, Error> {
+    if let Some(Locked { inputs, .. }) = locked {
+        let vertex = options.vertex.clone().or(Some(inputs.vertex.clone()));
+        let as_locked = front::Options {
+            vertex,
+            fragment: options.fragment.clone().or(inputs.fragment.clone()),
+            ..options.clone()
+        };
+        if let Ok(parsed) = front::parse(sources, &as_locked) {
+            return Ok(parsed);
+        }
+    }
+    front::parse(sources, options).map_err(Error::Shader)
 }
 
 /// The steps of `recipe` that apply and need no scene; why others are left out.
@@ -152,16 +190,23 @@ fn emitted(
 ) -> Result<Drawn, Error> {
     let options = emit::Options::default();
     let mut targets = vec![Target::Wgsl];
-    for target in builder.targets.iter().filter(|t| **t != Target::Wgsl) {
-        match emit::emit(&plan, &[*target], &options) {
-            Ok(_) => targets.push(*target),
-            Err(error) => {
-                let text = format!("{target} is left out of `{name}`: {error}");
-                warnings.push(warning(sources, &text));
-            }
+    targets.extend(builder.targets.iter().filter(|t| **t != Target::Wgsl));
+    // Once for all of them; one by one only where that fails, to tell by whom.
+    let files: Vec<File> = match emit::emit(&plan, &targets, &options) {
+        Ok(files) => files,
+        Err(error) if targets == [Target::Wgsl] => return Err(Error::Emit(error)),
+        Err(_) => {
+            targets.retain(|target| match emit::emit(&plan, &[*target], &options) {
+                Err(error) if *target != Target::Wgsl => {
+                    let text = format!("{target} is left out of `{name}`: {error}");
+                    warnings.push(warning(sources, &text));
+                    false
+                }
+                _ => true,
+            });
+            emit::emit(&plan, &targets, &options)?
         }
-    }
-    let files: Vec<File> = emit::emit(&plan, &targets, &options)?;
+    };
     Ok(Drawn {
         name,
         plan,

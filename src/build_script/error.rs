@@ -41,6 +41,18 @@ pub enum Error {
         "`{0}` cannot be the name of a material (it begins a file's) or of a variant (it is a module's: small letters, digits and `_`, and not `original` or `variant`)"
     )]
     Name(String),
+    /// A build script compiles two materials to one module.
+    #[error(
+        "`{name}` is compiled twice, of {first} and of {second}, with other options or of other files: the module of one would take the other's place; give one of them another `name`"
+    )]
+    Taken {
+        /// The material's name.
+        name: String,
+        /// Files of the one that came first.
+        first: String,
+        /// Files of the other.
+        second: String,
+    },
     /// Not run by cargo, and no folder is given.
     #[error("OUT_DIR is not set: call this from a build script, or give `out_dir`")]
     NoOutDir,

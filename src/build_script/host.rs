@@ -173,6 +173,100 @@ pub struct Compute {
     pub raise_limits: fn(&mut wgpu::Limits),
 }
 
+/// One plan of a material, with all that a frame needs of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Variant {
+    /// What was done to the original.
+    pub recipe: &'static str,
+    /// What it takes for granted of the values that it is drawn with; nothing where that is empty.
+    pub guard: &'static [Assumed],
+    /// Its passes, in the order they run.
+    pub passes: &'static [&'static Pass],
+    /// Its compute passes, in the order they run.
+    pub compute: &'static [Compute],
+    /// Textures that its passes write or read, the scene's depth first.
+    pub attachments: &'static [Attachment],
+    /// To be run at load; where it fails, draw the original.
+    pub self_test: Option<&'static SelfTest>,
+}
+
+impl Variant {
+    /// Whether the uniforms of a draw are as it takes for granted; asked whenever one is written. `bytes` gives the content of a binding, by group and binding; one that is not there, or is
+    /// too short, is not. Of attributes and textures no buffer tells: of those in [`Variant::guard`] the host sees to it that they stay.
+    pub fn guard_holds<'b>(&self, bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
+        self.guard.iter().all(|assumed| assumed.holds(&bytes))
+    }
+}
+
+/// A number that a variant takes to lie between two others, both included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Assumed {
+    /// The author's name for it: `material.fog_density`, `lights[1].color.x`.
+    pub name: &'static str,
+    /// Where it comes from.
+    pub place: Place,
+    /// Its type.
+    pub ty: ScalarType,
+    /// The least that it may be.
+    pub low: f64,
+    /// The greatest.
+    pub high: f64,
+}
+
+/// Where a number comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A scalar of a uniform buffer, so many bytes into its binding.
+    Uniform {
+        group: u32,
+        binding: u32,
+        offset: u32,
+    },
+    /// A component of a vertex attribute, the same for every vertex and instance of a draw.
+    Attribute { location: u32, component: u32 },
+    /// A channel of a texture, the same in every texel of every level.
+    Texture {
+        group: u32,
+        binding: u32,
+        channel: u32,
+    },
+    /// A pipeline-overridable constant, which the texts have already: a host sets none.
+    Override { name: &'static str },
+}
+
+/// The type of a scalar.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScalarType {
+    F32,
+    I32,
+    U32,
+}
+
+impl Assumed {
+    /// As [`Variant::guard_holds`]; whatever is no uniform holds.
+    pub fn holds<'b>(&self, bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
+        let Place::Uniform {
+            group,
+            binding,
+            offset,
+        } = self.place
+        else {
+            return true;
+        };
+        let content = bytes(group, binding).and_then(|b| b.get(offset as usize..));
+        let Some(word) = content.and_then(|b| b.first_chunk::<4>()) else {
+            return false;
+        };
+        let number = match self.ty {
+            ScalarType::F32 => f64::from(f32::from_le_bytes(*word)),
+            ScalarType::I32 => f64::from(i32::from_le_bytes(*word)),
+            ScalarType::U32 => f64::from(u32::from_le_bytes(*word)),
+        };
+        // No comparison holds for NaN.
+        self.low <= number && number <= self.high
+    }
+}
+
 /// The host's vertex buffers do not hold what a pass reads.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unfit(pub String);

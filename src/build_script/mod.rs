@@ -18,6 +18,9 @@
 //! The module `lit` has `original` and the variant, each with its passes (`PASSES`, and `MAIN`, `PREPASS` and so on by role), attachments, self-test, files and whole plan; the variant's names
 //! are the module's own. A [`Builder::variant`] has a module of its own.
 //!
+//! A specialised variant holds for some values alone. Its `GUARD` says which, `guard_holds` looks at a draw's uniforms, and `variant_for` gives it or the original; its passes are had in no
+//! other way but `CHOICES`, which is all that `variant_for` may give. Where the material's own variant is such a one, the module's names are the original's, but for these four.
+//!
 //! What is made, for each material:
 //!
 //! 1. Where `preshade.lock` beside the shader names it, what is kept there ([`crate::lock`]): chosen on a scene, by a developer's adapter. Where the lock does not fit the shader any
@@ -42,7 +45,9 @@ mod host;
 mod stamp;
 mod wgpu_words;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use preshade_passes::state::MaterialState;
 
@@ -149,6 +154,20 @@ impl Builder {
         self
     }
 
+    /// A folder in which `#include` of GLSL is looked up, after the including file's own.
+    #[must_use]
+    pub fn include(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.options.include.push(folder.into());
+        self
+    }
+
+    /// The clip space that GLSL positions are written for; the default goes by the dialect.
+    #[must_use]
+    pub fn clip_space(mut self, clip_space: front::ClipSpace) -> Self {
+        self.options.clip_space = Some(clip_space);
+        self
+    }
+
     /// Writes this target beside WGSL, which is always written: the files are in `FILES`. One that cannot say what a material does is told as a warning.
     #[must_use]
     pub fn emit(mut self, target: Target) -> Self {
@@ -197,11 +216,41 @@ impl Builder {
         self.tell(&[vertex.as_ref(), fragment.as_ref()])
     }
 
+    /// Refuses a second material of one name, which would take the place of the first's module in every run.
+    fn claim(&self, files: &[&Path]) -> Result<(), Error> {
+        /// Modules that this process compiled: of which files, and how.
+        static CLAIMED: Mutex<BTreeMap<PathBuf, (String, String)>> = Mutex::new(BTreeMap::new());
+        let name = self.material(files)?;
+        let module = self.output_folder()?.join(format!("{name}.rs"));
+        let shown: Vec<String> = files.iter().map(|f| slashes(f)).collect();
+        let second = shown.join(" and ");
+        let mut claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = (second.clone(), format!("{self:?}"));
+        match claimed.entry(module).or_insert_with(|| own.clone()) {
+            one if *one == own => Ok(()),
+            (first, _) => Err(Error::Taken {
+                name,
+                first: first.clone(),
+                second,
+            }),
+        }
+    }
+
+    fn output_folder(&self) -> Result<PathBuf, Error> {
+        match &self.out_dir {
+            Some(folder) => Ok(folder.clone()),
+            None => std::env::var_os("OUT_DIR")
+                .map(PathBuf::from)
+                .ok_or(Error::NoOutDir),
+        }
+    }
+
     fn tell(&self, files: &[&Path]) -> Result<(), Error> {
         // Also where it fails: mending a file must run the build again.
         for file in files {
             println!("cargo::rerun-if-changed={}", file.display());
         }
+        self.claim(files)?;
         let built = self.build(files)?;
         for file in built.read.iter().filter(|f| !files.contains(&f.as_path())) {
             println!("cargo::rerun-if-changed={}", file.display());
@@ -212,15 +261,12 @@ impl Builder {
         Ok(())
     }
 
-    /// Compiles a material of one file or two and prints nothing: for build systems other than cargo.
+    /// Compiles a material of one file or two and prints nothing: for build systems other than cargo. Materials of one name in one folder take each other's place.
     ///
     /// # Errors
     /// As [`Builder::compile`].
     pub fn build(&self, files: &[&Path]) -> Result<Built, Error> {
-        let out = match &self.out_dir {
-            Some(folder) => folder.clone(),
-            None => PathBuf::from(std::env::var_os("OUT_DIR").ok_or(Error::NoOutDir)?),
-        };
+        let out = self.output_folder()?;
         let name = self.material(files)?;
         let texts = files
             .iter()
@@ -244,11 +290,12 @@ impl Builder {
         let module = out.join(format!("{name}.rs"));
         let folder = out.join(&name);
         let key = stamp::key(self, &name, files, &texts, lock_text.as_deref());
-        if let Some(warnings) = stamp::still_holds(&folder, &key, &out) {
+        if let Some(kept) = stamp::still_holds(&folder, &key, &out) {
+            read.extend(kept.included);
             return Ok(Built {
                 module,
                 read,
-                warnings,
+                warnings: kept.warnings,
                 written: Vec::new(),
             });
         }
@@ -257,6 +304,7 @@ impl Builder {
             .map(|text| Lock::parse_file(text, &lock_path))
             .transpose()?;
         let made = self.make(&name, files, texts, lock.as_ref())?;
+        read.extend(made.included.iter().cloned());
         let mut written = Vec::new();
         let mut hashes = Vec::new();
         let root = [File {
@@ -273,7 +321,11 @@ impl Builder {
             hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
         }
         // Last, so that a build that was cut off is made again.
-        stamp::write(&folder, &key, &made.warnings, hashes).map_err(Error::Write)?;
+        let kept = stamp::Kept {
+            warnings: made.warnings.clone(),
+            included: made.included,
+        };
+        stamp::write(&folder, &key, kept, hashes).map_err(Error::Write)?;
         Ok(Built {
             module,
             read,
@@ -311,9 +363,11 @@ impl Builder {
             .map(|(file, text)| front::Source::new(slashes(file), text))
             .collect();
         let mut warnings = Vec::new();
-        let drawn = choose::choose(self, name, &sources, lock, &mut warnings)?;
+        let chosen = choose::choose(self, name, &sources, lock, &mut warnings)?;
+        let drawn = chosen.drawn;
         Ok(Made {
             module: generate::material(name, &drawn, self.types.as_deref()),
+            included: chosen.included,
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
             warnings,
         })
@@ -363,6 +417,7 @@ struct Asked {
 struct Made {
     module: String,
     files: Vec<(String, Vec<File>)>,
+    included: Vec<PathBuf>,
     warnings: Vec<String>,
 }
 
@@ -376,4 +431,60 @@ fn read(path: &Path) -> Result<String, Error> {
 /// A path as messages and generated files say it on every machine.
 fn slashes(path: &Path) -> String {
     path.display().to_string().replace('\\', "/")
+}
+
+#[cfg(all(test, feature = "verify"))]
+mod tests {
+    use preshade_passes::guard;
+
+    use super::host::{Assumed, Place, ScalarType};
+
+    /// What a generated module says of bytes is what the plan's guard says.
+    #[test]
+    fn a_host_checks_what_the_guard_does() {
+        let types = [
+            (guard::ScalarType::F32, ScalarType::F32),
+            (guard::ScalarType::I32, ScalarType::I32),
+            (guard::ScalarType::U32, ScalarType::U32),
+        ];
+        let (group, binding, offset) = (1, 2, 4);
+        let words = [0.0_f32, -0.0, 0.5, 1.0, 1.5, f32::NAN, f32::INFINITY]
+            .map(f32::to_bits)
+            .into_iter()
+            .chain([1, 2, u32::MAX]);
+        for (word, (ty, hosts)) in words.flat_map(|w| types.map(|t| (w, t))) {
+            let place = guard::Place::Uniform {
+                group,
+                binding,
+                offset,
+            };
+            let of = guard::Guard {
+                values: vec![guard::Assumed {
+                    name: "u.n".to_owned(),
+                    place,
+                    ty,
+                    bounds: guard::Bounds {
+                        low: 0.0,
+                        high: 1.0,
+                    },
+                }],
+            };
+            let host = Assumed {
+                name: "u.n",
+                place: Place::Uniform {
+                    group,
+                    binding,
+                    offset,
+                },
+                ty: hosts,
+                low: 0.0,
+                high: 1.0,
+            };
+            let bytes = [[0; 4], word.to_le_bytes()].concat();
+            for given in [&bytes[..], &bytes[..7]] {
+                let at = |g, b| ((g, b) == (group, binding)).then_some(given);
+                assert_eq!(host.holds(at), of.holds(at), "{word:x} as {ty:?}");
+            }
+        }
+    }
 }

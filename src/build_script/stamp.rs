@@ -1,7 +1,7 @@
 //! What a build was made of and came to, so that a material that did not change is not compiled again when a build script runs for another.
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,8 @@ const FILE: &str = "preshade.stamp";
 struct Stamp {
     key: String,
     warnings: Vec<String>,
+    /// Files that the material's own include, and BLAKE3.
+    included: Vec<(PathBuf, String)>,
     /// Path below the folder for output, and BLAKE3.
     files: Vec<(String, String)>,
 }
@@ -43,28 +45,45 @@ pub(super) fn hashed(folder: &Path, file: &File) -> (String, String) {
     (path, hash(&file.bytes))
 }
 
-/// The warnings of the last build, if it was of the same and its files are all still there.
-pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Vec<String>> {
+/// What the last build told.
+pub(super) struct Kept {
+    pub warnings: Vec<String>,
+    pub included: Vec<PathBuf>,
+}
+
+/// What the last build told, if it was of the same and its files are all still there.
+pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> {
     let text = std::fs::read(folder.join(FILE)).ok()?;
     let stamp: Stamp = serde_json::from_slice(&text).ok()?;
-    let is_there = |(path, wanted): &(String, String)| {
-        let bytes = std::fs::read(out.join(path));
+    let is_there = |path: &Path, wanted: &String| {
+        let bytes = std::fs::read(path);
         bytes.is_ok_and(|bytes| hash(&bytes) == *wanted)
     };
-    let holds = stamp.key == key && stamp.files.iter().all(is_there);
-    holds.then_some(stamp.warnings)
+    let holds = stamp.key == key
+        && stamp.included.iter().all(|(p, h)| is_there(p, h))
+        && stamp.files.iter().all(|(p, h)| is_there(&out.join(p), h));
+    holds.then(|| Kept {
+        warnings: stamp.warnings,
+        included: stamp.included.into_iter().map(|(path, _)| path).collect(),
+    })
 }
 
 /// Keeps what a build came to.
 pub(super) fn write(
     folder: &Path,
     key: &str,
-    warnings: &[String],
+    Kept { warnings, included }: Kept,
     files: Vec<(String, String)>,
 ) -> io::Result<()> {
+    let hashed = |path: PathBuf| {
+        let bytes = std::fs::read(&path)?;
+        Ok((path, hash(&bytes)))
+    };
+    let included: io::Result<_> = included.into_iter().map(hashed).collect();
     let stamp = Stamp {
         key: key.to_owned(),
-        warnings: warnings.to_vec(),
+        warnings,
+        included: included?,
         files,
     };
     let file = File {

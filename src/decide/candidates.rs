@@ -24,6 +24,10 @@ const PLAIN: &[&str] = &[
     "specialize",
     "specialize,depth-prepass",
     "specialize,hoist",
+    "specialize,hoist,depth-prepass",
+    "specialize,visibility-buffer",
+    "skip-taps:threshold=0",
+    "specialize,skip-taps:threshold=0",
 ];
 
 /// What is tried besides where the user says how much may differ; `BUDGET` becomes `budget=VALUE,metric=METRIC`, of passes that count in one metric alone (`max_abs`) `MOST` the value.
@@ -33,6 +37,12 @@ const WITHIN_BUDGET: &[&str] = &[
     "hoist:BUDGET,tessellate:form=shared,level=2",
     "hoist:BUDGET,tessellate:form=shared,level=4",
     "hoist:BUDGET,tessellate:form=shared,level=8",
+    "skip-taps:BUDGET",
+    "skip-taps:BUDGET,depth-prepass",
+    "specialize,skip-taps:BUDGET",
+    "specialize,hoist:BUDGET",
+    "specialize,hoist:BUDGET,depth-prepass",
+    "trim-loop:BUDGET",
     "visibility-buffer:budget=MOST",
     "visibility-buffer:select=id,budget=MOST",
     "visibility-buffer:form=compute,budget=MOST",

@@ -94,14 +94,14 @@ pub struct PlanReport {
 }
 
 /// What a plan takes beside time on the GPU.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanCost {
     /// Pipelines.
     pub pipelines: usize,
     /// Milliseconds to make them.
     pub creation_ms: f64,
-    /// Bytes of its attachments.
-    pub target_bytes: u64,
+    /// Bytes of each of its attachments, by name and format.
+    pub targets: BTreeMap<String, u64>,
 }
 
 /// A plan in one view.
@@ -140,8 +140,24 @@ pub struct SwitchCost {
     pub pipelines: usize,
     /// Milliseconds to make them.
     pub creation_ms: f64,
-    /// Bytes of attachments that only one of the two has, if both are kept.
+    /// Bytes of attachments that only one of the two has: what keeping both takes beside what they share.
     pub target_bytes: u64,
+}
+
+impl SwitchCost {
+    /// Of two plans that are both kept.
+    pub fn of(below: &PlanCost, above: &PlanCost) -> Self {
+        let alone = |plan: &PlanCost, other: &PlanCost| {
+            let own = plan.targets.iter();
+            let own = own.filter(|(name, bytes)| other.targets.get(*name) != Some(bytes));
+            own.map(|(_, bytes)| bytes).sum::<u64>()
+        };
+        Self {
+            pipelines: below.pipelines + above.pipelines,
+            creation_ms: below.creation_ms + above.creation_ms,
+            target_bytes: alone(below, above) + alone(above, below),
+        }
+    }
 }
 
 impl Decision {
@@ -165,5 +181,24 @@ impl Decision {
     /// None that these types can give.
     pub fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attachments_of_one_size_are_not_one_attachment() {
+        let cost = |own: &str| PlanCost {
+            pipelines: 2,
+            creation_ms: 1.0,
+            targets: [("scene-depth (Depth32Float)", 400), (own, 100)]
+                .map(|(name, bytes)| (name.to_owned(), bytes))
+                .into(),
+        };
+        let (ids, depth) = (cost("ids (R32Uint)"), cost("depth-copy (R32Float)"));
+        assert_eq!(SwitchCost::of(&ids, &depth).target_bytes, 200);
+        assert_eq!(SwitchCost::of(&ids, &ids).target_bytes, 0);
     }
 }

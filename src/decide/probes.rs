@@ -247,6 +247,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,
+            defines: BTreeMap::new(),
             state,
             values: BTreeMap::new(),
             textures: BTreeMap::from([("noise".to_owned(), Arc::new(noise()))]),

@@ -2,6 +2,9 @@
 //!
 //! One set of samples serves both. Rounds are taken A B B A; every other pair of them is what the choice is made on, and the rest judge it, so that a choice cannot profit from the noise it was made
 //! of. The model is fitted to the probes and every other scene; the choice measures no more than it would: the original and the runners-up by prediction.
+//!
+//! What is measured are the frames that `plan` ranks by prediction: the original, each recipe on all materials that take it, and the mix predicted best. So "best" is the best of those, not of every
+//! mix of recipes there is; and a choice is judged as it stands before `plan` refines it material by material, which measures frames beyond these. Both say so in the report.
 
 use serde::Serialize;
 
@@ -97,7 +100,7 @@ pub struct SceneRegret {
     pub plans: Vec<String>,
     /// Why those are out that are.
     pub out: Vec<(usize, String)>,
-    /// What holds for all its views.
+    /// What holds for all its views, before refinement.
     pub policy: Policy,
     /// Each view.
     pub views: Vec<ViewRegret>,
@@ -111,7 +114,7 @@ pub struct ViewRegret {
     pub view: View,
     /// Fragments the original shades for each pixel of the frame.
     pub shaded_per_pixel: f64,
-    /// The plan with the least median time.
+    /// The plan with the least median time, of those that were measured.
     pub best: usize,
     /// Chosen for this view alone.
     pub alone: Judged,
@@ -423,6 +426,10 @@ impl RegretReport {
                 p.views
             )
         }));
+        lines.push(
+            "best: of the plans measured, which are the original, each recipe alone and the mixes predicted best; choices are judged before they are refined material by material"
+                .to_owned(),
+        );
         lines.push(String::new());
         for scene in &self.scenes {
             for view in &scene.views {

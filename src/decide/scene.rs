@@ -394,7 +394,7 @@ fn plan_report(
             |s| s.verdict.clone(),
         ),
         error: subject.and_then(|s| s.error.clone()),
-        cost: subject.and_then(|s| s.cost),
+        cost: subject.and_then(|s| s.cost.clone()),
         notes: frame.notes.clone(),
         by_view: by_view.collect(),
     }
@@ -405,13 +405,8 @@ fn switch_cost(decision: &Decision) -> Option<SwitchCost> {
     let Policy::Switch(switch) = decision.policy else {
         return None;
     };
-    let cost = |plan: usize| decision.plans.get(plan).and_then(|p| p.cost);
-    let (below, above) = (cost(switch.below)?, cost(switch.above)?);
-    Some(SwitchCost {
-        pipelines: below.pipelines + above.pipelines,
-        creation_ms: below.creation_ms + above.creation_ms,
-        target_bytes: below.target_bytes.abs_diff(above.target_bytes),
-    })
+    let cost = |plan: usize| decision.plans.get(plan)?.cost.as_ref();
+    Some(SwitchCost::of(cost(switch.below)?, cost(switch.above)?))
 }
 
 /// What one material was found to call for.

@@ -58,7 +58,7 @@ impl<'a> Subject<'a> {
                 subject.cost = Some(PlanCost {
                     pipelines,
                     creation_ms: creation.as_secs_f64() * 1e3,
-                    target_bytes: prepared.target_bytes(),
+                    targets: prepared.targets(),
                 });
                 subject.prepared = Some(prepared);
             }

@@ -104,7 +104,7 @@ fn policy(decision: &Decision) -> Vec<String> {
             ];
             lines.extend(decision.switch_cost.map(|cost| {
                 format!(
-                    "both together have {} pipelines, made in {:.0} ms, and {:.1} MB more of attachments than the smaller; --one holds to one plan",
+                    "both together have {} pipelines, made in {:.0} ms, and {:.1} MB of attachments that only one of them has; --one holds to one plan",
                     cost.pipelines,
                     cost.creation_ms,
                     cost.target_bytes as f64 * 1e-6

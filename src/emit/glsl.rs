@@ -1,5 +1,13 @@
 //! One entry point as GLSL 4.50, 4.00 or GLSL ES 3.00, with what a host must know to bind its resources.
 
+mod author;
+mod depth;
+mod loosen;
+mod read_back;
+mod std140;
+mod text;
+mod words;
+
 use naga::back::glsl::{
     self, BindingMap, Options as WriterOptions, PipelineOptions, Version, Writer, WriterFlags,
 };
@@ -10,13 +18,120 @@ use naga::{
     TypeInner,
 };
 use preshade_passes::contract::Contract;
+use preshade_passes::declared::Depth;
 use preshade_passes::early_discard;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
+use self::author::Authored;
+use self::text::Dialect;
 use super::overrides::{self, Settled};
 use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
 use super::{ClipSpace, Error, Options, Target};
+
+/// The program made ready to be written under its author's names.
+pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, Error> {
+    author::prepare(program).map_err(|failed| match failed {
+        author::Failed::Layout(what) => Error::Inexpressible {
+            file: name.to_owned(),
+            target,
+            what: format!("{what}, which a block laid out by std140 has not"),
+            remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
+        },
+        author::Failed::Names(what) => Error::Writer {
+            file: name.to_owned(),
+            target,
+            message: format!("{what} cannot be written as its author declared it"),
+        },
+    })
+}
+
+/// What naga writes for a position where the host keeps WebGPU's matrices, and what is written where it keeps OpenGL's: the author's depth again, of that in the IR.
+const TURNED: &str = "gl_Position.yz = vec2(-gl_Position.y, gl_Position.z * 2.0 - gl_Position.w);";
+const OWN_DEPTH: &str = "gl_Position.z = gl_Position.z * 2.0 - gl_Position.w;";
+
+/// As [`write`], with the author's names for whatever a host sees.
+pub(super) fn write_named(
+    authored: &Authored,
+    stage: ShaderStage,
+    entry: &str,
+    name: &str,
+    target: Target,
+    options: &Options,
+) -> Result<(String, StageFile), Error> {
+    let declared = authored.program.declared();
+    let own_depth =
+        declared.depth == Depth::OpenGl && options.glsl_clip_space == ClipSpace::AsWritten;
+    let authors_own = own_depth.then(|| depth::as_authored(&authored.program, stage, entry));
+    let authors_own = authors_own.flatten();
+    let program = authors_own.as_ref().unwrap_or(&authored.program);
+    // What cannot be left out is turned back, which costs the depth its last bits.
+    let turned = own_depth && authors_own.is_none();
+    let options = match turned {
+        true => Options {
+            glsl_clip_space: ClipSpace::OpenGl,
+        },
+        false => *options,
+    };
+    let numbered = program.module();
+    let (mut text, said) = write(program, numbered, stage, entry, name, target, &options)?;
+    refuse_later_functions(&text, name, target)?;
+    if turned {
+        text = text.replace(TURNED, OWN_DEPTH);
+    }
+    let dialect = match target {
+        Target::GlslEs300 => Dialect::Es,
+        _ => Dialect::Desktop,
+    };
+    let loose = declared.loose.map(|b| [b.group, b.binding]);
+    let unexpected = |text::Unexpected(what)| Error::Writer {
+        file: name.to_owned(),
+        target,
+        message: format!("{what} is not written as it was expected to be"),
+    };
+    let (text, said) =
+        text::named(authored, &text, stage, dialect, said, loose).map_err(unexpected)?;
+    let reads = matches!(stage, ShaderStage::Vertex | ShaderStage::Fragment);
+    match reads.then(|| read_back::difference(authored, &text, &said, stage, entry)) {
+        Some(Some(difference)) => Err(Error::Differs {
+            file: name.to_owned(),
+            target,
+            difference,
+        }),
+        _ => Ok((text, said)),
+    }
+}
+
+/// What GLSL ES has from 3.10 on, and naga writes into 3.00 without a word.
+const LATER_FUNCTIONS: [&str; 14] = [
+    "bitCount",
+    "bitfieldExtract",
+    "bitfieldInsert",
+    "bitfieldReverse",
+    "findLSB",
+    "findMSB",
+    "frexp",
+    "imulExtended",
+    "ldexp",
+    "packSnorm4x8",
+    "packUnorm4x8",
+    "umulExtended",
+    "unpackSnorm4x8",
+    "unpackUnorm4x8",
+];
+
+fn refuse_later_functions(text: &str, name: &str, target: Target) -> Result<(), Error> {
+    let mut words = super::text::tokens(text).map(|(_, range)| &text[range]);
+    match words.find(|w| target == Target::GlslEs300 && LATER_FUNCTIONS.contains(w)) {
+        None => Ok(()),
+        Some(function) => Err(Error::Inexpressible {
+            file: name.to_owned(),
+            target,
+            what: format!("the function {function}"),
+            remedy: "emit GLSL 4.50, WGSL or SPIR-V".to_owned(),
+        }),
+    }
+}
 
 /// The text, and what `plan.json` says of it. `name` is the file's. Bindings are numbered as those of `numbered`, which has all stages of the program.
 pub(super) fn write(

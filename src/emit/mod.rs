@@ -38,7 +38,7 @@ mod spirv;
 mod tess;
 mod text;
 mod tidy;
-mod wgsl;
+pub(crate) mod wgsl;
 
 use std::collections::BTreeMap;
 
@@ -52,7 +52,8 @@ use crate::front::guard;
 
 pub use output::write;
 pub use plan_json::{
-    Fallback, Form, GlslBlock, GlslTexture, PassFiles, PlanFile, StageFile, TessellationFiles,
+    Fallback, Form, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
+    StageFile, TessellationFiles,
 };
 
 /// A form to write programs in.
@@ -477,30 +478,22 @@ fn write_program(
             })
             .collect(),
         #[cfg(feature = "glsl")]
-        Target::Glsl450 | Target::GlslEs300 => stages
-            .iter()
-            .map(|s| {
-                let es = match target {
-                    Target::GlslEs300 => "es.",
-                    _ => "",
-                };
+        Target::Glsl450 | Target::GlslEs300 => {
+            let authored = glsl::author(program, &plan.material, target)?;
+            let es = match target {
+                Target::GlslEs300 => "es.",
+                _ => "",
+            };
+            let write = |s: &Stage| {
                 let name = format!("{}.{es}{}", s.stem, extension(s.stage));
-                let (text, said) = glsl::write(
-                    program,
-                    program.module(),
-                    s.stage,
-                    &s.entry,
-                    &name,
-                    target,
-                    options,
-                )?;
+                let (text, said) =
+                    glsl::write_named(&authored, s.stage, &s.entry, &name, target, options)?;
                 let bytes = text.into_bytes();
-                Ok((
-                    File { name, bytes },
-                    vec![(written_key(s.stage, &s.entry), said)],
-                ))
-            })
-            .collect(),
+                let said = vec![(written_key(s.stage, &s.entry), said)];
+                Ok((File { name, bytes }, said))
+            };
+            stages.iter().map(write).collect()
+        }
         #[cfg(feature = "glsl")]
         Target::GlslTess | Target::GlslVulkanTess => {
             tess::write(plan, program, stages, target, options)

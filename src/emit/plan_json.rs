@@ -123,6 +123,12 @@ pub struct StageFile {
     /// GLSL only: uniform and storage blocks.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub blocks: Vec<GlslBlock>,
+    /// GLSL only: uniforms outside of blocks, which an author's own text has; they are no block in that text, whatever the plan's binding is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub uniforms: Vec<GlslUniform>,
+    /// GLSL only: the attributes of a vertex stage.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub attributes: Vec<GlslAttribute>,
 }
 
 impl StageFile {
@@ -159,6 +165,28 @@ pub struct GlslBlock {
     /// `layout(binding = ..)` in the text; none in GLSL ES 3.00, where the host sets it (`glUniformBlockBinding`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slot: Option<u32>,
+}
+
+/// A uniform outside of blocks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct GlslUniform {
+    /// Its name, to be set by.
+    pub name: String,
+    /// Group and binding of the plan's uniform buffer that has its value.
+    pub binding: [u32; 2],
+    /// Offset of the value in that buffer, in bytes.
+    pub offset: u32,
+}
+
+/// An input of the vertex stage.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct GlslAttribute {
+    /// Its name. A matrix is one attribute here, and one for each column among the plan's.
+    pub name: String,
+    /// The plan's location, of a matrix that of its first column.
+    pub location: u32,
+    /// `layout(location = ..)` in the text; else the linker chooses, unless the host does by name (`glBindAttribLocation`).
+    pub explicit: bool,
 }
 
 /// The files of one stage by target, of what was written of each (program, entry point, target).

@@ -23,6 +23,13 @@ const OP_MEMBER_DECORATE: u16 = 72;
 /// First opcode of a type declaration (`OpTypeVoid`), and the last one.
 const OP_TYPES: std::ops::RangeInclusive<u16> = 19..=39;
 const NO_CONTRACTION: u32 = 42;
+const OP_TYPE_VECTOR: u16 = 23;
+const OP_COMPOSITE_EXTRACT: u16 = 81;
+const OP_IMAGE_QUERY_SIZE_LOD: u16 = 103;
+const OP_IMAGE_QUERY_SIZE: u16 = 104;
+const OP_LOGICAL_EQUAL: u16 = 164;
+const OP_LOGICAL_OR: u16 = 166;
+const OP_LOGICAL_AND: u16 = 167;
 
 /// The bytes, little-endian. `name` is the file's, for errors.
 pub(super) fn write(
@@ -135,7 +142,8 @@ fn check(
         strict_capabilities: false,
         block_ctx_dump_prefix: None,
     };
-    let read = reader::parse_u8_slice(bytes, &options)
+    let bytes = for_the_reader(bytes);
+    let read = reader::parse_u8_slice(&bytes, &options)
         .map_err(|e| differs(format!("it does not parse: {e}")))?;
     let read = program
         .with_module(read)
@@ -145,6 +153,37 @@ fn check(
         Some(difference) => Err(differs(difference)),
         None => Ok(()),
     }
+}
+
+/// The module as naga's reader takes it, for its validity and its interface alone. Of the size of an arrayed image the reader leaves out the number of layers
+/// behind it (SPIR-V section 3.52.10, `OpImageQuerySizeLod`): the first component stands for it. And it reads `OpLogicalAnd` and `OpLogicalOr` of vectors as
+/// operators of scalars: `OpLogicalEqual` stands for them.
+fn for_the_reader(bytes: &[u8]) -> Vec<u8> {
+    let mut words: Vec<u32> = bytes
+        .chunks_exact(4)
+        .map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]]))
+        .collect();
+    let mut sizes = Vec::new();
+    let mut vectors = Vec::new();
+    let mut patches = Vec::new();
+    for (start, opcode, operands) in instructions(&words) {
+        match (opcode, operands) {
+            (OP_TYPE_VECTOR, [result, ..]) => vectors.push(*result),
+            (OP_IMAGE_QUERY_SIZE_LOD | OP_IMAGE_QUERY_SIZE, [_, result, ..]) => sizes.push(*result),
+            (OP_COMPOSITE_EXTRACT, [_, _, of, _]) if sizes.contains(of) => {
+                patches.push((start + 4, 0));
+            }
+            (OP_LOGICAL_OR | OP_LOGICAL_AND, [ty, ..]) if vectors.contains(ty) => {
+                let length = words[start] & 0xffff_0000;
+                patches.push((start, length | u32::from(OP_LOGICAL_EQUAL)));
+            }
+            _ => {}
+        }
+    }
+    for (at, word) in patches {
+        words[at] = word;
+    }
+    words.iter().flat_map(|w| w.to_le_bytes()).collect()
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use preshade_passes::program::{Language, Program};
 use super::{Error, Target, fingerprint, prepare, repair, tidy};
 
 /// Writes a reduced program; `name` is the file's, for errors, and `header` its first lines.
-pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
+pub(crate) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
     let (prepared, repaired) = written(program, name)?;
     let tidied = tidy::tidy(prepared.module(), &repaired);
     let text = format!("{header}{tidied}");
@@ -106,7 +106,10 @@ pub(super) fn header(plan: &Plan, program: &Program) -> String {
 fn contract(contract: &Contract) -> String {
     let promise = match contract {
         Contract::Exact { .. } => "exact".to_owned(),
-        Contract::Rounding { k, .. } => format!("rounding, k = {k}"),
+        Contract::Rounding { k, turned, .. } => match turned {
+            None => format!("rounding, k = {k}"),
+            Some(turned) => format!("rounding, k = {k}, {turned}"),
+        },
         Contract::Approximate { .. } | Contract::Budgets { .. } => {
             let budgets: Vec<String> = contract.budgets().iter().map(Budget::to_string).collect();
             format!("approximate, {}", budgets.join(", "))

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::panic;
 use std::sync::Once;
 
-/// Stack of the thread naga runs on. Its front and back ends recurse once a nesting level; [`super::nesting`] bounds the levels, this
+/// Stack that naga runs on. Its front and back ends recurse once a nesting level; [`super::nesting`] bounds the levels, this
 /// bounds what a level may cost. Only touched pages are ever backed by memory.
 const STACK: usize = 256 << 20;
 
@@ -14,33 +14,20 @@ const STACK: usize = 256 << 20;
 pub(crate) struct Panicked(pub String);
 
 thread_local! {
-    /// On a guarded thread: the panic's message, once there is one. `None` leaves panics to the process's own hook.
+    /// While guarded: the panic's message, once there is one. `None` leaves panics to the process's own hook.
     static CAUGHT: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// Calls `work` on a thread of its own with a large stack and turns a panic into a value, printing nothing.
-pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, Panicked> {
+/// Calls `work` on a large stack and turns a panic into a value, printing nothing. It stays on the caller's thread: a small shader is read in less time than a thread takes to start.
+pub(crate) fn run<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     install_hook();
-    let caught = || CAUGHT.with_borrow_mut(Option::take).unwrap_or_default();
-    let result = std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new()
-            .name("preshade-naga".to_owned())
-            .stack_size(STACK)
-            .spawn_scoped(scope, || {
-                CAUGHT.with_borrow_mut(|c| *c = Some(String::new()));
-                panic::catch_unwind(panic::AssertUnwindSafe(work)).map_err(|_| caught())
-            });
-        match thread {
-            Ok(thread) => thread
-                .join()
-                .unwrap_or_else(|_| Err("the guarded thread died".to_owned())),
-            Err(e) => Err(format!("no thread with a {STACK}-byte stack: {e}")),
-        }
-    });
-    result.map_err(Panicked)
+    let outer = CAUGHT.replace(Some(String::new()));
+    let result = stacker::grow(STACK, || panic::catch_unwind(panic::AssertUnwindSafe(work)));
+    let message = CAUGHT.replace(outer).unwrap_or_default();
+    result.map_err(|_| Panicked(message))
 }
 
-/// A panic hook that is silent on guarded threads and passes every other panic on to the hook it found. It is installed once and stays:
+/// A panic hook that is silent where a panic is caught and passes every other panic on to the hook it found. It is installed once and stays:
 /// taking it out again would race with other threads that set theirs.
 fn install_hook() {
     static ONCE: Once = Once::new();
@@ -76,6 +63,17 @@ mod tests {
         let error = run(|| -> u32 { panic!("index {} of {}", 3, 2) }).unwrap_err();
         assert!(error.0.contains("index 3 of 2"), "{error}");
         assert!(error.0.contains("guard.rs"), "{error}");
+    }
+
+    #[test]
+    fn guards_nest() {
+        let outer = run(|| {
+            let inner = run(|| -> u32 { panic!("inner") });
+            assert!(inner.unwrap_err().0.contains("inner"));
+            panic!("outer")
+        });
+        let outer: Result<u32, Panicked> = outer;
+        assert!(outer.unwrap_err().0.contains("outer"));
     }
 
     #[test]

@@ -6,7 +6,9 @@
 //! In data-flow order: `nesting` refuses what would exhaust the stack, `guard` runs naga, `glsl` and `wgsl` parse one file, `link` joins
 //! two modules, `entry` chooses entry points and checks that the stages fit. Every error is an [`Error`] that points at the author's text.
 
+mod beyond_wgsl;
 mod declaration;
+mod dialect;
 mod entry;
 mod error;
 #[cfg(feature = "glsl")]
@@ -14,13 +16,18 @@ mod glsl;
 pub(crate) mod guard;
 #[cfg(feature = "glsl")]
 mod macros;
+#[cfg(feature = "naga-oil")]
+mod naga_oil;
 mod nesting;
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]
 mod promote;
+mod size;
 #[cfg(feature = "glsl")]
 mod switch;
 pub(crate) mod varying;
+#[cfg(feature = "wesl")]
+mod wesl;
 mod wgsl;
 
 use std::borrow::Cow;
@@ -28,9 +35,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use naga::ShaderStage;
+use preshade_passes::declared::Declared;
 use preshade_passes::program::{Language, Program, SourceMap};
 
+use self::dialect::Dialect;
 pub use error::{Code, Color, Error, Label};
+
+use crate::limits::Limits;
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -73,7 +84,7 @@ impl Source {
 
     fn language(&self) -> Option<Language> {
         self.language.or_else(|| match extension(&self.name)? {
-            "wgsl" => Some(Language::Wgsl),
+            "wgsl" | "wesl" => Some(Language::Wgsl),
             "vert" | "vs" | "frag" | "fs" | "glsl" | "slang" => Some(Language::Glsl),
             _ => None,
         })
@@ -111,16 +122,22 @@ pub struct Options {
     pub defines: Vec<(String, String)>,
     /// Folders in which GLSL's `#include` is looked up, after the including file's own.
     pub include: Vec<PathBuf>,
+    /// The folder that included files may not leave, and that the sources' names are relative to; `None`: any file may be included.
+    pub root: Option<PathBuf>,
     /// The clip space that GLSL positions are written for; `None` goes by the dialect: OpenGL's, but for Vulkan's GLSL.
     pub clip_space: Option<ClipSpace>,
+    /// What is refused for its size.
+    pub limits: Limits,
 }
 
 /// The clip space that a GLSL text is written for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum ClipSpace {
     /// WebGPU's and Vulkan's depth, 0 to 1: positions stay as they are written.
+    #[serde(rename = "zero-to-one")]
     AsWritten,
     /// OpenGL's depth, -1 to 1: `gl_Position.z` becomes `(z + w) / 2` where the vertex stage ends.
+    #[serde(rename = "minus-one-to-one")]
     OpenGl,
 }
 
@@ -140,10 +157,48 @@ pub struct Parsed {
 /// # Errors
 /// Whatever is wrong with the text, as a frame on it; see [`Code`] for the kinds. naga's own panics come back as [`Code::Panic`].
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
+    let translated = sources.iter().map(|source| translated(source, options));
+    let translated = translated.collect::<Result<Vec<_>, _>>()?;
+    let plain: Vec<Source> = translated.into_iter().map(Cow::into_owned).collect();
+    let sources = plain.as_slice();
     let mut map = SourceMap::new();
     let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
     let (parsed, map) = parse_mapped(sources, &bases, map, options);
     parsed.map_err(|e| e.with_sources(&map))
+}
+
+/// The source in a language that is read here: of naga_oil's dialect and of WESL, the WGSL that they come to.
+fn translated<'a>(source: &'a Source, options: &Options) -> Result<Cow<'a, Source>, Error> {
+    let dialect = match source.language() {
+        Some(Language::Wgsl) => Dialect::of(source),
+        _ => Dialect::Plain,
+    };
+    let compile = || match dialect {
+        Dialect::Plain => Ok(None),
+        #[cfg(feature = "naga-oil")]
+        Dialect::NagaOil => naga_oil::compile(source, options).map(Some),
+        #[cfg(not(feature = "naga-oil"))]
+        Dialect::NagaOil => Err(dialect::not_built(source, "naga_oil's WGSL", "naga-oil")),
+        #[cfg(feature = "wesl")]
+        Dialect::Wesl => wesl::compile(source, options).map(Some),
+        #[cfg(not(feature = "wesl"))]
+        Dialect::Wesl => Err(dialect::not_built(source, "WESL", "wesl")),
+    };
+    let compiled = match dialect {
+        Dialect::Plain => None,
+        _ => guard::run(compile)
+            .unwrap_or_else(|panicked| Err(bug(std::slice::from_ref(source), &panicked)))?,
+    };
+    let _ = options;
+    Ok(match compiled {
+        None => Cow::Borrowed(source),
+        Some(text) => Cow::Owned(Source {
+            name: format!("{} (as WGSL)", source.name),
+            text,
+            language: Some(Language::Wgsl),
+            stage: source.stage,
+        }),
+    })
 }
 
 fn parse_mapped(
@@ -154,7 +209,7 @@ fn parse_mapped(
 ) -> (Result<Parsed, Error>, Arc<SourceMap>) {
     let checked = check_sources(sources).and_then(|language| {
         for (source, base) in sources.iter().zip(bases) {
-            nesting::check(&source.text, *base)?;
+            nesting::check(&source.text, *base, &options.limits)?;
         }
         Ok(language)
     });
@@ -168,7 +223,8 @@ fn parse_mapped(
             .iter()
             .zip(bases)
             .map(|(source, base)| wgsl::parse(&without_mark(&source.text), *base))
-            .collect(),
+            .collect::<Result<_, _>>()
+            .map(|modules| (modules, Declared::default())),
         Language::Glsl => parse_glsl(sources, bases, options, &mut map),
     });
     let map = Arc::new(map);
@@ -193,7 +249,7 @@ fn bug(sources: &[Source], panicked: &guard::Panicked) -> Error {
 
 /// The files' modules as one program, with its entry points.
 fn assemble(
-    modules: Vec<naga::Module>,
+    (modules, declared): (Vec<naga::Module>, Declared),
     bases: &[u32],
     language: Language,
     options: &Options,
@@ -211,13 +267,18 @@ fn assemble(
         };
         module = link(module, &second, base, map)?;
     }
+    if language == Language::Glsl {
+        beyond_wgsl::leave_uniformity_to_the_author(&mut module);
+        beyond_wgsl::rename_constants(&mut module);
+    }
+    size::check(&module, &options.limits)?;
     let entries = entry::choose(&module, options, map)?;
     entry::check_interface(&module, &entries, map)?;
     let names = entry::names(&module);
     let program = Program::new(module, Arc::clone(map), language)
         .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
     Ok(Parsed {
-        program,
+        program: program.with_declared(declared),
         vertex: entries.vertex,
         fragment: entries.fragment,
     })
@@ -360,7 +421,7 @@ fn parse_glsl(
     bases: &[u32],
     options: &Options,
     map: &mut SourceMap,
-) -> Result<Vec<naga::Module>, Error> {
+) -> Result<(Vec<naga::Module>, Declared), Error> {
     let stages = glsl_stages(sources, bases);
     let texts: Vec<glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
     glsl::parse(&texts, options, map)
@@ -425,11 +486,37 @@ fn parse_glsl(
     _: &[u32],
     _: &Options,
     _: &mut SourceMap,
-) -> Result<Vec<naga::Module>, Error> {
+) -> Result<(Vec<naga::Module>, Declared), Error> {
     Err(Error::new(
         Code::Unsupported,
         format!("{} is GLSL, which this build cannot read", sources[0].name),
     ))
+}
+
+/// A stage of ours read again, with what it declares: as OpenGL's, so that nothing is taken as it is.
+#[cfg(feature = "glsl")]
+pub(crate) fn glsl_stage(
+    name: &str,
+    text: &str,
+    stage: ShaderStage,
+) -> Result<(naga::Module, Declared), Error> {
+    let mut map = SourceMap::new();
+    let base = map.add(name, text);
+    let text = glsl::Text {
+        name,
+        text,
+        stage,
+        base,
+    };
+    let options = Options {
+        clip_space: Some(ClipSpace::OpenGl),
+        ..Options::default()
+    };
+    let (mut modules, declared) =
+        glsl::parse(&[text], &options, &mut map).map_err(|e| e.with_sources(&Arc::new(map)))?;
+    let module = modules.pop();
+    let module = module.ok_or_else(|| Error::new(Code::Empty, "no source is given"))?;
+    Ok((module, declared))
 }
 
 /// One stage as the GLSL that naga reads, for people to look at and tests to compare.
@@ -448,12 +535,27 @@ pub fn normalised_glsl(
     let read = guard::run(|| glsl::normalise(&texts, options, &mut map));
     let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
     let map = Arc::new(map);
-    let normalised = read.map_err(|e| e.with_sources(&map))?;
+    let (normalised, _) = read.map_err(|e| e.with_sources(&map))?;
     Ok(texts
         .iter()
         .zip(normalised)
         .map(|(text, n)| (text.stage, n.text))
         .collect())
+}
+
+/// Preprocesses and parses GLSL and makes nothing of it: what of [`parse`]'s time is the parser's.
+///
+/// # Errors
+/// As [`parse`]'s, of the syntax alone.
+#[cfg(feature = "glsl")]
+pub fn glsl_syntax(sources: &[Source], options: &Options) -> Result<(), Error> {
+    let mut map = SourceMap::new();
+    let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
+    let stages = glsl_stages(sources, &bases);
+    let texts: Vec<glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
+    let read = guard::run(|| glsl::parse_alone(&texts, options, &mut map));
+    let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
+    read.map_err(|e| e.with_sources(&Arc::new(map)))
 }
 
 /// A GLSL vertex stage that gives `fragment` whatever it reads, all zero, and passes `position` on: for looking at a fragment shader without its other half.

@@ -3,22 +3,25 @@
 use naga::Span;
 
 use super::error::{Code, Error};
+use crate::limits::Limits;
 
-/// Most brackets open at once. naga's WGSL parser gives up near 200 by itself, its GLSL parser never does.
-const BRACKETS: usize = 180;
 /// Most operators in one expression outside any further bracket: a chain of `+` is a tree as deep as it is long.
 const OPERATORS: usize = 1_500;
 /// Most `else if`s in one chain: each nests in the one before.
 const ELSES: usize = 500;
-/// Largest text. naga's WGSL parser is quadratic within a function; 4 MiB is fifty times the largest material known to us.
-const BYTES: usize = 4 << 20;
 
-/// Checks one file's text; spans are offset by `base`.
-pub(super) fn check(text: &str, base: u32) -> Result<(), Error> {
-    if text.len() > BYTES {
+/// Checks one file's text; spans are offset by `base`. naga's WGSL parser gives up near 200 open brackets by itself, its GLSL parser never does; the one for WGSL is
+/// quadratic within a function, so that the text's length is bounded too.
+pub(super) fn check(text: &str, base: u32, limits: &Limits) -> Result<(), Error> {
+    let brackets = usize::try_from(limits.nesting).unwrap_or(usize::MAX);
+    if text.len() as u64 > limits.source_bytes {
         return Err(Error::new(
             Code::TooDeep,
-            format!("{} bytes of source; at most {BYTES} are read", text.len()),
+            format!(
+                "{} bytes of source; at most {} are read",
+                text.len(),
+                limits.source_bytes
+            ),
         ));
     }
     let bytes = text.as_bytes();
@@ -40,10 +43,10 @@ pub(super) fn check(text: &str, base: u32) -> Result<(), Error> {
                     *count = 0;
                 }
                 open.push((0, 0));
-                if open.len() > BRACKETS {
+                if open.len() > brackets {
                     return Err(Error::new(
                         Code::TooDeep,
-                        format!("brackets are nested more than {BRACKETS} deep"),
+                        format!("brackets are nested more than {brackets} deep"),
                     )
                     .label(here(start), "this one is too deep")
                     .note("give the inner parts names of their own"));

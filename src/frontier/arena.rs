@@ -6,6 +6,7 @@ use preshade_passes::hoist::Metric;
 
 use super::explore::{Fate, Point, of};
 use super::pareto::{Standing, dominators};
+use super::pick::{instead, pick};
 use super::race::{MOST_CROSSED, Search};
 use super::space::{self, Candidate};
 use crate::measure::{Error, Variant, estimate};
@@ -105,43 +106,23 @@ impl<'a> Arena<'a> {
             .collect()
     }
 
-    /// Indices of those to verify: nothing beats them. Of more than `most`, those that gain most over the next smaller error are taken, and the others are even with one of them.
-    pub(super) fn finalists(&mut self, most: usize, metric: Metric) -> Vec<usize> {
-        let mut left: Vec<usize> = (0..self.contenders.len())
-            .filter(|i| self.contenders[*i].alive && self.contenders[*i].point.speedup.is_some())
-            .collect();
-        let speed = |c: &Contender<'_>| c.point.speedup.map_or(0.0, |s| s.median);
-        left.sort_by(|a, b| {
-            let (a, b) = (&self.contenders[*a], &self.contenders[*b]);
-            speed(b).total_cmp(&speed(a))
-        });
-        // The fastest first; one that has less error than all that are faster adds to the frontier, by medians.
-        let error = |i: usize| {
-            let ladder = self.contenders[i].point.error.as_ref();
-            ladder.map_or(f64::INFINITY, |e| of(metric, e))
-        };
-        let mut least = f64::INFINITY;
-        let (mut first, mut rest) = (Vec::new(), Vec::new());
-        for i in left {
-            match error(i) < least {
-                true => {
-                    least = error(i);
-                    first.push(i);
-                }
-                false => rest.push(i),
-            }
-        }
-        let mut chosen: Vec<usize> = first.into_iter().chain(rest).collect();
-        let others = chosen.split_off(most.min(chosen.len()));
-        for i in others {
-            // The nearest in time that was taken.
-            let near = chosen.iter().min_by(|a, b| {
-                let distance =
-                    |j: usize| (speed(&self.contenders[j]) - speed(&self.contenders[i])).abs();
-                distance(**a).total_cmp(&distance(**b))
-            });
-            let with = near.map_or_else(String::new, |j| self.contenders[*j].point.name.clone());
-            self.contenders[i].out(Fate::Even { with });
+    /// Indices of those to verify: nothing beats them. Of more than `most` those are taken that [`pick`] says, and the others are told why not.
+    pub(super) fn finalists(
+        &mut self,
+        most: usize,
+        metric: Metric,
+        budget: Option<f64>,
+    ) -> Vec<usize> {
+        let left = self.standings(metric);
+        let points: Vec<Standing> = left.iter().map(|(_, s)| *s).collect();
+        let picked = pick(&points, most, budget);
+        let chosen: Vec<usize> = picked.iter().map(|p| left[*p].0).collect();
+        let names = chosen
+            .iter()
+            .map(|i| self.contenders[*i].point.name.clone());
+        let taken: Vec<(String, Standing)> = names.zip(picked.iter().map(|p| points[*p])).collect();
+        for (i, standing) in left.iter().filter(|(i, _)| !chosen.contains(i)) {
+            self.contenders[*i].out(instead(standing, &taken, budget));
         }
         chosen
     }

@@ -90,10 +90,15 @@ pub enum Fate {
         /// Its name.
         by: String,
     },
-    /// Nothing beats it, and one that was verified in its place is as good within the intervals.
+    /// Nothing beats it, and one that was verified in its place has no more error and is as fast within the intervals.
     Even {
         /// Its name.
         with: String,
+    },
+    /// Nothing that was verified beats it or is as good, and it was not verified itself: what is known of it is its draft's.
+    Unverified {
+        /// Why not.
+        why: String,
     },
     /// A frame of it took so many times the original's that it was not timed again.
     Slow {
@@ -274,8 +279,8 @@ pub fn explore(
         search.draw(&mut arena, journal, CROSSED_BY, &mut watch);
         search.race(&mut arena, journal, CROSSED_BY, &mut watch);
     }
-    let finalists = arena.finalists(settings.finalists, settings.metric);
-    search.verify(arena, &finalists, &mut watch)
+    let finalists = arena.finalists(settings.finalists, settings.metric, settings.budget);
+    search.verify(arena, finalists, &mut watch)
 }
 
 /// What is known of the scene: ties, and what can be interpolated where that is asked for.

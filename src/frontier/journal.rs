@@ -30,17 +30,44 @@ pub struct Entry {
     pub times: Vec<f64>,
 }
 
+/// A line that holds no measurement.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Mark {
+    /// It is to be measured, under this name.
+    Planned(String),
+    /// It is being drawn.
+    Begun,
+    /// It is drawn, or cannot be.
+    Ended,
+}
+
 #[derive(Serialize, Deserialize)]
 struct Line {
     key: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mark: Option<Mark>,
     #[serde(flatten)]
     entry: Entry,
 }
+
+/// What is to be measured, and how far that came.
+#[derive(Clone, Debug, Default)]
+struct Way {
+    name: String,
+    /// How often its drawing was begun and came to no end.
+    unended: u32,
+    ended: bool,
+}
+
+/// How often a search may be ended by what it draws, before that is drawn no more.
+const PATIENCE: u32 = 2;
 
 /// Measurements by key, and the file they are appended to.
 #[derive(Debug, Default)]
 pub struct Journal {
     known: BTreeMap<String, Entry>,
+    ways: BTreeMap<String, Way>,
     file: Option<File>,
     /// The first error of writing: a full disk ends no search.
     trouble: Option<String>,
@@ -61,11 +88,16 @@ impl Journal {
             std::fs::create_dir_all(dir)?;
         }
         let mut known: BTreeMap<String, Entry> = BTreeMap::new();
+        let mut ways: BTreeMap<String, Way> = BTreeMap::new();
         match std::fs::read(path) {
             Ok(bytes) => {
                 for line in String::from_utf8_lossy(&bytes).lines() {
-                    if let Ok(Line { key, entry }) = serde_json::from_str(line) {
-                        add(known.entry(key).or_default(), entry);
+                    let Ok(Line { key, mark, entry }) = serde_json::from_str(line) else {
+                        continue;
+                    };
+                    match mark {
+                        Some(mark) => ways.entry(key).or_default().take(mark),
+                        None => add(known.entry(key).or_default(), entry),
                     }
                 }
             }
@@ -77,6 +109,7 @@ impl Journal {
         file.write_all(b"\n")?;
         Ok(Self {
             known,
+            ways,
             file: Some(file),
             trouble: None,
         })
@@ -89,13 +122,56 @@ impl Journal {
 
     /// Keeps more of what is under `key`: an error takes the place of the one before, samples are added.
     pub fn add(&mut self, key: &str, entry: Entry) {
-        let line = Line {
+        add(self.known.entry(key.to_owned()).or_default(), entry.clone());
+        self.write(&Line {
             key: key.to_owned(),
-            entry: entry.clone(),
-        };
-        add(self.known.entry(key.to_owned()).or_default(), entry);
+            mark: None,
+            entry,
+        });
+    }
+
+    fn mark(&mut self, key: &str, mark: Mark) {
+        self.ways
+            .entry(key.to_owned())
+            .or_default()
+            .take(mark.clone());
+        self.write(&Line {
+            key: key.to_owned(),
+            mark: Some(mark),
+            entry: Entry::default(),
+        });
+    }
+
+    /// Keeps that something is to be measured, so that a search that is killed leaves what is missing.
+    pub fn plan(&mut self, key: &str, name: &str) {
+        if self.ways.get(key).is_none_or(|w| w.name != name) {
+            self.mark(key, Mark::Planned(name.to_owned()));
+        }
+    }
+
+    /// Keeps that it is being drawn, which may end the process: `false` where it has done so before, and is better left alone.
+    pub fn begin(&mut self, key: &str) -> bool {
+        if self.ways.get(key).is_some_and(|w| w.unended >= PATIENCE) {
+            return false;
+        }
+        self.mark(key, Mark::Begun);
+        true
+    }
+
+    /// Keeps that its drawing came to an end, good or bad.
+    pub fn end(&mut self, key: &str) {
+        self.mark(key, Mark::Ended);
+    }
+
+    /// Names of what was planned and not drawn to an end.
+    pub fn missing(&self) -> Vec<&str> {
+        let missing = self.ways.values().filter(|w| !w.ended);
+        missing.map(|w| w.name.as_str()).collect()
+    }
+
+    fn write(&mut self, line: &Line) {
         let Some(file) = &mut self.file else { return };
-        let written = serde_json::to_string(&line)
+        let written = serde_json::to_string(line)
             .map_err(io::Error::from)
             .and_then(|text| file.write_all((text + "\n").as_bytes()));
         if let Err(error) = written {
@@ -107,6 +183,19 @@ impl Journal {
     /// Why it is no longer written; what is in memory stands.
     pub fn trouble(&self) -> Option<&str> {
         self.trouble.as_deref()
+    }
+}
+
+impl Way {
+    fn take(&mut self, mark: Mark) {
+        match mark {
+            Mark::Planned(name) => self.name = name,
+            Mark::Begun => self.unended += 1,
+            Mark::Ended => {
+                self.unended = self.unended.saturating_sub(1);
+                self.ended = true;
+            }
+        }
     }
 }
 
@@ -176,6 +265,34 @@ mod tests {
             ratios: ratios.to_vec(),
             times: Vec::new(),
         }
+    }
+
+    #[test]
+    fn what_a_killed_search_did_not_reach_is_missing() {
+        let dir = std::env::temp_dir().join(format!("preshade-missing-{}", std::process::id()));
+        let path = dir.join("journal.jsonl");
+        let _ = std::fs::remove_dir_all(&dir);
+        let mut journal = Journal::open(&path).unwrap();
+        for name in ["a", "b", "c"] {
+            journal.plan(&format!("key of {name}"), name);
+        }
+        assert!(journal.begin("key of a"));
+        journal.add("key of a", entry(&[1.0]));
+        journal.end("key of a");
+        assert!(journal.begin("key of b"));
+        // Killed, started again, killed again at the same one.
+        drop(journal);
+        let mut journal = Journal::open(&path).unwrap();
+        assert_eq!(journal.missing(), ["b", "c"]);
+        assert!(journal.begin("key of b"));
+        drop(journal);
+        let mut journal = Journal::open(&path).unwrap();
+        assert!(!journal.begin("key of b"));
+        assert!(journal.begin("key of c"));
+        journal.end("key of c");
+        assert_eq!(journal.missing(), ["b"]);
+        assert_eq!(journal.get("key of a").unwrap(), &entry(&[1.0]));
+        std::fs::remove_dir_all(&dir).unwrap();
     }
 
     #[test]

@@ -217,6 +217,12 @@ impl<'a> Search<'a> {
     ) {
         let sequence = Self::sequence(arena);
         let count = sequence.len();
+        for i in &sequence {
+            let contender = &arena.contenders[*i];
+            if let Some(key) = &contender.key {
+                journal.plan(key, &contender.point.name);
+            }
+        }
         for (done, i) in sequence.into_iter().enumerate() {
             watch.at(
                 Stage::Drawing,
@@ -238,8 +244,19 @@ impl<'a> Search<'a> {
                 arena.contenders[i].out(Fate::NotMeasured { why });
                 continue;
             }
+            let key = arena.contenders[i].key.clone().unwrap_or_default();
+            if !journal.begin(&key) {
+                let why = "a search ended twice while it was drawn".to_owned();
+                arena.contenders[i].out(Fate::NotMeasured { why });
+                continue;
+            }
             arena.drawn += 1;
-            if let Err(error) = self.draw_one(arena, i, journal) {
+            let drawn = self.draw_one(arena, i, journal);
+            // What was drawn when the device was lost came to no end.
+            if !matches!(&drawn, Err(Error::Render(crate::render::Error::Lost(_)))) {
+                journal.end(&key);
+            }
+            if let Err(error) = drawn {
                 let why = error.to_string();
                 arena.contenders[i].out(Fate::NotMeasured { why });
                 watch.lost(&error);
@@ -268,14 +285,11 @@ impl<'a> Search<'a> {
                 }
                 arena.compared.0 += start.elapsed();
                 arena.compared.1 += drawn.len() as u32;
-                // JSON has no infinity: such a one is drawn again.
-                if worst.max_abs.is_finite() {
-                    let entry = Entry {
-                        error: Some(worst.clone()),
-                        ..Entry::default()
-                    };
-                    journal.add(&key, entry);
-                }
+                let entry = Entry {
+                    error: Some(worst.clone()),
+                    ..Entry::default()
+                };
+                journal.add(&key, entry);
                 worst
             }
         };

@@ -29,6 +29,9 @@ const LEVELS: [u32; 7] = [1, 2, 3, 4, 6, 8, 12];
 /// Turns that loops lose.
 const TURNS: [u32; 3] = [1, 2, 3];
 
+/// Weights under which taps are left out.
+const WEIGHTS: [f64; 4] = [0.0, 0.01, 0.05, 0.15];
+
 /// Most thresholds on measured errors: each chooses another set of values to carry.
 const MOST_THRESHOLDS: usize = 6;
 
@@ -94,6 +97,10 @@ pub fn seeds(facts: &Facts, metric: Metric) -> Vec<Candidate> {
     }
     for turns in TURNS {
         let text = format!("trim-loop:budget=1,{}turns={turns}", named(metric));
+        add(text, None, false);
+    }
+    for weight in WEIGHTS {
+        let text = format!("skip-taps:budget=1,{}threshold={weight}", named(metric));
         add(text, None, false);
     }
     for threshold in thresholds(&facts.frequencies, metric) {

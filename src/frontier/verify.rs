@@ -6,51 +6,60 @@ use preshade_passes::contract::Verdict;
 use preshade_passes::hoist::Metric;
 
 use super::arena::Arena;
-use super::explore::{Exploration, Fate, Found, Point, SCHEMA, Stage, of};
+use super::explore::{Exploration, Fate, Found, Point, SCHEMA, Settings, Stage, of};
 use super::pareto::{Standing, dominators};
+use super::pick::{pick, still_left, unbeaten};
 use super::race::{FIRST_RUNG, Search};
 use super::watch::Watch;
 use crate::measure::{self, Error, ErrorLadder, Timed, TimingSettings, Variant};
 use crate::recipe::Recipe;
 use crate::render::SceneInputs;
-use crate::report::{Budget, Chosen, ORIGINAL, Report};
+use crate::report::{Budget, Chosen, ORIGINAL, Report, VariantReport};
 
 impl<'a> Search<'a> {
-    /// Verifies the finalists on every camera's path, and tells it all.
+    /// Verifies the finalists on every camera's path, then whatever was left for one of them that did not hold, as long as there is time, and tells it all.
     pub(super) fn verify(
         &self,
         arena: Arena<'a>,
-        finalists: &[usize],
+        finalists: Vec<usize>,
         watch: &mut Watch<'_>,
     ) -> Result<Found, Error> {
         let each = self.compared(&arena);
-        let Arena { contenders, .. } = arena;
-        let variants: Vec<Variant> = finalists
-            .iter()
-            .map(|i| contenders[*i].variant.clone())
-            .collect();
-        let mut points: Vec<Point> = contenders.into_iter().map(|c| c.point).collect();
-        let (mut report, mut pictures, mut frames_verified) = (None, Vec::new(), 0);
-        if watch.over().is_none() {
-            let frames = self.frames_for(variants.len(), each, watch);
-            frames_verified = frames;
-            let outcome = self.verified(&variants, frames, watch)?;
-            pictures = outcome.pictures;
-            report = Some(outcome.report);
+        let mut points = vec![original()];
+        let mut made: Vec<Variant> = Vec::new();
+        for contender in arena.contenders {
+            points.push(contender.point);
+            made.push(contender.variant);
         }
-        let original = Point {
-            name: ORIGINAL.to_owned(),
-            recipe: String::new(),
-            prediction: None,
-            error: Some(ErrorLadder::default()),
-            time_ms: None,
-            speedup: Some(Standing::ORIGINAL.speedup),
-            path: None,
-            fate: Fate::Frontier,
-        };
-        points.insert(0, original);
-        if let Some(report) = &report {
-            judge(&mut points, report, self.settings.metric);
+        let Settings { metric, budget, .. } = *self.settings;
+        let (mut report, mut pictures, mut frames_verified) = (None::<Report>, Vec::new(), 0);
+        let mut variants: Vec<Variant> = Vec::new();
+        let mut next = finalists;
+        while watch.over().is_none() && (report.is_none() || !next.is_empty()) {
+            let round: Vec<Variant> = next.iter().map(|i| made[*i].clone()).collect();
+            let frames = self.frames_for(round.len(), each, watch);
+            let outcome = self.verified(&round, frames, watch)?;
+            variants.extend(round);
+            pictures.extend(outcome.pictures);
+            frames_verified = match &report {
+                None => frames,
+                Some(_) => frames.min(frames_verified),
+            };
+            let told = match report.take() {
+                None => outcome.report,
+                Some(first) => with_more(first, outcome.report),
+            };
+            judge(&mut points, &told, metric);
+            let verified: Vec<&str> = told.variants.iter().map(|v| v.name.as_str()).collect();
+            let reopened = reopen(&mut points, &verified, metric, budget);
+            report = Some(told);
+            if !self.has_time(each, watch) {
+                break;
+            }
+            let standings: Vec<Standing> = reopened.iter().map(|(_, s)| *s).collect();
+            let picked = pick(&standings, self.settings.finalists, budget);
+            // The original is the first of the points.
+            next = picked.into_iter().map(|p| reopened[p].0 - 1).collect();
         }
         let scene = self.inputs.scene();
         let mut frontier: Vec<&Point> =
@@ -67,7 +76,12 @@ impl<'a> Search<'a> {
             most,
         });
         let chosen = budget.zip(report.as_ref()).map(|(budget, report)| {
-            Chosen::among(&report.variants, budget).made_by(|name| {
+            let unverified = points.iter().filter(|p| {
+                let error = p.error.as_ref().map(|e| budget.of(e));
+                matches!(p.fate, Fate::Unverified { .. }) && error.is_some_and(|e| e <= budget.most)
+            });
+            let chosen = Chosen::among(&report.variants, budget).beside(unverified.count());
+            chosen.made_by(|name| {
                 let variant = variants.iter().find(|v| v.name == name)?;
                 let recipe = Recipe::parse_list(&variant.recipe).ok()?;
                 measure::promised(&recipe, budget, self.facts)
@@ -122,6 +136,12 @@ impl<'a> Search<'a> {
         fits.unwrap_or(1)
     }
 
+    /// Whether another picture of each view can be drawn and compared, and timed as long.
+    fn has_time(&self, each: Duration, watch: &Watch<'_>) -> bool {
+        let views = self.inputs.scene().cameras.len() as u32;
+        watch.time.saturating_sub(watch.spent()) > each * views * 4
+    }
+
     fn verified(
         &self,
         variants: &[Variant],
@@ -152,6 +172,92 @@ impl<'a> Search<'a> {
             watch.at(Stage::Verifying, format!("verifying: {}", p.what));
         })
     }
+}
+
+/// A report with the variants of a later one beside its own.
+fn with_more(mut report: Report, later: Report) -> Report {
+    let is_new = |v: &VariantReport| report.variants.iter().all(|have| have.name != v.name);
+    let new: Vec<VariantReport> = later.variants.into_iter().filter(is_new).collect();
+    report.variants.extend(new);
+    report
+}
+
+/// The original as a point.
+fn original() -> Point {
+    Point {
+        name: ORIGINAL.to_owned(),
+        recipe: String::new(),
+        prediction: None,
+        error: Some(ErrorLadder::default()),
+        time_ms: None,
+        speedup: Some(Standing::ORIGINAL.speedup),
+        path: None,
+        fate: Fate::Frontier,
+    }
+}
+
+/// Judges those again that were left to their drafts for another's sake, by what was verified of it. What nothing verified beats, or is as good as, is open: those of them that no other
+/// beats are given back, with what their drafts say. With a budget that nothing verified is within, what was drawn within it is open too.
+fn reopen(
+    points: &mut [Point],
+    verified: &[&str],
+    metric: Metric,
+    budget: Option<f64>,
+) -> Vec<(usize, Standing)> {
+    let standing = |p: &Point| {
+        let error = of(metric, p.error.as_ref()?);
+        let speedup = p.speedup?;
+        Some(Standing { error, speedup })
+    };
+    let is_verified = |p: &Point| verified.contains(&p.name.as_str());
+    let stand: Vec<(String, Standing)> = points
+        .iter()
+        .filter(|p| is_verified(p) && matches!(p.fate, Fate::Frontier | Fate::Beaten { .. }))
+        .filter_map(|p| Some((p.name.clone(), standing(p)?)))
+        .collect();
+    let is_met = budget.is_none_or(|most| {
+        let mut stand = stand.iter().filter(|(name, _)| name != ORIGINAL);
+        stand.any(|(_, s)| s.error <= most)
+    });
+    let mut open = Vec::new();
+    for (i, point) in points.iter_mut().enumerate() {
+        let left = match &point.fate {
+            Fate::Beaten { by: left } | Fate::Even { with: left } => Some(left.clone()),
+            Fate::Unverified { .. } => None,
+            _ => continue,
+        };
+        let Some(of_it) = standing(point).filter(|_| !is_verified(point)) else {
+            continue;
+        };
+        if let Some(fate) = still_left(&of_it, &stand) {
+            point.fate = fate;
+            continue;
+        }
+        let within = budget.is_none_or(|most| of_it.error <= most);
+        if let Some(left) = left {
+            let why =
+                format!("it was left for {left}, which did not stay as good when it was verified");
+            point.fate = Fate::Unverified { why };
+            open.push((i, of_it));
+        } else if within && !is_met {
+            open.push((i, of_it));
+        }
+    }
+    let standings: Vec<Standing> = open.iter().map(|(_, s)| *s).collect();
+    let unbeaten = unbeaten(&standings);
+    let others: Vec<(String, Standing)> = open
+        .iter()
+        .map(|(i, s)| (points[*i].name.clone(), *s))
+        .collect();
+    for (place, (i, of_it)) in open.iter().enumerate() {
+        // Beaten by one that is open itself: judged again with it.
+        if !unbeaten.contains(&place)
+            && let Some(fate) = still_left(of_it, &others)
+        {
+            points[*i].fate = fate;
+        }
+    }
+    unbeaten.into_iter().map(|place| open[place]).collect()
 }
 
 /// What verification says of the finalists takes the place of what was known of them, and which of them are on the frontier is judged anew.
@@ -189,5 +295,81 @@ fn judge(points: &mut [Point], report: &Report, metric: Metric) {
             let by = points[judged[by].0].name.clone();
             points[*i].fate = Fate::Beaten { by };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::Estimate;
+
+    fn point(name: &str, error: f64, median: f64, fate: Fate) -> Point {
+        let (low, high) = (median - 0.04, median + 0.04);
+        Point {
+            name: name.to_owned(),
+            error: Some(ErrorLadder {
+                flip_mean: error,
+                ..ErrorLadder::default()
+            }),
+            speedup: Some(Estimate { median, low, high }),
+            fate,
+            ..original()
+        }
+    }
+
+    fn beaten(by: &str) -> Fate {
+        Fate::Beaten { by: by.to_owned() }
+    }
+
+    fn open(points: &mut [Point], verified: &[&str], budget: Option<f64>) -> Vec<String> {
+        let open = reopen(points, verified, Metric::FlipMean, budget);
+        open.into_iter()
+            .map(|(i, _)| points[i].name.clone())
+            .collect()
+    }
+
+    #[test]
+    fn what_a_broken_finalist_beat_is_judged_again() {
+        let broken = Fate::Broken {
+            why: "a pixel".to_owned(),
+        };
+        let verified = [ORIGINAL, "a", "b"];
+        let mut points = [
+            original(),
+            point("a", 0.01, 1.9, broken),
+            point("b", 0.02, 1.5, Fate::Frontier),
+            // All left for `a`: the first is nobody's now, the second the first's, the third `b`'s.
+            point("c", 0.01, 1.7, beaten("a")),
+            point("d", 0.015, 1.6, beaten("a")),
+            point("e", 0.03, 1.2, beaten("a")),
+        ];
+        assert_eq!(open(&mut points, &verified, None), ["c"]);
+        assert!(matches!(points[3].fate, Fate::Unverified { .. }));
+        assert_eq!(points[4].fate, beaten("c"));
+        assert_eq!(points[5].fate, beaten("b"));
+        // Verified in its turn, it stands for what it beats, and nothing is open.
+        points[3].fate = Fate::Frontier;
+        assert_eq!(
+            open(&mut points, &[&verified[..], &["c"]].concat(), None),
+            [""; 0]
+        );
+        assert_eq!(points[4].fate, beaten("c"));
+    }
+
+    #[test]
+    fn a_budget_that_nothing_verified_is_within_opens_what_was_drawn_within_it() {
+        let left = Fate::Unverified {
+            why: "two others were taken in its place".to_owned(),
+        };
+        let mut points = [
+            original(),
+            // Within it as drawn, and not on every frame.
+            point("a", 0.012, 1.9, Fate::Frontier),
+            point("b", 0.007, 1.5, left.clone()),
+            point("c", 0.02, 2.5, left),
+        ];
+        assert_eq!(open(&mut points, &[ORIGINAL, "a"], Some(0.01)), ["b"]);
+        assert_eq!(open(&mut points, &[ORIGINAL, "a"], Some(0.015)), [""; 0]);
+        assert_eq!(open(&mut points, &[ORIGINAL, "a"], None), [""; 0]);
     }
 }

@@ -27,7 +27,15 @@ pub struct Looked<'s> {
 /// # Errors
 /// A value that does not fit its variable.
 pub fn constants(scene: &Scene) -> Result<Vec<Constant>, Error> {
-    let looked = Looked::at(scene)?;
+    constants_beside(scene, changing(scene)?)
+}
+
+/// The same, where it is known already what changes.
+pub(super) fn constants_beside(
+    scene: &Scene,
+    changing: Vec<Changing>,
+) -> Result<Vec<Constant>, Error> {
+    let looked = Looked::beside(scene, changing)?;
     let mut found = Vec::new();
     for (index, plan) in looked.plans.iter().enumerate() {
         let draws = scene.draws.iter().enumerate();
@@ -66,6 +74,11 @@ impl<'s> Looked<'s> {
     /// # Errors
     /// A value that does not fit its variable.
     pub fn at(scene: &'s Scene) -> Result<Self, Error> {
+        Self::beside(scene, changing(scene)?)
+    }
+
+    /// The same, where it is known already what changes.
+    fn beside(scene: &'s Scene, changing: Vec<Changing>) -> Result<Self, Error> {
         let plans = originals(scene);
         let first = scene.frames().next().map(|(_, frame)| frame);
         let mut all = Vec::new();
@@ -81,7 +94,7 @@ impl<'s> Looked<'s> {
         }
         Ok(Self {
             scene,
-            changing: changing(scene)?,
+            changing,
             plans,
             textures: all,
         })

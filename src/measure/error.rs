@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::render::{ColorImage, DepthImage, Rendered};
 
+/// One step of 8 bits, and what comes of telling a step as a float.
+const STEP: f64 = 1.0 / 255.0 + 1e-6;
+
 /// The difference between an original and a variant of one view.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorLadder {
@@ -15,7 +18,14 @@ pub struct ErrorLadder {
     pub changed_depth: u64,
     /// Largest difference of a colour channel, in the target's units (0..1 for unorm formats). Infinite where one is NaN and the other is not;
     /// written as `null` in JSON then.
+    #[serde(deserialize_with = "or_infinite")]
     pub max_abs: f64,
+    /// Pixels where a colour channel differs by more than one step of 8 bits: more than a rounding may, that nothing decides by.
+    #[serde(default)]
+    pub beyond_step: u64,
+    /// Pixels of the picture.
+    #[serde(default)]
+    pub pixels: u64,
     /// Mean of the FLIP error map, 0..1 (Andersson et al. 2020), of colour target 0. 0 without a difference.
     pub flip_mean: f64,
     /// The FLIP error that 99% of the pixels stay under.
@@ -26,6 +36,11 @@ pub struct ErrorLadder {
     pub depth_max_ulp: u64,
     /// Column and row of the first pixel that differs in colour or depth, row by row.
     pub first_difference: Option<[u32; 2]>,
+}
+
+/// A number, or infinity where JSON has none.
+fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
 }
 
 impl ErrorLadder {
@@ -42,6 +57,8 @@ impl ErrorLadder {
             changed_alpha: self.changed_alpha.max(other.changed_alpha),
             changed_depth: self.changed_depth.max(other.changed_depth),
             max_abs: self.max_abs.max(other.max_abs),
+            beyond_step: self.beyond_step.max(other.beyond_step),
+            pixels: self.pixels.max(other.pixels),
             flip_mean: self.flip_mean.max(other.flip_mean),
             flip_p99: self.flip_p99.max(other.flip_p99),
             nan_pixels: self.nan_pixels.max(other.nan_pixels),
@@ -68,9 +85,13 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
             variant.colors.len()
         )));
     }
-    let mut out = ErrorLadder::default();
     let size = size_of(original).unwrap_or([0, 0]);
     let pixels = size[0] as usize * size[1] as usize;
+    let mut out = ErrorLadder {
+        pixels: pixels as u64,
+        ..ErrorLadder::default()
+    };
+    let mut beyond = vec![false; pixels];
     let mut changed = vec![false; pixels];
     let mut alpha_only = vec![true; pixels];
     let mut non_finite = vec![false; pixels];
@@ -94,10 +115,12 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
             alpha_only[i] &= !(0..3).any(differs);
             for c in (0..4).filter(|c| differs(*c)) {
                 let distance = f64::from((p[c] - q[c]).abs());
-                out.max_abs = out.max_abs.max(match distance.is_nan() {
+                let distance = match distance.is_nan() {
                     true => f64::INFINITY,
                     false => distance,
-                });
+                };
+                out.max_abs = out.max_abs.max(distance);
+                beyond[i] |= distance > STEP;
             }
             let finite = |v: [f32; 4]| v.iter().all(|c| c.is_finite());
             non_finite[i] |= finite(p) && !finite(q);
@@ -110,6 +133,7 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
         .filter(|(c, a)| **c && **a)
         .count() as u64;
     out.nan_pixels = count(&non_finite);
+    out.beyond_step = count(&beyond);
     match (&original.depth, &variant.depth) {
         (None, None) => {}
         (Some(a), Some(b)) if a.size == b.size && a.samples == b.samples => {
@@ -186,4 +210,34 @@ fn flip_map(a: &ColorImage, b: &ColorImage) -> nv_flip::FlipImageFloat {
         nv_flip::FlipImageRgb8::with_data(image.size[0], image.size[1], &bytes)
     };
     nv_flip::flip(rgb(a), rgb(b), nv_flip::DEFAULT_PIXELS_PER_DEGREE)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::ErrorLadder;
+
+    #[test]
+    fn an_infinite_difference_is_read_back() {
+        let error = ErrorLadder {
+            max_abs: f64::INFINITY,
+            nan_pixels: 3,
+            ..ErrorLadder::default()
+        };
+        let json = serde_json::to_string(&error).unwrap();
+        assert!(json.contains("\"max_abs\":null"), "{json}");
+        assert_eq!(serde_json::from_str::<ErrorLadder>(&json).unwrap(), error);
+    }
+
+    #[test]
+    fn an_infinite_difference_is_read_back() {
+        let error = ErrorLadder {
+            max_abs: f64::INFINITY,
+            nan_pixels: 3,
+            ..ErrorLadder::default()
+        };
+        let json = serde_json::to_string(&error).unwrap();
+        assert!(json.contains("\"max_abs\":null"), "{json}");
+        assert_eq!(serde_json::from_str::<ErrorLadder>(&json).unwrap(), error);
+    }
 }

@@ -10,12 +10,12 @@ use glam::Mat4;
 use preshade_passes::geometry::Geometry;
 use preshade_passes::plan::Plan;
 use preshade_passes::state::Topology;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::scene::{Draw, DrawRange, Scene, Stream, mesh};
 
 /// Edges that two draws share and divide differently.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Junction {
     /// The draw that is subdivided, the more finely one first in the scene where both are.
     pub divided: String,

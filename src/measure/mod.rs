@@ -61,9 +61,13 @@ pub enum Error {
 
 /// What a scene tells without being drawn. What its files do not fit is left out.
 pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
+    let changing = changing(scene).ok();
+    let constants = changing
+        .clone()
+        .and_then(|changing| constants::constants_beside(scene, changing).ok());
     preshade_passes::pass::Facts {
-        changing: changing(scene).ok(),
-        constants: constants(scene).unwrap_or_default(),
+        changing,
+        constants: constants.unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
         ..preshade_passes::pass::Facts::default()
     }
@@ -78,11 +82,15 @@ pub fn known_for(
     use preshade_passes::early_discard::EarlyDiscard;
     use preshade_passes::pass::{Facts, Pass};
     use preshade_passes::shadow::Shadow;
+    use preshade_passes::skip_taps::SkipTaps;
+    use preshade_passes::trim_loop::TrimLoop;
     // The passes that read neither: all others may.
     let names = [
         DepthPrepass::INFO.name,
         EarlyDiscard::INFO.name,
         Shadow::INFO.name,
+        SkipTaps::INFO.name,
+        TrimLoop::INFO.name,
     ];
     match recipe
         .steps

@@ -39,7 +39,6 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
             continue;
         };
         let module = material.program.module();
-        let bound = |draw: &Draw, frame: &Frame| bind::draw(scene, material, pass, draw, frame);
         let draws: Vec<&Draw> = scene.draws.iter().filter(|d| d.material == index).collect();
         let frames: Vec<&Frame> = scene.frames().map(|(_, frame)| frame).collect();
         let mut ends = Ends::default();
@@ -48,9 +47,24 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
         for draw in draws {
             let mut before = BTreeMap::new();
             let mut stage = None;
+            let mut bound: Option<DrawBindings> = None;
             for (i, frame) in frames.iter().enumerate() {
-                let bound = bound(draw, frame)?;
-                ends.add_buffers(module, &bound, &mut before);
+                let bound = match &mut bound {
+                    None => bound.insert(bind::draw(scene, material, pass, draw, frame)?),
+                    // What follows no frame stays.
+                    Some(bound) => {
+                        for now in bind::frame_buffers(scene, material, pass, draw, frame)? {
+                            let same = |b: &&mut bind::BufferBinding| {
+                                (b.group, b.binding) == (now.group, now.binding)
+                            };
+                            if let Some(buffer) = bound.buffers.iter_mut().find(same) {
+                                *buffer = now;
+                            }
+                        }
+                        bound
+                    }
+                };
+                ends.add_buffers(module, bound, &mut before);
                 let is_seen = match &stage {
                     None => true,
                     Some(Ok(Sample { every, .. })) => i.is_multiple_of(*every),
@@ -59,7 +73,7 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
                 if !is_seen {
                     continue;
                 }
-                let vertices = Vertices::new(module, bound, |at| {
+                let vertices = Vertices::new(module, bound.clone(), |at| {
                     let mut read = pass.bindings.iter().filter(|b| b.visibility.vertex);
                     read.any(|b| (b.group, b.binding) == at)
                 });

@@ -127,6 +127,7 @@ fn drawn(gpu: &Gpu, source: &str, triangle: &[[f32; 3]; 3]) -> Result<ColorImage
         program: parsed.program,
         vertex: parsed.vertex,
         fragment: parsed.fragment,
+        defines: BTreeMap::new(),
         state: MaterialState {
             primitive: PrimitiveState {
                 cull: CullMode::None,

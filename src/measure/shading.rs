@@ -4,13 +4,14 @@
 //! Why not the adapter's pipeline statistics: software adapters count fragments before the early depth test.
 
 use naga::{Literal, ShaderStage};
+use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
 use preshade_passes::visibility_buffer;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Error;
 use crate::render::{
@@ -46,7 +47,7 @@ pub struct Shading {
 }
 
 /// [`Shading`] as it is reported.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShadingSummary {
     /// Fragments (samples, under MSAA).
     pub fragments: u64,
@@ -80,7 +81,11 @@ impl Shading {
 
 /// A frame prepared for counting: plans whose main passes add one instead of shading.
 #[derive(Debug)]
-pub struct Counter<'a>(Prepared<'a>);
+pub struct Counter<'a> {
+    prepared: Prepared<'a>,
+    /// For ties: the fragments that the original draws.
+    passed: Option<Prepared<'a>>,
+}
 
 impl<'a> Counter<'a> {
     /// Prepares counting what the opaque main passes of `plans` shade. `count` says what stands in for a pass's fragment stage. Passes
@@ -99,11 +104,14 @@ impl<'a> Counter<'a> {
             .iter()
             .map(|plan| Ok(every_late_fragment(counting_plan(plan, format, &count)?)))
             .collect::<Result<Vec<_>, Error>>()?;
-        Self::prepare(inputs, &plans, form)
+        Ok(Self {
+            prepared: Self::prepare(inputs, &plans, form)?,
+            passed: None,
+        })
     }
 
-    /// Prepares counting the fragments that share the winning depth of their pixel: 2 or more are a tie. `plans` are the original ones, drawn
-    /// first with their own state, then with EQUAL.
+    /// Prepares counting the fragments that share the winning depth of their pixel: 2 or more are a tie, and so is one where the original draws none, whose depth is that of the
+    /// cleared buffer. `plans` are the original ones, drawn first with their own state, then with EQUAL.
     ///
     /// # Errors
     /// As [`Prepared::new`].
@@ -115,6 +123,7 @@ impl<'a> Counter<'a> {
         count: impl Fn(&Plan, &GpuPass) -> CountProgram,
     ) -> Result<Self, Error> {
         let format = count_format(inputs.gpu(), plans);
+        let passed = Self::shaded(inputs, plans, form, &count)?.prepared;
         let plans = plans
             .iter()
             .map(|original| {
@@ -155,21 +164,22 @@ impl<'a> Counter<'a> {
                 Ok(plan)
             })
             .collect::<Result<Vec<_>, Error>>()?;
-        Self::prepare(inputs, &plans, form)
+        Ok(Self {
+            prepared: Self::prepare(inputs, &plans, form)?,
+            passed: Some(passed),
+        })
     }
 
     fn prepare(
         inputs: &'a SceneInputs<'a>,
         plans: &[Plan],
         form: ShaderForm,
-    ) -> Result<Self, Error> {
+    ) -> Result<Prepared<'a>, Error> {
         let variant = Variant::new(plans, form)?;
         let settings = FrameSettings {
             clear_color: [0.0; 4],
         };
-        Ok(Self(
-            Prepared::new(inputs, &variant, &settings)?.keeping_samples(),
-        ))
+        Ok(Prepared::new(inputs, &variant, &settings)?.keeping_samples())
     }
 
     /// Counts in one frame. Uniforms are those last set by [`SceneInputs::set_frame`].
@@ -177,23 +187,39 @@ impl<'a> Counter<'a> {
     /// # Errors
     /// As [`Prepared::draw`].
     pub fn count(&mut self, frame: &Frame, order: DrawOrder) -> Result<Shading, Error> {
-        self.0.aim(frame, order);
-        let counts = self.0.render_red()?.unwrap_or(DepthImage {
-            size: [0, 0],
-            samples: 1,
-            values: Vec::new(),
-        });
-        Ok(Shading::of(counts))
+        Ok(Shading::of(counted(&mut self.prepared, frame, order)?))
     }
 
-    /// Pixels (samples) counted twice or more: for [`Counter::ties`], the number of depth ties.
+    /// Pixels (samples) counted twice or more, or once where the original draws nothing: for [`Counter::ties`], the number of depth ties.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
     pub fn ties_in(&mut self, frame: &Frame, order: DrawOrder) -> Result<u64, Error> {
-        let shading = self.count(frame, order)?;
-        Ok(shading.counts.values.iter().filter(|v| **v >= 2.0).count() as u64)
+        let equal = counted(&mut self.prepared, frame, order)?.values;
+        let passed = match &mut self.passed {
+            Some(passed) => counted(passed, frame, order)?.values,
+            None => Vec::new(),
+        };
+        let is_tie = |(i, n): &(usize, &f32)| {
+            let most = passed.get(*i).map_or(1.0, |p| p.min(1.0));
+            **n > most
+        };
+        Ok(equal.iter().enumerate().filter(is_tie).count() as u64)
     }
+}
+
+/// What a frame prepared for counting counts, by pixel (sample).
+fn counted(
+    prepared: &mut Prepared<'_>,
+    frame: &Frame,
+    order: DrawOrder,
+) -> Result<DepthImage, Error> {
+    prepared.aim(frame, order);
+    Ok(prepared.render_red()?.unwrap_or(DepthImage {
+        size: [0, 0],
+        samples: 1,
+        values: Vec::new(),
+    }))
 }
 
 /// Counts the depth ties of a scene over every frame of every camera, which is what `equal` forms of a pre-pass must know, and looks at what the adapter does that no language decides.
@@ -208,23 +234,43 @@ pub fn facts(
 ) -> Result<Facts, Error> {
     let inputs = SceneInputs::new(gpu, scene)?;
     let plans = super::originals(scene);
-    let ties = |discarded| -> Result<Option<u64>, Error> {
-        let mut counter = Counter::ties(&inputs, &plans, form, discarded, &count)?;
-        let mut ties = 0;
-        for (_, frame) in scene.frames() {
-            inputs.set_frame(frame)?;
-            ties += counter.ties_in(frame, DrawOrder::AsGiven)?;
-        }
-        Ok(Some(ties))
+    let counter = |discarded| Counter::ties(&inputs, &plans, form, discarded, &count);
+    let mut kept = counter(Discarded::LeftOut)?;
+    // Where nothing is discarded both are the same.
+    let mut all = match plans.iter().any(discards) {
+        true => Some(counter(Discarded::Counted)?),
+        false => None,
     };
+    let (mut ties, mut undiscarded) = (0, 0);
+    for (_, frame) in scene.frames() {
+        inputs.set_frame(frame)?;
+        let here = kept.ties_in(frame, DrawOrder::AsGiven)?;
+        ties += here;
+        undiscarded += match &mut all {
+            Some(all) => all.ties_in(frame, DrawOrder::AsGiven)?,
+            None => here,
+        };
+    }
     Ok(Facts {
-        depth_ties: ties(Discarded::LeftOut)?,
-        undiscarded_depth_ties: ties(Discarded::Counted)?,
+        depth_ties: Some(ties),
+        undiscarded_depth_ties: Some(undiscarded),
         near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
         vertices_per_fragment: vertices_per_fragment(&inputs, &plans, form, &count)?,
         // Of an adapter that does not show it the usual is taken.
         rasterizer: super::rasterizer(gpu).ok(),
         ..super::known(scene)
+    })
+}
+
+/// Whether a material's main pass may discard.
+fn discards(plan: &Plan) -> bool {
+    let pass = plan.main().and_then(|p| Some((p, plan.program(p)?)));
+    pass.is_some_and(|(pass, program)| {
+        let fragment = pass.fragment.as_deref();
+        let entry = fragment.and_then(|f| program.entry_point(naga::ShaderStage::Fragment, f));
+        entry.is_some_and(|(index, _)| {
+            Graph::build(program).may_discard(FunctionId::EntryPoint(index))
+        })
     })
 }
 
@@ -255,16 +301,20 @@ fn vertices_per_fragment(
     Ok((fragments > 0.0).then(|| vertices * frames / fragments))
 }
 
-/// Pixels of the original at depth 0, where that is the near plane, in the first frame of every camera.
+/// Pixels of the original at the depth of the near plane, in the first frame of every camera. Under reversed Z only what is clamped is of interest: what is clipped there is pushed away as
+/// anywhere else.
 fn near_plane_pixels(
     inputs: &SceneInputs<'_>,
     plans: &[Plan],
     form: ShaderForm,
 ) -> Result<Option<u64>, Error> {
     let scene = inputs.scene();
-    if scene.depth_direction == DepthDirection::Reversed {
-        return Ok(Some(0));
-    }
+    let clamps = |p: &GpuPass| p.primitive.unclipped_depth;
+    let near = match scene.depth_direction {
+        DepthDirection::Forward => 0.0,
+        DepthDirection::Reversed if plans.iter().flat_map(|p| &p.passes).any(clamps) => 1.0,
+        DepthDirection::Reversed => return Ok(Some(0)),
+    };
     let variant = Variant::new(plans, form)?;
     let mut prepared = Prepared::new(inputs, &variant, &FrameSettings::of(scene))?;
     let mut pixels = 0;
@@ -274,7 +324,7 @@ fn near_plane_pixels(
         let Some(depth) = prepared.render()?.depth else {
             return Ok(None);
         };
-        pixels += depth.values.iter().filter(|d| **d == 0.0).count() as u64;
+        pixels += depth.values.iter().filter(|d| **d == near).count() as u64;
     }
     Ok(Some(pixels))
 }

@@ -9,7 +9,7 @@ use preshade_passes::contract::Verdict;
 use preshade_passes::plan::{Attachment, GpuPass, Phase, Plan, SCENE_DEPTH};
 use preshade_passes::reflect;
 use preshade_passes::state::{DepthDirection, Multisample};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::verify::{Settings, Timed, Variant};
 use super::{Error, ErrorLadder, Estimate, FrameTime, compare, originals, time};
@@ -19,7 +19,7 @@ use crate::render::{
 use crate::scene::{DrawOrder, Scene};
 
 /// The shadow passes of a variant, drawn under the scene's light as the first frame of each camera has it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShadowReport {
     /// Width and height of the shadow map, in pixels.
     pub map: [u32; 2],

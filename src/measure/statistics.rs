@@ -1,12 +1,12 @@
 //! Invocations as the adapter counts them.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Error;
 use crate::render::{Gpu, Prepared};
 
 /// What one frame invoked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Invocations {
     /// Vertex stage; the adapter's reuse of vertices is accounted for.
     pub vertex: u64,

@@ -45,7 +45,7 @@ impl Default for TimingSettings {
 }
 
 /// A median and its 95% confidence interval.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// Median.
     pub median: f64,
@@ -56,7 +56,7 @@ pub struct Estimate {
 }
 
 /// Milliseconds a frame.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameTime {
     /// Median and interval.
     #[serde(flatten)]

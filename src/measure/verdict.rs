@@ -1,6 +1,6 @@
 //! Whether a difference keeps a contract.
 
-use preshade_passes::contract::{Assumption, Budget, Contract};
+use preshade_passes::contract::{Assumption, Budget, Contract, Surface, Turned};
 use preshade_passes::plan::{GpuPass, Phase, Plan};
 
 use super::ErrorLadder;
@@ -21,19 +21,7 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
                 error.changed_pixels, error.changed_depth
             ))
         }
-        Contract::Rounding { k, .. } => {
-            // What a rounding can do to a stored 8-bit channel is one step of it; depth is not shaded, so its bits stay.
-            let allowed = 1.0 / 255.0 + f64::from(*k) * f64::from(f32::EPSILON) / 2.0;
-            let holds = error.max_abs <= allowed + 1e-9
-                && error.nan_pixels == 0
-                && error.changed_depth == 0;
-            (!holds).then(|| {
-                format!(
-                    "a channel differs by {} where rounding allows {allowed:.6}, {} depths differ",
-                    error.max_abs, error.changed_depth
-                )
-            })
-        }
+        Contract::Rounding { k, turned, .. } => rounded_too_far(*k, *turned, error),
         Contract::Approximate { .. } | Contract::Budgets { .. } => {
             let broken: Vec<String> = contract
                 .budgets()
@@ -46,6 +34,39 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
                 })
                 .collect();
             (!broken.is_empty()).then(|| broken.join(", "))
+        }
+    }
+}
+
+/// How a difference is more than `k` roundings, and what turns on them, may make.
+fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Option<String> {
+    // What a rounding can do to a stored 8-bit channel is one step of it.
+    let allowed = 1.0 / 255.0 + f64::from(k) * f64::from(f32::EPSILON) / 2.0;
+    if error.nan_pixels > 0 {
+        return Some(format!("{} pixels are not finite", error.nan_pixels));
+    }
+    // Depth is not shaded: its bits stay, but for a surface that is promised to roundings only.
+    let is_kept = turned.is_none_or(|t| t.surface == Surface::Kept);
+    if is_kept && error.changed_depth > 0 {
+        return Some(format!("{} depths differ", error.changed_depth));
+    }
+    match turned {
+        None => (error.max_abs > allowed + 1e-9).then(|| {
+            format!(
+                "a channel differs by {} where rounding allows {allowed:.6}",
+                error.max_abs
+            )
+        }),
+        Some(Turned { share, .. }) => {
+            let most = share * error.pixels as f64;
+            (error.beyond_step as f64 > most).then(|| {
+                format!(
+                    "{} pixels differ by more than a step, where {} of {} may, for decisions that turn on a rounding",
+                    error.beyond_step,
+                    most.floor(),
+                    error.pixels
+                )
+            })
         }
     }
 }

@@ -12,8 +12,8 @@ use crate::render::{
     Variant as HostVariant, order, self_test,
 };
 use crate::report::{
-    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, VariantReport, ViewReport,
-    Worst, path,
+    Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, Unfinished, VariantReport,
+    ViewReport, Worst, path,
 };
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
@@ -67,6 +67,18 @@ pub struct Progress {
     pub done: f64,
     /// What is being done.
     pub what: String,
+    /// What is measured, after each view; `None`: nothing more than before.
+    pub so_far: Option<Box<Unfinished>>,
+}
+
+impl Progress {
+    fn at(done: f64, what: impl Into<String>) -> Self {
+        Self {
+            done,
+            what: what.into(),
+            so_far: None,
+        }
+    }
 }
 
 /// What was measured, and the pictures of the headline view.
@@ -76,6 +88,8 @@ pub struct Outcome {
     pub report: Report,
     /// Pictures of the variants that were drawn, without the original.
     pub pictures: Vec<Pictures>,
+    /// Why measuring ended before the last view, with the adapter lost; `None`: it did not.
+    pub lost: Option<String>,
 }
 
 /// A camera's frame in one order.
@@ -124,10 +138,7 @@ pub fn verify(
     settings: &Settings<'_>,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Outcome, Error> {
-    progress(Progress {
-        done: 0.0,
-        what: "uploading the scene".to_owned(),
-    });
+    progress(Progress::at(0.0, "uploading the scene"));
     let inputs = SceneInputs::new(gpu, scene)?;
     let original = Variant {
         name: ORIGINAL.to_owned(),
@@ -137,10 +148,8 @@ pub fn verify(
     };
     let mut subjects = Vec::new();
     for (i, variant) in std::iter::once(&original).chain(variants).enumerate() {
-        progress(Progress {
-            done: 0.1 * i as f64 / (variants.len() + 1) as f64,
-            what: format!("compiling `{}`", variant.name),
-        });
+        let done = 0.1 * i as f64 / (variants.len() + 1) as f64;
+        progress(Progress::at(done, format!("compiling `{}`", variant.name)));
         subjects.push(Subject::new(&inputs, variant, settings, i == 0)?);
     }
     let mut ties = Counter::ties(
@@ -155,9 +164,8 @@ pub fn verify(
     let mut depth_ties = Some(0);
     let mut lost = None;
     for (i, view) in views.iter().enumerate() {
-        let at = |part: f64, what: String| Progress {
-            done: 0.1 + 0.9 * (i as f64 + part) / views.len() as f64,
-            what,
+        let at = |part: f64, what: String| {
+            Progress::at(0.1 + 0.9 * (i as f64 + part) / views.len() as f64, what)
         };
         progress(at(0.0, view.to_string()));
         let mut measure = || -> Result<(), Error> {
@@ -187,30 +195,30 @@ pub fn verify(
             lost = Some(error.to_string());
             break;
         }
+        let missing: Vec<String> = views[i + 1..].iter().map(View::to_string).collect();
+        let measured = Report {
+            clock: clock.clone(),
+            variants: subjects.iter().map(Subject::so_far).collect(),
+            ..blank(gpu, scene, settings)
+        };
+        progress(Progress {
+            so_far: Some(Box::new(Unfinished::new(measured, missing))),
+            ..at(1.0, view.to_string())
+        });
     }
     for (subject, variant) in subjects.iter_mut().skip(1).zip(variants) {
         if lost.is_none() && variant.plans.iter().any(shadow::has_shadow) {
-            progress(Progress {
-                done: 1.0 - f64::EPSILON,
-                what: format!("`{}` under the light", variant.name),
-            });
+            let what = format!("`{}` under the light", variant.name);
+            progress(Progress::at(1.0 - f64::EPSILON, what));
             subject.measure_shadow(gpu, scene, variant, settings);
         }
         subject.run_self_tests(&inputs, variant, settings, lost.as_deref());
     }
     let mut report = Report {
-        schema: SCHEMA.to_owned(),
-        scene: scene.name.clone(),
-        resolution: scene.size,
-        samples: scene.samples,
-        command: settings.command.clone(),
-        adapter: gpu.adapter().clone(),
         clock,
         depth_ties: depth_ties.filter(|_| lost.is_none()),
         assumed: bind::guessed(scene),
-        variants: Vec::new(),
-        sweeps: Vec::new(),
-        chosen: None,
+        ..blank(gpu, scene, settings)
     };
     let mut pictures = Vec::new();
     for subject in subjects {
@@ -218,11 +226,30 @@ pub fn verify(
         report.variants.push(variant);
         pictures.extend(picture);
     }
-    progress(Progress {
-        done: 1.0,
-        what: "done".to_owned(),
-    });
-    Ok(Outcome { report, pictures })
+    progress(Progress::at(1.0, "done"));
+    Ok(Outcome {
+        report,
+        pictures,
+        lost,
+    })
+}
+
+/// A report of nothing yet.
+fn blank(gpu: &Gpu, scene: &Scene, settings: &Settings<'_>) -> Report {
+    Report {
+        schema: SCHEMA.to_owned(),
+        scene: scene.name.clone(),
+        resolution: scene.size,
+        samples: scene.samples,
+        command: settings.command.clone(),
+        adapter: gpu.adapter().clone(),
+        clock: None,
+        depth_ties: None,
+        assumed: Vec::new(),
+        variants: Vec::new(),
+        sweeps: Vec::new(),
+        chosen: None,
+    }
 }
 
 fn views<'s>(scene: &'s Scene, settings: &Settings<'_>) -> Vec<View<'s>> {
@@ -609,6 +636,25 @@ impl<'a> Subject<'a> {
                 fallback: plan.fallback.clone(),
             });
         }
+    }
+
+    /// What is known of it between two views.
+    fn so_far(&self) -> VariantReport {
+        let mut report = self.report.clone();
+        match &self.broken {
+            Some(r#where) => {
+                report.verdict = Verdict::Broken {
+                    r#where: r#where.clone(),
+                };
+            }
+            None if self.prepared.is_some() => {
+                report.verdict = Verdict::NotMeasured {
+                    why: "not all views were drawn yet".to_owned(),
+                };
+            }
+            None => {}
+        }
+        report
     }
 
     /// Draws it no more.

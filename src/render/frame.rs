@@ -1,5 +1,6 @@
 //! One frame of a variant: everything built once, encoded as often as needed.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use preshade_passes::draw_table;
@@ -527,6 +528,11 @@ impl<'a> Prepared<'a> {
     /// Bytes of all attachments.
     pub fn target_bytes(&self) -> u64 {
         self.targets.bytes()
+    }
+
+    /// Bytes of each attachment, by its name and format.
+    pub fn targets(&self) -> BTreeMap<String, u64> {
+        self.targets.each()
     }
 
     fn color_attachments(

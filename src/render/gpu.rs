@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
 use super::{Error, limits};
@@ -20,7 +20,7 @@ pub enum AdapterChoice {
 }
 
 /// What an adapter is and what can be measured on it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AdapterReport {
     /// Name, as the driver gives it.
     pub name: String,
@@ -379,6 +379,12 @@ impl Gpu {
         buffer.unmap();
         self.check_trouble()?;
         Ok(bytes)
+    }
+
+    /// From now on every call says that the device was lost: for tests of what is kept then. No device is lost at a test's will.
+    #[doc(hidden)]
+    pub fn pretend_lost(&self, why: &str) {
+        lock(&self.trouble).lost = Some(why.to_owned());
     }
 
     fn check_trouble(&self) -> Result<(), Error> {

@@ -3,13 +3,13 @@
 use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
 use preshade_passes::plan::{GpuPass, Phase, Plan, SamplesPassed, SelfTest, SelfTestDraw};
 use preshade_passes::state::{DepthFormat, StoreOp};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Error, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
 use crate::scene::DrawOrder;
 
 /// What a self-test said. Samples are as the adapter's occlusion queries give them: WebGPU promises of a query no more than whether it is 0.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "result", rename_all = "kebab-case")]
 pub enum SelfTestResult {
     /// Every run passed, and each saw something.

@@ -7,7 +7,7 @@ use preshade_passes::geometry::{self, Constants, Form, Geometry, Stream, Subdivi
 use preshade_passes::plan::{BindingSource, BindingUse, GeometryPart, Plan};
 use preshade_passes::state::Topology;
 use preshade_passes::tessellate::mesh::{self, Mesh};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::compute::rows;
@@ -16,7 +16,7 @@ use super::inputs::{DrawInputs, VertexInput};
 use crate::scene::bind::VertexAttribute;
 
 /// What subdividing costs a frame, over all draws and instances.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SubdivisionCost {
     /// New vertices computed each frame. Of the pulled form one for each vertex of each triangle's pattern, which is what an adapter that reuses the vertices of an
     /// instance computes.
@@ -36,7 +36,7 @@ pub struct SubdivisionCost {
 }
 
 /// Whether vertices are drawn that a triangle does not need.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Surplus {
     /// All are needed.
@@ -47,7 +47,7 @@ pub enum Surplus {
 }
 
 /// What subdividing one draw costs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DrawSubdivision {
     /// Its place in the scene.
     pub draw: usize,

@@ -83,6 +83,11 @@ impl Targets {
 
     /// Bytes of all attachments, samples included, as their formats count them (a `depth24plus` as 4 a sample).
     pub fn bytes(&self) -> u64 {
+        self.each().values().sum()
+    }
+
+    /// The same of each, by its name and format.
+    pub fn each(&self) -> BTreeMap<String, u64> {
         let bytes = |texture: &wgpu::Texture| {
             let texel = texture.format().block_copy_size(None).unwrap_or(4);
             u64::from(texture.width())
@@ -90,13 +95,22 @@ impl Targets {
                 * u64::from(texture.sample_count())
                 * u64::from(texel)
         };
-        let depths = self.depths.values().map(|d| bytes(&d.texture));
-        let named = self.named.values().map(|c| bytes(&c.texture));
-        let colors = self.colors.iter().flatten();
-        depths.chain(named).sum::<u64>()
-            + colors
-                .map(|c| bytes(&c.drawn) + c.resolved.as_ref().map_or(0, |(t, _)| bytes(t)))
-                .sum::<u64>()
+        let one = |name: &str, texture: &wgpu::Texture| {
+            let key = format!("{name} ({:?})", texture.format());
+            (key, bytes(texture))
+        };
+        let depths = self.depths.iter().map(|(n, d)| one(n, &d.texture));
+        let named = self.named.iter().map(|(n, c)| one(n, &c.texture));
+        let colors = self.colors.iter().enumerate();
+        let colors = colors.filter_map(|(location, c)| Some((location, c.as_ref()?)));
+        let colors = colors.map(|(location, c)| {
+            let (key, drawn) = one(&format!("scene-color-{location}"), &c.drawn);
+            (
+                key,
+                drawn + c.resolved.as_ref().map_or(0, |(t, _)| bytes(t)),
+            )
+        });
+        depths.chain(named).chain(colors).collect()
     }
 
     pub fn depth(&self, name: &str) -> Option<&DepthTarget> {

@@ -4,14 +4,14 @@ use std::cmp::Ordering;
 
 use preshade_passes::contract::Verdict;
 use preshade_passes::hoist::Metric;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{ORIGINAL, VariantReport};
 use crate::measure::ErrorLadder;
 use crate::recipe::Recipe;
 
 /// How far a picture may be off.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Budget {
     /// What is counted.
     pub metric: Metric,
@@ -56,7 +56,7 @@ impl Budget {
 }
 
 /// A budget, and what it leaves of a report's variants.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Chosen {
     /// What was asked of them.
     pub budget: Budget,
@@ -65,10 +65,17 @@ pub struct Chosen {
     /// What `rewrite` makes the chosen variant of, under a promise of this budget; `None`: of its recipe as it stands.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recipe: Option<String>,
+    /// Variants that a first look saw within the budget, as good as any that was verified, and that were not verified themselves.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub unverified: usize,
+}
+
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 /// The variant that a budget leaves.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Choice {
     /// The fastest of those within the budget, and faster than the original; where nothing was timed, the one with the least error.
@@ -124,7 +131,15 @@ impl Chosen {
             budget,
             choice: Choice::among(variants, budget),
             recipe: None,
+            unverified: 0,
         }
+    }
+
+    /// The same beside so many variants that were not verified.
+    #[must_use]
+    pub fn beside(mut self, unverified: usize) -> Self {
+        self.unverified = unverified;
+        self
     }
 
     /// The same, with what `rewrite` makes the variant that is within the budget of: the recipe that `promised` has for its name.
@@ -136,8 +151,17 @@ impl Chosen {
         self
     }
 
-    /// As a sentence.
+    /// In words.
     pub fn said(&self) -> String {
+        let open = match (&self.choice, self.unverified) {
+            (Choice::Within { .. }, _) | (_, 0) => String::new(),
+            (_, 1) => " One more was drawn within it, and not verified.".to_owned(),
+            (_, n) => format!(" {n} more were drawn within it, and not verified."),
+        };
+        self.said_of_verified() + &open
+    }
+
+    fn said_of_verified(&self) -> String {
         let (name, most) = (self.budget.name(), self.budget.most);
         let times = |speedup: Option<f64>| {
             speedup.map_or_else(|| "not timed".to_owned(), |s| format!("{s:.2}x"))

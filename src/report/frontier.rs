@@ -104,7 +104,7 @@ pub fn number(error: f64) -> String {
 fn counted(found: &Exploration) -> String {
     let count =
         |of: &dyn Fn(&Fate) -> bool| found.points[1..].iter().filter(|p| of(&p.fate)).count();
-    let kinds: [(usize, &str); 8] = [
+    let kinds: [(usize, &str); 9] = [
         (
             count(&|f| matches!(f, Fate::Beaten { .. })),
             "beaten by another",
@@ -112,6 +112,10 @@ fn counted(found: &Exploration) -> String {
         (
             count(&|f| matches!(f, Fate::Even { .. })),
             "as good as one that was verified in its place",
+        ),
+        (
+            count(&|f| matches!(f, Fate::Unverified { .. })),
+            "not verified",
         ),
         (
             count(&|f| matches!(f, Fate::Predicted { .. })),
@@ -177,6 +181,7 @@ pub fn fate(point: &Point) -> String {
         Fate::Frontier => "on the frontier".to_owned(),
         Fate::Beaten { by } => format!("beaten by {by}"),
         Fate::Even { with } => format!("as good as {with}, which was verified in its place"),
+        Fate::Unverified { why } => format!("not verified: {why}"),
         Fate::Slow { times } => {
             format!("{times:.1} times the original's time at first sight, and not timed again")
         }

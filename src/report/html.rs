@@ -250,7 +250,10 @@ fn section(
 fn contract(contract: &Contract) -> String {
     let promise = match contract {
         Contract::Exact { .. } => "the same bits".to_owned(),
-        Contract::Rounding { k, .. } => format!("within {k} roundings"),
+        Contract::Rounding { k, turned, .. } => match turned {
+            None => format!("within {k} roundings"),
+            Some(turned) => format!("within {k} roundings, {turned}"),
+        },
         Contract::Approximate { .. } | Contract::Budgets { .. } => {
             let budgets: Vec<String> = contract.budgets().iter().map(ToString::to_string).collect();
             budgets.join(", ")

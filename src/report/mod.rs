@@ -10,9 +10,10 @@ pub mod plot;
 pub mod sheet;
 pub mod sweep;
 pub mod table;
+pub mod unfinished;
 
 use preshade_passes::contract::{Contract, Verdict};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::measure::statistics::Invocations;
 use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, Junction, ShadowReport};
@@ -24,6 +25,7 @@ pub use budget::{Budget, Choice, Chosen};
 pub use path::PathTime;
 pub use picture::{Pictures, Worst};
 pub use sweep::SweepReport;
+pub use unfinished::Unfinished;
 
 /// Version of the JSON that [`Report`] serialises to.
 pub const SCHEMA: &str = "preshade.verify.v1";
@@ -32,7 +34,7 @@ pub const SCHEMA: &str = "preshade.verify.v1";
 pub const ORIGINAL: &str = "original";
 
 /// What `verify` measured.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Always [`SCHEMA`].
     pub schema: String,
@@ -55,15 +57,15 @@ pub struct Report {
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
     /// Recipes with parameters left to vary, whose points are among the variants.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sweeps: Vec<SweepReport>,
     /// What a budget leaves of the variants; `None`: none was given.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chosen: Option<Chosen>,
 }
 
 /// One variant.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VariantReport {
     /// Name.
     pub name: String,
@@ -88,7 +90,7 @@ pub struct VariantReport {
     /// The self-tests of its plans, in the scene's order of materials. Empty where no plan has one.
     pub self_test: Vec<SelfTestReport>,
     /// Edges that it divides in one draw and not in the draw beside it. Empty where nothing is subdivided.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub junctions: Vec<Junction>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
     pub kept: Vec<Kept>,
@@ -99,7 +101,7 @@ pub struct VariantReport {
 }
 
 /// What the self-test of one plan said.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SelfTestReport {
     /// Material.
     pub material: String,
@@ -111,7 +113,7 @@ pub struct SelfTestReport {
 }
 
 /// A material that a variant leaves alone.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Kept {
     /// Material.
     pub material: String,
@@ -120,7 +122,7 @@ pub struct Kept {
 }
 
 /// What a variant takes beside time on the GPU.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     /// Pipelines.
     pub pipelines: usize,
@@ -131,7 +133,7 @@ pub struct Cost {
     /// Bytes of its depth and colour attachments.
     pub target_bytes: u64,
     /// What subdivided geometry costs; `None`: there is none.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subdivision: Option<SubdivisionCost>,
     /// Milliseconds the CPU takes to encode one frame; `None`: not timed.
     pub encode_ms: Option<f64>,
@@ -140,7 +142,7 @@ pub struct Cost {
 }
 
 /// One variant in one view.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ViewReport {
     /// Camera.
     pub camera: String,

@@ -1,12 +1,12 @@
 //! Time along a camera path: the frame that stutters, not the one that is typical.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::ViewReport;
 use crate::scene::DrawOrder;
 
 /// Times of the frames of one camera path in one order.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathTime {
     /// Camera.
     pub camera: String,

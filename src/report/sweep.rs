@@ -1,7 +1,7 @@
 //! A sweep as a table, a plot and rows of pictures: what a parameter costs in accuracy and gains in time; and the point that a budget leaves.
 
 use preshade_passes::contract::Verdict;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::picture::{Picture, Pictures, file_name};
 use super::plot::{self, Line, Mark, Panel};
@@ -12,7 +12,7 @@ use crate::render::Surplus;
 use crate::sweep::{AxisKind, Sweep, number};
 
 /// A sweep, and which variants are its points.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SweepReport {
     /// As it was written.
     pub recipe: String,
@@ -25,7 +25,7 @@ pub struct SweepReport {
 }
 
 /// A combination.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SweepPoint {
     /// The value of each parameter.
     pub values: Vec<String>,

@@ -164,6 +164,12 @@ impl std::fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
+impl From<crate::limits::Exceeded> for Error {
+    fn from(exceeded: crate::limits::Exceeded) -> Self {
+        Self::new(exceeded.to_string()).help(exceeded.remedy())
+    }
+}
+
 /// The known name nearest to a wrong one, if it is near enough to be a slip: at most a third of its letters differ.
 pub(crate) fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
     known

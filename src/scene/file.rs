@@ -1,6 +1,8 @@
 //! The TOML of a scene, as data. `docs/scenes.md` documents it for users; a field's doc here says only what that page needs to stay true.
 
 use std::collections::BTreeMap;
+use std::fmt;
+use std::path::PathBuf;
 
 use preshade_passes::state::{DepthDirection, DepthFormat, MaterialState};
 use serde::Deserialize;
@@ -14,6 +16,7 @@ use super::mesh::{
 };
 use super::variables::Variable;
 use super::{DrawOrder, Sampler};
+use crate::front::ClipSpace;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -70,8 +73,14 @@ pub(super) struct MaterialEntry {
     pub shader: Option<Spanned<String>>,
     pub vertex: Option<Spanned<String>>,
     pub fragment: Option<Spanned<String>>,
+    /// Folders for GLSL's `#include`.
+    #[serde(default)]
+    pub include: Vec<PathBuf>,
+    pub clip: Option<ClipSpace>,
     #[serde(default)]
     pub entry: Entry,
+    #[serde(default)]
+    pub defines: BTreeMap<String, Definition>,
     #[serde(default)]
     pub state: MaterialState,
     pub blend: Option<BlendName>,
@@ -97,6 +106,28 @@ pub(super) struct Entry {
 pub(super) enum BlendName {
     Alpha,
     Add,
+}
+
+/// What a preprocessor puts in the place of a name.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "a text, a number, true or false")]
+pub(super) enum Definition {
+    Integer(i64),
+    Float(f64),
+    Truth(bool),
+    Text(String),
+}
+
+impl fmt::Display for Definition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Integer(number) => write!(f, "{number}"),
+            // As GLSL writes one: 1.0, not 1.
+            Self::Float(number) => write!(f, "{number:?}"),
+            Self::Truth(truth) => write!(f, "{truth}"),
+            Self::Text(text) => f.write_str(text),
+        }
+    }
 }
 
 /// A number, lists of numbers to any depth, or `"$semantic"`.

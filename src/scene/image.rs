@@ -118,9 +118,25 @@ impl Recipe {
     /// # Errors
     /// When the bytes are no PNG.
     pub fn decode(&self, name: &str, bytes: &[u8]) -> Result<Image, Error> {
-        let decoded = ::image::load_from_memory_with_format(bytes, ::image::ImageFormat::Png)
-            .map_err(|e| Error::new(format!("`{name}` is not a PNG that can be read: {e}")))?
-            .to_rgba8();
+        self.decode_within(name, bytes, &crate::limits::Limits::default())
+    }
+
+    /// [`Recipe::decode`], of what may be asked for: the size that the file names is looked at before room is made for it.
+    pub(super) fn decode_within(
+        &self,
+        name: &str,
+        bytes: &[u8],
+        limits: &crate::limits::Limits,
+    ) -> Result<Image, Error> {
+        let wrong = |e: ::image::ImageError| {
+            Error::new(format!("`{name}` is not a PNG that can be read: {e}"))
+        };
+        let png = ::image::ImageFormat::Png;
+        let reader = || ::image::ImageReader::with_format(std::io::Cursor::new(bytes), png);
+        let (width, height) = reader().into_dimensions().map_err(wrong)?;
+        let side = u64::from(width.max(height));
+        limits.check("texture-size", side, format!("the side of `{name}`"))?;
+        let decoded = reader().decode().map_err(wrong)?.to_rgba8();
         let size = [decoded.width(), decoded.height()];
         Ok(finish(
             size,

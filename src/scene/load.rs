@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{EulerRot, Mat4, Quat, Vec3};
@@ -18,8 +18,8 @@ use super::file::{
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Scene, Stream, Value, Variables,
-    bind, error, material, meshes, range, variables,
+    Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Scene, Stream, Value,
+    Variables, bind, error, material, meshes, range, size, variables,
 };
 use crate::front;
 
@@ -40,14 +40,37 @@ pub fn load(path: &Path) -> Result<Scene, Error> {
 /// # Errors
 /// As [`load`], and a variable that the scene does not have.
 pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, Error> {
+    load_within(path, variables, Access::default())
+}
+
+/// [`load_with`], of what may be reached and asked for.
+///
+/// # Errors
+/// As [`load_with`], and what is beyond a limit.
+pub fn load_within(path: &Path, variables: &Variables, access: Access) -> Result<Scene, Error> {
+    let about = std::fs::metadata(path).map_err(|e| Error::read(path, &e))?;
+    access
+        .limits
+        .check("source-bytes", about.len(), "the bytes of the scene file")?;
     let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, &e))?;
-    let folder = Folder::of(path)?;
+    read(&text, path, variables, access)
+}
+
+/// The scene of a text, as if it stood in the file `path`, whose folder must be there.
+///
+/// # Errors
+/// As [`load_within`].
+pub fn read(
+    text: &str,
+    path: &Path,
+    variables: &Variables,
+    access: Access,
+) -> Result<Scene, Error> {
+    nested(text, access.limits.nesting)?;
+    let folder = Folder::of(path, access)?;
     let name = path.display().to_string();
-    let source = Source {
-        name: &name,
-        text: &text,
-    };
-    let file: SceneFile = toml::from_str(&text).map_err(|e| source.toml_error(&e))?;
+    let source = Source { name: &name, text };
+    let file: SceneFile = toml::from_str(text).map_err(|e| source.toml_error(&e))?;
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
     let variables = variables::set(&file.variables, variables)?;
     Loader {
@@ -55,8 +78,27 @@ pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, Error> {
         folder,
         file,
         variables,
+        access,
     }
     .scene(stem.unwrap_or_default())
+}
+
+/// Fails where brackets are open deeper than a parser's stack may bear. Those in strings count too, which no scene has reason for.
+fn nested(text: &str, most: u64) -> Result<(), Error> {
+    let mut open = 0_u64;
+    for byte in text.bytes() {
+        match byte {
+            b'[' | b'{' => open += 1,
+            b']' | b'}' => open = open.saturating_sub(1),
+            _ => {}
+        }
+        if open > most {
+            return Err(Error::new(format!(
+                "brackets are nested more than {most} deep"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The scene file's text, to point into.
@@ -103,6 +145,7 @@ struct Loader<'a> {
     folder: Folder,
     file: SceneFile,
     variables: Variables,
+    access: Access,
 }
 
 impl Loader<'_> {
@@ -145,6 +188,15 @@ impl Loader<'_> {
                 return Err(at(e, s.span()));
             }
         };
+        let limits = &self.access.limits;
+        let pixels = size.into_iter().map(u64::from).product::<u64>() * u64::from(samples);
+        if let Err(e) = limits.check("pixels", pixels, "the samples of the target") {
+            let e = Error::from(e);
+            return Err(match &f.size {
+                Some(s) => at(e, s.span()),
+                None => e,
+            });
+        }
         let light = Light::read(&f.light).map_err(|e| at(e.error, e.at))?;
         let materials = f
             .materials
@@ -154,11 +206,30 @@ impl Loader<'_> {
                     .map_err(|e| at(e, entry.span()))
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let meshes = meshes::build(&self.source, &self.folder, &self.variables, &f.meshes)?;
+        let meshes = meshes::build(
+            &self.source,
+            &self.folder,
+            &self.variables,
+            &f.meshes,
+            limits,
+        )?;
         let mut draws = Vec::new();
+        let data = meshes.iter().map(|m| size::of_mesh(&m.mesh));
+        let textures = materials.iter().flat_map(|m| m.textures.values());
+        let mut bytes = data.sum::<u64>() + textures.map(|t| size::of_image(t)).sum::<u64>();
         for entry in &f.draws {
-            self.draw(entry.get_ref(), &materials, &meshes, &mut draws)
-                .map_err(|e| at(e, entry.span()))?;
+            let before = draws.len();
+            let drawn = self.draw(entry.get_ref(), &materials, &meshes, &mut draws);
+            let counted = drawn.and_then(|()| {
+                limits.check("draws", draws.len() as u64, "the number of draws")?;
+                let streams = draws[before..]
+                    .iter()
+                    .flat_map(|d| d.instance_streams.values());
+                bytes = bytes.saturating_add(streams.map(size::of_stream).sum());
+                limits.check("scene-bytes", bytes, "the bytes of vertex data and texels")?;
+                Ok(())
+            });
+            counted.map_err(|e| at(e, entry.span()))?;
         }
         if draws.is_empty() {
             return Err(Error::new(format!("`{}` draws nothing", self.source.name))
@@ -262,10 +333,24 @@ impl Loader<'_> {
                 source.stage = Some(stage);
             }
         }
+        let defines = entry.defines.iter();
+        let defines: BTreeMap<String, String> =
+            defines.map(|(k, v)| (k.clone(), v.to_string())).collect();
+        // A text's name is where it lies below the root; what it includes lies beside the file.
+        let beside = files.iter().filter_map(|f| Path::new(f.get_ref()).parent());
+        let include = entry.include.iter().map(PathBuf::as_path).chain(beside);
+        let include = include
+            .map(|f| self.folder.folder(f))
+            .collect::<Result<_, _>>()
+            .map_err(|e| self.source.at(e, files[0].span()))?;
         let options = front::Options {
+            defines: defines.clone().into_iter().collect(),
             vertex: entry.entry.vertex.clone(),
             fragment: entry.entry.fragment.clone(),
-            ..front::Options::default()
+            include,
+            clip_space: entry.clip,
+            root: self.folder.root().map(Path::to_owned),
+            limits: self.access.limits,
         };
         let parsed = front::parse(&texts, &options).map_err(|e| {
             let what = Error::new(format!("the shader of material `{name}`: {e}"))
@@ -277,6 +362,7 @@ impl Loader<'_> {
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,
+            defines,
             state: entry.state.clone(),
             values: values(&entry.values),
             textures: BTreeMap::new(),
@@ -349,14 +435,22 @@ impl Loader<'_> {
         match (&recipe.file, recipe.pattern) {
             (Some(file), None) => {
                 let (shown, bytes) = self.folder.read(file)?;
-                recipe.decode(&shown, &bytes)
+                recipe.decode_within(&shown, &bytes, &self.access.limits)
             }
             (None, Some(_)) if !(1..=4096).contains(&recipe.size) => Err(Error::new(format!(
                 "texture `{name}` of {0}x{0} texels",
                 recipe.size
             ))
             .help("a generated texture is 1 to 4096 texels wide")),
-            (None, Some(_)) => Ok(recipe.generate()),
+            (None, Some(_)) => {
+                let (limits, side) = (&self.access.limits, recipe.size.into());
+                limits.check(
+                    "texture-size",
+                    side,
+                    format!("the side of texture `{name}`"),
+                )?;
+                Ok(recipe.generate())
+            }
             _ => Err(Error::new(format!(
                 "texture `{name}` needs either a `pattern` or a `file`"
             ))),
@@ -423,7 +517,7 @@ impl Loader<'_> {
             draws.push(draw);
             return Ok(());
         };
-        let places = meshes::field(field.get_ref(), &self.variables)
+        let places = meshes::field(field.get_ref(), &self.variables, &self.access.limits)
             .map_err(|e| self.source.at(e, field.span()))?;
         match field.get_ref().kind {
             FieldKind::Instances => {

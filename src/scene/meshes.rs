@@ -1,5 +1,6 @@
 //! The meshes of a scene file: each entry's shape, its parts merged in order of need, its skin and morph targets.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Quat, Vec3};
@@ -10,10 +11,8 @@ use super::load::{Source, transform};
 use super::mesh::{self, Rigged};
 use super::noise::{hash, random};
 use super::place::Folder;
-use super::{Error, Mesh, Variables};
-
-/// Most copies a field may make.
-const MAX_FIELD: u64 = 4_000_000;
+use super::{Error, Mesh, Variables, size};
+use crate::limits::Limits;
 
 /// One copy of a field.
 pub(super) struct Place {
@@ -33,14 +32,16 @@ struct Grid {
 }
 
 impl Grid {
-    fn new(field: &Field, variables: &Variables) -> Result<Self, Error> {
+    fn new(field: &Field, variables: &Variables, limits: &Limits) -> Result<Self, Error> {
         let jitter = Vec3::from(field.jitter);
         let grid = match (field.count, field.spacing, &field.copies, field.area) {
             (Some(count), Some(spacing), None, None) => Self {
                 count,
                 spacing: spacing.into(),
                 jitter,
-                copies: count.into_iter().map(u64::from).product(),
+                copies: count
+                    .into_iter()
+                    .fold(1, |n: u64, c| n.saturating_mul(c.into())),
             },
             (None, None, Some(copies), Some(area)) => {
                 let copies = copies.number(variables)?;
@@ -63,10 +64,12 @@ impl Grid {
                 ));
             }
         };
+        // Copies are numbered in 32 bits, whatever the limits.
+        let most = limits.copies.min(u32::MAX.into());
         match grid.copies {
-            1..=MAX_FIELD => Ok(grid),
+            n if (1..=most).contains(&n) => Ok(grid),
             total => Err(Error::new(format!("a field of {total} copies"))
-                .help(format!("1 to {MAX_FIELD} are allowed; count is [x, y, z]"))),
+                .help(format!("1 to {most} are allowed; count is [x, y, z]"))),
         }
     }
 
@@ -96,8 +99,12 @@ impl Grid {
 }
 
 /// The copies of a field, around the origin in x and z and upward from it in y, x fastest unless it says otherwise.
-pub(super) fn field(field: &Field, variables: &Variables) -> Result<Vec<Place>, Error> {
-    let grid = Grid::new(field, variables)?;
+pub(super) fn field(
+    field: &Field,
+    variables: &Variables,
+    limits: &Limits,
+) -> Result<Vec<Place>, Error> {
+    let grid = Grid::new(field, variables, limits)?;
     let mut numbers: Vec<u32> = (0..grid.copies as u32).collect();
     match field.order.order(variables)? {
         FieldOrder::Ascending => {}
@@ -116,12 +123,15 @@ pub(super) fn build(
     folder: &Folder,
     variables: &Variables,
     entries: &BTreeMap<String, Spanned<MeshEntry>>,
+    limits: &Limits,
 ) -> Result<Vec<Rigged>, Error> {
     let builder = Builder {
         source,
         folder,
         variables,
         entries,
+        limits,
+        vertices: Cell::new(0),
     };
     let mut done = BTreeMap::new();
     for name in entries.keys() {
@@ -135,9 +145,21 @@ struct Builder<'a> {
     folder: &'a Folder,
     variables: &'a Variables,
     entries: &'a BTreeMap<String, Spanned<MeshEntry>>,
+    limits: &'a Limits,
+    /// Of the meshes so far.
+    vertices: Cell<u64>,
 }
 
 impl Builder<'_> {
+    /// Takes so many vertices, before they are made.
+    fn take(&self, vertices: u64) -> Result<(), Error> {
+        let all = self.vertices.get().saturating_add(vertices);
+        self.vertices.set(all);
+        Ok(self
+            .limits
+            .check("vertices", all, "the vertices of all meshes")?)
+    }
+
     fn mesh(
         &self,
         name: &str,
@@ -185,6 +207,7 @@ impl Builder<'_> {
         entry: &MeshEntry,
         done: &BTreeMap<String, Rigged>,
     ) -> Result<Rigged, Error> {
+        self.take(size::vertices(entry))?;
         let mut shapes: Vec<Mesh> = Vec::new();
         shapes.extend(entry.cuboid.map(|s| s.mesh(name)));
         shapes.extend(entry.plane.map(|s| s.mesh(name)));
@@ -208,7 +231,9 @@ impl Builder<'_> {
         if let Some(gltf) = &entry.gltf {
             let read = |file: &str| self.folder.read(file).map(|(_, bytes)| bytes);
             let loaded = gltf.get_ref().load(name, &read);
-            rigged.push(loaded.map_err(|e| self.source.at(e, gltf.span()))?);
+            let loaded = loaded.map_err(|e| self.source.at(e, gltf.span()))?;
+            self.take(loaded.mesh.vertex_count.into())?;
+            rigged.push(loaded);
         }
         if let Some(parts) = &entry.merge {
             let mut meshes = Vec::new();
@@ -245,12 +270,14 @@ impl Builder<'_> {
         let outer = transform(part.translate, part.rotate, part.scale.as_ref());
         let places = match &part.field {
             None => vec![Mat4::IDENTITY],
-            Some(f) => field(f.get_ref(), self.variables)
+            Some(f) => field(f.get_ref(), self.variables, self.limits)
                 .map_err(|e| self.source.at(e, f.span()))?
                 .into_iter()
                 .map(|p| p.transform)
                 .collect(),
         };
+        let copies = places.len() as u64;
+        self.take(copies.saturating_mul(built.mesh.vertex_count.into()))?;
         out.extend(
             places
                 .into_iter()

@@ -15,6 +15,7 @@ mod place;
 mod range;
 mod semantic;
 mod setup;
+mod size;
 mod synthesise;
 mod variables;
 
@@ -25,7 +26,7 @@ pub mod mesh;
 
 pub use error::Error;
 pub use light::Light;
-pub use load::{load, load_with};
+pub use load::{load, load_with, load_within, read};
 pub use semantic::Semantic;
 pub use synthesise::synthesise;
 pub use variables::{Variable, Variables};
@@ -37,6 +38,25 @@ use glam::{Mat4, Vec3};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::state::{CompareFunction, DepthDirection, DepthFormat, MaterialState};
+
+/// What a scene file may reach and how much it may ask for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Access {
+    /// Whether its files may lie outside of its root folder.
+    pub outside: Outside,
+    /// What is refused for its size.
+    pub limits: crate::limits::Limits,
+}
+
+/// Whether a scene's files may lie outside of its root folder (`docs/scenes.md`, "Paths").
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outside {
+    /// They may not.
+    #[default]
+    Refused,
+    /// They may lie anywhere.
+    Allowed,
+}
 
 /// Everything that is drawn, on the CPU.
 #[derive(Clone, Debug)]
@@ -96,6 +116,8 @@ pub struct Material {
     pub vertex: String,
     /// Fragment entry point.
     pub fragment: Option<String>,
+    /// Definitions that its GLSL was preprocessed with, by name.
+    pub defines: BTreeMap<String, String>,
     /// Pipeline state, scene-wide depth settings already applied.
     pub state: MaterialState,
     /// Values by variable name, or by `variable.member`. What is not named here is filled by convention (see the module `bind`).

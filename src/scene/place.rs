@@ -7,18 +7,20 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::Error;
+use super::{Access, Error};
 
 /// The folder a scene's files are looked up in, and the one they may not leave.
 pub(super) struct Folder {
     base: PathBuf,
+    /// What messages leave out.
     root: PathBuf,
+    access: Access,
     /// Whole paths of the files that were read.
     read: RefCell<BTreeSet<PathBuf>>,
 }
 
 impl Folder {
-    pub(super) fn of(scene: &Path) -> Result<Self, Error> {
+    pub(super) fn of(scene: &Path, access: Access) -> Result<Self, Error> {
         let base = match scene.parent() {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
@@ -33,8 +35,17 @@ impl Folder {
         Ok(Self {
             base,
             root,
+            access,
             read: RefCell::default(),
         })
+    }
+
+    /// The folder that files may not leave; `None`: they may.
+    pub(super) fn root(&self) -> Option<&Path> {
+        match self.access.outside {
+            super::Outside::Refused => Some(&self.root),
+            super::Outside::Allowed => None,
+        }
     }
 
     /// The bytes of a file the scene names, and the path to show in messages.
@@ -44,14 +55,21 @@ impl Folder {
             Error::new(format!("cannot read `{name}`: {e}"))
                 .help("paths are relative to the scene file's folder")
         })?;
-        if !real.starts_with(&self.root) {
+        if self.root().is_some_and(|root| !real.starts_with(root)) {
             return Err(Error::new(format!(
                 "`{name}` lies outside of the scene's root folder"
             ))
             .help(
-                "the root is the nearest folder above the scene with a `preshade.toml` or a `.git`, or else the parent of its folder",
+                "the root is the nearest folder above the scene with a `preshade.toml` or a `.git`, or else the parent of its folder; --allow-outside lets files leave it",
             ));
         }
+        // A device or a pipe may have no end.
+        let about = std::fs::metadata(&real).map_err(|e| Error::read(&real, &e))?;
+        if !about.is_file() {
+            return Err(Error::new(format!("`{name}` is no file")));
+        }
+        let limits = &self.access.limits;
+        limits.check("file-bytes", about.len(), format!("the bytes of `{name}`"))?;
         let bytes = std::fs::read(&real).map_err(|e| Error::read(&real, &e))?;
         self.read.borrow_mut().insert(real.clone());
         let shown = real.strip_prefix(&self.root).unwrap_or(&real);
@@ -61,6 +79,19 @@ impl Folder {
     /// Whole paths of the files that were read, sorted.
     pub(super) fn files(&self) -> Vec<PathBuf> {
         self.read.borrow().iter().cloned().collect()
+    }
+
+    /// The whole path of a folder the scene names.
+    pub(super) fn folder(&self, name: &Path) -> Result<PathBuf, Error> {
+        let real = self.base.join(name).canonicalize();
+        let real = real.map_err(|e| Error::read(name, &e))?;
+        match real.starts_with(&self.root) {
+            true => Ok(real),
+            false => Err(Error::new(format!(
+                "`{}` lies outside of the scene's root folder",
+                name.display()
+            ))),
+        }
     }
 
     /// [`Folder::read`], as text.

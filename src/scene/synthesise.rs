@@ -87,6 +87,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,
+            defines: BTreeMap::new(),
             state,
             values: BTreeMap::new(),
             textures: BTreeMap::new(),

@@ -142,7 +142,9 @@ fn tint(files: &[&(&str, PathBuf)]) -> Vec<String> {
         "tint.mjs failed: {}",
         String::from_utf8_lossy(&output.stderr)
     );
-    let verdicts: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let printed = String::from_utf8_lossy(&output.stdout);
+    let verdicts: serde_json::Value =
+        serde_json::from_str(printed.lines().last().unwrap()).unwrap();
     let verdicts = verdicts.as_array().unwrap();
     assert_eq!(verdicts.len(), files.len(), "tint.mjs judged every file");
     let mut rejections = Vec::new();

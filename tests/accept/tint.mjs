@@ -1,4 +1,4 @@
-// Compiles WGSL files with Tint. Paths come on stdin, one a line; on stdout goes one JSON array:
+// Compiles WGSL files with Tint. Paths come on stdin, one a line; the last line of stdout is one JSON array, behind what Dawn prints of warnings:
 // [{"path": .., "errors": [{"line": .., "column": .., "message": ..}]}]. Exits 0 whatever Tint says of the files.
 import { readFileSync } from 'node:fs';
 import { create, globals } from 'webgpu';
@@ -31,4 +31,4 @@ for (const path of paths) {
   });
 }
 // Dawn's threads keep node alive; leave once the pipe has taken everything.
-process.stdout.write(JSON.stringify(results), () => process.exit(0));
+process.stdout.write(`\n${JSON.stringify(results)}`, () => process.exit(0));

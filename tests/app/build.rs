@@ -11,6 +11,7 @@ fn main() -> Result<(), preshade::build_script::Error> {
         .pass("depth-prepass")
         .variant("early_discard", ["early-discard"])
         .variant("shadow", ["shadow"])
+        .variant("still", ["specialize:set=frame.time=0"])
         .compile("shaders/leaf.wgsl")?;
     preshade::compile("shaders/ground.wgsl")
 }

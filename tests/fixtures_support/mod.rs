@@ -8,7 +8,7 @@ use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 
 /// The recipes whose output is kept as snapshots and shown to other compilers.
-pub const RECIPES: [&str; 12] = [
+pub const RECIPES: [&str; 13] = [
     "depth-prepass",
     "depth-prepass:form=equal",
     "depth-prepass:form=equal,vertex=sliced",
@@ -21,10 +21,11 @@ pub const RECIPES: [&str; 12] = [
     "early-discard:quad=lane,mode=invert",
     "hoist",
     "hoist:budget=0.02,finite=assumed",
+    "skip-taps:budget=1",
 ];
 
 /// Recipes of several steps, separated by commas, shown to other compilers only: most of their text is the same for every material.
-pub const COMPOSED: [&str; 7] = [
+pub const COMPOSED: [&str; 13] = [
     "hoist:budget=0.02,finite=assumed,tessellate:level=3",
     "hoist:budget=0.02,finite=assumed,tessellate:level=2,pattern=uniform,form=shared",
     "hoist:budget=0.02,finite=assumed,tessellate:level=2,depth-prepass",
@@ -32,6 +33,13 @@ pub const COMPOSED: [&str; 7] = [
     "visibility-buffer:ids=unindexed,form=compute,budget=1",
     "visibility-buffer:select=tiles,budget=1",
     "visibility-buffer:form=binned,words=one,corners=snapped,budget=1",
+    // Of values that the museum's material has; others refuse.
+    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0",
+    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,depth-prepass:form=equal",
+    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,early-discard:texture=float",
+    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,hoist:budget=0.02,finite=assumed",
+    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,skip-taps:budget=1",
+    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,visibility-buffer:formats=any,budget=1",
 ];
 
 /// A material of one file or two, with the default state.

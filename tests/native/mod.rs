@@ -4,6 +4,8 @@
 //! everything here panics and says so: a skipped picture proves nothing.
 #![allow(unsafe_code)]
 
+pub mod both;
+pub mod generate;
 pub mod pair;
 
 use glow::HasContext as _;

@@ -88,7 +88,7 @@ impl Native {
         call(origin, NEGATIVE_ONE_TO_ONE);
     }
 
-    /// Draws, nearest first by depth, without culling, on a clear of `clear`. Rows come from the top.
+    /// Draws, nearest first by depth, without culling, on a clear of `clear`. Rows come from the top. An error is what the driver says of the texts, or a uniform without a value.
     pub fn draw_pair(
         &self,
         first: FirstRow,
@@ -96,7 +96,7 @@ impl Native {
         clear: [f32; 4],
         texts: [&str; 2],
         draws: &[Draw<'_>],
-    ) -> Pixels {
+    ) -> Result<Pixels, String> {
         // SAFETY: as for `draw`: the context is current on this thread, and every buffer is as long as is said.
         unsafe { self.draw_pair_checked(first, size, clear, texts, draws) }
     }
@@ -108,11 +108,11 @@ impl Native {
         clear: [f32; 4],
         texts: [&str; 2],
         draws: &[Draw<'_>],
-    ) -> Pixels {
+    ) -> Result<Pixels, String> {
         let gl = &self.gl;
         let [width, height] = size.map(|n| n as i32);
         unsafe {
-            let program = self.link_pair(texts);
+            let program = self.link_pair(texts)?;
             gl.use_program(Some(program));
             let framebuffer = gl.create_framebuffer().unwrap();
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(framebuffer));
@@ -147,9 +147,9 @@ impl Native {
             gl.enable(glow::DEPTH_TEST);
             gl.depth_func(glow::LESS);
             gl.clear(glow::COLOR_BUFFER_BIT | glow::DEPTH_BUFFER_BIT);
-            for draw in draws {
-                self.draw_one(program, draw);
-            }
+            let drawn: Result<(), String> = draws
+                .iter()
+                .try_for_each(|draw| self.draw_one(program, draw));
             gl.pixel_store_i32(glow::PACK_ALIGNMENT, 1);
             let texels = (width * height) as usize;
             let mut color = vec![0; texels * 4];
@@ -180,11 +180,11 @@ impl Native {
                     .collect();
                 depth = depth.chunks_exact(width).rev().flatten().copied().collect();
             }
-            Pixels { color, depth }
+            drawn.map(|()| Pixels { color, depth })
         }
     }
 
-    unsafe fn draw_one(&self, program: glow::Program, draw: &Draw<'_>) {
+    unsafe fn draw_one(&self, program: glow::Program, draw: &Draw<'_>) -> Result<(), String> {
         let gl = &self.gl;
         unsafe {
             let array = gl.create_vertex_array().unwrap();
@@ -194,8 +194,9 @@ impl Native {
                 gl.bind_buffer(glow::ARRAY_BUFFER, Some(buffer));
                 gl.buffer_data_u8_slice(glow::ARRAY_BUFFER, &vertices.bytes, glow::STATIC_DRAW);
                 for a in &vertices.attributes {
+                    // What the driver sees no use for it drops.
                     let Some(location) = gl.get_attrib_location(program, &a.name) else {
-                        panic!("the program has no attribute `{}`", a.name);
+                        continue;
                     };
                     let at = location + a.column;
                     gl.enable_vertex_attrib_array(at);
@@ -221,7 +222,7 @@ impl Native {
             }
             for i in 0..gl.get_active_uniforms(program) {
                 let uniform = gl.get_active_uniform(program, i).unwrap();
-                self.set_uniform(program, &uniform, draw);
+                self.set_uniform(program, &uniform, draw)?;
             }
             for (slot, (name, bytes)) in draw.blocks.iter().enumerate() {
                 let Some(index) = gl.get_uniform_block_index(program, name) else {
@@ -257,6 +258,7 @@ impl Native {
             }
             gl.delete_vertex_array(array);
         }
+        Ok(())
     }
 
     unsafe fn set_uniform(
@@ -264,7 +266,7 @@ impl Native {
         program: glow::Program,
         uniform: &glow::ActiveUniform,
         draw: &Draw<'_>,
-    ) {
+    ) -> Result<(), String> {
         let gl = &self.gl;
         let base = uniform.name.trim_end_matches("[0]");
         for element in 0..uniform.size {
@@ -284,8 +286,12 @@ impl Native {
                     gl.uniform_1_i32(location, unit as i32);
                     continue;
                 }
+                // A sampler that only the driver takes for used reads black.
+                if matches!(uniform.utype, glow::SAMPLER_2D | glow::SAMPLER_CUBE) {
+                    continue;
+                }
                 let Some(bytes) = (draw.uniform)(&name) else {
-                    panic!("the uniform `{name}` has no value");
+                    return Err(format!("the uniform `{name}` has no value"));
                 };
                 let word = |i: usize| <[u8; 4]>::try_from(&bytes[4 * i..4 * i + 4]).unwrap();
                 let f = |i: usize| f32::from_le_bytes(word(i));
@@ -304,6 +310,25 @@ impl Native {
                     glow::FLOAT_VEC4 => gl.uniform_4_f32_slice(location, &floats(4)),
                     glow::INT | glow::BOOL => gl.uniform_1_i32(location, n(0)),
                     glow::INT_VEC2 | glow::BOOL_VEC2 => gl.uniform_2_i32(location, n(0), n(1)),
+                    glow::INT_VEC3 | glow::BOOL_VEC3 => {
+                        gl.uniform_3_i32(location, n(0), n(1), n(2))
+                    }
+                    glow::INT_VEC4 | glow::BOOL_VEC4 => {
+                        gl.uniform_4_i32(location, n(0), n(1), n(2), n(3))
+                    }
+                    glow::UNSIGNED_INT => gl.uniform_1_u32(location, n(0) as u32),
+                    glow::FLOAT_MAT2x3 => {
+                        gl.uniform_matrix_2x3_f32_slice(location, false, &matrix(2, 3))
+                    }
+                    glow::FLOAT_MAT3x2 => {
+                        gl.uniform_matrix_3x2_f32_slice(location, false, &matrix(3, 2))
+                    }
+                    glow::FLOAT_MAT3x4 => {
+                        gl.uniform_matrix_3x4_f32_slice(location, false, &matrix(3, 4))
+                    }
+                    glow::FLOAT_MAT4x2 => {
+                        gl.uniform_matrix_4x2_f32_slice(location, false, &matrix(4, 2))
+                    }
                     glow::FLOAT_MAT2 => {
                         gl.uniform_matrix_2_f32_slice(location, false, &matrix(2, 2))
                     }
@@ -319,10 +344,11 @@ impl Native {
                     glow::FLOAT_MAT2x4 => {
                         gl.uniform_matrix_2x4_f32_slice(location, false, &matrix(2, 4))
                     }
-                    other => panic!("the uniform `{name}` is of type {other:#x}"),
+                    other => return Err(format!("the uniform `{name}` is of type {other:#x}")),
                 }
             }
         }
+        Ok(())
     }
 
     unsafe fn bind_texture(&self, unit: u32, texture: &Texture) {
@@ -387,7 +413,7 @@ impl Native {
         }
     }
 
-    unsafe fn link_pair(&self, texts: [&str; 2]) -> glow::Program {
+    unsafe fn link_pair(&self, texts: [&str; 2]) -> Result<glow::Program, String> {
         let gl = &self.gl;
         unsafe {
             let program = gl.create_program().unwrap();
@@ -399,14 +425,18 @@ impl Native {
                 gl.shader_source(shader, text);
                 gl.compile_shader(shader);
                 let log = gl.get_shader_info_log(shader);
-                assert!(gl.get_shader_compile_status(shader), "{log}\n{text}");
+                if !gl.get_shader_compile_status(shader) {
+                    return Err(log);
+                }
                 gl.attach_shader(program, shader);
                 gl.delete_shader(shader);
             }
             gl.link_program(program);
             let log = gl.get_program_info_log(program);
-            assert!(gl.get_program_link_status(program), "{log}");
-            program
+            match gl.get_program_link_status(program) {
+                true => Ok(program),
+                false => Err(log),
+            }
         }
     }
 }

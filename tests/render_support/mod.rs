@@ -55,6 +55,7 @@ pub fn material(name: &str, source: &str) -> Material {
         program: program(source),
         vertex: "vs".to_owned(),
         fragment: Some("fs".to_owned()),
+        defines: BTreeMap::new(),
         state: MaterialState::default(),
         values: BTreeMap::new(),
         textures: BTreeMap::new(),

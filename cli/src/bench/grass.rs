@@ -98,6 +98,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,
+            defines: BTreeMap::new(),
             state,
             values,
             textures: BTreeMap::new(),

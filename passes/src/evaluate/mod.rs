@@ -25,7 +25,7 @@ mod value;
 pub use layout::from_bytes;
 pub use number::Number;
 pub use shadow::{Shadowed, ulps};
-pub use value::{Scalar, Value};
+pub use value::{OverrideValue, Scalar, Value, constant};
 
 /// Why an evaluation came to no end.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -148,7 +148,7 @@ pub fn run<F: Number>(
             (_, Some(at)) => environment.resources.get(&(at.group, at.binding)).cloned(),
             (_, None) => global
                 .init
-                .map(|init| value::constant(module, init))
+                .map(|init| value::default_constant(module, init))
                 .transpose()?,
         };
         let value = match value {
@@ -406,10 +406,10 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(match &function.expressions[e] {
             Expression::Literal(l) => Value::literal(l)?,
             Expression::Constant(c) => {
-                value::constant(self.module, self.module.constants[*c].init)?
+                value::default_constant(self.module, self.module.constants[*c].init)?
             }
             Expression::Override(o) => match self.module.overrides[*o].init {
-                Some(init) => value::constant(self.module, init)?,
+                Some(init) => value::default_constant(self.module, init)?,
                 None => return Err(Stuck::Unsupported("an override without a value".to_owned())),
             },
             Expression::ZeroValue(ty) => Value::zero(self.module, *ty)?,

@@ -2,8 +2,8 @@
 
 use naga::{Expression, Handle, Literal, Module, ScalarKind, Type, TypeInner};
 
-use super::Stuck;
 use super::number::Number;
+use super::{Stuck, math};
 
 /// A scalar. Its floats are `f32`, or what stands for several of them.
 #[derive(Clone, Copy, Debug)]
@@ -284,32 +284,65 @@ fn zero_scalar<F: Number>(kind: ScalarKind, width: u8) -> Result<Scalar<F>, Stuc
     })
 }
 
-/// A constant expression's value, out of the module's own arena.
+/// The value of an override; `None` where it has none.
+pub type OverrideValue<'a, F> = dyn Fn(Handle<naga::Override>) -> Option<Value<F>> + 'a;
+
+/// A constant expression's value, out of the module's own arena; overrides have those of `overrides`.
 ///
 /// # Errors
 /// Something the interpreter does not have, or an override without a value.
-pub fn constant<F: Number>(module: &Module, e: Handle<Expression>) -> Result<Value<F>, Stuck> {
+pub fn constant<F: Number>(
+    module: &Module,
+    e: Handle<Expression>,
+    overrides: &OverrideValue<'_, F>,
+) -> Result<Value<F>, Stuck> {
+    let of = |e: &Handle<Expression>| constant(module, *e, overrides);
     match &module.global_expressions[e] {
         Expression::Literal(l) => Value::literal(l),
-        Expression::Constant(c) => constant(module, module.constants[*c].init),
-        Expression::Override(o) => match module.overrides[*o].init {
-            Some(init) => constant(module, init),
-            None => Err(Stuck::Unsupported("an override without a value".to_owned())),
-        },
+        Expression::Constant(c) => of(&module.constants[*c].init),
+        Expression::Override(o) => overrides(*o)
+            .ok_or_else(|| Stuck::Unsupported("an override without a value".to_owned())),
         Expression::ZeroValue(ty) => Value::zero(module, *ty),
-        Expression::Splat { size, value } => Ok(Value::Composite(vec![
-            constant(module, *value)?;
-            *size as usize
-        ])),
+        Expression::Splat { size, value } => Ok(Value::Composite(vec![of(value)?; *size as usize])),
         Expression::Compose { ty, components } => {
-            let parts = components
-                .iter()
-                .map(|c| constant(module, *c))
-                .collect::<Result<Vec<_>, _>>()?;
+            let parts = components.iter().map(of).collect::<Result<Vec<_>, _>>()?;
             Ok(compose(module, *ty, parts))
         }
+        Expression::Unary { op, expr } => math::unary(*op, &of(expr)?),
+        Expression::Binary { op, left, right } => math::binary(*op, &of(left)?, &of(right)?),
+        Expression::Select {
+            condition,
+            accept,
+            reject,
+        } => match of(condition)? {
+            Value::Scalar(Scalar::Bool(true)) => of(accept),
+            Value::Scalar(Scalar::Bool(false)) => of(reject),
+            _ => Err(Stuck::Unsupported(
+                "a constant selection by components".to_owned(),
+            )),
+        },
+        Expression::As {
+            expr,
+            kind,
+            convert,
+        } => math::cast(*kind, *convert, &of(expr)?),
         other => Err(Stuck::Unsupported(format!("the constant {other:?}"))),
     }
+}
+
+/// The value of a constant expression where overrides have their defaults.
+///
+/// # Errors
+/// Those of [`constant`].
+pub fn default_constant<F: Number>(
+    module: &Module,
+    e: Handle<Expression>,
+) -> Result<Value<F>, Stuck> {
+    let default = |o: Handle<naga::Override>| {
+        let init = module.overrides[o].init?;
+        default_constant(module, init).ok()
+    };
+    constant(module, e, &default)
 }
 
 /// Puts a composite together: vectors may be given in pieces.

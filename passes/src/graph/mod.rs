@@ -7,6 +7,7 @@
 //! either is written through.
 
 use std::collections::BTreeSet;
+use std::sync::OnceLock;
 
 use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle, Module, Statement, TypeInner};
@@ -70,7 +71,8 @@ pub struct Graph<'p> {
     program: &'p Program,
     functions: Vec<FunctionGraph<'p>>,
     reach: Vec<Reach>,
-    rates: rates::Rates,
+    /// Made when first asked for: few of the depth passes ask.
+    rates: OnceLock<rates::Rates>,
 }
 
 /// What lies below a function, itself included.
@@ -142,10 +144,15 @@ impl<'p> Graph<'p> {
         }
         Self {
             program,
-            rates: rates::Rates::new(module, &functions),
             functions,
             reach,
+            rates: OnceLock::new(),
         }
+    }
+
+    fn rates(&self) -> &rates::Rates {
+        self.rates
+            .get_or_init(|| rates::Rates::new(self.module(), &self.functions))
     }
 
     /// The program.
@@ -181,7 +188,7 @@ impl<'p> Graph<'p> {
     /// Rate and stages of an expression's value: what it is made of, and what decides whether it is evaluated. In a function that several
     /// calls reach, the join over them.
     pub fn fact(&self, function: FunctionId, expression: Handle<Expression>) -> Fact {
-        self.rates.expression(self.index(function), expression)
+        self.rates().expression(self.index(function), expression)
     }
 
     /// The rate of an expression's value: see [`Graph::fact`].
@@ -191,23 +198,23 @@ impl<'p> Graph<'p> {
 
     /// Rate and stages of what decides whether a statement runs.
     pub fn statement_fact(&self, function: FunctionId, statement: StmtId) -> Fact {
-        self.rates.statement(self.index(function), statement)
+        self.rates().statement(self.index(function), statement)
     }
 
     /// Rate and stages of an argument, or a member of a struct argument, of the n-th function.
     fn input_fact(&self, function: usize, argument: u32, member: Option<u32>) -> Fact {
-        self.rates.argument(function, argument, member)
+        self.rates().argument(function, argument, member)
     }
 
     /// Rate and stages of a version of a cell of the n-th function.
     fn version_fact(&self, function: usize, version: VersionId) -> Fact {
-        self.rates.version(function, version)
+        self.rates().version(function, version)
     }
 
     /// Rate and stages of each member of a function's struct result, or of its result: for an entry point in the order of
     /// [`crate::reflect::outputs`].
     pub fn result_facts(&self, function: FunctionId) -> &[Fact] {
-        self.rates.outputs(self.index(function))
+        self.rates().outputs(self.index(function))
     }
 
     /// Whether `within` is a function or something it calls, directly or not.

@@ -258,8 +258,8 @@ pub fn below(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> (f64
 
 /// Cost of computing each of several values by itself, with all it rests on: [`below`] of each.
 ///
-/// What values share is counted once for each, so that this cannot be had from the costs of their operands. The walk is shared by as many of them as a word
-/// has bits, and parts of the graph that the same ones rest on are added up before they are counted.
+/// What values share is counted once for each, so that this cannot be had from the costs of their operands. The walk is shared by as many of them as an [`Above`]
+/// holds, and parts of the graph that the same ones rest on are added up before they are counted.
 pub fn below_each(values: &Values<'_, '_>, of: &[ValueId]) -> Vec<f64> {
     let operands = |id: ValueId| values.values[id].operands.as_slice();
     let order = cut::users_first(0..values.values.len(), values.values.len(), operands);
@@ -270,40 +270,84 @@ pub fn below_each(values: &Values<'_, '_>, of: &[ValueId]) -> Vec<f64> {
     let mut sorted: Vec<usize> = (0..of.len()).collect();
     sorted.sort_by_key(|i| place[of[*i]]);
     let mut costs = vec![0.0; of.len()];
-    let mut resting = vec![0_u64; values.values.len()];
-    for word in sorted.chunks(u64::BITS as usize) {
-        resting.fill(0);
-        for (bit, i) in word.iter().enumerate() {
-            resting[of[*i]] |= 1 << bit;
+    // By place, so that a walk goes upwards; `reached` keeps it to what is there.
+    let mut resting = vec![Above::default(); order.len()];
+    let mut reached = vec![0_u64; order.len().div_ceil(64)];
+    let reach = |reached: &mut [u64], at: usize| reached[at / 64] |= 1 << (at % 64);
+    for some in sorted.chunks(Above::MOST) {
+        for (bit, i) in some.iter().enumerate() {
+            resting[place[of[*i]]].insert(bit);
+            reach(&mut reached, place[of[*i]]);
         }
         // A circle is passed again until nothing changes: as often as loops are nested.
         let mut changed = true;
         while std::mem::take(&mut changed) {
-            for (at, id) in order.iter().enumerate() {
-                let above = resting[*id];
-                if above == 0 {
-                    continue;
+            let mut at = 0;
+            while let Some(next) = next_set(&reached, at) {
+                let above = resting[next];
+                for operand in operands(order[next]).iter().map(|o| place[*o]) {
+                    let more = resting[operand].join(&above);
+                    changed |= more && operand <= next;
+                    reach(&mut reached, operand);
                 }
-                for operand in operands(*id) {
-                    let more = above & !resting[*operand] != 0;
-                    resting[*operand] |= above;
-                    changed |= more && place[*operand] <= at;
-                }
+                at = next + 1;
             }
         }
-        let mut shared: BTreeMap<u64, f64> = BTreeMap::new();
-        for (value, above) in values.values.iter().zip(&resting) {
-            if *above != 0 && value.cost > 0.0 {
-                *shared.entry(*above).or_default() += value.cost;
+        let mut shared: BTreeMap<Above, f64> = BTreeMap::new();
+        let mut at = 0;
+        while let Some(next) = next_set(&reached, at) {
+            let above = std::mem::take(&mut resting[next]);
+            let cost = values.values[order[next]].cost;
+            if cost > 0.0 {
+                *shared.entry(above).or_default() += cost;
             }
+            at = next + 1;
         }
+        reached.fill(0);
         for (above, cost) in shared {
-            for (bit, i) in word.iter().enumerate() {
-                if above >> bit & 1 == 1 {
-                    costs[*i] += cost;
-                }
+            for bit in above.iter() {
+                costs[some[bit]] += cost;
             }
         }
     }
     costs
+}
+
+/// Which of some values rest on one.
+#[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct Above([u64; 8]);
+
+impl Above {
+    const MOST: usize = 8 * 64;
+
+    fn insert(&mut self, bit: usize) {
+        self.0[bit / 64] |= 1 << (bit % 64);
+    }
+
+    /// Takes in all of `other`; whether any was new.
+    fn join(&mut self, other: &Self) -> bool {
+        let mut new = 0;
+        for (mine, more) in self.0.iter_mut().zip(other.0) {
+            new |= more & !*mine;
+            *mine |= more;
+        }
+        new != 0
+    }
+
+    fn iter(&self) -> impl Iterator<Item = usize> {
+        let first = next_set(&self.0, 0);
+        std::iter::successors(first, |at| next_set(&self.0, at + 1))
+    }
+}
+
+/// The first bit that is set from `from` on.
+fn next_set(words: &[u64], from: usize) -> Option<usize> {
+    let first = words.get(from / 64)? & (u64::MAX << (from % 64));
+    if first != 0 {
+        return Some(from / 64 * 64 + first.trailing_zeros() as usize);
+    }
+    let rest = words.iter().enumerate().skip(from / 64 + 1);
+    rest.filter(|(_, word)| **word != 0)
+        .map(|(i, word)| i * 64 + word.trailing_zeros() as usize)
+        .next()
 }

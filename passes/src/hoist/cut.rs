@@ -19,7 +19,7 @@
 //! computed in any case; whoever needs a value that may not computes it, and where that is one value only, the two are one node; and what rests on an
 //! input that is not there cannot be computed at all. The flow is left with the values that may travel, and what several of them share.
 
-use std::collections::HashSet;
+use rustc_hash::FxHashSet;
 
 use super::flow::{ArcId, Network};
 
@@ -142,7 +142,7 @@ impl Contracted {
 
     fn connect(&mut self, items: &[Item]) {
         let mut costs = vec![0; self.network.nodes()];
-        let mut joined: HashSet<(usize, usize)> = HashSet::new();
+        let mut joined: FxHashSet<(usize, usize)> = FxHashSet::default();
         for (i, item) in items.iter().enumerate() {
             let (Some(needed), Some(computed)) = (self.needed[i], self.computed[i]) else {
                 continue;

@@ -4,9 +4,10 @@
 //! a function used twice may have one of its uses moved. The nodes are expressions, versions of memory and what decides whether a statement runs;
 //! operands may be circular where a loop carries a value from turn to turn.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
+use rustc_hash::FxHashMap;
 
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
@@ -75,7 +76,7 @@ pub struct Values<'g, 'p> {
     pub roots: Vec<ValueId>,
     /// Those of `roots` that decide which fragments there are, and how deep: discards, the depth and the sample mask.
     pub coverage: Vec<ValueId>,
-    index: HashMap<Node, ValueId>,
+    index: FxHashMap<Node, ValueId>,
     children: BTreeMap<(ContextId, StmtId), ContextId>,
     /// Own facts, before what operands add.
     own: Vec<Fact>,
@@ -110,7 +111,7 @@ impl<'g, 'p> Values<'g, 'p> {
             values: Vec::new(),
             roots: Vec::new(),
             coverage: Vec::new(),
-            index: HashMap::new(),
+            index: FxHashMap::default(),
             children: BTreeMap::new(),
             own: Vec::new(),
         };
@@ -190,6 +191,29 @@ impl<'g, 'p> Values<'g, 'p> {
         self.decider(context, statement)
             .and_then(|node| self.get(&node))
             .map_or(Rate::Const, |v| self.values[v].fact.rate)
+    }
+
+    /// The values of the entry point's outputs, one for each output and return.
+    pub fn outputs(&self) -> Vec<(Option<Binding>, ValueId)> {
+        let module = self.graph.module();
+        let f = self.function(0);
+        let outputs = reflect::outputs(module, f.function);
+        let is_struct = f.function.result.as_ref().is_some_and(|r| {
+            r.binding.is_none() && matches!(module.types[r.ty].inner, TypeInner::Struct { .. })
+        });
+        let mut found = Vec::new();
+        for (id, node) in f.statements.iter() {
+            if let Statement::Return { value: Some(value) } = node.statement
+                && f.control.is_reachable(id)
+            {
+                for (m, output) in outputs.iter().enumerate() {
+                    let path = is_struct.then_some(m as u32).into_iter().collect();
+                    let root = self.get(&self.resolve(0, *value, path));
+                    found.extend(root.map(|r| (output.binding.clone(), r)));
+                }
+            }
+        }
+        found
     }
 
     fn find_roots(&mut self) -> Result<(), TooLarge> {

@@ -135,14 +135,49 @@ fn append_body(
         }
     }
     copy_block(original, &original.body, &mut map, function, body);
-    for (_, variable) in function.local_variables.iter_mut().take(locals) {
-        variable.init = variable.init.and_then(|i| map.copies[i.index()]);
-    }
+    initialise(original, function, locals);
     for (e, name) in &original.named_expressions {
         if let Some(new) = map.copies[e.index()] {
             function.named_expressions.insert(new, name.clone());
         }
     }
+}
+
+/// Gives the first `locals` variables of a copy the initial values that `original`'s have. They are copied anew: one that a statement evaluates too, as naga's GLSL front end makes
+/// them, must stand outside of any `Emit`.
+pub(crate) fn initialise(original: &Function, function: &mut Function, locals: usize) {
+    let mut copies = BTreeMap::new();
+    for (handle, variable) in original.local_variables.iter().take(locals) {
+        let init = variable
+            .init
+            .map(|e| constant(original, e, &mut copies, function));
+        function.local_variables[handle].init = init;
+    }
+}
+
+/// A copy of a constant expression and of all it is made of.
+fn constant(
+    original: &Function,
+    e: Handle<Expression>,
+    copies: &mut BTreeMap<Handle<Expression>, Handle<Expression>>,
+    function: &mut Function,
+) -> Handle<Expression> {
+    if let Some(copy) = copies.get(&e) {
+        return *copy;
+    }
+    let mut expression = original.expressions[e].clone();
+    for operand in operands::of_expression(&expression) {
+        constant(original, operand, copies, function);
+    }
+    operands::map_expression(&mut expression, &mut |o| {
+        if let Some(copy) = copies.get(o) {
+            *o = *copy;
+        }
+    });
+    let span = original.expressions.get_span(e);
+    let copy = function.expressions.append(expression, span);
+    copies.insert(e, copy);
+    copy
 }
 
 fn note_evaluated(block: &Block, emitted: &mut [bool]) {

@@ -230,6 +230,11 @@ impl<'a, 'p> Copier<'a, 'p> {
                 body.cull(body.len() - 1..);
             }
         }
+        if let Some(ty) = self.out.result.as_ref().map(|r| r.ty) {
+            // What stands behind a loop that only returns is never run, so it is not kept; but text without it does not parse.
+            naga::proc::ensure_block_returns(&mut body);
+            self.return_something(&mut body, ty);
+        }
         self.out.body = body;
         for (e, name) in &f.named_expressions {
             if let Some(new) = self.map[e.index()] {
@@ -237,6 +242,25 @@ impl<'a, 'p> Copier<'a, 'p> {
             }
         }
         self.out
+    }
+
+    /// Gives the returns without a value, where a block ends that never does, a value.
+    fn return_something(&mut self, block: &mut Block, ty: Handle<Type>) {
+        match block.last_mut() {
+            Some(Statement::Return {
+                value: value @ None,
+            }) => {
+                *value = Some(self.append(Expression::ZeroValue(ty), Span::UNDEFINED));
+            }
+            Some(
+                last @ (Statement::Block(_) | Statement::If { .. } | Statement::Switch { .. }),
+            ) => {
+                for inner in operands::blocks_mut(last) {
+                    self.return_something(inner, ty);
+                }
+            }
+            _ => {}
+        }
     }
 
     pub(super) fn append(&mut self, expression: Expression, span: Span) -> Handle<Expression> {

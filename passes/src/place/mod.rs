@@ -12,6 +12,7 @@ mod function;
 mod interface;
 mod members;
 
+pub(crate) use builder::initialise;
 pub use builder::{
     Builder, Replacement, Replacements, Rewrite, prologue, prologue_replacing, rewritten,
 };

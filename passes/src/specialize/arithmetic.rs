@@ -153,7 +153,11 @@ pub fn math(fun: MathFunction, arguments: &[&Known]) -> Known {
                 binary(BinaryOperator::Multiply, x, &rest),
                 binary(BinaryOperator::Multiply, y, t),
             );
-            binary(BinaryOperator::Add, &left, &right)
+            let weighted = binary(BinaryOperator::Add, &left, &right);
+            // Some languages compute it so (WGSL, section 17.5, allows either).
+            let step = binary(BinaryOperator::Subtract, y, x);
+            let step = binary(BinaryOperator::Multiply, &step, t);
+            weighted.join(&binary(BinaryOperator::Add, x, &step))
         }
         (M::Dot, [Known::Parts(x), Known::Parts(y)]) => x
             .iter()

@@ -9,7 +9,7 @@ use naga::{
 
 use super::known::{Known, Scalar, Sources};
 use crate::guard::{Assumed, Bounds, Guard, Place, ScalarType};
-use crate::pass::Facts;
+use crate::pass::{Facts, Misnamed};
 
 /// Longest array whose elements are looked at one by one.
 const MOST_ELEMENTS: u32 = 64;
@@ -50,65 +50,80 @@ pub fn uniform_scalars(module: &Module) -> Vec<UniformScalar> {
             continue;
         };
         let name = global.name.clone().unwrap_or_default();
-        leaves(
-            module,
-            global.ty,
-            name,
-            0,
-            &mut |name, offset, ty, is_of_matrix| {
-                out.push(UniformScalar {
-                    name,
-                    group: at.group,
-                    binding: at.binding,
-                    offset,
-                    ty,
-                    is_of_matrix,
-                });
-            },
-        );
+        scalars(module, global.ty, name, 0, &mut |leaf| {
+            out.push(UniformScalar {
+                name: leaf.name,
+                group: at.group,
+                binding: at.binding,
+                offset: leaf.offset,
+                ty: leaf.ty,
+                is_of_matrix: leaf.is_of_matrix,
+            });
+            Known::Unknown
+        });
     }
     out
 }
 
-fn leaves(
+/// A scalar of a value in memory.
+struct Leaf {
+    name: String,
+    offset: u32,
+    ty: ScalarType,
+    is_of_matrix: bool,
+}
+
+/// Goes through the scalars of a value of a type at an offset in memory; what is known of the value, of what `leaf` knows of each. Scalars of other than 32 bits are not gone to.
+fn scalars(
     module: &Module,
     ty: Handle<Type>,
     name: String,
     offset: u32,
-    leaf: &mut dyn FnMut(String, u32, ScalarType, bool),
-) {
-    let component = |i: usize| ["x", "y", "z", "w"][i.min(3)];
-    match &module.types[ty].inner {
-        TypeInner::Scalar(s) => {
-            if let Some(ty) = scalar_type(*s) {
-                leaf(name, offset, ty, false);
-            }
-        }
-        TypeInner::Vector { size, scalar } => {
-            if let Some(ty) = scalar_type(*scalar) {
-                for i in 0..*size as usize {
-                    leaf(
-                        format!("{name}.{}", component(i)),
-                        offset + 4 * i as u32,
-                        ty,
-                        false,
-                    );
+    leaf: &mut dyn FnMut(Leaf) -> Known,
+) -> Known {
+    let component = |i: u32| ["x", "y", "z", "w"][i.min(3) as usize];
+    let inner = &module.types[ty].inner;
+    match inner {
+        TypeInner::Scalar(s)
+        | TypeInner::Vector { scalar: s, .. }
+        | TypeInner::Matrix { scalar: s, .. } => {
+            let Some(ty) = scalar_type(*s) else {
+                return Known::Unknown;
+            };
+            match inner {
+                TypeInner::Vector { size, .. } => Known::Parts(
+                    (0..*size as u32)
+                        .map(|i| {
+                            leaf(Leaf {
+                                name: format!("{name}.{}", component(i)),
+                                offset: offset + 4 * i,
+                                ty,
+                                is_of_matrix: false,
+                            })
+                        })
+                        .collect(),
+                ),
+                TypeInner::Matrix { columns, rows, .. } => {
+                    let stride = if *rows as u32 == 2 { 8 } else { 16 };
+                    let column = |c: u32| {
+                        let row = |r: u32| {
+                            leaf(Leaf {
+                                name: format!("{name}[{c}].{}", component(r)),
+                                offset: offset + c * stride + 4 * r,
+                                ty,
+                                is_of_matrix: true,
+                            })
+                        };
+                        Known::Parts((0..*rows as u32).map(row).collect())
+                    };
+                    Known::Parts((0..*columns as u32).map(column).collect())
                 }
-            }
-        }
-        TypeInner::Matrix {
-            columns,
-            rows,
-            scalar,
-        } => {
-            let stride = if *rows as u32 == 2 { 8 } else { 16 };
-            if let Some(ty) = scalar_type(*scalar) {
-                for c in 0..*columns as u32 {
-                    for r in 0..*rows as usize {
-                        let at = offset + c * stride + 4 * r as u32;
-                        leaf(format!("{name}[{c}].{}", component(r)), at, ty, true);
-                    }
-                }
+                _ => leaf(Leaf {
+                    name,
+                    offset,
+                    ty,
+                    is_of_matrix: false,
+                }),
             }
         }
         TypeInner::Array {
@@ -116,27 +131,29 @@ fn leaves(
             size: ArraySize::Constant(count),
             stride,
         } if count.get() <= MOST_ELEMENTS => {
-            for i in 0..count.get() {
+            let element = |i| {
                 let at = offset + i * stride;
-                leaves(module, *base, format!("{name}[{i}]"), at, leaf);
-            }
+                scalars(module, *base, format!("{name}[{i}]"), at, leaf)
+            };
+            Known::Parts((0..count.get()).map(element).collect())
         }
         TypeInner::Struct { members, .. } => {
-            for member in members {
-                let own = member.name.as_deref().unwrap_or("?");
+            let member = |m: &naga::StructMember| {
+                let own = m.name.as_deref().unwrap_or("?");
                 // A GLSL block without an instance has no name of its own.
                 let path = match name.is_empty() {
                     true => own.to_owned(),
                     false => format!("{name}.{own}"),
                 };
-                leaves(module, member.ty, path, offset + member.offset, leaf);
-            }
+                scalars(module, m.ty, path, offset + m.offset, leaf)
+            };
+            Known::Parts(members.iter().map(member).collect())
         }
-        _ => {}
+        _ => Known::Unknown,
     }
 }
 
-fn scalar_type(scalar: naga::Scalar) -> Option<ScalarType> {
+pub(super) fn scalar_type(scalar: naga::Scalar) -> Option<ScalarType> {
     match (scalar.kind, scalar.width) {
         (ScalarKind::Float, 4) => Some(ScalarType::F32),
         (ScalarKind::Sint, 4) => Some(ScalarType::I32),
@@ -172,7 +189,8 @@ pub struct Assumptions {
     pub values: Vec<Assumed>,
     globals: BTreeMap<Handle<GlobalVariable>, Known>,
     textures: BTreeMap<Handle<GlobalVariable>, Known>,
-    attributes: BTreeMap<u32, BTreeMap<u32, Known>>,
+    /// By location, type and component.
+    attributes: BTreeMap<(u32, ScalarType, u32), Known>,
     overrides: BTreeMap<Handle<Override>, Known>,
 }
 
@@ -192,43 +210,45 @@ impl Assumptions {
             None => Vec::new(),
         };
         for constant in facts.constants.iter().filter(|c| c.material == material) {
-            if !values.iter().any(|v| v.place == constant.value.place) {
+            let same = |v: &Assumed| (&v.place, v.ty) == (&constant.value.place, constant.value.ty);
+            if !values.iter().any(same) {
                 values.push(constant.value.clone());
             }
         }
+        let derived = super::overrides::derived(module, &values);
+        values.extend(derived);
         let mut this = Self {
             values,
             ..Self::default()
         };
-        let leaves: BTreeMap<Place, Known> = this
+        // Two variables at one binding may read one word as two types.
+        let leaves: BTreeMap<(Place, ScalarType), Known> = this
             .values
             .iter()
             .enumerate()
-            .map(|(i, assumed)| (assumed.place.clone(), known(i, assumed)))
+            .map(|(i, assumed)| ((assumed.place.clone(), assumed.ty), known(i, assumed)))
             .collect();
-        for (place, known) in &leaves {
+        for ((place, ty), known) in &leaves {
             if let Place::Attribute {
                 location,
                 component,
             } = place
             {
-                let components = this.attributes.entry(*location).or_default();
-                components.insert(*component, known.clone());
+                let at = (*location, *ty, *component);
+                this.attributes.insert(at, known.clone());
             }
         }
         for (handle, global) in module.global_variables.iter() {
             let Some(at) = global.binding else { continue };
             if global.space == AddressSpace::Uniform {
-                let leaf = |offset| {
-                    let (group, binding) = (at.group, at.binding);
+                let content = scalars(module, global.ty, String::new(), 0, &mut |leaf| {
                     let place = Place::Uniform {
-                        group,
-                        binding,
-                        offset,
+                        group: at.group,
+                        binding: at.binding,
+                        offset: leaf.offset,
                     };
-                    leaves.get(&place).cloned().unwrap_or_default()
-                };
-                let content = tree(module, global.ty, 0, &leaf);
+                    leaves.get(&(place, leaf.ty)).cloned().unwrap_or_default()
+                });
                 if content.is_assumed() {
                     this.globals.insert(handle, content);
                 }
@@ -240,7 +260,8 @@ impl Assumptions {
                     binding,
                     channel,
                 };
-                leaves.get(&place).cloned().unwrap_or_default()
+                let texel = leaves.get(&(place, ScalarType::F32));
+                texel.cloned().unwrap_or_default()
             };
             let texel = Known::Parts((0..4).map(channel).collect());
             if texel.is_assumed() {
@@ -249,7 +270,9 @@ impl Assumptions {
         }
         for (handle, constant) in module.overrides.iter() {
             let name = constant.name.clone().unwrap_or_default();
-            if let Some(known) = leaves.get(&Place::Override { name }) {
+            let ty = super::overrides::scalar_type(module, constant.ty);
+            let known = ty.and_then(|ty| leaves.get(&(Place::Override { name }, ty)));
+            if let Some(known) = known {
                 let is_bool =
                     module.types[constant.ty].inner.scalar_kind() == Some(ScalarKind::Bool);
                 let known = match is_bool {
@@ -277,24 +300,30 @@ impl Assumptions {
         self.overrides.get(&handle).cloned().unwrap_or_default()
     }
 
-    /// What is known of a vertex attribute of so many components; of one alone where it is a scalar.
-    pub fn attribute(&self, location: u32, components: Option<u32>) -> Known {
-        let Some(of) = self.attributes.get(&location) else {
+    /// What is known of a vertex attribute of a type, which is a scalar or a vector.
+    pub fn attribute(&self, location: u32, inner: &TypeInner) -> Known {
+        let Some(ty) = inner.scalar().and_then(scalar_type) else {
             return Known::Unknown;
         };
-        let component = |i: u32| of.get(&i).cloned().unwrap_or_default();
-        match components {
-            None => component(0),
-            Some(count) => Known::Parts((0..count).map(component).collect()),
+        let component = |i: u32| {
+            let known = self.attributes.get(&(location, ty, i));
+            known.cloned().unwrap_or_default()
+        };
+        match inner {
+            TypeInner::Scalar(_) => component(0),
+            TypeInner::Vector { size, .. } => {
+                Known::Parts((0..*size as u32).map(component).collect()).settled()
+            }
+            _ => Known::Unknown,
         }
     }
 
-    /// The overrides with a value, and the value.
-    pub fn set_overrides(&self) -> impl Iterator<Item = (Handle<Override>, f64)> + '_ {
+    /// The overrides with a value, the value, and which assumption it is.
+    pub fn set_overrides(&self) -> impl Iterator<Item = (Handle<Override>, f64, usize)> + '_ {
         self.overrides.iter().filter_map(|(handle, known)| {
             let (_, sources) = known.scalar()?;
-            let value = self.values.get(*sources.first()?)?;
-            Some((*handle, value.bounds.low))
+            let at = *sources.first()?;
+            Some((*handle, self.values.get(at)?.bounds.low, at))
         })
     }
 
@@ -330,45 +359,55 @@ fn known(index: usize, assumed: &Assumed) -> Known {
     }
 }
 
-/// What is known of a value of a type in memory, scalar by scalar.
-fn tree(module: &Module, ty: Handle<Type>, offset: u32, leaf: &dyn Fn(u32) -> Known) -> Known {
-    let vector =
-        |count: u32, offset: u32| Known::Parts((0..count).map(|i| leaf(offset + 4 * i)).collect());
-    match &module.types[ty].inner {
-        TypeInner::Scalar(_) => leaf(offset),
-        TypeInner::Vector { size, .. } => vector(*size as u32, offset),
-        TypeInner::Matrix { columns, rows, .. } => {
-            let stride = if *rows as u32 == 2 { 8 } else { 16 };
-            let column = |c| vector(*rows as u32, offset + c * stride);
-            Known::Parts((0..*columns as u32).map(column).collect())
+/// The settings in `name=value+name=value`. A plus belongs to a number where no `name=` follows: `1e+3`.
+fn separate(settings: &str) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for part in settings.split('+') {
+        match all.last_mut() {
+            Some(last) if !part.contains('=') => *last = format!("{last}+{part}"),
+            _ => all.push(part.to_owned()),
         }
-        TypeInner::Array {
-            base,
-            size: ArraySize::Constant(count),
-            stride,
-        } if count.get() <= MOST_ELEMENTS => {
-            let element = |i| tree(module, *base, offset + i * stride, leaf);
-            Known::Parts((0..count.get()).map(element).collect())
-        }
-        TypeInner::Struct { members, .. } => {
-            let member = |m: &naga::StructMember| tree(module, m.ty, offset + m.offset, leaf);
-            Known::Parts(members.iter().map(member).collect())
-        }
-        _ => Known::Unknown,
     }
+    all.retain(|setting| !setting.trim().is_empty());
+    all
+}
+
+/// What is wrong with the names and numbers of `settings` in a module, if something is.
+pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
+    let unfit = set(module, settings).err()?;
+    let message = unfit.to_string();
+    let (name, known) = match unfit {
+        Unfit::Unknown(name) => {
+            let scalars = uniform_scalars(module).into_iter().map(|s| s.name);
+            let overrides = module.overrides.iter().filter_map(|(_, o)| o.name.clone());
+            (name, scalars.chain(overrides).collect())
+        }
+        Unfit::Syntax(text) => (text, Vec::new()),
+        Unfit::Ambiguous(name, _) | Unfit::Value(name, _) => (name, Vec::new()),
+    };
+    Some(Misnamed {
+        message,
+        name,
+        known,
+    })
 }
 
 /// The assumptions that `name=value+name=value` spells. A name is a whole path, or the end of one that is the only such.
 fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
     let scalars = uniform_scalars(module);
     let mut out = Vec::new();
-    for setting in settings.split('+').filter(|s| !s.trim().is_empty()) {
+    for setting in separate(settings) {
         let Some((name, value)) = setting.split_once('=') else {
-            return Err(Unfit::Syntax(setting.to_owned()));
+            return Err(Unfit::Syntax(setting));
         };
         let (name, text) = (name.trim(), value.trim());
-        let Ok(value) = text.parse::<f64>() else {
-            return Err(Unfit::Syntax(setting.to_owned()));
+        let value = match text {
+            "true" => 1.0,
+            "false" => 0.0,
+            text => match text.parse::<f64>() {
+                Ok(value) => value,
+                Err(_) => return Err(Unfit::Syntax(setting)),
+            },
         };
         let ends_so = |path: &str| {
             path.strip_suffix(name)
@@ -386,11 +425,13 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
         let (place, ty, full) = match (found.as_slice(), constant) {
             ([one], _) => (one.place(), one.ty, one.name.clone()),
             ([], Some((_, o))) => {
-                let ty = match module.types[o.ty].inner.scalar_kind() {
-                    Some(ScalarKind::Float) => ScalarType::F32,
-                    Some(ScalarKind::Sint) => ScalarType::I32,
-                    _ => ScalarType::U32,
+                let Some(ty) = super::overrides::scalar_type(module, o.ty) else {
+                    return Err(Unfit::Value(name.to_owned(), text.to_owned()));
                 };
+                let is_bool = module.types[o.ty].inner.scalar_kind() == Some(ScalarKind::Bool);
+                if is_bool && value != 0.0 && value != 1.0 {
+                    return Err(Unfit::Value(name.to_owned(), text.to_owned()));
+                }
                 let place = Place::Override {
                     name: name.to_owned(),
                 };
@@ -425,4 +466,23 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
         });
     }
     Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::separate;
+
+    #[test]
+    fn a_plus_of_a_number_separates_nothing() {
+        let cases: [(&str, &[&str]); 5] = [
+            ("a=1e+3", &["a=1e+3"]),
+            ("a=1e+3+b.c=+2+d=0", &["a=1e+3", "b.c=+2", "d=0"]),
+            ("a=1 + b=2", &["a=1 ", " b=2"]),
+            ("a+b=1", &["a", "b=1"]),
+            ("", &[]),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(separate(text), expected, "{text}");
+        }
+    }
 }

@@ -1,9 +1,13 @@
 //! What a draw decides in a stage: branches, switches and loops whose condition is the same for all of its invocations.
 
-use naga::{Expression, Handle};
+use std::collections::BTreeSet;
 
-use super::known::Sources;
-use crate::graph::{FunctionId, Graph, StmtId};
+use naga::{Block, Expression, Function, Handle, Statement};
+
+use super::control::{Breaks, taken};
+use super::fold::{Folder, Frame};
+use super::known::{Known, Sources};
+use crate::graph::{FunctionId, Graph, Rate, StmtId};
 
 /// What kind of statement a decision is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,23 +24,15 @@ pub enum Kind {
 }
 
 /// Statements that run, or do not.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
-    /// The first, and the one behind the last.
-    pub statements: (StmtId, StmtId),
-    /// Static cost, calls included, in one run of the stage.
-    pub cost: f64,
+    /// The first, and the one behind the last; then those behind the statement that run with this arm alone, where another leaves the function or a loop.
+    pub statements: Vec<(StmtId, StmtId)>,
 }
 
 /// A condition that the draw decides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
-    /// Its number among all of them.
-    pub id: usize,
-    /// The number of the one that it stands behind.
-    pub within: Option<usize>,
-    /// `vertex` or `fragment`.
-    pub stage: &'static str,
     /// The function it is in.
     pub function: FunctionId,
     /// The statement.
@@ -49,31 +45,279 @@ pub struct Decision {
     pub taken: Option<usize>,
     /// Its arms.
     pub arms: Vec<Arm>,
+    /// Whether an arm leaves the function, and so decides on what follows in it.
+    pub leaves: bool,
     /// The assumptions that decided it.
     pub sources: Sources,
+    /// The decision around it in its function, by its place in the record.
+    pub within: Option<usize>,
 }
 
-impl Decision {
-    /// Whether it was decided.
-    pub fn is_decided(&self) -> bool {
-        self.taken.is_some() || matches!(self.kind, Kind::Loop { turns: Some(_) })
+/// A call that is left in a function.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Call {
+    /// Of the functions that were made.
+    pub callee: Handle<Function>,
+    /// How often it is made in one run of the function, as far as that can be told.
+    pub times: f64,
+    /// The decision around it, by its place in the record.
+    pub within: Option<usize>,
+}
+
+/// What is noted of a function on its way, in the order of its statements.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Noted {
+    /// Something that the draw decides.
+    Decision(Decision),
+    /// A call.
+    Call(Call),
+}
+
+/// What folding one function came to. What its callees came to is theirs: so a stage rests on what is left of it, and on nothing else.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Record {
+    /// Assumptions that something folded rests on.
+    pub used: BTreeSet<usize>,
+    /// Float operations that were left out for what they add or multiply by.
+    pub roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
+    /// Decisions and calls.
+    pub notes: Vec<Noted>,
+}
+
+impl Record {
+    /// What this function and all that it calls came to, without the notes.
+    pub fn with_callees(
+        &self,
+        of: &[Record],
+    ) -> (BTreeSet<usize>, BTreeSet<(FunctionId, Handle<Expression>)>) {
+        let (mut used, mut roundings) = (BTreeSet::new(), BTreeSet::new());
+        let mut seen = BTreeSet::new();
+        let mut work = vec![self];
+        while let Some(record) = work.pop() {
+            used.extend(&record.used);
+            roundings.extend(&record.roundings);
+            for note in &record.notes {
+                if let Noted::Call(call) = note
+                    && seen.insert(call.callee)
+                {
+                    work.extend(of.get(call.callee.index()));
+                }
+            }
+        }
+        (used, roundings)
+    }
+}
+
+/// A decision of a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    /// `vertex` or `fragment`.
+    pub stage: &'static str,
+    /// The decision.
+    pub decision: Decision,
+    /// Where the one is in the list that it stands behind, in callers too.
+    pub within: Option<usize>,
+    /// Static cost of each arm, calls included, in one run of the stage.
+    pub costs: Vec<f64>,
+}
+
+/// Adds the decisions of a stage and of the functions that it calls, each once, those around others first.
+pub fn of_stage(
+    graph: &Graph<'_>,
+    name: &'static str,
+    stage: &Record,
+    records: &[Record],
+    out: &mut Vec<Placed>,
+) {
+    // How often each function runs; callers stand behind their callees.
+    let mut times = vec![0.0; records.len()];
+    let add = |times: &mut Vec<f64>, record: &Record, weight: f64| {
+        for note in &record.notes {
+            if let Noted::Call(call) = note {
+                times[call.callee.index()] += weight * call.times;
+            }
+        }
+    };
+    add(&mut times, stage, 1.0);
+    for (i, record) in records.iter().enumerate().rev() {
+        let weight = times[i];
+        add(&mut times, record, weight);
+    }
+    let mut walk = Walk {
+        graph,
+        name,
+        records,
+        times,
+        seen: BTreeSet::new(),
+        out,
+    };
+    walk.record(stage, 1.0, None);
+}
+
+struct Walk<'g, 'p> {
+    graph: &'g Graph<'p>,
+    name: &'static str,
+    records: &'g [Record],
+    times: Vec<f64>,
+    seen: BTreeSet<Handle<Function>>,
+    out: &'g mut Vec<Placed>,
+}
+
+impl Walk<'_, '_> {
+    fn record(&mut self, record: &Record, weight: f64, around: Option<usize>) {
+        let mut places = vec![None; record.notes.len()];
+        for (i, note) in record.notes.iter().enumerate() {
+            let place = |within: Option<usize>| within.and_then(|w| places[w]).or(around);
+            match note {
+                Noted::Decision(decision) => {
+                    let costs = decision.arms.iter().map(|arm| {
+                        let statements = arm.statements.iter();
+                        let each =
+                            statements.map(|(a, b)| cost(self.graph, decision.function, *a, *b));
+                        weight * each.sum::<f64>()
+                    });
+                    let placed = Placed {
+                        stage: self.name,
+                        within: place(decision.within),
+                        costs: costs.collect(),
+                        decision: decision.clone(),
+                    };
+                    places[i] = Some(self.out.len());
+                    self.out.push(placed);
+                }
+                Noted::Call(call) => {
+                    let records = self.records;
+                    if let Some(callee) = records.get(call.callee.index())
+                        && self.seen.insert(call.callee)
+                    {
+                        let (weight, within) =
+                            (self.times[call.callee.index()], place(call.within));
+                        self.record(callee, weight, within);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<'p> Folder<'p> {
+    /// Notes a condition that the draw decides, known or not. Gives its place in the record.
+    pub(super) fn decide(
+        &mut self,
+        frame: &mut Frame<'p>,
+        id: StmtId,
+        condition: Handle<Expression>,
+        kind: Kind,
+        arms: &[(StmtId, StmtId)],
+    ) -> Option<usize> {
+        let known = &frame.known[condition.index()];
+        let sources = match known {
+            Known::Scalar(_, sources) => Sources::clone(sources),
+            _ => Sources::default(),
+        };
+        let known = known.literal().map(|(literal, _)| literal);
+        if let Some(Breaks::Loop {
+            head: Some(head),
+            sources: decides,
+            ..
+        }) = frame.breaks.last_mut()
+            && *head == condition
+        {
+            // The loop is the decision.
+            *decides = super::known::both(decides, &sources);
+            return None;
+        }
+        let is_uniform = self.graph.rate(frame.id, condition) == Rate::Draw;
+        if sources.is_empty() && !is_uniform {
+            return None;
+        }
+        let statement = frame.f.statements.get(id).statement;
+        let taken = match (statement, known) {
+            (Statement::If { .. }, Some(naga::Literal::Bool(truth))) => Some(usize::from(!truth)),
+            (Statement::Switch { cases, .. }, Some(literal)) => taken(cases, literal),
+            _ => None,
+        };
+        let leaves: Vec<Option<usize>> = match statement {
+            Statement::If { accept, reject, .. } => {
+                [accept, reject].map(|b| frame.left_by(b)).to_vec()
+            }
+            _ => vec![None; arms.len()],
+        };
+        let arms = arms.iter().enumerate().map(|(i, own)| {
+            let mut statements = vec![*own];
+            let others = leaves.iter().enumerate().filter(|(j, _)| *j != i);
+            if leaves[i].is_none()
+                && let Some(depth) = others.filter_map(|(_, depth)| *depth).min()
+            {
+                statements.extend(&frame.following[depth..]);
+            }
+            Arm { statements }
+        });
+        let decision = Decision {
+            function: frame.id,
+            statement: id,
+            condition,
+            kind,
+            taken,
+            arms: arms.collect(),
+            leaves: matches!(frame.id, FunctionId::Function(_)) && leaves.contains(&Some(0)),
+            sources,
+            within: frame.within.last().copied(),
+        };
+        frame.record.notes.push(Noted::Decision(decision));
+        Some(frame.record.notes.len() - 1)
     }
 
-    /// Static cost of what is never run.
-    pub fn removed(&self) -> f64 {
-        match (self.kind, self.taken) {
-            (Kind::Loop { turns: Some(0) }, _) => self.arms.iter().map(|a| a.cost).sum(),
-            (_, Some(taken)) => {
-                let others = self.arms.iter().enumerate().filter(|(i, _)| *i != taken);
-                others.map(|(_, a)| a.cost).sum()
+    /// Notes a loop in place of the branch that ends it. `turns`: how many were written out.
+    pub(super) fn decide_loop(
+        &mut self,
+        frame: &mut Frame<'p>,
+        id: StmtId,
+        condition: Handle<Expression>,
+        sources: Sources,
+        turns: Option<u32>,
+    ) {
+        if turns.is_none() && self.graph.rate(frame.id, condition) != Rate::Draw {
+            return;
+        }
+        let end = frame.f.statements.get(id).end;
+        let decision = Decision {
+            function: frame.id,
+            statement: id,
+            condition,
+            kind: Kind::Loop { turns },
+            taken: None,
+            arms: vec![Arm {
+                statements: vec![(id, end)],
+            }],
+            leaves: false,
+            sources,
+            within: frame.within.last().copied(),
+        };
+        frame.record.notes.push(Noted::Decision(decision));
+    }
+}
+
+impl Frame<'_> {
+    /// Of a block that ends in a jump: how many of the blocks around are gone on with.
+    fn left_by(&self, block: &Block) -> Option<usize> {
+        let depth = |breaks: &Breaks| match breaks {
+            Breaks::Loop { depth, .. } | Breaks::Switch { depth, .. } => *depth,
+        };
+        match block.last()? {
+            Statement::Return { .. } => Some(0),
+            Statement::Break => self.breaks.last().map(depth),
+            Statement::Continue => {
+                let mut loops = self.breaks.iter().rev();
+                loops.find(|b| matches!(b, Breaks::Loop { .. })).map(depth)
             }
-            _ => 0.0,
+            _ => None,
         }
     }
 }
 
 /// Static cost of the statements from `first` up to `end`, calls included, as often as each runs for one run of their function.
-pub fn cost(graph: &Graph<'_>, function: FunctionId, first: StmtId, end: StmtId) -> f64 {
+fn cost(graph: &Graph<'_>, function: FunctionId, first: StmtId, end: StmtId) -> f64 {
     let f = graph.function(function);
     let within = |id: StmtId| first <= id && id < end;
     let own = f.own_cost(graph.module(), within, |_| true);

@@ -3,14 +3,14 @@
 //! An effect is what stands behind a condition that the draw decides: a branch on a flag, a weight or a density, or a loop to a count. It is named after what is known by its identifiers
 //! (fog, shadows, ...), or else by the author's own.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use naga::{Block, Expression, Function, Handle, Module, Statement, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::assume::Assumptions;
-use super::decision::{Decision, Kind};
+use super::decision::{Decision, Kind, Placed};
 use super::{Params, assumptions, examine, folded};
 use crate::graph::{FunctionId, Graph, operands};
 use crate::guard::Assumed;
@@ -73,23 +73,22 @@ pub fn effects(plan: &Plan, facts: &Facts) -> Result<Vec<Effect>, Box<Refusal>> 
     let (pass, program) = examine(plan)?;
     let params = Params::default();
     let assumptions = assumptions(plan, program, facts, &params)?;
-    let done = folded(pass, program, &assumptions, &params).map_err(super::bug)?;
     let graph = Graph::build(program);
-    let mut found: Vec<(Effect, Vec<usize>)> = Vec::new();
-    let mut groups: BTreeMap<usize, String> = BTreeMap::new();
-    for decision in &done.decisions {
+    let decisions = folded(&graph, pass, &assumptions, &params).decisions(&graph);
+    let mut found: Vec<Effect> = Vec::new();
+    let mut names: Vec<String> = Vec::new();
+    for placed in &decisions {
+        let decision = &placed.decision;
         let name = name(&graph, decision, &assumptions);
-        groups.insert(decision.id, name.clone());
-        let parents: BTreeMap<usize, Option<usize>> =
-            done.decisions.iter().map(|d| (d.id, d.within)).collect();
-        let mut at = decision.within;
+        names.push(name.clone());
+        let mut at = placed.within;
         let mut is_part = false;
         while let Some(outer) = at {
-            is_part |= groups.get(&outer) == Some(&name);
-            at = parents.get(&outer).copied().flatten();
+            is_part |= names[outer] == name;
+            at = decisions[outer].within;
         }
-        let (called_for, cost) = called_for(decision);
-        let stage = decision.stage.to_owned();
+        let (called_for, cost) = called_for(placed);
+        let stage = placed.stage.to_owned();
         let span = graph
             .function(decision.function)
             .statements
@@ -102,9 +101,9 @@ pub fn effects(plan: &Plan, facts: &Facts) -> Result<Vec<Effect>, Box<Refusal>> 
             .collect();
         match found
             .iter_mut()
-            .find(|(e, _)| (&e.name, &e.stage) == (&name, &stage))
+            .find(|e| (&e.name, &e.stage) == (&name, &stage))
         {
-            Some((effect, _)) => {
+            Some(effect) => {
                 // What is part of it is counted already, and decides it no further.
                 if !is_part {
                     effect.called_for = effect.called_for.max(called_for);
@@ -116,34 +115,29 @@ pub fn effects(plan: &Plan, facts: &Facts) -> Result<Vec<Effect>, Box<Refusal>> 
                     }
                 }
             }
-            None => found.push((
-                Effect {
-                    name,
-                    stage,
-                    called_for,
-                    evidence,
-                    cost,
-                    location: program.sources().locate(span),
-                },
-                vec![decision.id],
-            )),
+            None => found.push(Effect {
+                name,
+                stage,
+                called_for,
+                evidence,
+                cost,
+                location: program.sources().locate(span),
+            }),
         }
     }
-    let mut effects: Vec<Effect> = found.into_iter().map(|(e, _)| e).collect();
+    let mut effects = found;
     effects.sort_by(|a, b| b.cost.total_cmp(&a.cost).then(a.name.cmp(&b.name)));
     Ok(effects)
 }
 
 /// Whether what costs most of a decision is run, and its cost.
-fn called_for(decision: &Decision) -> (CalledFor, f64) {
-    let dearest = decision
-        .arms
-        .iter()
-        .enumerate()
-        .max_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost));
-    let Some((dearest, arm)) = dearest else {
+fn called_for(placed: &Placed) -> (CalledFor, f64) {
+    let costs = placed.costs.iter().copied().enumerate();
+    let dearest = costs.max_by(|(_, a), (_, b)| a.total_cmp(b));
+    let Some((dearest, cost)) = dearest else {
         return (CalledFor::Open, 0.0);
     };
+    let decision = &placed.decision;
     let called_for = match (decision.kind, decision.taken) {
         (Kind::Loop { turns: Some(0) }, _) => CalledFor::No,
         (Kind::Loop { turns: Some(_) }, _) => CalledFor::Yes,
@@ -153,7 +147,7 @@ fn called_for(decision: &Decision) -> (CalledFor, f64) {
         (_, Some(_)) => CalledFor::No,
         _ => CalledFor::Open,
     };
-    (called_for, arm.cost)
+    (called_for, cost)
 }
 
 fn plain(word: &str) -> String {
@@ -178,9 +172,11 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
         block_words(module, f.function, block, &mut inside);
     }
     let is_light = |words: &[String]| words.iter().any(|w| plain(w).contains("light"));
-    if matches!(decision.kind, Kind::Loop { .. }) && (is_light(&condition) || is_light(&assumed)) {
+    let is_loop = matches!(decision.kind, Kind::Loop { .. });
+    if is_loop && (is_light(&condition) || is_light(&assumed)) {
         return "light loop".to_owned();
     }
+    let function: Vec<String> = f.function.name.iter().cloned().collect();
     let known = |words: &[String]| {
         words.iter().find_map(|word| {
             let word = plain(word);
@@ -191,6 +187,11 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
     known(&condition)
         .or_else(|| known(&assumed))
         .or_else(|| known(&inside))
+        .or_else(|| known(&function))
+        // What leaves a function early decides on all of it.
+        .or_else(|| function.first().filter(|_| decision.leaves).cloned())
+        // A counter says less than the count.
+        .or_else(|| assumed.first().filter(|_| is_loop).cloned())
         .or_else(|| condition.last().cloned())
         .or_else(|| assumed.first().cloned())
         .unwrap_or_else(|| "unnamed".to_owned())

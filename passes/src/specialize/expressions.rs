@@ -1,13 +1,13 @@
 //! Expressions copied, and what is known of each.
 
 use naga::{
-    ArraySize, BinaryOperator, Block, Expression, Handle, Literal, LocalVariable, MathFunction,
-    Module, Type, TypeInner,
+    ArraySize, BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable,
+    MathFunction, Module, Type, TypeInner,
 };
 
 use super::arithmetic;
 use super::fold::{Folder, Frame};
-use super::known::{Known, Scalar, Sources};
+use super::known::{FINITE, Known, Scalar, Sources};
 use super::params::Fold;
 use crate::graph::operands;
 
@@ -135,10 +135,19 @@ impl<'p> Folder<'p> {
         ahead: bool,
     ) {
         let known = self.evaluate(frame, e);
-        frame.known[e.index()] = known;
+        frame.known[e.index()] = match self.fold {
+            Fold::Exact => known,
+            Fold::Rounding => known.undecided_by_finite(),
+        };
         if let Some(same) = self.stands_for(frame, e) {
-            frame.changed = true;
-            frame.map[e.index()] = Some(frame.mapped(same));
+            let copy = match self.held_as(frame, e, same) {
+                Some(ty) if !ahead => {
+                    frame.flush(out);
+                    held(frame, e, same, ty)
+                }
+                _ => frame.mapped(same),
+            };
+            frame.map[e.index()] = Some(copy);
             frame.known[e.index()] = frame.known[same.index()].clone();
             return;
         }
@@ -146,18 +155,18 @@ impl<'p> Folder<'p> {
         if let Expression::Access { base, index } = expression
             && let Some(at) = self.static_index(frame, base, index)
         {
-            frame.changed = true;
             expression = Expression::AccessIndex { base, index: at };
         }
         let original = expression.clone();
+        // What is decided is read by nobody that could do without it, and is not to be made of literals alone.
+        let takes_literals = !ahead && frame.known[e.index()].literal().is_none();
         operands::map_expression(&mut expression, &mut |operand| {
             let literal = frame.known[operand.index()].literal();
-            match literal {
+            match literal.map(|(value, sources)| (value, Sources::clone(sources))) {
                 Some((value, sources))
-                    if arithmetic::takes_literal(&original, *operand) && !ahead =>
+                    if takes_literals && arithmetic::takes_literal(&original, *operand) =>
                 {
-                    self.used.extend(sources.iter().copied());
-                    frame.changed = true;
+                    frame.folds(&sources);
                     *operand = frame.literal(value, out);
                 }
                 _ => *operand = frame.mapped(*operand),
@@ -173,7 +182,7 @@ impl<'p> Folder<'p> {
 
     /// What a statement reads: the copy, or the integer or truth it is known to be.
     pub(super) fn read(
-        &mut self,
+        &self,
         frame: &mut Frame<'p>,
         e: Handle<Expression>,
         out: &mut Block,
@@ -182,15 +191,14 @@ impl<'p> Folder<'p> {
             return frame.mapped(e);
         };
         let sources = Sources::clone(sources);
-        self.rests_on(&sources);
-        frame.changed = true;
+        frame.folds(&sources);
         frame.literal(literal, out)
     }
 
     /// The index of an access that assumptions decide, within bounds.
     fn static_index(
-        &mut self,
-        frame: &Frame<'p>,
+        &self,
+        frame: &mut Frame<'p>,
         base: Handle<Expression>,
         index: Handle<Expression>,
     ) -> Option<u32> {
@@ -200,34 +208,57 @@ impl<'p> Folder<'p> {
             return None;
         }
         let sources = Sources::clone(sources);
-        self.rests_on(&sources);
+        frame.folds(&sources);
         Some(at)
     }
 
     /// The operand that an expression is known to be the same as.
     fn stands_for(
-        &mut self,
-        frame: &Frame<'p>,
+        &self,
+        frame: &mut Frame<'p>,
         e: Handle<Expression>,
     ) -> Option<Handle<Expression>> {
-        let (same, sources) = match frame.original.expressions[e] {
+        let (same, sources, rounds) = match frame.original.expressions[e] {
             Expression::Select {
                 condition,
                 accept,
                 reject,
             } => {
                 let (truth, sources) = all_the_same(&frame.known[condition.index()])?;
-                (if truth { accept } else { reject }, sources)
+                (if truth { accept } else { reject }, sources, false)
             }
             _ if self.fold == Fold::Rounding => {
                 let (same, sources) = self.neutral(frame, e)?;
-                self.roundings += 1;
-                (same, sources)
+                (same, sources, true)
             }
             _ => return None,
         };
-        self.rests_on(&sources);
+        if rounds {
+            frame.record.roundings.insert((frame.id, e));
+        }
+        frame.folds(&sources);
         Some(same)
+    }
+
+    /// The type of the variable that a constant which stands for `e` has to be held in; `None` where it does not. What a front end finds to be computed of literals alone it computes by itself,
+    /// with other bits, and `0 / 0` it refuses.
+    fn held_as(
+        &mut self,
+        frame: &Frame<'p>,
+        e: Handle<Expression>,
+        same: Handle<Expression>,
+    ) -> Option<Handle<Type>> {
+        let inner = frame.f.ty(self.module, same);
+        let is_number = matches!(inner, TypeInner::Scalar(_) | TypeInner::Vector { .. })
+            && inner.scalar_kind() != Some(naga::ScalarKind::Bool);
+        let is_held = is_number && frame.is_operand[e.index()] && is_constant(frame.original, same);
+        is_held.then(|| {
+            let ty = Type {
+                name: None,
+                inner: inner.clone(),
+            };
+            self.types.insert(ty, naga::Span::UNDEFINED)
+        })
     }
 
     /// The operand that adding 0, multiplying by 1 or mixing by 0 or 1 leaves, in real numbers.
@@ -239,10 +270,14 @@ impl<'p> Folder<'p> {
         let is = |operand: Handle<Expression>, value: f64| {
             all_numbers(&frame.known[operand.index()], value)
         };
+        // A matrix of ones is not 1.
+        let is_matrix =
+            |e: Handle<Expression>| matches!(frame.f.ty(self.module, e), TypeInner::Matrix { .. });
         let same_type = |operand: Handle<Expression>| {
             frame.f.ty(self.module, operand) == frame.f.ty(self.module, e)
         };
         let found = match frame.original.expressions[e] {
+            Expression::Binary { left, right, .. } if is_matrix(left) || is_matrix(right) => None,
             Expression::Binary { op, left, right } => match op {
                 BinaryOperator::Add => is(right, 0.0)
                     .map(|s| (left, s))
@@ -308,11 +343,22 @@ impl<'p> Folder<'p> {
                 gather: None,
                 depth_ref: None,
                 ..
+            } => self.texel(frame, e, *image),
+            Expression::ImageLoad {
+                image,
+                coordinate,
+                array_index,
+                sample,
+                level,
+            } => {
+                let at = [Some(*coordinate), *array_index, *sample, *level];
+                let texel = self.texel(frame, e, *image);
+                // Every texture has this one texel; how many more is not told.
+                match at.into_iter().flatten().all(|e| is_0(of(e))) {
+                    true => texel,
+                    false => texel.join(&outside()),
+                }
             }
-            | Expression::ImageLoad { image, .. } => match frame.original.expressions[*image] {
-                Expression::GlobalVariable(g) => self.assumptions.texel(g),
-                _ => Known::Unknown,
-            },
             Expression::Unary { op, expr } => arithmetic::unary(*op, of(*expr)),
             Expression::Binary { op, left, right } => {
                 let is_matrix = |e: Handle<Expression>| {
@@ -362,7 +408,22 @@ impl<'p> Folder<'p> {
         }
     }
 
-    /// An operator; with `fold=rounding` what is multiplied by 0 is 0.
+    /// What is known of any texel of a texture, which `e` reads.
+    fn texel(&self, frame: &Frame<'p>, e: Handle<Expression>, image: Handle<Expression>) -> Known {
+        let is_floats = matches!(
+            frame.f.ty(self.module, e),
+            TypeInner::Vector {
+                scalar: naga::Scalar::F32,
+                ..
+            }
+        );
+        match frame.original.expressions[image] {
+            Expression::GlobalVariable(g) if is_floats => self.assumptions.texel(g),
+            _ => Known::Unknown,
+        }
+    }
+
+    /// An operator; with `fold=rounding` what is multiplied by 0 is 0, as if it were known to be finite.
     fn product(
         &self,
         frame: &Frame<'p>,
@@ -375,7 +436,12 @@ impl<'p> Folder<'p> {
             let zero = [left, right]
                 .into_iter()
                 .find_map(|e| all_numbers(of(e), 0.0));
-            if let Some(sources) = zero {
+            let bounded = arithmetic::binary(op, of(left), of(right));
+            if let Some(sources) = zero
+                && all_numbers(&bounded, 0.0).is_none()
+            {
+                let finite = Sources::new([FINITE].into());
+                let sources = super::known::both(&sources, &finite);
                 let zero = Known::Scalar(Scalar::float(0.0), sources);
                 let width =
                     [left, right]
@@ -394,7 +460,7 @@ impl<'p> Folder<'p> {
     }
 
     fn load(&self, frame: &Frame<'p>, pointer: Handle<Expression>) -> Known {
-        let place = frame.place(pointer);
+        let place = frame.place(self.module, pointer);
         if place.dynamic {
             return Known::Unknown;
         }
@@ -408,37 +474,53 @@ impl<'p> Folder<'p> {
 }
 
 impl Frame<'_> {
-    fn place(&self, pointer: Handle<Expression>) -> Place {
+    fn place(&self, module: &Module, pointer: Handle<Expression>) -> Place {
         match self.original.expressions[pointer] {
             Expression::LocalVariable(v) => Place::at(Root::Local(v)),
             Expression::GlobalVariable(g) => Place::at(Root::Global(g)),
-            Expression::AccessIndex { base, index } => self.place(base).step(Some(index), None),
-            Expression::Access { base, index } => match self.known[index.index()].index() {
-                Some((at, sources)) => self.place(base).step(Some(at), Some(sources)),
-                None => self.place(base).step(None, None),
-            },
+            Expression::AccessIndex { base, index } => {
+                self.place(module, base).step(Some(index), None)
+            }
+            Expression::Access { base, index } => {
+                let length = length(module, self.f.ty(module, base));
+                match self.known[index.index()].index() {
+                    Some((at, sources)) if length.is_some_and(|l| at < l) => {
+                        self.place(module, base).step(Some(at), Some(sources))
+                    }
+                    // Out of bounds it may be any element.
+                    _ => self.place(module, base).step(None, None),
+                }
+            }
             _ => Place::at(Root::Elsewhere),
         }
     }
 
     /// A store through a pointer.
-    pub(super) fn store(&mut self, pointer: Handle<Expression>, value: Known) {
-        let place = self.place(pointer);
-        if let Root::Local(v) = place.root
-            && let Some(local) = self.locals.get_mut(v.index())
-        {
-            let value = match place.dynamic {
-                true => Known::Unknown,
-                // Where it goes rests on these.
-                false => value.resting_on(&place.sources),
-            };
-            local.set(&place.path, value);
+    pub(super) fn store(&mut self, module: &Module, pointer: Handle<Expression>, value: Known) {
+        let place = self.place(module, pointer);
+        let Root::Local(v) = place.root else { return };
+        let Some(local) = self.locals.get_mut(v.index()) else {
+            return;
+        };
+        match place.dynamic {
+            true => local.set(&place.path, Known::Unknown),
+            false => {
+                // Where it goes, and so what it leaves as it was, rests on these.
+                *local = std::mem::take(local).resting_on(&place.sources);
+                local.set(&place.path, value.resting_on(&place.sources));
+            }
         }
     }
 
     /// Something unknown is written somewhere in the variable that a pointer leads to.
     pub(super) fn forget_all(&mut self, pointer: Handle<Expression>) {
-        if let Root::Local(v) = self.place(pointer).root
+        let mut at = pointer;
+        while let Expression::AccessIndex { base, .. } | Expression::Access { base, .. } =
+            self.original.expressions[at]
+        {
+            at = base;
+        }
+        if let Expression::LocalVariable(v) = self.original.expressions[at]
             && let Some(local) = self.locals.get_mut(v.index())
         {
             *local = Known::Unknown;
@@ -466,6 +548,61 @@ impl Place {
             None => self.dynamic = true,
         }
         self
+    }
+}
+
+/// Whether an expression is computed of the author's constants alone.
+fn is_constant(function: &Function, e: Handle<Expression>) -> bool {
+    match &function.expressions[e] {
+        Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_) => true,
+        Expression::Compose { components, .. } => {
+            components.iter().all(|c| is_constant(function, *c))
+        }
+        Expression::Splat { value, .. } => is_constant(function, *value),
+        _ => false,
+    }
+}
+
+/// A constant read from a variable in place of `e`.
+fn held(
+    frame: &mut Frame<'_>,
+    e: Handle<Expression>,
+    constant: Handle<Expression>,
+    ty: Handle<Type>,
+) -> Handle<Expression> {
+    fn copy(frame: &mut Frame<'_>, e: Handle<Expression>) -> Handle<Expression> {
+        let mut expression = frame.original.expressions[e].clone();
+        operands::map_expression(&mut expression, &mut |o| *o = copy(frame, *o));
+        frame.append(expression, e)
+    }
+    let init = copy(frame, constant);
+    let variable = LocalVariable {
+        name: frame.original.named_expressions.get(&e).cloned(),
+        ty,
+        init: Some(init),
+    };
+    let variable = frame
+        .function
+        .local_variables
+        .append(variable, naga::Span::UNDEFINED);
+    let pointer = frame.append(Expression::LocalVariable(variable), e);
+    frame.emit(Expression::Load { pointer }, e)
+}
+
+/// What a read beside a texture's texels gives: 0, or alpha 1 (WGSL, section 17.7.4).
+fn outside() -> Known {
+    let zero = Known::constant(Scalar::float(0.0));
+    let alpha = Known::constant(Scalar::Float(0.0, 1.0));
+    Known::Parts(vec![zero.clone(), zero.clone(), zero, alpha])
+}
+
+/// Whether all components are known to be 0.
+fn is_0(known: &Known) -> bool {
+    match known {
+        Known::Parts(parts) => parts.iter().all(is_0),
+        scalar => scalar
+            .index()
+            .is_some_and(|(at, sources)| at == 0 && sources.is_empty()),
     }
 }
 

@@ -11,6 +11,9 @@ use naga::{Literal, ScalarKind};
 /// Indices of the assumptions that something rests on.
 pub type Sources = Rc<BTreeSet<usize>>;
 
+/// In place of an assumption: that what is multiplied by 0 is finite. No value tells, and with `fold=rounding` it is taken for granted of floats that are added up; nothing is decided by it.
+pub const FINITE: usize = usize::MAX;
+
 /// Smallest normal `f32`: less than that may be flushed to 0.
 const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
 
@@ -216,6 +219,22 @@ impl Known {
                     true => Self::Unknown,
                     false => Self::Parts(parts),
                 }
+            }
+            other => other,
+        }
+    }
+
+    /// The same without truths and integers that rest on [`FINITE`].
+    #[must_use]
+    pub fn undecided_by_finite(self) -> Self {
+        match self {
+            Self::Scalar(s, sources)
+                if !matches!(s, Scalar::Float(..)) && sources.contains(&FINITE) =>
+            {
+                Self::Unknown
+            }
+            Self::Parts(parts) => {
+                Self::Parts(parts.into_iter().map(Self::undecided_by_finite).collect())
             }
             other => other,
         }

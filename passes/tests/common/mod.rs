@@ -1,7 +1,9 @@
 //! What every test of this crate needs: WGSL in, WGSL out.
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
+pub mod decided;
 pub mod random;
+pub mod specialized;
 pub mod stages;
 
 use std::sync::Arc;
@@ -11,16 +13,19 @@ use preshade_passes::program::{Language, Program, SourceMap};
 
 /// A validated program from WGSL.
 pub fn program(source: &str) -> Program {
-    let module = match naga::front::wgsl::parse_str(source) {
-        Ok(module) => module,
-        Err(e) => panic!("{}", e.emit_to_string(source)),
-    };
+    match read(source) {
+        Ok(program) => program,
+        Err(why) => panic!("{why}"),
+    }
+}
+
+/// A program from WGSL, or why it is none.
+pub fn read(source: &str) -> Result<Program, String> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
     let mut sources = SourceMap::new();
     sources.add("test.wgsl", source);
-    match Program::new(module, Arc::new(sources), Language::Wgsl) {
-        Ok(program) => program,
-        Err(e) => panic!("{e}: {:?}", e.labels),
-    }
+    Program::new(module, Arc::new(sources), Language::Wgsl)
+        .map_err(|e| format!("{e}: {:?}", e.labels))
 }
 
 /// The program with another module, which must validate.

@@ -3,11 +3,13 @@
 //! naga's own front end reads one dialect, that of Vulkan with all bindings and locations said. What it reads as it is stays as it is. Anything else is parsed, understood and
 //! printed as that dialect, in the order of these files:
 //!
-//! `syntax` preprocesses and parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `lower` prints; `marks` know which
+//! `syntax` preprocesses and parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `declared` keeps what they were before; `lower` prints; `marks` know which
 //! place of the author's each piece came from; `respan` moves the module's spans back there. `gather` puts in what the dialect cannot say.
 
 mod constant;
+mod declared;
 mod gather;
+mod include;
 mod interface;
 mod lower;
 mod marks;
@@ -21,6 +23,7 @@ use std::path::Path;
 use naga::front::glsl::{Frontend, Options as NagaOptions};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Module, ShaderStage, Span};
+use preshade_passes::declared::Declared;
 use preshade_passes::link::offset;
 use preshade_passes::program::SourceMap;
 
@@ -47,17 +50,17 @@ pub(super) fn parse(
     texts: &[Text<'_>],
     options: &Options,
     map: &mut SourceMap,
-) -> Result<Vec<Module>, Error> {
+) -> Result<(Vec<Module>, Declared), Error> {
     for text in texts {
         macros::check(text.text, &options.defines)?;
     }
     if options.clip_space != Some(ClipSpace::OpenGl)
         && let Some(modules) = as_they_are(texts, options)
     {
-        return Ok(modules);
+        return Ok((modules, Declared::default()));
     }
-    let normalised = normalise(texts, options, map)?;
-    normalised
+    let (normalised, declared) = normalise(texts, options, map)?;
+    let modules: Result<_, Error> = normalised
         .iter()
         .zip(texts)
         .map(|(rewritten, text)| {
@@ -68,7 +71,38 @@ pub(super) fn parse(
             finish(&mut module, text.stage);
             Ok(module)
         })
-        .collect()
+        .collect();
+    Ok((modules?, declared))
+}
+
+/// Preprocesses and parses the stages, no more.
+pub(super) fn parse_alone(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<(), Error> {
+    units(texts, options, map).map(|_| ())
+}
+
+fn units(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<Vec<syntax::Unit>, Error> {
+    let mut units = Vec::new();
+    for text in texts {
+        units.push(syntax::parse(
+            &Input {
+                text: text.text,
+                stage: text.stage,
+                path: Path::new(text.name),
+                base: text.base,
+                options,
+            },
+            map,
+        )?);
+    }
+    Ok(units)
 }
 
 /// A stage in naga's dialect.
@@ -78,40 +112,29 @@ pub(super) struct Normalised {
     map: Map,
 }
 
-/// Rewrites the stages of one material for naga.
+/// Rewrites the stages of one material for naga; with what they declared.
 pub(super) fn normalise(
     texts: &[Text<'_>],
     options: &Options,
     map: &mut SourceMap,
-) -> Result<Vec<Normalised>, Error> {
-    let mut units = Vec::new();
-    for text in texts {
-        units.push(syntax::parse(
-            &Input {
-                text: text.text,
-                stage: text.stage,
-                path: Path::new(text.name),
-                base: text.base,
-                defines: &options.defines,
-                include: &options.include,
-            },
-            map,
-        )?);
-    }
+) -> Result<(Vec<Normalised>, Declared), Error> {
+    let units = units(texts, options, map)?;
     let mut stages = Vec::new();
     for (unit, text) in units.iter().zip(texts) {
         stages.push(Stage::collect(unit, text.stage)?);
     }
     let clip = options.clip_space.unwrap_or_else(|| clip_space(&stages));
     let mut interface = Interface::of(&mut stages)?;
-    stages
+    let declared = declared::declared(&stages, &interface, clip);
+    let texts: Result<_, Error> = stages
         .iter_mut()
         .map(|stage| {
             let (marked, marks) = lower::lower(stage, &mut interface, clip)?;
             let (text, map) = marks.settle(&marked);
             Ok(Normalised { text, map })
         })
-        .collect()
+        .collect();
+    Ok((texts?, declared))
 }
 
 /// The clip space that a text of this kind is written for: OpenGL's, unless it is Vulkan's GLSL, which says bindings and locations and has no uniforms outside of blocks.
@@ -257,8 +280,7 @@ pub(super) fn vertex_stage_for(
             stage: text.stage,
             path: Path::new(text.name),
             base: text.base,
-            defines: &options.defines,
-            include: &options.include,
+            options,
         },
         map,
     )?;

@@ -4,7 +4,6 @@
 //! file they come from; [`Unit::place`] turns them into the author's bytes.
 
 use std::borrow::Cow;
-use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,7 +17,7 @@ use glsl_lang::parse::{HasParser, LangParser};
 use glsl_lang_pp::ext_name;
 use glsl_lang_pp::exts::Registry;
 use glsl_lang_pp::processor::event::DirectiveKind;
-use glsl_lang_pp::processor::fs::{FileSystem, Processor};
+use glsl_lang_pp::processor::fs::Processor;
 use glsl_lang_pp::processor::nodes::{Define, DefineObject, ExtensionBehavior};
 use glsl_lang_pp::processor::{ProcessorState, ProcessorStateBuilder};
 use lang_util::located::FileIdResolver as _;
@@ -27,6 +26,8 @@ use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
+use super::include::Files;
+use crate::front::Options;
 use crate::front::error::{Code, Error};
 
 /// Most tokens a stage may have once its macros are expanded.
@@ -154,8 +155,7 @@ pub(super) struct Input<'a> {
     pub path: &'a Path,
     /// The file's place in the source map.
     pub base: u32,
-    pub defines: &'a [(String, String)],
-    pub include: &'a [PathBuf],
+    pub options: &'a Options,
 }
 
 /// Preprocesses and parses. Included files are added to `map`.
@@ -167,11 +167,11 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         && (dialect.version >= 420 || dialect.version == 110)
         && input.text.contains("sampler")
         && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
-    let files = Files {
-        include: input.include.to_vec(),
-        stage: input.stage,
-        read: Rc::default(),
-    };
+    let folder = input.path.parent().unwrap_or(Path::new(""));
+    let files = Files::new(input.options, input.stage);
+    files
+        .check(input.text, folder)
+        .map_err(|e| Error::new(Code::Parse, e.to_string()))?;
     let read = Rc::clone(&files.read);
     // The lexer knows Vulkan's types from 4.60 on.
     let text = match vulkan {
@@ -179,10 +179,9 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         false => Cow::Borrowed(input.text),
     };
     let mut processor = Processor::new_with_fs(files);
-    let folder = input.path.parent().unwrap_or(Path::new(""));
     let file = processor
         .open_source(&text, folder)
-        .with_state(state(dialect, input.defines));
+        .with_state(state(dialect, &input.options.defines));
     let options = ParseOptions {
         default_version: if vulkan { 460 } else { dialect.version },
         target_vulkan: vulkan,
@@ -248,14 +247,31 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         .note("write functions in their place"));
     }
     match parsed {
-        Ok(tree) => Ok(Unit {
-            tree,
-            dialect,
-            names,
-            invariant_all,
-            places,
-        }),
+        Ok(tree) => {
+            add_silent(&read.borrow(), map);
+            Ok(Unit {
+                tree,
+                dialect,
+                names,
+                invariant_all,
+                places,
+            })
+        }
         Err(error) => Err(explain(error, &places, &mut span)),
+    }
+}
+
+/// Adds to `map` the files of which no word is left, which define macros and nothing else: the text rests on them too.
+fn add_silent(read: &HashMap<PathBuf, String>, map: &mut SourceMap) {
+    let mut silent: Vec<(&PathBuf, &String)> = read
+        .iter()
+        // Each is also there by the path that it was asked for by.
+        .filter(|(path, _)| path.canonicalize().is_ok_and(|whole| whole == **path))
+        .filter(|(path, _)| !map.files().iter().any(|f| Path::new(&f.name) == **path))
+        .collect();
+    silent.sort();
+    for (path, text) in silent {
+        map.add(path.to_string_lossy(), text);
     }
 }
 
@@ -339,63 +355,6 @@ fn state(dialect: Dialect, defines: &[(String, String)]) -> ProcessorState {
         builder = builder.definition(define(name, value));
     }
     builder.finish()
-}
-
-/// Files that a text includes: beside it, or below one of the include paths.
-struct Files {
-    include: Vec<PathBuf>,
-    /// The lines of another stage are left blank in what is included too.
-    stage: ShaderStage,
-    /// What was read, by the path asked for.
-    read: Rc<RefCell<HashMap<PathBuf, String>>>,
-}
-
-impl FileSystem for Files {
-    type Error = io::Error;
-
-    fn canonicalize(&self, path: &Path) -> Result<PathBuf, io::Error> {
-        // `path` is the including file's folder with what stands in quotes: of its endings, the longest that an include path has.
-        let mut ending = path;
-        let mut found = path.canonicalize();
-        while found.is_err() {
-            if let Some(hit) = self
-                .include
-                .iter()
-                .map(|d| d.join(ending))
-                .find(|p| p.exists())
-            {
-                found = hit.canonicalize();
-                break;
-            }
-            let mut parts = ending.components();
-            if parts.next().is_none() || parts.as_path().as_os_str().is_empty() {
-                return Err(io::Error::new(
-                    io::ErrorKind::NotFound,
-                    format!("there is no file {}", path.display()),
-                ));
-            }
-            ending = parts.as_path();
-        }
-        let found = found?;
-        let text = std::fs::read_to_string(&found)?;
-        self.read.borrow_mut().insert(path.to_owned(), text.clone());
-        self.read.borrow_mut().insert(found.clone(), text);
-        Ok(found)
-    }
-
-    fn exists(&self, path: &Path) -> bool {
-        path.exists()
-    }
-
-    fn read(&self, path: &Path) -> Result<Cow<'_, str>, io::Error> {
-        match self.read.borrow().get(path) {
-            Some(text) if super::has_stages(text) => {
-                Ok(Cow::Owned(super::stage_of(text, self.stage)))
-            }
-            Some(text) => Ok(Cow::Owned(text.clone())),
-            None => std::fs::read_to_string(path).map(Cow::Owned),
-        }
-    }
 }
 
 /// The lexer's tokens, each at its number instead of its place.

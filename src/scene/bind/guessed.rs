@@ -1,6 +1,6 @@
 //! What a scene does not say and its binding makes up: the inputs of a bare shader, told to its author.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::super::{Scene, Semantic};
 use super::streams::Streams;
@@ -21,7 +21,7 @@ pub(super) enum Origin {
 }
 
 /// An input that the scene does not give.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Guessed {
     /// Material.
     pub material: String,
@@ -33,7 +33,7 @@ pub struct Guessed {
 }
 
 /// How an input was filled.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "guess")]
 pub enum Guess {
     /// A uniform or a buffer's member by its name.

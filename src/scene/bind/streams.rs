@@ -88,6 +88,16 @@ enum Source {
     Synthesised,
 }
 
+/// A [`Source`] with its data.
+enum Found<'a> {
+    /// A stream of the mesh or of the instances.
+    Stream(Option<&'a Stream>),
+    /// A column of the instance's matrix.
+    Column(usize),
+    /// The same everywhere.
+    Same([f64; 4]),
+}
+
 /// One attribute of the author's vertex stage.
 struct Attribute {
     location: u32,
@@ -211,11 +221,14 @@ impl<'a> Streams<'a> {
                 self.mesh.vertex_count as usize
             };
             let mut bytes = Vec::with_capacity(count * stride as usize);
+            // Names are looked up once, not at every vertex.
+            let found: Vec<(&Attribute, Found<'_>)> =
+                members.iter().map(|a| (*a, self.found(a))).collect();
             for i in 0..count {
-                for a in &members {
+                for (a, found) in &found {
                     for c in 0..a.components as usize {
                         let mut word = [0; 4];
-                        layout::scalar_bytes(&mut word, a.kind, self.component(a, i, c));
+                        layout::scalar_bytes(&mut word, a.kind, self.component(found, i, c));
                         bytes.extend_from_slice(&word);
                     }
                 }
@@ -230,14 +243,25 @@ impl<'a> Streams<'a> {
         Ok(out)
     }
 
-    /// One component of an attribute at a vertex or an instance.
-    fn component(&self, a: &Attribute, i: usize, c: usize) -> f64 {
+    /// What an attribute is read from.
+    fn found(&self, a: &Attribute) -> Found<'_> {
         match &a.source {
-            Source::Vertex(name) => stream_component(self.mesh.streams.get(name), i, c),
-            Source::Instance(name) => stream_component(self.draw.instance_streams.get(name), i, c),
-            Source::InstanceColumn(column) => f64::from(self.instance(i).col(*column)[c.min(3)]),
-            Source::InstanceOffset => f64::from(self.instance(i).w_axis[c.min(3)]),
-            Source::Synthesised => synthesised_attribute(&a.name, c),
+            Source::Vertex(name) => Found::Stream(self.mesh.streams.get(name)),
+            Source::Instance(name) => Found::Stream(self.draw.instance_streams.get(name)),
+            Source::InstanceColumn(column) => Found::Column(*column),
+            Source::InstanceOffset => Found::Column(3),
+            Source::Synthesised => {
+                Found::Same([0, 1, 2, 3].map(|c| synthesised_attribute(&a.name, c)))
+            }
+        }
+    }
+
+    /// One component of an attribute at a vertex or an instance.
+    fn component(&self, found: &Found<'_>, i: usize, c: usize) -> f64 {
+        match found {
+            Found::Stream(stream) => stream_component(*stream, i, c),
+            Found::Column(column) => f64::from(self.instance(i).col(*column)[c.min(3)]),
+            Found::Same(value) => value[c.min(3)],
         }
     }
 

@@ -18,7 +18,10 @@ struct VertexOut {
 @vertex
 fn vs_main(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> VertexOut {
     var world = position;
-    world.x += 0.05 * sin(frame.time + position.z * 3.0) * (1.0 - uv.y);
+    // Still air at the start.
+    if (frame.time > 0.0) {
+        world.x += 0.05 * sin(frame.time + position.z * 3.0) * (1.0 - uv.y);
+    }
     var out: VertexOut;
     out.position = frame.view_projection * vec4<f32>(world, 1.0);
     out.world = world;

@@ -35,7 +35,8 @@ pub async fn device(
     let mut features = wgpu::Features::empty();
     let mut limits = wgpu::Limits::default();
     let variants = [leaf::original::PASSES, leaf::PASSES, leaf::early_discard::PASSES];
-    for pass in variants.into_iter().flatten() {
+    let still = leaf::still::CHOICES.iter().flat_map(|v| v.passes);
+    for pass in variants.into_iter().flatten().chain(still) {
         features |= pass.features;
         (pass.raise_limits)(&mut limits);
     }
@@ -103,8 +104,8 @@ impl Grove {
         }
     }
 
-    /// The same numbers for every pass of a frame.
-    pub fn set_time(&self, queue: &wgpu::Queue, time: f32) {
+    /// The same numbers for every pass of a frame; their bytes.
+    pub fn set_time(&self, queue: &wgpu::Queue, time: f32) -> Vec<u8> {
         let mut frame = [0.0_f32; 20];
         for i in [0, 5, 10, 15] {
             frame[i] = 1.0;
@@ -112,6 +113,7 @@ impl Grove {
         frame[16] = time;
         let bytes: Vec<u8> = frame.iter().flat_map(|f| f.to_le_bytes()).collect();
         queue.write_buffer(&self.frame, 0, &bytes);
+        bytes
     }
 
     /// The bind groups of a pass: the author's resources by name, attachments as the pass says.

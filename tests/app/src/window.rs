@@ -83,7 +83,7 @@ impl Shown {
             // The next frame has another try.
             _ => return,
         };
-        self.grove.set_time(&self.queue, time);
+        let _ = self.grove.set_time(&self.queue, time);
         let mut encoder = self.device.create_command_encoder(&Default::default());
         self.variants[variant].draw(&mut encoder, &self.grove, &texture.texture.create_view(&Default::default()));
         self.queue.submit([encoder.finish()]);

@@ -382,6 +382,8 @@ impl Lower<'_, '_> {
             };
             // What is flat is one vertex's: where it is taken does not matter.
             let at = at.filter(|_| how != Some("flat"));
+            // naga forgets where it is interpolated unless it is told how.
+            let how = how.or(at.and(Some("smooth")));
             let words: String = [how, at]
                 .into_iter()
                 .flatten()

@@ -1,0 +1,109 @@
+//! A report put together of variants that were measured in processes of their own.
+
+use preshade::limits::Limits;
+use preshade::measure::Outcome;
+use preshade::passes::contract::{Contract, Verdict};
+use preshade::recipe::Recipe;
+use preshade::report::{Budget, Chosen, Report, Unfinished, VariantReport};
+
+use crate::keeper::Keeper;
+use crate::{Failure, worker};
+
+/// Measures the original in a process of its own, and then each of `recipes` beside it in another.
+///
+/// # Errors
+/// When the original cannot be measured.
+pub fn apart(
+    recipes: &[Recipe],
+    budget: Option<Budget>,
+    limits: &Limits,
+    keeper: &mut Keeper,
+) -> Result<Outcome, Failure> {
+    let mut report = measured(0, limits)
+        .map_err(|why| Failure(format!("error: the original was not measured: {why}")))?;
+    for (i, recipe) in recipes.iter().enumerate() {
+        let variant = variant(i, recipe, limits);
+        report
+            .variants
+            .push(variant.unwrap_or_else(|why| not_measured(recipe, why)));
+        let missing = recipes[i + 1..].iter().map(ToString::to_string).collect();
+        keeper.keep_report(&Unfinished::new(report.clone(), missing));
+    }
+    report.chosen = budget.map(|b| Chosen::among(&report.variants, b));
+    Ok(Outcome {
+        report,
+        pictures: Vec::new(),
+        lost: None,
+    })
+}
+
+/// What a run that lost its adapter did not measure, measured in processes of their own. What it did measure stands.
+pub fn resumed(
+    mut outcome: Outcome,
+    recipes: &[Recipe],
+    limits: &Limits,
+    keeper: &mut Keeper,
+) -> Outcome {
+    let is_missing = |v: &VariantReport| matches!(&v.verdict, Verdict::NotMeasured { why } if Some(why) == outcome.lost.as_ref());
+    let missing: Vec<usize> = (0..outcome.report.variants.len())
+        .filter(|i| outcome.report.variants.get(*i).is_some_and(is_missing))
+        .collect();
+    for i in missing {
+        let found = match i.checked_sub(1) {
+            None => measured(0, limits).and_then(|r| {
+                let original = r.variants.into_iter().next();
+                original.ok_or_else(|| "its report is empty".to_owned())
+            }),
+            Some(n) => match recipes.get(n) {
+                Some(recipe) => variant(n, recipe, limits),
+                None => continue,
+            },
+        };
+        let Some(place) = outcome.report.variants.get_mut(i) else {
+            continue;
+        };
+        match found {
+            Ok(variant) => *place = variant,
+            Err(why) => {
+                let before = outcome.lost.clone().unwrap_or_default();
+                place.verdict = Verdict::NotMeasured {
+                    why: format!("{before}; and in a process of its own {why}"),
+                };
+            }
+        }
+        keeper.keep_report(&Unfinished::new(outcome.report.clone(), Vec::new()));
+    }
+    outcome
+}
+
+fn measured(variant: usize, limits: &Limits) -> Result<Report, String> {
+    let text = worker::run(variant, limits)?;
+    serde_json::from_str(&text).map_err(|e| format!("its report cannot be read: {e}"))
+}
+
+/// The variant of a recipe, beside the original.
+fn variant(index: usize, recipe: &Recipe, limits: &Limits) -> Result<VariantReport, String> {
+    let report = measured(index + 1, limits)?;
+    let variant = report.variants.into_iter().nth(1);
+    variant.ok_or_else(|| format!("its report has no `{recipe}`"))
+}
+
+fn not_measured(recipe: &Recipe, why: String) -> VariantReport {
+    VariantReport {
+        name: recipe.to_string(),
+        recipe: recipe.to_string(),
+        contract: Contract::exact(),
+        verdict: Verdict::NotMeasured { why },
+        error: None,
+        time_ms: None,
+        speedup: None,
+        shaded_per_pixel: None,
+        cost: None,
+        shadow: None,
+        self_test: Vec::new(),
+        junctions: Vec::new(),
+        kept: Vec::new(),
+        by_path: Vec::new(),
+        by_view: Vec::new(),
+    }
+}

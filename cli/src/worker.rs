@@ -1,0 +1,107 @@
+//! Variants measured in processes of their own: one that hangs, is killed, loses its device or uses up its memory takes nothing else with it.
+
+use std::io::Read;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use preshade::limits::Limits;
+
+/// Names, to the process that does it, which of the variants it measures: 0 is the original alone.
+const VARIABLE: &str = "PRESHADE_WORKER";
+
+/// How often a worker is looked at.
+const TICK: Duration = Duration::from_millis(20);
+
+/// How long a worker is given before it counts as hung, where no limit says: a scene's variants draw in seconds, and a submission in 120 at most.
+const PATIENCE: u64 = 600;
+
+/// The variant that this process is to measure for another one, if it is.
+pub fn mine() -> Option<usize> {
+    std::env::var(VARIABLE).ok()?.parse().ok()
+}
+
+/// Ends this process when the one that started it ends, however that does: the pipe that is its stdin then has no writer.
+pub fn end_with_parent() {
+    std::thread::spawn(|| {
+        let mut rest = Vec::new();
+        let _ = std::io::stdin().lock().read_to_end(&mut rest);
+        // Whatever the graphics driver is at: no destructor runs.
+        std::process::abort();
+    });
+}
+
+/// Runs this command again for one variant, within `limits`, and returns what it wrote to stdout.
+///
+/// # Errors
+/// Why there is nothing: in words, for a report.
+pub fn run(variant: usize, limits: &Limits) -> Result<String, String> {
+    let failed = |e: std::io::Error| format!("no process could be started for it: {e}");
+    let seconds = limits.seconds.min(PATIENCE);
+    let mut child = Command::new(std::env::current_exe().map_err(failed)?)
+        .args(std::env::args_os().skip(1))
+        .env(VARIABLE, variant.to_string())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(failed)?;
+    // Kept open while it runs.
+    let alive = child.stdin.take();
+    let out = drain(child.stdout.take());
+    let told = drain(child.stderr.take());
+    let start = Instant::now();
+    let ended = loop {
+        match child.try_wait() {
+            Ok(Some(status)) => break Ok(status),
+            Ok(None) => {}
+            Err(e) => break Err(e.to_string()),
+        }
+        if start.elapsed() > Duration::from_secs(seconds) {
+            break Err(format!(
+                "it was stopped after {seconds} s (--limits seconds=N)"
+            ));
+        }
+        if let Some(bytes) = resident(&child).filter(|b| *b > limits.memory) {
+            break Err(format!(
+                "it was stopped at {} MiB of memory (--limits memory=N)",
+                bytes >> 20
+            ));
+        }
+        std::thread::sleep(TICK);
+    };
+    if ended.is_err() {
+        // It may have ended by itself in between.
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+    drop(alive);
+    let text =
+        |bytes: Option<Vec<u8>>| String::from_utf8_lossy(&bytes.unwrap_or_default()).into_owned();
+    let (out, told) = (text(out.join().ok()), text(told.join().ok()));
+    let status = ended?;
+    if matches!(status.code(), Some(0 | 1)) {
+        return Ok(out);
+    }
+    let last = told.lines().rfind(|l| !l.trim().is_empty());
+    let last = last.map_or(String::new(), |l| format!(": {}", l.trim()));
+    Err(format!("its process ended with {status}{last}"))
+}
+
+/// Reads a pipe to its end, beside what waits for the process: a full pipe would hold it up.
+fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<Vec<u8>> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        if let Some(mut pipe) = pipe {
+            let _ = pipe.read_to_end(&mut bytes);
+        }
+        bytes
+    })
+}
+
+/// Bytes of memory that a process has, where the system tells: `VmRSS` of `/proc`.
+fn resident(child: &Child) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmRSS:"))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib << 10)
+}

@@ -1,0 +1,518 @@
+//! Shaders and scenes come from strangers: what is too large, reaches too far, or never ends is refused or stopped, and told; what was measured stays.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// The binary, run in a folder.
+fn preshade(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_preshade"));
+    command.current_dir(folder).stdin(Stdio::null());
+    command
+}
+
+fn run(folder: &Path, args: &[&str]) -> Output {
+    preshade(folder).args(args).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+const SHADER: &str = "
+struct Camera { view_proj: mat4x4<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> model: mat4x4<f32>;
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {
+    return camera.view_proj * model * vec4(position, 1.0);
+}
+@fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+    BODY
+    return vec4(0.4, 0.5, 0.6, 1.0);
+}
+";
+
+const SCENE: &str = r#"size = [48, 32]
+orders = ["as-given"]
+
+[materials."MATERIAL"]
+shader = "a.wgsl"
+
+[meshes]
+wall.plane = { size = [2, 2] }
+
+[[draws]]
+mesh = "wall"
+material = "MATERIAL"
+rotate = [90, 0, 0]
+
+[[cameras]]
+eye = [0, 0.3, 3]
+target = [0, 0, 0]
+"#;
+
+/// A folder of its own with a scene and its shader; a folder beside it holds what the scene must not reach.
+fn folder(name: &str, scene: &str, body: &str) -> PathBuf {
+    let all = Path::new(env!("CARGO_TARGET_TMPDIR"))
+        .join("hostile")
+        .join(name);
+    let _ = fs::remove_dir_all(&all);
+    let root = all.join("given");
+    fs::create_dir_all(root.join("scenes")).unwrap();
+    fs::write(root.join("preshade.toml"), "").unwrap();
+    fs::write(all.join("secret.txt"), "not to be read\n").unwrap();
+    fs::write(all.join("secret.wgsl"), SHADER.replace("BODY", "")).unwrap();
+    let scenes = root.join("scenes");
+    fs::write(scenes.join("a.toml"), scene.replace("MATERIAL", "stone")).unwrap();
+    fs::write(scenes.join("a.wgsl"), SHADER.replace("BODY", body)).unwrap();
+    scenes
+}
+
+#[test]
+fn a_scene_stays_in_its_root_unless_it_is_allowed_out() {
+    let outside = SCENE.replace("\"a.wgsl\"", "\"../../secret.wgsl\"");
+    let here = folder("outside", &outside, "");
+    let refused = run(&here, &["explain", "a.toml"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let told = stderr(&refused);
+    assert!(
+        told.contains("lies outside of the scene's root folder"),
+        "{told}"
+    );
+    assert!(told.contains("--allow-outside"), "{told}");
+    let allowed = run(&here, &["explain", "a.toml", "--allow-outside"]);
+    assert_eq!(allowed.status.code(), Some(0), "{}", stderr(&allowed));
+    // Nor is a device read, which has no end.
+    let device = SCENE.replace("\"a.wgsl\"", "\"/dev/zero\"");
+    let here = folder("device", &device, "");
+    let refused = run(&here, &["explain", "a.toml", "--allow-outside"]);
+    assert!(
+        stderr(&refused).contains("`/dev/zero` is no file"),
+        "{}",
+        stderr(&refused)
+    );
+}
+
+/// GLSL beside the scene: its fragment stage begins with `first`.
+fn with_glsl(name: &str, first: &str) -> PathBuf {
+    let scene = SCENE.replace(
+        "shader = \"a.wgsl\"",
+        "vertex = \"a.vert\"\nfragment = \"a.frag\"",
+    );
+    let here = folder(name, &scene, "");
+    let vertex = "#version 450\nlayout(location = 0) in vec3 position;\nvoid main() { gl_Position = vec4(position, 1.0); }\n";
+    let fragment = format!(
+        "#version 450\n#extension GL_GOOGLE_include_directive : enable\n{first}\nlayout(location = 0) out vec4 color;\nvoid main() {{ color = vec4(0.5); }}\n"
+    );
+    fs::write(here.join("a.vert"), vertex).unwrap();
+    fs::write(here.join("a.frag"), fragment).unwrap();
+    here
+}
+
+#[test]
+fn included_files_stay_in_the_root_and_come_to_an_end() {
+    let here = with_glsl("include", "#include \"../../secret.txt\"");
+    let refused = run(&here, &["explain", "a.toml"]);
+    let told = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(2), "{told}");
+    assert!(told.contains("outside of the root folder"), "{told}");
+    assert!(!told.contains("not to be read"), "{told}");
+    // A file beside the shader is found from whatever folder the command runs in.
+    let here = with_glsl("beside", "#include \"part.glsl\"");
+    fs::write(here.join("part.glsl"), "const float half_of_it = 0.5;\n").unwrap();
+    let scene = here.join("a.toml");
+    let read = run(Path::new("/"), &["explain", scene.to_str().unwrap()]);
+    assert_eq!(read.status.code(), Some(0), "{}", stderr(&read));
+    // One that includes itself, and some that include each other more and more often.
+    let here = with_glsl("itself", "#include \"part.glsl\"");
+    fs::write(
+        here.join("part.glsl"),
+        "#if 1\n#include \"part.glsl\"\n#endif\n",
+    )
+    .unwrap();
+    let refused = run(&here, &["explain", "a.toml"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let told = stderr(&refused);
+    assert!(told.contains("part.glsl includes itself"), "{told}");
+    let here = with_glsl("more", "#include \"0.glsl\"");
+    for i in 0..40 {
+        let twice = format!("#include \"{}.glsl\"\n", i + 1).repeat(2);
+        fs::write(here.join(format!("{i}.glsl")), twice).unwrap();
+    }
+    fs::write(here.join("40.glsl"), "").unwrap();
+    let refused = run(&here, &["explain", "a.toml"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        stderr(&refused).contains("more than 10000 times"),
+        "{}",
+        stderr(&refused)
+    );
+    // What is guarded may: it is empty the second time.
+    let here = with_glsl("guarded", "#include \"part.glsl\"");
+    let guarded =
+        "#ifndef PART\n#define PART\n#include \"part.glsl\"\nconst float one = 1.0;\n#endif\n";
+    fs::write(here.join("part.glsl"), guarded).unwrap();
+    let read = run(&here, &["explain", "a.toml"]);
+    assert_eq!(read.status.code(), Some(0), "{}", stderr(&read));
+}
+
+#[test]
+fn what_is_too_large_is_refused_by_the_limit_s_name() {
+    let body = "var<private> a: array<array<vec4<f32>, 4096>, 8192>;";
+    for (name, from, to, args, told) in [
+        (
+            "plane",
+            "size = [2, 2]",
+            "segments = [4000000000, 4000000000]",
+            &[][..],
+            "the limit `vertices`",
+        ),
+        (
+            "ball",
+            "plane = { size = [2, 2] }",
+            "sphere = { segments = 100000, rings = 100000 }",
+            &[],
+            "the limit `vertices`",
+        ),
+        (
+            "few",
+            "size = [2, 2]",
+            "segments = [30, 30]",
+            &["--limits", "vertices=500"],
+            "the vertices of all meshes would be 961; the limit `vertices` is 500",
+        ),
+        (
+            "copies",
+            "rotate = [90, 0, 0]",
+            "field = { count = [4294967295, 4294967295, 4294967295], spacing = [1, 1, 1] }",
+            &[],
+            "4000000 are allowed",
+        ),
+        (
+            "pixels",
+            "size = [48, 32]",
+            "size = [8192, 8192]",
+            &["--limits", "strict"],
+            "the limit `pixels`",
+        ),
+        (
+            "deep",
+            "size = [48, 32]",
+            &format!("clear = {}1{}", "[".repeat(3000), "]".repeat(3000)),
+            &[],
+            "nested more than 180 deep",
+        ),
+    ] {
+        assert!(SCENE.contains(from), "{name}");
+        let here = folder(name, &SCENE.replace(from, to), "");
+        let refused = run(&here, &[&["explain", "a.toml"], args].concat());
+        assert_eq!(
+            refused.status.code(),
+            Some(2),
+            "{name}: {}",
+            stderr(&refused)
+        );
+        assert!(
+            stderr(&refused).contains(told),
+            "{name}: {}",
+            stderr(&refused)
+        );
+    }
+    let here = folder("array", SCENE, "");
+    let shader = fs::read_to_string(here.join("a.wgsl")).unwrap();
+    fs::write(here.join("a.wgsl"), format!("{body}\n{shader}")).unwrap();
+    let refused = run(&here, &["explain", "a.wgsl"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        stderr(&refused).contains("`array-elements`"),
+        "{}",
+        stderr(&refused)
+    );
+    let refused = run(&here, &["explain", "a.wgsl", "--limits", "verticess=3"]);
+    assert!(
+        stderr(&refused).contains("did you mean `vertices`?"),
+        "{}",
+        stderr(&refused)
+    );
+}
+
+/// 65,535 turns are the most that a software adapter lets a loop have, so that one in another never ends either.
+const ENDLESS: &str = "var n = 0.0;
+    loop { loop { loop { if at.x < 0.0 { break; } n += sin(n + at.x); } } }
+    if n > 3.0 { return vec4(n); }";
+
+#[test]
+fn a_shader_that_never_ends_is_stopped() {
+    let here = folder("endless", SCENE, ENDLESS);
+    let args = [
+        "verify",
+        "a.toml",
+        "--time",
+        "no",
+        "--pass",
+        "depth-prepass",
+        "--limits",
+        "seconds=6",
+    ];
+    let stopped = run(&here, &args);
+    assert_eq!(stopped.status.code(), Some(2), "{}", stderr(&stopped));
+    let told = stderr(&stopped);
+    assert!(
+        told.contains("the original was not measured: it was stopped after 6 s"),
+        "{told}"
+    );
+}
+
+#[test]
+fn variants_apart_are_told_as_variants_together() {
+    let here = folder("apart", SCENE, "");
+    let args = [
+        "verify",
+        "a.toml",
+        "--time",
+        "no",
+        "--format",
+        "json",
+        "--pass",
+        "depth-prepass",
+        "--pass",
+        "early-discard",
+        "--out",
+        "out",
+    ];
+    let together = run(&here, &args);
+    let apart = run(&here, &[&args[..], &["--limits", "seconds=300"]].concat());
+    assert_eq!(apart.status.code(), Some(0), "{}", stderr(&apart));
+    let read =
+        |output: &Output| serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap();
+    let (together, apart) = (read(&together), read(&apart));
+    let told = |report: &serde_json::Value| -> Vec<(String, String)> {
+        let variants = report["variants"].as_array().unwrap().iter();
+        variants
+            .map(|v| (v["name"].to_string(), v["verdict"].to_string()))
+            .collect()
+    };
+    assert_eq!(told(&together), told(&apart));
+    assert_eq!(told(&apart).len(), 3);
+    assert!(here.join("out/report.json").is_file());
+    assert!(!here.join("out/report.unfinished.json").exists());
+}
+
+/// The processes that `parent` started.
+fn children(parent: u32) -> Vec<u32> {
+    let list = fs::read_to_string(format!("/proc/{parent}/task/{parent}/children"));
+    let list = list.unwrap_or_default();
+    list.split_whitespace()
+        .filter_map(|p| p.parse().ok())
+        .collect()
+}
+
+/// Waits until `found` finds something, and fails where that takes long or `child` ends first.
+fn wait<T>(child: &mut Child, what: &str, found: impl Fn() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = found() {
+            return found;
+        }
+        let ended = child.try_wait().unwrap();
+        assert!(ended.is_none(), "it ended before {what}");
+        assert!(start.elapsed() < Duration::from_secs(240), "{what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn kill(process: u32) {
+    let killed = Command::new("kill")
+        .args(["-9", &process.to_string()])
+        .status();
+    assert!(killed.unwrap().success());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_variant_that_is_killed_leaves_the_others() {
+    let here = folder("killed-variant", SCENE, "");
+    let args = [
+        "verify",
+        "a.toml",
+        "--time",
+        "no",
+        "--format",
+        "json",
+        "--limits",
+        "seconds=300",
+        "--out",
+        "out",
+    ];
+    let passes = [
+        "--pass",
+        "depth-prepass",
+        "--pass",
+        "depth-prepass:form=equal",
+        "--pass",
+        "early-discard",
+    ];
+    let mut child = preshade(&here)
+        .args(args)
+        .args(passes)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The second process measures the first variant.
+    let parent = child.id();
+    let first = wait(&mut child, "its first process", || {
+        children(parent).first().copied()
+    });
+    let second = wait(&mut child, "its second process", || {
+        children(parent).into_iter().find(|p| *p != first)
+    });
+    kill(second);
+    let output = child.wait_with_output().unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let verdict = |n: usize| report["variants"][n]["verdict"].to_string();
+    assert!(
+        verdict(1).contains("its process ended with signal: 9"),
+        "{}",
+        verdict(1)
+    );
+    assert!(
+        verdict(2).contains("holds") && verdict(3).contains("holds"),
+        "{report}"
+    );
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_is_killed_leaves_what_it_measured_and_says_what_is_missing() {
+    let here = folder("killed", SCENE, "");
+    let args = [
+        "verify",
+        "a.toml",
+        "--time",
+        "no",
+        "--limits",
+        "seconds=300",
+        "--out",
+        "out",
+    ];
+    let passes = [
+        "--pass",
+        "depth-prepass",
+        "--pass",
+        "depth-prepass:form=equal",
+        "--pass",
+        "early-discard",
+    ];
+    let mut child = preshade(&here)
+        .args(args)
+        .args(passes)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let kept = here.join("out/report.unfinished.json");
+    let parent = child.id();
+    wait(&mut child, "a first variant", || {
+        kept.exists().then_some(())
+    });
+    let workers = children(parent);
+    kill(parent);
+    child.wait().unwrap();
+    let text = fs::read_to_string(kept).unwrap();
+    let unfinished: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let missing = unfinished["missing"].as_array().unwrap().len();
+    let measured = unfinished["report"]["variants"].as_array().unwrap().len();
+    assert_eq!(missing + measured, 4, "{text}");
+    assert!(measured > 1 && missing > 0, "{text}");
+    assert!(
+        unfinished["report"]["variants"][1]["verdict"]
+            .to_string()
+            .contains("holds")
+    );
+    // What it started ends with it.
+    let start = Instant::now();
+    let is_running = |p: &u32| {
+        let state = fs::read_to_string(format!("/proc/{p}/stat")).unwrap_or_default();
+        !state.is_empty() && !state.contains(") Z")
+    };
+    while workers.iter().any(is_running) {
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "{workers:?} go on"
+        );
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_loses_nothing_that_was_told() {
+    let here = folder("disk", SCENE, "");
+    // A file of more than 512 bytes cannot be written: neither what is kept on the way nor the report.
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 1; exec {} verify a.toml --time no --pass depth-prepass --out out",
+        env!("CARGO_BIN_EXE_preshade")
+    );
+    let output = Command::new("sh")
+        .args(["-c", &script])
+        .current_dir(&here)
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        told.contains("depth-prepass") && told.contains("holds"),
+        "{told}\n{}",
+        stderr(&output)
+    );
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output).contains("what is measured so far is not kept"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(
+        stderr(&output).contains("report.json"),
+        "{}",
+        stderr(&output)
+    );
+    let left: Vec<_> = fs::read_dir(here.join("out"))
+        .map(|d| d.map(|e| e.unwrap().file_name()).collect())
+        .unwrap_or_default();
+    assert!(!left.iter().any(|f| f == "report.json"), "{left:?}");
+}
+
+#[test]
+fn reports_escape_every_name() {
+    let evil = "<script>alert(1)<\\\\/script><img src=x onerror=alert(2)>&\\\"'";
+    let scene = format!("name = \"{evil}\"\n{}", SCENE.replace("MATERIAL", evil))
+        .replace(
+            "mesh = \"wall\"",
+            &format!("mesh = \"wall\"\nname = \"{evil}\""),
+        )
+        .replace("eye =", &format!("name = \"{evil}\"\neye ="));
+    let here = folder("names", &scene, "let drawn_by_script_tag = 1;");
+    let args = [
+        "explore",
+        "a.toml",
+        "--seconds",
+        "4",
+        "--size",
+        "32x24",
+        "--pass",
+        "depth-prepass",
+        "--out",
+        "out",
+    ];
+    let output = run(&here, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let page = fs::read_to_string(here.join("out/report.html")).unwrap();
+    assert!(
+        !page.contains("<script>alert") && !page.contains("<img src=x"),
+        "a name is markup"
+    );
+    // Its own two: what it carries as data, and what draws it.
+    assert_eq!(page.matches("<script").count(), 2);
+    assert!(page.contains("alert(1)"));
+}

@@ -1,0 +1,153 @@
+//! Pipeline-overridable constants that have a value: those that were given one, and those whose defaults follow from them.
+
+use std::collections::BTreeMap;
+
+use naga::{Arena, Expression, Handle, Literal, Module, Override, Span, Type};
+
+use super::assume;
+use crate::evaluate::{self, Scalar, Value};
+use crate::graph::operands;
+use crate::guard::{Assumed, Bounds, Place, ScalarType};
+
+/// The type in which an override's value is told; truths are 0 and 1. `None`: one that is not told.
+pub(super) fn scalar_type(module: &Module, ty: Handle<Type>) -> Option<ScalarType> {
+    match module.types[ty].inner.scalar()? {
+        naga::Scalar::BOOL => Some(ScalarType::U32),
+        scalar => assume::scalar_type(scalar),
+    }
+}
+
+fn literal(module: &Module, ty: Handle<Type>, value: f64) -> Option<Literal> {
+    Some(match module.types[ty].inner.scalar()? {
+        naga::Scalar::BOOL => Literal::Bool(value != 0.0),
+        naga::Scalar::I32 => Literal::I32(value as i32),
+        naga::Scalar::U32 => Literal::U32(value as u32),
+        naga::Scalar::F32 => Literal::F32(value as f32),
+        _ => return None,
+    })
+}
+
+/// The values that follow from `given` for overrides that were given none: their defaults are computed of some that were, and of no other.
+pub(super) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
+    let mut values: BTreeMap<Handle<Override>, Value> = BTreeMap::new();
+    let mut out = Vec::new();
+    // A default is computed of overrides that come before.
+    for (handle, constant) in module.overrides.iter() {
+        let name = constant.name.clone().unwrap_or_default();
+        let place = Place::Override { name: name.clone() };
+        let found = given.iter().find(|a| a.place == place);
+        if let Some(assumed) = found {
+            let value = literal(module, constant.ty, assumed.bounds.low);
+            let value = value.and_then(|l| Value::literal(&l).ok());
+            values.extend(value.map(|v| (handle, v)));
+            continue;
+        }
+        let (Some(init), Some(ty)) = (constant.init, scalar_type(module, constant.ty)) else {
+            continue;
+        };
+        let of = overrides_of(module, init);
+        if of.is_empty() || name.is_empty() {
+            continue;
+        }
+        let value = |o: Handle<Override>| values.get(&o).cloned();
+        let Ok(value) = evaluate::constant(module, init, &value) else {
+            continue;
+        };
+        let number = match value {
+            Value::Scalar(Scalar::Bool(b)) => f64::from(u8::from(b)),
+            Value::Scalar(Scalar::I32(i)) => f64::from(i),
+            Value::Scalar(Scalar::U32(u)) => f64::from(u),
+            Value::Scalar(Scalar::F32(f)) if f.is_finite() => f64::from(f),
+            _ => continue,
+        };
+        values.insert(handle, value);
+        out.push(Assumed {
+            name,
+            place,
+            ty,
+            bounds: Bounds::one(number),
+        });
+    }
+    out
+}
+
+/// The overrides that a constant expression is computed of.
+fn overrides_of(module: &Module, e: Handle<Expression>) -> Vec<Handle<Override>> {
+    match &module.global_expressions[e] {
+        Expression::Override(o) => vec![*o],
+        other => operands::of_expression(other)
+            .into_iter()
+            .flat_map(|o| overrides_of(module, o))
+            .collect(),
+    }
+}
+
+/// The module with these values as defaults.
+pub(super) fn resolved(
+    mut module: Module,
+    values: impl Iterator<Item = (Handle<Override>, f64)>,
+) -> Module {
+    let mut literals = Vec::new();
+    for (handle, value) in values {
+        let ty = module.overrides[handle].ty;
+        literals.extend(literal(&module, ty, value).map(|l| (handle, l)));
+    }
+    if literals.is_empty() {
+        return module;
+    }
+    // Ahead of everything else: what an override is computed of has to come before all that reads it.
+    let mut expressions = Arena::new();
+    let mut defaults = Vec::new();
+    for (handle, literal) in literals {
+        let init = expressions.append(Expression::Literal(literal), Span::UNDEFINED);
+        defaults.push((handle, init));
+    }
+    let mut map = Vec::with_capacity(module.global_expressions.len());
+    for (_, mut expression, span) in module.global_expressions.drain() {
+        operands::map_expression(&mut expression, &mut |o| *o = map[o.index()]);
+        map.push(expressions.append(expression, span));
+    }
+    module.global_expressions = expressions;
+    let moved = |e: &mut Handle<Expression>| *e = map[e.index()];
+    for (_, constant) in module.constants.iter_mut() {
+        moved(&mut constant.init);
+    }
+    for (_, constant) in module.overrides.iter_mut() {
+        constant.init.iter_mut().for_each(moved);
+    }
+    for (_, global) in module.global_variables.iter_mut() {
+        global.init.iter_mut().for_each(moved);
+    }
+    for entry in &mut module.entry_points {
+        let sizes = entry.workgroup_size_overrides.iter_mut();
+        sizes.flatten().flatten().for_each(moved);
+    }
+    for (handle, init) in defaults {
+        module.overrides.get_mut(handle).init = Some(init);
+    }
+    module
+}
+
+/// The first override whose default naga's writer of WGSL has no words for.
+pub(super) fn unwritable(module: &Module) -> Option<&str> {
+    let found = module
+        .overrides
+        .iter()
+        .find(|(_, o)| o.init.is_some_and(|init| !is_writable(module, init)));
+    found.map(|(_, o)| o.name.as_deref().unwrap_or("?"))
+}
+
+fn is_writable(module: &Module, e: Handle<Expression>) -> bool {
+    let expression = &module.global_expressions[e];
+    let is_plain = matches!(
+        expression,
+        Expression::Literal(_)
+            | Expression::Constant(_)
+            | Expression::Override(_)
+            | Expression::ZeroValue(_)
+            | Expression::Compose { .. }
+            | Expression::Splat { .. }
+    );
+    let operands = operands::of_expression(expression);
+    is_plain && operands.into_iter().all(|o| is_writable(module, o))
+}

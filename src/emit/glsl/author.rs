@@ -1,0 +1,676 @@
+//! What GLSL text is to call what a host sees: uniforms, blocks, samplers, attributes, varyings and outputs, as the author does.
+//!
+//! naga gives resources names of its own and every other name a number where it ends in one. So the program that naga writes has marks for names, words that no shader has, and
+//! `text` puts the names in their place. The names are one choice for all stages of a program: what links by name has the same name in each.
+
+use std::collections::{HashMap, HashSet};
+
+use naga::{AddressSpace, Binding, Handle, Module, ResourceBinding, ShaderStage, Type, TypeInner};
+use preshade_passes::declared::{Chosen, Declaration, Declared, Located, Type as Declares};
+use preshade_passes::program::Program;
+use preshade_passes::reflect;
+
+use super::loosen::{self, Loose};
+use super::std140;
+use super::words;
+
+/// A program to be written, and the names to be put into its text.
+pub(in crate::emit) struct Authored {
+    /// With marks for the names of structs, their members and loose uniforms.
+    pub program: Program,
+    /// What stands for which mark, or which name of naga's.
+    pub(super) words: HashMap<String, Word>,
+    /// The loose uniforms, by mark, in the order of declaration.
+    pub(super) uniforms: Vec<Uniform>,
+    /// What declares the samplers that are parts of a uniform, by the mark of the struct they are in.
+    pub(super) members: HashMap<String, Vec<Member>>,
+    /// Structs of samplers alone, inner ones first: name and members.
+    pub(super) structs: Vec<(String, Vec<Member>)>,
+    /// What fills the gaps of structs in uniform blocks, by mark.
+    pub(super) paddings: HashMap<String, Vec<u32>>,
+    /// Blocks, by naga's name of their variable.
+    pub(super) blocks: HashMap<String, Block>,
+    /// Inputs and outputs, by naga's name.
+    pub(super) located: HashMap<String, Input>,
+    /// Names that nothing else in a stage may have.
+    pub(super) taken: Taken,
+}
+
+/// What a word of naga's becomes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Word {
+    /// A name, or a path to a part of what has one: `maps[2]`.
+    Path(String),
+    /// Nothing, with the dot behind it: the members of such a block are global.
+    Nothing,
+}
+
+/// A uniform outside of blocks.
+#[derive(Clone, Debug)]
+pub(super) struct Uniform {
+    /// As the text has it.
+    pub name: String,
+    /// What naga writes in its place; `None` where it has no data.
+    pub mark: Option<String>,
+    /// Offset in the plan's buffer.
+    pub offset: u32,
+    pub declares: Declares,
+    /// The mark of its struct, where it has data.
+    pub of: Option<String>,
+    /// Where its struct has samplers alone: that one's name.
+    pub of_samplers: Option<String>,
+}
+
+/// A sampler, or a struct of samplers, within a struct.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Member {
+    pub name: String,
+    pub ty: MemberType,
+    pub dimensions: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum MemberType {
+    Sampler(String),
+    Struct(String),
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    pub name: String,
+    /// `None`: its members are global.
+    pub instance: Option<String>,
+    /// A block whose members are written in it, not in a struct that it holds.
+    pub opened: bool,
+}
+
+/// An input of the vertex stage, or an output of the fragment stage.
+#[derive(Clone, Debug)]
+pub(super) struct Input {
+    pub name: String,
+    /// First location.
+    pub location: u32,
+    pub chosen: Chosen,
+    /// Type and dimensions, where the author has one variable for several of naga's.
+    pub whole: Option<(String, String)>,
+}
+
+/// Names by the stages that have them.
+#[derive(Debug, Default)]
+pub(super) struct Taken {
+    pub all: HashSet<String>,
+    pub vertex: HashSet<String>,
+    pub fragment: HashSet<String>,
+}
+
+impl Taken {
+    pub(super) fn is_taken(&self, stage: ShaderStage, word: &str) -> bool {
+        let own = match stage {
+            ShaderStage::Vertex => &self.vertex,
+            _ => &self.fragment,
+        };
+        self.all.contains(word) || own.contains(word)
+    }
+
+    /// `wanted`, or the nearest name to it that may be had.
+    fn claim(&mut self, wanted: &str, scope: Scope) -> String {
+        let wanted = identifier(wanted);
+        let free = |name: &str| {
+            let taken = match scope {
+                Scope::All => {
+                    self.all.contains(name)
+                        || self.vertex.contains(name)
+                        || self.fragment.contains(name)
+                }
+                Scope::Vertex => self.all.contains(name) || self.vertex.contains(name),
+                Scope::Fragment => self.all.contains(name) || self.fragment.contains(name),
+            };
+            !taken && !words::is_reserved(name)
+        };
+        let name = match free(&wanted) {
+            true => wanted,
+            false => {
+                let stem = wanted.trim_end_matches('_');
+                let mut numbered = (1..).map(|i| format!("{stem}_{i}"));
+                numbered.find(|n| free(n)).unwrap_or_default()
+            }
+        };
+        let set = match scope {
+            Scope::All => &mut self.all,
+            Scope::Vertex => &mut self.vertex,
+            Scope::Fragment => &mut self.fragment,
+        };
+        set.insert(name.clone());
+        name
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Scope {
+    All,
+    Vertex,
+    Fragment,
+}
+
+/// A name that GLSL could have: WGSL's are made of any letters.
+fn identifier(name: &str) -> String {
+    let plain: String = name
+        .chars()
+        .map(|c| match c.is_ascii_alphanumeric() || c == '_' {
+            true => c,
+            false => '_',
+        })
+        .collect();
+    match plain.bytes().next() {
+        None => "unnamed".to_owned(),
+        Some(b) if b.is_ascii_digit() => format!("_{plain}"),
+        _ => plain,
+    }
+}
+
+/// Why a program cannot be written.
+pub(super) enum Failed {
+    /// What GLSL has no block for.
+    Layout(String),
+    /// What could not be said under the author's names.
+    Names(String),
+}
+
+/// Prepares `program` to be written under its author's names.
+pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
+    let declared = program.declared();
+    let (mut module, loose) = match loosen::loosen(program.module(), declared) {
+        Ok(loosened) => (loosened.module, loosened.uniforms),
+        // A block that a function is given stays the struct it is.
+        Err(_) if declared.loose.is_none() => (program.module().clone(), Vec::new()),
+        Err(what) => return Err(Failed::Names(what)),
+    };
+    let mut out = Authored {
+        program: program.clone(),
+        words: HashMap::new(),
+        uniforms: Vec::new(),
+        members: HashMap::new(),
+        structs: Vec::new(),
+        paddings: HashMap::new(),
+        blocks: HashMap::new(),
+        located: HashMap::new(),
+        taken: Taken::default(),
+    };
+    let marks = Marks::of(&module);
+    let mut names: HashMap<String, String> = HashMap::new();
+    for uniform in &declared.uniforms {
+        let name = out.taken.claim(&uniform.name, Scope::All);
+        names.insert(uniform.name.clone(), name);
+    }
+    out.textures(&module, declared, &names);
+    out.blocks(&module, declared, &marks);
+    out.interface(&module, declared);
+    let paddings = std140::paddings(&module, declared.loose).map_err(Failed::Layout)?;
+    let types = out.mark_structs(&mut module, &marks);
+    for (ty, floats) in paddings {
+        if let Some(mark) = types.get(&ty) {
+            out.paddings.insert(mark.clone(), floats);
+        }
+    }
+    out.uniforms(&mut module, declared, &names, &loose, &marks, &types);
+    out.program = program
+        .with_module(module)
+        .map_err(|invalid| Failed::Names(invalid.to_string()))?;
+    Ok(out)
+}
+
+/// What makes a word that no name of the module has in it.
+struct Marks(String);
+
+impl Marks {
+    fn of(module: &Module) -> Self {
+        let mut names: Vec<&str> = Vec::new();
+        for (_, ty) in module.types.iter() {
+            names.extend(ty.name.as_deref());
+        }
+        names.extend(
+            module
+                .global_variables
+                .iter()
+                .filter_map(|(_, g)| g.name.as_deref()),
+        );
+        let functions = module.functions.iter().map(|(_, f)| f);
+        for f in functions.chain(module.entry_points.iter().map(|e| &e.function)) {
+            names.extend(f.name.as_deref());
+            names.extend(f.arguments.iter().filter_map(|a| a.name.as_deref()));
+            names.extend(
+                f.local_variables
+                    .iter()
+                    .filter_map(|(_, l)| l.name.as_deref()),
+            );
+            names.extend(f.named_expressions.values().map(String::as_str));
+        }
+        let mut stem = "preshade".to_owned();
+        while names.iter().any(|n| n.contains(&stem)) {
+            stem.push('x');
+        }
+        Self(stem)
+    }
+
+    fn of_type(&self, ty: Handle<Type>) -> String {
+        format!("{}_type{}x", self.0, ty.index())
+    }
+
+    fn of_member(&self, ty: Handle<Type>, index: usize) -> String {
+        format!("{}_member{}of{index}x", self.0, ty.index())
+    }
+
+    fn of_uniform(&self, index: usize) -> String {
+        format!("{}_uniform{index}x", self.0)
+    }
+}
+
+impl Authored {
+    fn textures(&mut self, module: &Module, declared: &Declared, names: &HashMap<String, String>) {
+        for (_, global) in module.global_variables.iter() {
+            let (TypeInner::Image { .. }, Some(binding)) =
+                (&module.types[global.ty].inner, global.binding)
+            else {
+                continue;
+            };
+            let combined = declared.samplers.iter().find(|s| s.texture == binding);
+            let path = match combined {
+                Some(combined) => {
+                    let end = combined
+                        .path
+                        .find(['.', '['])
+                        .unwrap_or(combined.path.len());
+                    let (root, rest) = combined.path.split_at(end);
+                    let root = names.get(root).map_or(root, String::as_str);
+                    format!("{root}{rest}")
+                }
+                None => {
+                    let name = global.name.as_deref().unwrap_or("image");
+                    self.taken.claim(name, Scope::All)
+                }
+            };
+            self.resource(binding, &Word::Path(path));
+        }
+    }
+
+    /// What naga calls a resource, in each stage.
+    fn resource(&mut self, binding: ResourceBinding, word: &Word) {
+        for name in resource_names(binding) {
+            self.words.insert(name, word.clone());
+        }
+    }
+
+    fn blocks(&mut self, module: &Module, declared: &Declared, marks: &Marks) {
+        for (_, global) in module.global_variables.iter() {
+            let uniform = match global.space {
+                AddressSpace::Uniform => true,
+                AddressSpace::Storage { .. } => false,
+                AddressSpace::Immediate => {
+                    let name = global.name.as_deref().unwrap_or("immediates");
+                    let name = self.taken.claim(name, Scope::All);
+                    for stage in ["vs", "fs", "cs"] {
+                        let word = Word::Path(name.clone());
+                        self.words
+                            .insert(format!("_immediates_binding_{stage}"), word);
+                    }
+                    continue;
+                }
+                _ => continue,
+            };
+            let Some(binding) = global.binding else {
+                continue;
+            };
+            if declared.loose == Some(binding) {
+                continue;
+            }
+            let ty = &module.types[global.ty];
+            let members = match &ty.inner {
+                TypeInner::Struct { members, .. } => members.as_slice(),
+                _ => &[],
+            };
+            let said = declared.blocks.iter().find(|b| b.binding == binding);
+            let own = global.name.clone();
+            let (name, instance) = match said {
+                Some(block) => (block.name.clone(), block.instance.clone()),
+                None => (
+                    match &ty.name {
+                        Some(name) if !members.is_empty() => name.clone(),
+                        _ => format!("{}_block", own.as_deref().unwrap_or("uniform")),
+                    },
+                    own,
+                ),
+            };
+            let name = self.taken.claim(&name, Scope::All);
+            let opened = uniform && !members.is_empty();
+            let instance = match instance {
+                None if opened => {
+                    for (i, member) in members.iter().enumerate() {
+                        let author = member.name.as_deref().unwrap_or("member");
+                        let given = self.taken.claim(author, Scope::All);
+                        let mark = marks.of_member(global.ty, i);
+                        self.words.insert(mark, Word::Path(given));
+                    }
+                    None
+                }
+                other => {
+                    let wanted = other.unwrap_or_else(|| format!("{name}_data"));
+                    Some(self.taken.claim(&wanted, Scope::All))
+                }
+            };
+            let word = match &instance {
+                Some(instance) => Word::Path(instance.clone()),
+                None => Word::Nothing,
+            };
+            self.resource(binding, &word);
+            let block = Block {
+                name,
+                instance,
+                opened,
+            };
+            for variable in resource_names(binding) {
+                self.blocks.insert(variable, block.clone());
+            }
+        }
+    }
+
+    /// Attributes, outputs, and what goes from one stage to the other.
+    fn interface(&mut self, module: &Module, declared: &Declared) {
+        let entries = |stage: ShaderStage| {
+            let all = module.entry_points.iter();
+            all.filter(move |e| e.stage == stage)
+        };
+        let located = |io: &[reflect::Io]| -> Vec<(u32, String)> {
+            let mut all = Vec::new();
+            for io in io {
+                if let Some(Binding::Location {
+                    location,
+                    blend_src: None,
+                    ..
+                }) = io.binding
+                    && all.iter().all(|(l, _)| *l != location)
+                {
+                    let name = io.name.clone().unwrap_or_default();
+                    all.push((location, name));
+                }
+            }
+            all
+        };
+        let inputs: Vec<_> = entries(ShaderStage::Vertex)
+            .flat_map(|e| reflect::inputs(module, &e.function))
+            .collect();
+        let outputs: Vec<_> = entries(ShaderStage::Fragment)
+            .flat_map(|e| reflect::outputs(module, &e.function))
+            .collect();
+        self.located(
+            &located(&inputs),
+            &declared.attributes,
+            "p2vs",
+            Scope::Vertex,
+        );
+        self.located(
+            &located(&outputs),
+            &declared.targets,
+            "fs2p",
+            Scope::Fragment,
+        );
+
+        let written =
+            entries(ShaderStage::Vertex).flat_map(|e| reflect::outputs(module, &e.function));
+        let read =
+            entries(ShaderStage::Fragment).flat_map(|e| reflect::inputs(module, &e.function));
+        let varyings: Vec<_> = written.chain(read).collect();
+        for (location, name) in located(&varyings) {
+            let wanted = match name.as_str() {
+                "" => "varying",
+                name => name,
+            };
+            let name = self.taken.claim(wanted, Scope::All);
+            let word = Word::Path(name);
+            self.words
+                .insert(format!("_vs2fs_location{location}"), word);
+        }
+    }
+
+    /// Names for what has a location on the outside of a pipeline.
+    fn located(&mut self, all: &[(u32, String)], declared: &[Located], stem: &str, scope: Scope) {
+        let naga = |location: u32| format!("_{stem}_location{location}");
+        for (location, own) in all {
+            if self.words.contains_key(&naga(*location)) {
+                continue;
+            }
+            let covers = |l: &&Located| {
+                let parts = parts(&l.declaration.ty);
+                (l.location..l.location + parts.len() as u32).contains(location)
+            };
+            let Some(said) = declared.iter().find(covers) else {
+                let own = match (own.as_str(), scope) {
+                    ("", Scope::Fragment) => &format!("target_{location}"),
+                    ("", _) => &format!("input_{location}"),
+                    (own, _) => own,
+                };
+                let name = self.taken.claim(own, scope);
+                let input = Input {
+                    name: name.clone(),
+                    location: *location,
+                    chosen: Chosen::ByAuthor,
+                    whole: None,
+                };
+                self.located.insert(naga(*location), input);
+                self.words.insert(naga(*location), Word::Path(name));
+                continue;
+            };
+            let Declaration { name, ty } = &said.declaration;
+            let name = self.taken.claim(name, scope);
+            let parts = parts(ty);
+            for (i, part) in parts.iter().enumerate() {
+                let whole = match (&parts[..], ty.innermost()) {
+                    ([_], _) => None,
+                    (_, Declares::Plain(plain)) => Some((plain.clone(), ty.dimensions())),
+                    _ => None,
+                };
+                let at = naga(said.location + i as u32);
+                let input = Input {
+                    name: name.clone(),
+                    location: said.location,
+                    chosen: said.chosen,
+                    whole,
+                };
+                self.located.insert(at.clone(), input);
+                self.words.insert(at, Word::Path(format!("{name}{part}")));
+            }
+        }
+    }
+
+    /// Marks the structs and their members; the structs' marks.
+    fn mark_structs(
+        &mut self,
+        module: &mut Module,
+        marks: &Marks,
+    ) -> HashMap<Handle<Type>, String> {
+        let predeclared: HashSet<Handle<Type>> = module
+            .special_types
+            .predeclared_types
+            .values()
+            .copied()
+            .collect();
+        let mut own_marks = HashMap::new();
+        let handles: Vec<Handle<Type>> = module.types.iter().map(|(h, _)| h).collect();
+        for handle in handles {
+            let mut ty = module.types[handle].clone();
+            let TypeInner::Struct { members, .. } = &mut ty.inner else {
+                continue;
+            };
+            if predeclared.contains(&handle) {
+                continue;
+            }
+            let mut own = HashSet::new();
+            for (i, member) in members.iter_mut().enumerate() {
+                let mark = marks.of_member(handle, i);
+                let author = identifier(member.name.as_deref().unwrap_or("member"));
+                let mut name = match words::is_keyword(&author) {
+                    true => format!("own_{author}"),
+                    false => author,
+                };
+                while !own.insert(name.clone()) {
+                    name.push('x');
+                }
+                self.words.entry(mark.clone()).or_insert(Word::Path(name));
+                member.name = Some(mark);
+            }
+            let entry = module.entry_points.iter().find(|e| {
+                let result = e.function.result.as_ref();
+                result.is_some_and(|r| r.ty == handle)
+            });
+            let author = match (&ty.name, entry.map(|e| e.stage)) {
+                (Some(name), _) => name,
+                (None, Some(ShaderStage::Vertex)) => "VertexOutput",
+                (None, Some(ShaderStage::Fragment)) => "FragmentOutput",
+                _ => "Struct",
+            };
+            let name = self.taken.claim(author, Scope::All);
+            let mark = marks.of_type(handle);
+            self.words.insert(mark.clone(), Word::Path(name));
+            ty.name = Some(mark.clone());
+            own_marks.insert(handle, mark);
+            module.types.replace(handle, ty);
+        }
+        own_marks
+    }
+
+    fn uniforms(
+        &mut self,
+        module: &mut Module,
+        declared: &Declared,
+        names: &HashMap<String, String>,
+        loose: &[Loose],
+        marks: &Marks,
+        types: &HashMap<Handle<Type>, String>,
+    ) {
+        for (i, uniform) in declared.uniforms.iter().enumerate() {
+            let data = loose.iter().find(|l| l.name == uniform.name);
+            let mark = data.map(|data| {
+                let mark = marks.of_uniform(i);
+                let variable = &mut module.global_variables[data.variable];
+                variable.name = Some(mark.clone());
+                self.samplers_within(
+                    module,
+                    module.global_variables[data.variable].ty,
+                    &uniform.ty,
+                    types,
+                );
+                mark
+            });
+            let name = names.get(&uniform.name).unwrap_or(&uniform.name).clone();
+            if let Some(mark) = &mark {
+                self.words.insert(mark.clone(), Word::Path(name.clone()));
+            }
+            let of_samplers = match (&mark, uniform.ty.innermost()) {
+                (None, Declares::Struct(of, members)) if uniform.ty.has_samplers() => {
+                    Some(self.struct_of_samplers(of, members))
+                }
+                _ => None,
+            };
+            self.uniforms.push(Uniform {
+                name,
+                mark,
+                offset: data.map_or(0, |d| d.offset),
+                declares: uniform.ty.clone(),
+                of: data.and_then(|data| {
+                    let mut ty = module.global_variables[data.variable].ty;
+                    while let TypeInner::Array { base, .. } = module.types[ty].inner {
+                        ty = base;
+                    }
+                    types.get(&ty).cloned()
+                }),
+                of_samplers,
+            });
+        }
+    }
+
+    /// Notes the samplers that belong into the structs of a uniform.
+    fn samplers_within(
+        &mut self,
+        module: &Module,
+        ty: Handle<Type>,
+        declares: &Declares,
+        types: &HashMap<Handle<Type>, String>,
+    ) {
+        match (&module.types[ty].inner, declares) {
+            (TypeInner::Array { base, .. }, Declares::Array(of, _)) => {
+                self.samplers_within(module, *base, of, types);
+            }
+            (TypeInner::Struct { members, .. }, Declares::Struct(_, declared)) => {
+                let Some(mark) = types.get(&ty) else { return };
+                if !declares.has_samplers() || self.members.contains_key(mark) {
+                    return;
+                }
+                // Data comes first, in the order of declaration.
+                let data = declared.iter().filter(|d| d.ty.has_data());
+                for (member, declaration) in members.iter().zip(data) {
+                    self.samplers_within(module, member.ty, &declaration.ty, types);
+                }
+                let samplers = self.sampler_members(declared);
+                self.members.insert(mark.clone(), samplers);
+            }
+            _ => {}
+        }
+    }
+
+    /// The members without data.
+    fn sampler_members(&mut self, declared: &[Declaration]) -> Vec<Member> {
+        let mut out = Vec::new();
+        for Declaration { name, ty } in declared {
+            if ty.has_data() || !ty.has_samplers() {
+                continue;
+            }
+            let of = match ty.innermost() {
+                Declares::Sampler(sampler) => MemberType::Sampler(sampler.clone()),
+                Declares::Struct(of, members) => {
+                    MemberType::Struct(self.struct_of_samplers(of, members))
+                }
+                _ => continue,
+            };
+            out.push(Member {
+                name: name.clone(),
+                ty: of,
+                dimensions: ty.dimensions(),
+            });
+        }
+        out
+    }
+
+    /// The name of a struct that has samplers alone.
+    fn struct_of_samplers(&mut self, name: &str, declared: &[Declaration]) -> String {
+        let members = self.sampler_members(declared);
+        if let Some((name, _)) = self.structs.iter().find(|(_, m)| *m == members) {
+            return name.clone();
+        }
+        let name = self.taken.claim(name, Scope::All);
+        self.structs.push((name.clone(), members));
+        name
+    }
+}
+
+fn resource_names(binding: ResourceBinding) -> [String; 3] {
+    let ResourceBinding { group, binding } = binding;
+    ["vs", "fs", "cs"].map(|stage| format!("_group_{group}_binding_{binding}_{stage}"))
+}
+
+/// How the parts of an input are reached that has several locations: a matrix's columns, an array's elements.
+fn parts(ty: &Declares) -> Vec<String> {
+    match ty {
+        Declares::Array(of, n) => {
+            let inner = parts(of);
+            let element = |i: u32| inner.iter().map(move |p| format!("[{i}]{p}"));
+            (0..*n).flat_map(element).collect()
+        }
+        Declares::Plain(name) => match name.split_once("mat") {
+            Some((_, size)) => {
+                let columns = size.bytes().next().map_or(0, |b| b.saturating_sub(b'0'));
+                (0..columns).map(|i| format!("[{i}]")).collect()
+            }
+            None => vec![String::new()],
+        },
+        _ => vec![String::new()],
+    }
+}

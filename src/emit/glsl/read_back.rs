@@ -1,0 +1,284 @@
+//! What was written, read by preshade's own front end and compared with what it was written from: uniforms with their types, samplers, blocks with their offsets, attributes, and
+//! what goes from stage to stage.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, Binding, Function, Handle, Module, ShaderStage, Type, TypeInner};
+use preshade_passes::declared::{Declared, Type as Declares};
+use preshade_passes::reflect::{self, Io};
+
+use super::author::{Authored, Word};
+use crate::emit::plan_json::StageFile;
+use crate::emit::text;
+use crate::front::{self, Code, Color, varying::Varying};
+
+/// The first difference between the text and the stage it is of.
+pub(super) fn difference(
+    authored: &Authored,
+    text: &str,
+    said: &StageFile,
+    stage: ShaderStage,
+    entry: &str,
+) -> Option<String> {
+    let (module, declared) = match front::glsl_stage(&said.file, text, stage) {
+        Ok(read) => read,
+        // The front end has no atomics; a stage with them stands as naga wrote it.
+        Err(e) if e.code() == Code::Unsupported && has_atomics(text) => return None,
+        Err(e) => return Some(format!("it does not parse: {}", e.render(Color::Never))),
+    };
+    let valid = Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module);
+    if let Err(invalid) = valid {
+        return Some(format!("it is not valid: {invalid}"));
+    }
+    uniforms(authored, said, &declared)
+        .or_else(|| blocks(authored, said, &module, &declared))
+        .or_else(|| interface(authored, said, &module, &declared, stage, entry))
+}
+
+fn has_atomics(text: &str) -> bool {
+    text::tokens(text).any(|(_, range)| {
+        let word = &text[range];
+        word.starts_with("atomic") || word.starts_with("imageAtomic")
+    })
+}
+
+/// What naga adds to `gl_InstanceID`, which does not count from the draw's first instance as WebGPU's index does; 0 unless the host sets it.
+const FIRST_INSTANCE: &str = "naga_vs_first_instance";
+
+/// Two sets of lines that should be one.
+fn differ(wanted: &BTreeSet<String>, found: &BTreeSet<String>) -> Option<String> {
+    let missing = wanted.difference(found).next();
+    let extra = found.difference(wanted).next();
+    match (missing, extra) {
+        (Some(m), Some(e)) => Some(format!("`{m}` became `{e}`")),
+        (Some(m), None) => Some(format!("`{m}` is lost")),
+        (None, Some(e)) => Some(format!("`{e}` is new")),
+        (None, None) => None,
+    }
+}
+
+/// The uniforms outside of blocks, and the samplers.
+fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<String> {
+    let root = |path: &str| path.split(['.', '[']).next().unwrap_or(path).to_owned();
+    let mut names: BTreeSet<String> = said.uniforms.iter().map(|u| u.name.clone()).collect();
+    names.extend(said.textures.iter().map(|t| root(&t.name)));
+    let declared = authored.uniforms.iter();
+    let types: BTreeMap<&str, &Declares> =
+        declared.map(|u| (u.name.as_str(), &u.declares)).collect();
+    let found = read.uniforms.iter().map(|u| u.name.clone());
+    let found: BTreeSet<String> = found.filter(|n| n != FIRST_INSTANCE).collect();
+    // A storage image is read as what it is, no uniform of the author's.
+    let wanted = names
+        .into_iter()
+        .filter(|n| types.contains_key(n.as_str()) || found.contains(n));
+    if let Some(difference) = differ(&wanted.collect(), &found) {
+        return Some(format!("among the uniforms, {difference}"));
+    }
+    for uniform in &read.uniforms {
+        let (mut wanted, mut found) = (BTreeSet::new(), BTreeSet::new());
+        let Some(ty) = types.get(uniform.name.as_str()) else {
+            continue;
+        };
+        type_lines(ty, &uniform.name, &mut wanted);
+        type_lines(&uniform.ty, &uniform.name, &mut found);
+        if let Some(difference) = differ(&wanted, &found) {
+            return Some(format!("among the uniforms, {difference}"));
+        }
+    }
+    let wanted: BTreeSet<String> = said
+        .textures
+        .iter()
+        .filter(|t| t.sampler.is_some())
+        .map(|t| t.name.clone())
+        .collect();
+    let found = read.samplers.iter().map(|s| s.path.clone()).collect();
+    let lost = wanted.difference(&found).next()?;
+    Some(format!("the sampler `{lost}` is lost"))
+}
+
+/// A line for each part of a type, whatever its structs are called and in whatever order their members are.
+fn type_lines(ty: &Declares, path: &str, out: &mut BTreeSet<String>) {
+    match ty {
+        Declares::Plain(name) => {
+            out.insert(format!("{name} {path}"));
+        }
+        // ES has no one-dimensional textures.
+        Declares::Sampler(name) => {
+            out.insert(format!("{} {path}", name.replace("sampler1D", "sampler2D")));
+        }
+        Declares::Array(of, n) => type_lines(of, &format!("{path}[{n}]"), out),
+        Declares::Struct(_, members) => {
+            for member in members {
+                type_lines(&member.ty, &format!("{path}.{}", member.name), out);
+            }
+        }
+    }
+}
+
+/// The uniform blocks: each number where the plan's buffer has it.
+fn blocks(
+    authored: &Authored,
+    said: &StageFile,
+    read: &Module,
+    declared: &Declared,
+) -> Option<String> {
+    let module = authored.program.module();
+    for block in &said.blocks {
+        let Some(found) = declared.blocks.iter().find(|b| b.name == block.block) else {
+            return Some(format!("the block `{}` is lost", block.block));
+        };
+        let own = |m: &Module, at: [u32; 2]| {
+            let mut all = m.global_variables.iter().map(|(_, g)| g);
+            let global = all.find(|g| g.binding.is_some_and(|b| [b.group, b.binding] == at))?;
+            (global.space == AddressSpace::Uniform).then_some(global.ty)
+        };
+        let Some(wanted) = own(module, block.binding) else {
+            continue;
+        };
+        // A block that the stage does not read is not kept.
+        let Some(mut found) = own(read, [found.binding.group, found.binding.binding]) else {
+            continue;
+        };
+        let mut rest = String::new();
+        // A block of one variable, where the program has the variable.
+        if !matches!(module.types[wanted].inner, TypeInner::Struct { .. })
+            && let TypeInner::Struct { members, .. } = &read.types[found].inner
+            && let Some(member) = members.first()
+        {
+            found = member.ty;
+            rest = format!(" of `{}`", block.block);
+        }
+        let (mut a, mut b) = (BTreeMap::new(), BTreeMap::new());
+        let name = |mark: &str| match authored.words.get(mark) {
+            Some(Word::Path(name)) => name.clone(),
+            _ => mark.to_owned(),
+        };
+        offsets(module, wanted, 0, &block.block, &name, &mut a);
+        offsets(read, found, 0, &block.block, &str::to_owned, &mut b);
+        for (path, wanted) in a {
+            match b.get(&path) {
+                Some(found) if *found == wanted => {}
+                Some(found) => return Some(format!("`{path}`{rest}, {wanted}, became {found}")),
+                None => return Some(format!("`{path}`{rest} is lost")),
+            }
+        }
+    }
+    None
+}
+
+/// Where each number of a type lies and what it is, by path.
+fn offsets(
+    module: &Module,
+    ty: Handle<Type>,
+    at: u32,
+    path: &str,
+    name: &dyn Fn(&str) -> String,
+    out: &mut BTreeMap<String, String>,
+) {
+    match &module.types[ty].inner {
+        TypeInner::Struct { members, .. } => {
+            for member in members {
+                let own = name(member.name.as_deref().unwrap_or_default());
+                let path = format!("{path}.{own}");
+                offsets(module, member.ty, at + member.offset, &path, name, out);
+            }
+        }
+        TypeInner::Array { base, size, stride } => {
+            let path = format!("{path}[{size:?} by {stride}]");
+            offsets(module, *base, at, &path, name, out);
+        }
+        _ => {
+            let ty = reflect::wgsl_type(module, ty);
+            out.insert(path.to_owned(), format!("{ty} at {at}"));
+        }
+    }
+}
+
+/// Inputs and outputs.
+fn interface(
+    authored: &Authored,
+    said: &StageFile,
+    read: &Module,
+    declared: &Declared,
+    stage: ShaderStage,
+    entry: &str,
+) -> Option<String> {
+    let module = authored.program.module();
+    let (_, wanted) = authored.program.entry_point(stage, entry)?;
+    let Some(found) = read.entry_points.first() else {
+        return Some("it has no `main`".to_owned());
+    };
+    let (wanted, found) = (&wanted.function, &found.function);
+    if stage == ShaderStage::Vertex {
+        let wanted: BTreeSet<String> = said.attributes.iter().map(|a| a.name.clone()).collect();
+        let names = declared.attributes.iter();
+        let found: BTreeSet<String> = names.map(|a| a.declaration.name.clone()).collect();
+        if let Some(difference) = differ(&wanted, &found) {
+            return Some(format!("among the attributes, {difference}"));
+        }
+    }
+    let named = |io: &Io| stem(io.name.as_deref().unwrap_or_default());
+    let written = |io: &Io, outputs: bool| {
+        let Some(Binding::Location { location, .. }) = io.binding else {
+            return String::new();
+        };
+        let side = match (stage, outputs) {
+            (ShaderStage::Vertex, false) => "p2vs",
+            (ShaderStage::Vertex, true) | (_, false) => "vs2fs",
+            _ => "fs2p",
+        };
+        match authored.words.get(&format!("_{side}_location{location}")) {
+            Some(Word::Path(path)) => stem(&path.replace(['[', ']'], "_")),
+            _ => String::new(),
+        }
+    };
+    let line = |module: &Module, io: &Io, name: String, travels: bool| {
+        let varying = Varying::of(module, io)?;
+        let how = varying.interpolation;
+        let how = match (travels, how.starts_with("flat")) {
+            (false, _) => String::new(),
+            (_, true) => "flat".to_owned(),
+            _ => how,
+        };
+        // What a target has no more of is filled up when it is read.
+        let ty = match stage == ShaderStage::Fragment && !travels {
+            true => module.types[io.ty]
+                .inner
+                .scalar_kind()
+                .map(|k| format!("{k:?}")),
+            false => Some(varying.ty),
+        };
+        Some(format!("{} {name} {how}", ty.unwrap_or_default()))
+    };
+    for outputs in [false, true] {
+        let of = |module: &Module, f: &Function| match outputs {
+            true => reflect::outputs(module, f),
+            false => reflect::inputs(module, f),
+        };
+        let travels = outputs == (stage == ShaderStage::Vertex);
+        let wanted: BTreeSet<String> = of(module, wanted)
+            .iter()
+            .filter_map(|io| line(module, io, written(io, outputs), travels))
+            .collect();
+        let found: BTreeSet<String> = of(read, found)
+            .iter()
+            .filter_map(|io| line(read, io, named(io), travels))
+            .collect();
+        // An input that is not read is not kept.
+        if let Some(extra) = found.difference(&wanted).next() {
+            return Some(format!("`{extra}` is new"));
+        }
+        if outputs && let Some(lost) = wanted.difference(&found).next() {
+            return Some(format!("`{lost}` is lost"));
+        }
+    }
+    None
+}
+
+/// The name without a number at its end: a matrix or an array is one name in the text, and a variable for each part where it is read.
+fn stem(name: &str) -> String {
+    let stem = name.strip_suffix("_rgba").unwrap_or(name);
+    stem.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_')
+        .to_owned()
+}

@@ -1,0 +1,624 @@
+//! naga's GLSL under the author's names: a rewriting of its tokens, declaration by declaration.
+//!
+//! What naga writes outside of functions has few forms, and each is known. One that is not is an error.
+
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
+
+use naga::ShaderStage;
+use preshade_passes::declared::{Chosen, Type as Declares};
+
+use super::author::{Authored, Input, Member, MemberType, Word};
+use super::std140;
+use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
+use crate::emit::text::{self, Kind};
+
+/// Where the text goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Dialect {
+    Desktop,
+    Es,
+}
+
+/// What was expected otherwise of naga's text.
+pub(super) struct Unexpected(pub String);
+
+/// What stands outside of functions, and functions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Item<'a> {
+    /// `#version`, `#extension`, `precision`.
+    Head(&'a str),
+    Struct(&'a str),
+    Function(&'a str),
+    /// Anything else up to its semicolon.
+    Declaration(&'a str),
+}
+
+/// The text of `stage` under the author's names, and `said` with them.
+pub(super) fn named(
+    authored: &Authored,
+    naga: &str,
+    stage: ShaderStage,
+    dialect: Dialect,
+    mut said: StageFile,
+    loose: Option<[u32; 2]>,
+) -> Result<(String, StageFile), Unexpected> {
+    let constructed = match authored.paddings.is_empty() {
+        true => naga.to_owned(),
+        false => std140::padded_constructors(naga, &authored.paddings),
+    };
+    let items = items(&constructed)?;
+    let mut structs: HashMap<&str, String> = HashMap::new();
+    for item in &items {
+        if let Item::Struct(text) = item
+            && let Some(mark) = words(text).nth(1)
+        {
+            let text = match authored.paddings.get(mark) {
+                Some(floats) => std140::padded_struct(text, floats)?,
+                None => (*text).to_owned(),
+            };
+            structs.insert(mark, text);
+        }
+    }
+    let rewrite = Rewrite {
+        authored,
+        collisions: collisions(authored, &items, stage),
+    };
+    let textures = said.textures.clone();
+    let paths: HashSet<&str> = textures.iter().map(|t| t.name.as_str()).collect();
+    let mut out = Parts {
+        used: HashSet::new(),
+        ..Parts::default()
+    };
+    for item in &items {
+        match item {
+            Item::Head(text) => {
+                out.head.push_str(text.trim_end());
+                out.head.push('\n');
+            }
+            Item::Struct(_) => {}
+            Item::Function(text) => {
+                out.note_types(text);
+                out.functions.push(rewrite.function(text));
+            }
+            Item::Declaration(text) => {
+                declaration(&rewrite, text, stage, &structs, &paths, &mut out)?
+            }
+        }
+    }
+    uniforms(authored, dialect, &mut out, &paths, &mut said, loose);
+    for texture in &mut said.textures {
+        if let Some(Word::Path(path)) = authored.words.get(&texture.name) {
+            if path.contains(['.', '[']) {
+                texture.unit = None;
+            }
+            texture.name = path.clone();
+        }
+    }
+    said.textures.sort_by(|a, b| a.name.cmp(&b.name));
+    for block in &mut said.blocks {
+        if let Some(name) = out.renamed_blocks.get(&block.block) {
+            block.block = name.clone();
+        }
+    }
+    said.attributes = std::mem::take(&mut out.attributes);
+    Ok((out.text(&rewrite, &items, &structs, dialect), said))
+}
+
+/// The text on its way.
+#[derive(Default)]
+struct Parts {
+    head: String,
+    uniforms: Vec<String>,
+    declarations: Vec<String>,
+    functions: Vec<String>,
+    /// Types by the marks that name them.
+    used: HashSet<String>,
+    /// Structs of samplers alone that are needed.
+    of_samplers: HashSet<String>,
+    /// What naga wrote of a loose uniform: its type and its dimensions.
+    loose: HashMap<String, [String; 2]>,
+    /// What naga wrote of a sampler: its type and the line, by path.
+    samplers: HashMap<String, [String; 2]>,
+    renamed_blocks: HashMap<String, String>,
+    located: HashSet<String>,
+    attributes: Vec<GlslAttribute>,
+}
+
+impl Parts {
+    fn note_types(&mut self, text: &str) {
+        self.used.extend(words(text).map(str::to_owned));
+    }
+
+    fn text(
+        &self,
+        rewrite: &Rewrite<'_>,
+        items: &[Item<'_>],
+        structs: &HashMap<&str, String>,
+        dialect: Dialect,
+    ) -> String {
+        // Structs name structs, which naga writes first.
+        let mut used = self.used.clone();
+        for item in items.iter().rev() {
+            if let Item::Struct(text) = item
+                && words(text).nth(1).is_some_and(|n| used.contains(n))
+            {
+                used.extend(words(text).map(str::to_owned));
+            }
+        }
+        let mut out = self.head.clone();
+        out.push('\n');
+        for (name, members) in &rewrite.authored.structs {
+            if self.of_samplers.contains(name) {
+                out += &format!("struct {name} {{\n{}}};\n", member_lines(members, dialect));
+            }
+        }
+        for item in items {
+            let Item::Struct(text) = item else { continue };
+            let Some(mark) = words(text).nth(1).filter(|n| used.contains(*n)) else {
+                continue;
+            };
+            let mut written = rewrite.plain(structs.get(mark).map_or(text, String::as_str));
+            if let Some(members) = rewrite.authored.members.get(mark)
+                && let Some(at) = written.rfind('}')
+            {
+                written.insert_str(at, &member_lines(members, dialect));
+            }
+            out += written.trim();
+            out.push('\n');
+        }
+        for part in [&self.uniforms, &self.declarations] {
+            for line in part {
+                out += line.trim();
+                out.push('\n');
+            }
+            if !part.is_empty() {
+                out.push('\n');
+            }
+        }
+        out += self
+            .functions
+            .iter()
+            .map(|f| format!("{}\n", f.trim()))
+            .collect::<Vec<_>>()
+            .join("\n")
+            .as_str();
+        out
+    }
+}
+
+fn member_lines(members: &[Member], dialect: Dialect) -> String {
+    members
+        .iter()
+        .map(|m| {
+            let ty = match &m.ty {
+                MemberType::Sampler(ty) => sampler_type(ty, dialect),
+                MemberType::Struct(name) => name.clone(),
+            };
+            format!("    {ty} {}{};\n", m.name, m.dimensions)
+        })
+        .collect()
+}
+
+/// ES has no one-dimensional textures, and a default precision for few samplers.
+fn sampler_type(ty: &str, dialect: Dialect) -> String {
+    match dialect {
+        Dialect::Desktop => ty.to_owned(),
+        Dialect::Es => format!("highp {}", ty.replace("sampler1D", "sampler2D")),
+    }
+}
+
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    text::tokens(text)
+        .filter(|(kind, _)| *kind == Kind::Word)
+        .map(|(_, range)| &text[range])
+}
+
+/// The text's parts outside of functions, in order.
+fn items(naga: &str) -> Result<Vec<Item<'_>>, Unexpected> {
+    let mut out = Vec::new();
+    let mut rest = naga;
+    loop {
+        rest = rest.trim_start();
+        if rest.is_empty() {
+            return Ok(out);
+        }
+        if rest.starts_with('#') {
+            let end = rest.find('\n').unwrap_or(rest.len());
+            out.push(Item::Head(&rest[..end]));
+            rest = &rest[end..];
+            continue;
+        }
+        let first = words(rest).next().unwrap_or_default();
+        let mut depth = 0u32;
+        let mut end = None;
+        let mut function = false;
+        for (_, range) in text::tokens(rest) {
+            match &rest[range.clone()] {
+                "{" | "(" => depth += 1,
+                ")" => depth = depth.saturating_sub(1),
+                "}" => {
+                    depth = depth.saturating_sub(1);
+                    let head = rest.find('{').map_or("", |at| &rest[..at]);
+                    let is_block =
+                        words(head).any(|w| matches!(w, "struct" | "uniform" | "buffer"));
+                    if depth == 0 && !is_block {
+                        function = true;
+                        end = Some(range.end);
+                        break;
+                    }
+                }
+                ";" if depth == 0 => {
+                    end = Some(range.end);
+                    break;
+                }
+                _ => {}
+            }
+        }
+        let end = end.ok_or_else(|| Unexpected("the end of the text".to_owned()))?;
+        let (item, after) = rest.split_at(end);
+        rest = after;
+        out.push(match (first, function) {
+            (_, true) => Item::Function(item),
+            ("precision", _) => Item::Head(item),
+            ("struct", _) => Item::Struct(item),
+            _ => Item::Declaration(item),
+        });
+    }
+}
+
+/// New names for what naga named as the author names what a host sees.
+fn collisions(
+    authored: &Authored,
+    items: &[Item<'_>],
+    stage: ShaderStage,
+) -> HashMap<String, String> {
+    let mut all: HashSet<&str> = HashSet::new();
+    for item in items {
+        if let Item::Head(_) = item {
+            continue;
+        }
+        let (Item::Head(text)
+        | Item::Struct(text)
+        | Item::Function(text)
+        | Item::Declaration(text)) = *item;
+        all.extend(free(text).map(|range| &text[range]));
+    }
+    let mut out: HashMap<String, String> = HashMap::new();
+    let taken = |name: &str| authored.taken.is_taken(stage, name);
+    // A second `gl` is `gl_1` to naga, and that is GLSL's own to give.
+    let is_number = |w: &str| w.bytes().all(|b| b.is_ascii_digit() || b == b'_');
+    let is_own = |w: &str| w.strip_prefix("gl_").is_some_and(is_number);
+    let mut colliding: Vec<&str> = all
+        .iter()
+        .copied()
+        .filter(|w| (taken(w) || is_own(w)) && !authored.words.contains_key(*w))
+        .collect();
+    colliding.sort_unstable();
+    for word in colliding {
+        let stem = word.trim_end_matches('_');
+        let stem = match is_own(word) {
+            true => "own_gl",
+            false => stem,
+        };
+        let new = (1..).map(|i| format!("{stem}_{i}"));
+        let mut new = new.filter(|n| !taken(n) && !all.contains(n.as_str()));
+        if let Some(new) = new.find(|n| !out.values().any(|o| o == n)) {
+            out.insert(word.to_owned(), new);
+        }
+    }
+    out
+}
+
+/// The words that are neither members nor in a `layout(..)`.
+fn free(text: &str) -> impl Iterator<Item = Range<usize>> + '_ {
+    let mut before = "";
+    let mut layout = 0u32;
+    text::tokens(text).filter_map(move |(kind, range)| {
+        let word = &text[range.clone()];
+        let member = before == ".";
+        match (layout, word) {
+            (0, "(") if before == "layout" => layout = 1,
+            (1.., "(") => layout += 1,
+            (1.., ")") => layout -= 1,
+            _ => {}
+        }
+        before = word;
+        (kind == Kind::Word && !member && layout == 0).then_some(range)
+    })
+}
+
+struct Rewrite<'a> {
+    authored: &'a Authored,
+    collisions: HashMap<String, String>,
+}
+
+impl Rewrite<'_> {
+    fn plain(&self, text: &str) -> String {
+        self.with(text, &HashMap::new())
+    }
+
+    /// The text with every word of naga's replaced; `own` are names of this function that stand for others of naga's.
+    fn with(&self, text: &str, own: &HashMap<&str, &str>) -> String {
+        let free: HashSet<usize> = free(text).map(|r| r.start).collect();
+        let mut out = String::with_capacity(text.len());
+        let mut copied = 0;
+        let mut drop_dot = false;
+        for (kind, range) in text::tokens(text) {
+            let word = &text[range.clone()];
+            if drop_dot && word == "." {
+                out.push_str(&text[copied..range.start]);
+                copied = range.end;
+            }
+            drop_dot = false;
+            if kind != Kind::Word {
+                continue;
+            }
+            let is_free = free.contains(&range.start);
+            let word = match own.get(word) {
+                Some(other) if is_free => other,
+                _ => word,
+            };
+            let new = match self.authored.words.get(word) {
+                Some(Word::Path(path)) => Some(path.as_str()),
+                Some(Word::Nothing) => {
+                    drop_dot = true;
+                    Some("")
+                }
+                None if is_free => self.collisions.get(word).map(String::as_str),
+                None => None,
+            };
+            if let Some(new) = new {
+                out.push_str(&text[copied..range.start]);
+                out.push_str(new);
+                copied = range.end;
+            }
+        }
+        out.push_str(&text[copied..]);
+        out
+    }
+
+    /// A function; in `main`, inputs are read where they are instead of out of the copies that naga makes of them.
+    fn function(&self, text: &str) -> String {
+        let tokens: Vec<Range<usize>> = text::tokens(text).map(|(_, range)| range).collect();
+        let word = |i: usize| tokens.get(i).map_or("", |r| &text[r.clone()]);
+        if (word(0), word(1)) != ("void", "main") {
+            return self.plain(text);
+        }
+        let Some(mut at) = tokens.iter().position(|r| &text[r.clone()] == "{") else {
+            return self.plain(text);
+        };
+        let begin = tokens[at].end;
+        let mut own = HashMap::new();
+        let mut end = begin;
+        while word(at + 3) == "=" && word(at + 5) == ";" && is_input(word(at + 4)) {
+            own.insert(word(at + 2), word(at + 4));
+            at += 5;
+            end = tokens[at].end;
+        }
+        let without = format!("{}{}", &text[..begin], &text[end..]);
+        // The names are those of the old text, which outlives the new one.
+        self.with(&without, &own)
+    }
+}
+
+/// A value that comes from outside of the stage, as naga names it.
+fn is_input(word: &str) -> bool {
+    word.starts_with("_p2vs_location") || word.starts_with("_vs2fs_location")
+}
+
+fn declaration(
+    rewrite: &Rewrite<'_>,
+    text: &str,
+    stage: ShaderStage,
+    structs: &HashMap<&str, String>,
+    textures: &HashSet<&str>,
+    out: &mut Parts,
+) -> Result<(), Unexpected> {
+    let authored = rewrite.authored;
+    let free: Vec<&str> = free(text).map(|range| &text[range]).collect();
+    // A loose uniform, which naga takes for a variable.
+    if let Some(uniform) = authored
+        .uniforms
+        .iter()
+        .filter_map(|u| u.mark.as_deref())
+        .find(|mark| free.contains(mark))
+    {
+        let declared = text.split('=').next().unwrap_or(text).trim_end_matches(';');
+        let (ty, dimensions) = declared
+            .split_once(uniform)
+            .ok_or_else(|| Unexpected(format!("`{text}`")))?;
+        out.note_types(ty);
+        let ty = rewrite.plain(ty.trim());
+        let dimensions = dimensions.trim().to_owned();
+        out.loose.insert(uniform.to_owned(), [ty, dimensions]);
+        return Ok(());
+    }
+    // A block.
+    if let Some(variable) = free.iter().find(|w| authored.blocks.contains_key(**w)) {
+        let block = &authored.blocks[*variable];
+        let open = text
+            .find('{')
+            .ok_or_else(|| Unexpected(format!("`{text}`")))?;
+        let head = &text[..open];
+        let old = words(head).last().unwrap_or_default();
+        out.renamed_blocks
+            .insert(old.to_owned(), block.name.clone());
+        let head = head.trim_end().trim_end_matches(old);
+        let inner = free.iter().rev().nth(1).and_then(|ty| structs.get(ty));
+        let line = match inner {
+            Some(of) if block.opened => {
+                let members = &of[of.find('{').unwrap_or(0)..];
+                let members = members.trim_end_matches(';').trim_end();
+                out.note_types(members);
+                let instance = block.instance.as_deref().unwrap_or_default();
+                let gap = if instance.is_empty() { "" } else { " " };
+                format!(
+                    "{head}{} {}{gap}{instance};",
+                    block.name,
+                    rewrite.plain(members)
+                )
+            }
+            _ => {
+                out.note_types(text);
+                format!("{head}{} {}", block.name, rewrite.plain(&text[open..]))
+            }
+        };
+        out.declarations.push(line);
+        return Ok(());
+    }
+    // A texture: part of a uniform, or by itself.
+    if let Some(texture) = free.iter().find(|w| textures.contains(**w))
+        && let Some(Word::Path(path)) = authored.words.get(*texture)
+    {
+        let after = text
+            .find("uniform ")
+            .map_or("", |at| &text[at + "uniform ".len()..]);
+        let ty = after
+            .split(texture)
+            .next()
+            .unwrap_or_default()
+            .trim()
+            .to_owned();
+        let line = rewrite.plain(text);
+        out.samplers.insert(path.clone(), [ty, line]);
+        return Ok(());
+    }
+    // An input or output at a location.
+    if let Some(name) = free.iter().find(|w| authored.located.contains_key(**w)) {
+        located(rewrite, text, &authored.located[*name], stage, out);
+        return Ok(());
+    }
+    out.note_types(text);
+    out.declarations.push(rewrite.plain(text));
+    Ok(())
+}
+
+/// An input of the vertex stage or an output of the fragment stage.
+fn located(rewrite: &Rewrite<'_>, text: &str, input: &Input, stage: ShaderStage, out: &mut Parts) {
+    if !out.located.insert(input.name.clone()) {
+        return;
+    }
+    let vertex = stage == ShaderStage::Vertex;
+    let Input {
+        name,
+        location,
+        chosen,
+        whole,
+    } = input;
+    let given = !vertex || *chosen == Chosen::ByAuthor;
+    if vertex {
+        out.attributes.push(GlslAttribute {
+            name: name.clone(),
+            location: *location,
+            explicit: given,
+        });
+    }
+    let layout = match given {
+        true => format!("layout(location = {location}) "),
+        false => String::new(),
+    };
+    let line = match whole {
+        Some((ty, dimensions)) => {
+            let word = if vertex { "in" } else { "out" };
+            format!("{layout}{word} {ty} {name}{dimensions};")
+        }
+        None if given => rewrite.plain(text),
+        None => {
+            let rest = text.find(')').map_or(text, |at| &text[at + 1..]);
+            rewrite.plain(rest)
+        }
+    };
+    out.declarations.push(line);
+}
+
+/// The uniforms outside of blocks, in the author's order.
+fn uniforms(
+    authored: &Authored,
+    dialect: Dialect,
+    out: &mut Parts,
+    textures: &HashSet<&str>,
+    said: &mut StageFile,
+    loose: Option<[u32; 2]>,
+) {
+    let paths: Vec<String> = textures
+        .iter()
+        .filter_map(|t| match authored.words.get(*t) {
+            Some(Word::Path(path)) => Some(path.clone()),
+            _ => None,
+        })
+        .collect();
+    let mut own: HashSet<&str> = HashSet::new();
+    let mut lines = Vec::new();
+    for uniform in &authored.uniforms {
+        let name = uniform.name.as_str();
+        let part = |path: &String| {
+            path.strip_prefix(name)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+        };
+        let sampled: Vec<&String> = paths.iter().filter(|p| part(p)).collect();
+        own.extend(sampled.iter().map(|p| p.as_str()));
+        let read = uniform.mark.as_ref().and_then(|mark| out.loose.get(mark));
+        if let Some([ty, dimensions]) = read {
+            lines.push(format!("uniform {ty} {name}{dimensions};"));
+        } else if sampled.is_empty() {
+            continue;
+        } else if let Some(of) = &uniform.of_samplers {
+            out.of_samplers.insert(of.clone());
+            lines.push(format!(
+                "uniform {of} {name}{};",
+                uniform.declares.dimensions()
+            ));
+        } else if let Declares::Sampler(_) = uniform.declares {
+            let line = out.samplers.get(name).map(|[_, line]| line.clone());
+            lines.extend(line);
+        } else if let Declares::Sampler(declared) = uniform.declares.innermost() {
+            let of = sampled.first().and_then(|p| out.samplers.get(*p));
+            let ty = of.map_or_else(|| sampler_type(declared, dialect), |[ty, _]| ty.clone());
+            lines.push(format!(
+                "uniform {ty} {name}{};",
+                uniform.declares.dimensions()
+            ));
+        } else if let Some(of) = &uniform.of
+            && let Some(Word::Path(ty)) = authored.words.get(of)
+        {
+            // Its samplers alone are read: the whole is declared all the same.
+            out.used.insert(of.clone());
+            lines.push(format!(
+                "uniform {ty} {name}{};",
+                uniform.declares.dimensions()
+            ));
+        }
+        if read.is_some()
+            && let Some(binding) = loose
+        {
+            said.uniforms.push(GlslUniform {
+                name: name.to_owned(),
+                binding,
+                offset: uniform.offset,
+            });
+        }
+        if uniform.mark.is_some() && uniform.declares.has_samplers() {
+            needed_structs(authored, out);
+        }
+    }
+    let mut others: Vec<&String> = paths.iter().filter(|p| !own.contains(p.as_str())).collect();
+    others.sort();
+    let others: Vec<String> = others
+        .into_iter()
+        .filter_map(|p| out.samplers.get(p).map(|[_, line]| line.clone()))
+        .collect();
+    out.uniforms = lines;
+    out.uniforms.extend(others);
+}
+
+/// Notes the structs of samplers that structs with samplers have within them.
+fn needed_structs(authored: &Authored, out: &mut Parts) {
+    let members = authored.members.values().flatten();
+    let within = authored.structs.iter().flat_map(|(_, members)| members);
+    for member in members.chain(within) {
+        if let MemberType::Struct(name) = &member.ty {
+            out.of_samplers.insert(name.clone());
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! What GLSL allows and WGSL does not: derivatives where the invocations of a quad may have parted, and constants under names that WGSL reserves.
+
+use naga::diagnostic_filter::{
+    DiagnosticFilter, DiagnosticFilterNode, FilterableTriggeringRule, Severity,
+    StandardFilterableTriggeringRule,
+};
+use naga::keywords::wgsl::RESERVED;
+use naga::{Expression, Function, Handle, Module, Override, SampleLevel, Span};
+
+/// Turns WGSL's `derivative_uniformity` off (WGSL section 2.3) for a module of another language that takes derivatives. WGSL rejects them under
+/// control flow that it cannot see to be uniform; GLSL leaves their values undefined there, and its authors know where that does not matter.
+pub(super) fn leave_uniformity_to_the_author(module: &mut Module) {
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let entries = module.entry_points.iter().map(|e| &e.function);
+    if module.diagnostic_filter_leaf.is_some() || !functions.chain(entries).any(differentiates) {
+        return;
+    }
+    let rule = StandardFilterableTriggeringRule::DerivativeUniformity;
+    let node = DiagnosticFilterNode {
+        inner: DiagnosticFilter {
+            new_severity: Severity::Off,
+            triggering_rule: FilterableTriggeringRule::Standard(rule),
+        },
+        parent: None,
+    };
+    module.diagnostic_filter_leaf = Some(module.diagnostic_filters.append(node, Span::UNDEFINED));
+}
+
+/// Names constants that a host sets anew where WGSL reserves their names; they keep the numbers that a host sets them by.
+pub(super) fn rename_constants(module: &mut Module) {
+    let taken: Vec<String> = module
+        .overrides
+        .iter()
+        .filter_map(|(_, o)| o.name.clone())
+        .collect();
+    let reserved: Vec<(Handle<Override>, String)> = module
+        .overrides
+        .iter()
+        .filter_map(|(handle, o)| Some((handle, o.name.clone()?)))
+        .filter(|(_, name)| RESERVED.contains(&name.as_str()))
+        .collect();
+    for (handle, mut name) in reserved {
+        while RESERVED.contains(&name.as_str()) || taken.contains(&name) {
+            name.push_str("_0");
+        }
+        module.overrides[handle].name = Some(name);
+    }
+}
+
+/// Whether a function takes a derivative, by name or for the level of a sample.
+fn differentiates(function: &Function) -> bool {
+    function.expressions.iter().any(|(_, e)| {
+        matches!(
+            e,
+            Expression::Derivative { .. }
+                | Expression::ImageSample {
+                    level: SampleLevel::Auto | SampleLevel::Bias(_),
+                    gather: None,
+                    ..
+                }
+        )
+    })
+}

@@ -1,0 +1,132 @@
+//! Which WGSL a file is: plain, naga_oil's with `#import` and `#ifdef`, or WESL.
+
+use std::path::Path;
+
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+use super::Options;
+use super::Source;
+use super::error::{Code, Error};
+
+/// A language that is WGSL and more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Dialect {
+    /// WGSL.
+    Plain,
+    /// Modules put together by the crate `naga_oil`.
+    NagaOil,
+    /// WESL: `import` and `@if`, by the crate `wesl`.
+    Wesl,
+}
+
+impl Dialect {
+    /// By the file's ending, and by what no plain WGSL has in it.
+    pub(super) fn of(source: &Source) -> Self {
+        if Path::new(&source.name)
+            .extension()
+            .is_some_and(|e| e == "wesl")
+        {
+            return Self::Wesl;
+        }
+        let is_directive = |line: &str| {
+            let words = [
+                "#import",
+                "#define_import_path",
+                "#ifdef",
+                "#ifndef",
+                "#if ",
+                "#define ",
+            ];
+            let line = line.trim_start();
+            words.iter().any(|w| line.starts_with(w)) || line.contains("#{")
+        };
+        match source.text.lines().any(is_directive) {
+            true => Self::NagaOil,
+            false => Self::Plain,
+        }
+    }
+}
+
+/// What a build without a dialect's feature says.
+#[cfg_attr(
+    all(feature = "naga-oil", feature = "wesl"),
+    allow(dead_code, reason = "a build with both reads everything")
+)]
+pub(super) fn not_built(source: &Source, language: &str, feature: &str) -> Error {
+    Error::new(
+        Code::Unsupported,
+        format!(
+            "{} is {language}, which this build cannot read",
+            source.name
+        ),
+    )
+    .note(format!("build preshade with the feature `{feature}`"))
+}
+
+/// Files below the folders given, with one of the endings, each with its path; the same order each time.
+#[cfg(feature = "naga-oil")]
+pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::PathBuf, String)> {
+    fn walk(folder: &Path, ending: &str, out: &mut Vec<(std::path::PathBuf, String)>) {
+        let entries = std::fs::read_dir(folder).into_iter().flatten();
+        let mut paths: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+        paths.sort();
+        for path in paths {
+            if path.is_dir() {
+                walk(&path, ending, out);
+            } else if path.extension().is_some_and(|e| e == ending)
+                && let Ok(text) = std::fs::read_to_string(&path)
+            {
+                out.push((path, text));
+            }
+        }
+    }
+    let mut out = Vec::new();
+    for folder in folders {
+        walk(folder, ending, &mut out);
+    }
+    out
+}
+
+/// The folder that a file is in.
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+pub(super) fn beside(source: &Source) -> &Path {
+    match Path::new(&source.name).parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// A definition as a dialect has it.
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Defined {
+    Bool(bool),
+    Int(i32),
+    #[cfg_attr(
+        not(feature = "naga-oil"),
+        allow(dead_code, reason = "WESL has truths alone")
+    )]
+    Uint(u32),
+}
+
+/// The definitions of [`Options::defines`]: `true`, `false`, `3` or `3u`.
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+pub(super) fn definitions(options: &Options) -> Result<Vec<(String, Defined)>, Error> {
+    let value = |text: &str| match text {
+        "true" => Some(Defined::Bool(true)),
+        "false" => Some(Defined::Bool(false)),
+        _ => match text.strip_suffix('u') {
+            Some(digits) => digits.parse().ok().map(Defined::Uint),
+            None => text.parse().ok().map(Defined::Int),
+        },
+    };
+    let all = options.defines.iter().map(|(name, text)| {
+        let value = value(text).ok_or_else(|| {
+            Error::new(
+                Code::Unsupported,
+                format!("`{name}` is defined as `{text}`, and this dialect has true, false and whole numbers"),
+            )
+        });
+        Ok((name.clone(), value?))
+    });
+    all.collect()
+}

@@ -1,0 +1,152 @@
+//! naga_oil's dialect, Bevy's until 0.19: modules that name themselves by `#define_import_path`, put together by the crate [`naga_oil`](https://docs.rs/naga_oil).
+//!
+//! Modules are looked for in the WGSL files below the folders of `Options::include`, and beside the file. What the composer makes is a module, which is written as WGSL and read
+//! as any other: places are those of that text. The composer's own errors have the author's.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use naga::valid::Capabilities;
+use naga::{Module, TypeInner};
+use naga_oil::compose::{
+    ComposableModuleDescriptor, Composer, ComposerError, NagaModuleDescriptor, ShaderDefValue,
+    get_preprocessor_data,
+};
+use preshade_passes::program::{Language, Program};
+
+use super::dialect::{Defined, beside, definitions, files_below};
+use super::error::{Code, Error};
+use super::{Options, Source};
+use crate::emit::wgsl;
+
+/// The WGSL that a file and all that it imports come to.
+pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Error> {
+    let module = compose(source, options)?;
+    let program = Program::new(module, Arc::default(), Language::Wgsl)
+        .map_err(|invalid| Error::invalid(&invalid))?;
+    wgsl::write(&program, &source.name, "")
+        .map_err(|e| Error::new(Code::Unsupported, e.to_string()))
+}
+
+fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
+    let defines: HashMap<String, ShaderDefValue> = definitions(options)?
+        .into_iter()
+        .map(|(name, value)| {
+            let value = match value {
+                Defined::Bool(truth) => ShaderDefValue::Bool(truth),
+                Defined::Int(number) => ShaderDefValue::Int(number),
+                Defined::Uint(number) => ShaderDefValue::UInt(number),
+            };
+            (name, value)
+        })
+        .collect();
+    let mut folders: Vec<&Path> = vec![beside(source)];
+    folders.extend(options.include.iter().map(PathBuf::as_path));
+    let mut library = Library {
+        files: HashMap::new(),
+        composer: Composer::non_validating().with_capabilities(Capabilities::all()),
+    };
+    for (path, text) in files_below(&folders, "wgsl") {
+        let (name, imports, _) = get_preprocessor_data(&text);
+        if let Some(name) = name {
+            let imports = imports.into_iter().map(|i| i.import).collect();
+            let path = path.display().to_string();
+            library.files.entry(name).or_insert(File {
+                path,
+                text,
+                imports,
+            });
+        }
+    }
+    let (_, imports, _) = get_preprocessor_data(&source.text);
+    for import in imports {
+        library.add(&import.import)?;
+    }
+    let made = library.composer.make_naga_module(NagaModuleDescriptor {
+        source: &source.text,
+        file_path: &source.name,
+        shader_defs: defines,
+        ..NagaModuleDescriptor::default()
+    });
+    let mut module = made.map_err(|e| library.error(&source.name, &e))?;
+    plain_names(&mut module);
+    Ok(module)
+}
+
+struct File {
+    path: String,
+    text: String,
+    imports: Vec<String>,
+}
+
+struct Library {
+    files: HashMap<String, File>,
+    composer: Composer,
+}
+
+impl Library {
+    /// Adds a module behind those that it imports. One that is not found is left for the composer to name, should it be needed.
+    fn add(&mut self, name: &str) -> Result<(), Error> {
+        let Some(file) = self.files.remove(name) else {
+            return Ok(());
+        };
+        for import in &file.imports {
+            self.add(import)?;
+        }
+        let added = self
+            .composer
+            .add_composable_module(ComposableModuleDescriptor {
+                source: &file.text,
+                file_path: &file.path,
+                ..ComposableModuleDescriptor::default()
+            });
+        let failed = added.map(|_| ()).err();
+        failed.map_or(Ok(()), |e| Err(self.error(&file.path, &e)))
+    }
+
+    fn error(&self, path: &str, error: &ComposerError) -> Error {
+        let error_text = error.emit_to_string(&self.composer);
+        let first = error.to_string();
+        let first = first.lines().next().unwrap_or_default();
+        Error::new(Code::Parse, format!("{path}: {first}")).note(error_text)
+    }
+}
+
+/// Names without the mark of the module that they are from.
+fn plain_names(module: &mut Module) {
+    fn plain(name: &mut Option<String>) {
+        if let Some(name) = name
+            && let Some((own, _)) = name.split_once("X_naga_oil_mod_X")
+        {
+            *name = own.to_owned();
+        }
+    }
+    let handles: Vec<_> = module.types.iter().map(|(h, _)| h).collect();
+    for handle in handles {
+        let mut ty = module.types[handle].clone();
+        // Types without a name are told apart by what they are.
+        if ty.name.is_none() {
+            continue;
+        }
+        plain(&mut ty.name);
+        if let TypeInner::Struct { members, .. } = &mut ty.inner {
+            members.iter_mut().for_each(|m| plain(&mut m.name));
+        }
+        let free = module.types.get(&ty).is_none_or(|other| other == handle);
+        if free {
+            module.types.replace(handle, ty);
+        }
+    }
+    module
+        .global_variables
+        .iter_mut()
+        .for_each(|(_, g)| plain(&mut g.name));
+    module
+        .constants
+        .iter_mut()
+        .for_each(|(_, c)| plain(&mut c.name));
+    for (_, function) in module.functions.iter_mut() {
+        plain(&mut function.name);
+    }
+}

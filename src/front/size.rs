@@ -1,0 +1,47 @@
+//! Refuses a module that is larger than the limits say: its expressions, and the elements of its types.
+
+use naga::{ArraySize, Handle, Module, Type, TypeInner};
+
+use super::error::{Code, Error};
+use crate::limits::{Exceeded, Limits};
+
+/// Fails where the module, or a type of it, is beyond `limits`.
+pub(super) fn check(module: &Module, limits: &Limits) -> Result<(), Error> {
+    let told = |e: Exceeded| Error::new(Code::TooDeep, e.to_string()).note(e.remedy());
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let expressions: usize = functions
+        .chain(module.entry_points.iter().map(|e| &e.function))
+        .map(|f| f.expressions.len())
+        .sum();
+    limits
+        .check(
+            "expressions",
+            expressions as u64,
+            "the number of expressions",
+        )
+        .map_err(told)?;
+    // A type rests on earlier ones alone.
+    let mut elements: Vec<u64> = Vec::with_capacity(module.types.len());
+    for (handle, ty) in module.types.iter() {
+        let of = |h: Handle<Type>| elements.get(h.index()).copied().unwrap_or(1);
+        let many = match &ty.inner {
+            TypeInner::Array { base, size, .. } => {
+                let times = match size {
+                    ArraySize::Constant(n) => u64::from(n.get()),
+                    ArraySize::Pending(_) | ArraySize::Dynamic => 1,
+                };
+                of(*base).saturating_mul(times)
+            }
+            TypeInner::Struct { members, .. } => members
+                .iter()
+                .fold(0, |sum: u64, m| sum.saturating_add(of(m.ty))),
+            _ => 1,
+        };
+        let name = ty.name.as_deref().unwrap_or("a type");
+        limits
+            .check("array-elements", many, format!("the elements of {name}"))
+            .map_err(|e| told(e).label(module.types.get_span(handle), "here"))?;
+        elements.push(many);
+    }
+    Ok(())
+}

@@ -1,0 +1,117 @@
+//! WESL, Bevy's dialect since 0.20: `import` and `@if`, compiled to WGSL by the crate [`wesl`](https://docs.rs/wesl), which is then read as any other.
+//!
+//! `package::a::b` is looked up below the nearest folder above the file that is called `src` or `shaders`, or else the file's own; another package's below a folder of
+//! `Options::include` that is called as the package, or below the package's folder in one. Places are those of the WGSL that came of it, which joins the material's files.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use wesl::syntax::PathOrigin;
+use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
+
+use super::dialect::{Defined, beside, definitions};
+use super::error::{Code, Error};
+use super::{Options, Source};
+
+/// The WGSL that a file and all that it imports come to.
+pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Error> {
+    let mut features = Features {
+        default: Feature::Disable,
+        ..Features::default()
+    };
+    for (name, value) in definitions(options)? {
+        let on = !matches!(value, Defined::Bool(false) | Defined::Int(0));
+        features.flags.insert(name, Feature::from(on));
+    }
+    let root = package(beside(source));
+    let file = Path::new(&source.name);
+    let below = file.strip_prefix(&root).unwrap_or(file).with_extension("");
+    let components: Vec<String> = below
+        .iter()
+        .map(|c| c.to_string_lossy().into_owned())
+        .collect();
+    let resolver = Packages {
+        main: (components.clone(), source.text.clone()),
+        root,
+        include: &options.include,
+    };
+    let path = ModulePath::new(PathOrigin::Absolute, components);
+    let compile = CompileOptions {
+        features,
+        ..CompileOptions::default()
+    };
+    let compiled = wesl::compile_sourcemap(&path, &resolver, &EscapeMangler, &compile);
+    compiled.map(|c| c.to_string()).map_err(|e| {
+        let message = e.to_string();
+        let first = message.lines().next().unwrap_or_default();
+        Error::new(Code::Parse, format!("{}: {first}", source.name)).note(message.clone())
+    })
+}
+
+/// The folder of the package that a file in `folder` belongs to.
+fn package(folder: &Path) -> PathBuf {
+    let is_root = |f: &&Path| f.ends_with("src") || f.ends_with("shaders");
+    let found = folder.ancestors().find(is_root);
+    found.unwrap_or(folder).to_owned()
+}
+
+struct Packages<'a> {
+    /// The file itself, which need not be on a disk.
+    main: (Vec<String>, String),
+    root: PathBuf,
+    include: &'a [PathBuf],
+}
+
+impl Packages<'_> {
+    /// Where the modules of another package may lie.
+    fn roots(&self, package: &str) -> Vec<PathBuf> {
+        // A package that cargo keeps has its version behind its name.
+        let is_called = |folder: &Path| {
+            let name = folder.file_name().map(|n| n.to_string_lossy());
+            name.is_some_and(|n| {
+                n == package
+                    || n.strip_prefix(package)
+                        .and_then(|rest| rest.strip_prefix('-'))
+                        .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+            })
+        };
+        let mut out = Vec::new();
+        for folder in self.include {
+            if is_called(folder) {
+                out.push(folder.clone());
+            }
+            let entries = std::fs::read_dir(folder).into_iter().flatten();
+            let mut within: Vec<PathBuf> = entries
+                .filter_map(|e| Some(e.ok()?.path()))
+                .filter(|p| is_called(p))
+                .collect();
+            within.sort();
+            out.extend(within);
+        }
+        let sources: Vec<PathBuf> = out.iter().map(|f| f.join("src")).collect();
+        sources.into_iter().chain(out).collect()
+    }
+}
+
+impl Resolver for Packages<'_> {
+    fn resolve_source<'s>(&'s self, path: &ModulePath) -> Result<Cow<'s, str>, ResolveError> {
+        let roots = match &path.origin {
+            PathOrigin::Package(name) => self.roots(name),
+            _ if path.components == self.main.0 => return Ok(Cow::Borrowed(&self.main.1)),
+            _ => vec![self.root.clone()],
+        };
+        let below: PathBuf = path.components.iter().collect();
+        for root in roots {
+            for ending in ["wesl", "wgsl"] {
+                let file = root.join(&below).with_extension(ending);
+                if let Ok(text) = std::fs::read_to_string(&file) {
+                    return Ok(Cow::Owned(text));
+                }
+            }
+        }
+        Err(ResolveError::ModuleNotFound(
+            path.clone(),
+            "no such file; other packages are looked up in the include folders".to_owned(),
+        ))
+    }
+}

@@ -1,0 +1,64 @@
+//! How large a scene gets, before it is that large.
+
+use super::file::MeshEntry;
+use super::{Image, Mesh, Stream};
+
+/// Vertices of a grid of cells.
+fn patch([n, m]: [u32; 2]) -> u64 {
+    let points = |cells: u32| u64::from(cells.max(3)) + 1;
+    points(n).saturating_mul(points(m))
+}
+
+/// At most so many vertices does the shape of an entry have; those of files and of merged meshes apart.
+pub(super) fn vertices(entry: &MeshEntry) -> u64 {
+    let square = |n: u32| patch([n, n]);
+    let shapes = [
+        entry.cuboid.map(|s| square(s.segments).saturating_mul(6)),
+        entry.plane.map(|s| patch(s.segments)),
+        entry.sphere.map(|s| patch([s.segments, s.rings])),
+        entry
+            .teapot
+            .map(|s| patch(s.segments.map(|n| n.min(256))) * 32),
+        // A row of side quads a step and rise.
+        entry.stairs.map(|s| {
+            let steps = u64::from(s.steps.min(1000));
+            steps * (steps + 9) * 4
+        }),
+        entry
+            .arch
+            .map(|s| (u64::from(s.segments.min(4096)) + 4) * 16),
+        entry
+            .column
+            .map(|s| patch([s.segments, s.rings]).saturating_add(96)),
+        entry.curtain.map(|s| patch(s.segments)),
+        entry
+            .cards
+            .map(|s| patch(s.segments).saturating_mul(s.count.max(1).into())),
+        entry.wire_sphere.map(|s| patch([s.segments, s.rings])),
+        // They have no data.
+        entry.vertices.map(|s| u64::from(s.count) / 16),
+    ];
+    shapes
+        .into_iter()
+        .flatten()
+        .fold(0, |sum: u64, n| sum.saturating_add(n))
+}
+
+/// Bytes of a stream.
+pub(super) fn of_stream(stream: &Stream) -> u64 {
+    4 * match stream {
+        Stream::Float { data, .. } => data.len() as u64,
+        Stream::Uint { data, .. } => data.len() as u64,
+    }
+}
+
+/// Bytes of a mesh.
+pub(super) fn of_mesh(mesh: &Mesh) -> u64 {
+    let indices = mesh.indices.as_ref().map_or(0, |i| 4 * i.len() as u64);
+    indices + mesh.streams.values().map(of_stream).sum::<u64>()
+}
+
+/// Bytes of an image with its mips.
+pub(super) fn of_image(image: &Image) -> u64 {
+    image.levels.iter().map(|l| l.len() as u64).sum()
+}

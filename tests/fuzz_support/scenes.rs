@@ -1,0 +1,62 @@
+//! Scene files, and plan files as a host reads them.
+
+use std::sync::OnceLock;
+
+use preshade::emit::{self, File, Target};
+use preshade::limits::Limits;
+use preshade::measure;
+use preshade::passes::pass::Facts;
+use preshade::recipe::Recipe;
+use preshade::render::Variant;
+use preshade::scene::{self, Access, Variables};
+
+use super::{recipes, root};
+
+/// The shader files that a plan of the target `plan` may name, and the plan that fits them.
+fn split() -> &'static [File] {
+    static FILES: OnceLock<Vec<File>> = OnceLock::new();
+    FILES.get_or_init(|| {
+        let recipe = Recipe::parse_list("early-discard:texture=packed").unwrap();
+        let plan = recipe
+            .apply(&recipes::material("textured"), &Facts::default())
+            .unwrap();
+        emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap()
+    })
+}
+
+/// `plan.json` beside the texts of a split material.
+pub fn plan(data: &[u8]) {
+    let mut files = split().to_vec();
+    let json = files.iter_mut().find(|f| f.name.ends_with(".json"));
+    json.unwrap().bytes = data.to_vec();
+    if let Ok(variant) = Variant::from_files(&[files]) {
+        drop(variant);
+    }
+}
+
+/// The plan that the target `plan` is seeded with.
+pub fn plan_seed() -> Vec<u8> {
+    let json = split().iter().find(|f| f.name.ends_with(".json"));
+    json.unwrap().bytes.clone()
+}
+
+/// A scene file, beside the fixtures' own.
+pub fn scene(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else {
+        return;
+    };
+    // Small, so that one input costs little.
+    let access = Access {
+        limits: Limits::parse("strict,vertices=20k,copies=500,draws=500,texture-size=64").unwrap(),
+        ..Access::default()
+    };
+    let path = root().join("fixtures/scenes/fuzzed.toml");
+    match scene::read(text, &path, &Variables::new(), access) {
+        Ok(scene) => {
+            // What is loaded can be evaluated for what it tells, and its draws can be bound.
+            measure::known(&scene);
+            scene::bind::guessed(&scene);
+        }
+        Err(error) => assert!(!error.render().is_empty()),
+    }
+}

@@ -1,0 +1,380 @@
+//! What a case is, and how it is drawn and judged.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+
+use preshade::measure::verdict::breaks;
+use preshade::measure::{self, Counter, ErrorLadder};
+use preshade::passes::contract::Contract;
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::{Plan, Role};
+use preshade::passes::state::{DepthDirection, DepthFormat};
+use preshade::recipe::Recipe;
+use preshade::render::{
+    FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant as Host,
+};
+use preshade::scene::{self, DrawOrder, Scene};
+use serde::{Deserialize, Serialize};
+
+use super::mutate::{Moved, Mutation, judged, moved};
+use super::render_support::gpu;
+use super::root;
+
+/// One hard case.
+pub struct Case {
+    pub name: &'static str,
+    /// The file in `fixtures/scenes/stability`, without its ending.
+    pub scene: &'static str,
+    /// The failure it guards against.
+    pub guards: &'static str,
+    /// Depth set-ups to draw it under.
+    pub setups: &'static [Setup],
+    /// What is drawn, and what becomes of it.
+    pub recipes: &'static [(&'static str, Expect)],
+    /// The guard taken away, in words, and how.
+    pub mutation: (&'static str, Mutation),
+}
+
+/// What a recipe does on a case's scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Expect {
+    /// Some material takes it, and its contract holds.
+    Holds,
+    /// That, and it shades at most so many fragments a covered pixel.
+    Shades(f64),
+    /// That, or some materials refuse it for ties that were measured: which depths tie depends on the format and the adapter.
+    Untied,
+    /// [`Expect::Holds`], also where the pre-pass computes its depth so many neighbouring floats apart, either way.
+    Withstands(i32),
+    /// It is refused by every material, under this code.
+    Refused(&'static str),
+}
+
+/// A depth attachment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setup {
+    pub format: DepthFormat,
+    pub direction: DepthDirection,
+    pub samples: u32,
+}
+
+const fn setup(format: DepthFormat, direction: DepthDirection, samples: u32) -> Setup {
+    Setup {
+        format,
+        direction,
+        samples,
+    }
+}
+
+use DepthDirection::{Forward, Reversed};
+use DepthFormat::{Depth16unorm, Depth24plus, Depth32float};
+
+pub const FLOAT: Setup = setup(Depth32float, Forward, 1);
+pub const REVERSED: Setup = setup(Depth32float, Reversed, 1);
+/// Both directions in the format that tells most depths apart.
+pub const DIRECTIONS: &[Setup] = &[FLOAT, setup(Depth32float, Reversed, 1)];
+/// Every format in every direction.
+pub const ALL: &[Setup] = &[
+    FLOAT,
+    setup(Depth32float, Reversed, 1),
+    setup(Depth24plus, Forward, 1),
+    setup(Depth24plus, Reversed, 1),
+    setup(Depth16unorm, Forward, 1),
+    setup(Depth16unorm, Reversed, 1),
+];
+/// The same with four samples a pixel.
+pub const SAMPLED: &[Setup] = &[
+    setup(Depth32float, Forward, 4),
+    setup(Depth32float, Reversed, 4),
+    setup(Depth24plus, Forward, 4),
+    setup(Depth16unorm, Reversed, 4),
+];
+
+impl std::fmt::Display for Setup {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let word = |v: serde_json::Value| v.as_str().unwrap_or_default().to_owned();
+        let format = word(serde_json::to_value(self.format).unwrap());
+        let direction = word(serde_json::to_value(self.direction).unwrap());
+        write!(f, "{format} {direction}")?;
+        match self.samples {
+            1 => Ok(()),
+            n => write!(f, " x{n}"),
+        }
+    }
+}
+
+/// One drawing of a case.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    pub setup: String,
+    pub recipe: String,
+    /// `exact`, `rounding` or what is promised; of a refusal its code.
+    pub contract: String,
+    /// `holds`, `refused`, or what is wrong.
+    pub result: String,
+    pub changed_pixels: u64,
+    /// `None`: it has no bound.
+    pub max_abs: Option<f64>,
+}
+
+/// What taking the guard away did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Red {
+    /// The judge found it.
+    Seen { how: String },
+    /// It did not.
+    Unseen,
+    /// This adapter has nothing for the guard to guard against.
+    NotHere { why: String },
+}
+
+/// What drawing a case said.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    pub name: String,
+    pub runs: Vec<Run>,
+    pub mutated: Red,
+}
+
+impl Outcome {
+    pub fn wrong(&self) -> Vec<String> {
+        let runs = self.runs.iter().filter(|r| !r.is_right());
+        let mut wrong: Vec<String> = runs
+            .map(|r| format!("{}: {}: {}: {}", self.name, r.setup, r.recipe, r.result))
+            .collect();
+        if self.mutated == Red::Unseen {
+            wrong.push(format!("{}: without its guard nothing breaks", self.name));
+        }
+        wrong
+    }
+}
+
+impl Run {
+    pub fn is_right(&self) -> bool {
+        self.result == "holds" || self.result == "refused"
+    }
+}
+
+/// A scene, ready to be drawn.
+pub struct Stage<'a> {
+    pub inputs: &'a SceneInputs<'a>,
+    pub originals: Vec<Plan>,
+    pub reference: Vec<Rendered>,
+    /// What `verify` would know of the scene.
+    pub facts: Facts,
+}
+
+/// The scene of a case, small.
+pub fn load(name: &str) -> Scene {
+    let path = root().join(format!("fixtures/scenes/stability/{name}.toml"));
+    let mut scene = scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+    if scene.size[0] > 200 {
+        scene = scene.resized([163, 91]);
+    }
+    for camera in &mut scene.cameras {
+        camera.frames.truncate(1);
+    }
+    scene
+}
+
+fn under(scene: &Scene, setup: Setup) -> Scene {
+    let scene = scene.clone().with_depth(setup.format, setup.direction);
+    match setup.samples {
+        1 => scene,
+        n => scene.with_samples(n),
+    }
+}
+
+/// Orders that hide nothing from the test: what is nearest drawn last, and as the file says.
+const ORDERS: [DrawOrder; 2] = [DrawOrder::BackToFront, DrawOrder::AsGiven];
+
+impl<'a> Stage<'a> {
+    pub fn new(inputs: &'a SceneInputs<'a>) -> Self {
+        let originals = measure::originals(inputs.scene());
+        let host = Host::new(&originals, ShaderForm::Text).unwrap();
+        let reference = pictures(inputs, &host).unwrap();
+        let scene = inputs.scene();
+        let facts = measure::facts(gpu(), scene, ShaderForm::Text, measure::counting).unwrap();
+        Self {
+            inputs,
+            originals,
+            reference,
+            facts,
+        }
+    }
+
+    /// What `verify` would make of a recipe, and the facts that it rests on.
+    pub fn chosen(&self, recipe: &str) -> (Recipe, Facts) {
+        let recipe = Recipe::parse_list(recipe).unwrap();
+        let mut facts = self.facts.clone();
+        if !measure::leaves_a_choice(&recipe) {
+            return (recipe, facts);
+        }
+        let scene = self.inputs.scene();
+        let found = measure::frequencies(gpu(), scene, &facts, ShaderForm::Text, &mut |_| {
+            ControlFlow::Continue(())
+        });
+        facts.frequencies = found.unwrap();
+        let chosen = measure::within_budget(gpu(), scene, &recipe, &facts, ShaderForm::Text);
+        (chosen.unwrap(), facts)
+    }
+
+    /// The worst difference of `host`'s pictures, or why there are none.
+    pub fn compare(&self, host: &Host) -> Result<ErrorLadder, String> {
+        let drawn = pictures(self.inputs, host)?;
+        let errors = self.reference.iter().zip(&drawn);
+        Ok(errors
+            .map(|(a, b)| measure::compare(a, b).unwrap())
+            .fold(ErrorLadder::default(), |a, b| a.worst(&b)))
+    }
+
+    /// Fragments shaded a covered pixel, farthest drawn first.
+    pub fn shaded(&self, plans: &[Plan]) -> f64 {
+        let mut counter =
+            Counter::shaded(self.inputs, plans, ShaderForm::Text, measure::counting).unwrap();
+        let (_, frame) = self.inputs.scene().frames().next().unwrap();
+        self.inputs.set_frame(frame).unwrap();
+        let counted = counter.count(frame, DrawOrder::BackToFront).unwrap();
+        counted.summary().per_pixel
+    }
+}
+
+fn pictures(inputs: &SceneInputs<'_>, host: &Host) -> Result<Vec<Rendered>, String> {
+    let scene = inputs.scene();
+    let mut prepared =
+        Prepared::new(inputs, host, &FrameSettings::of(scene)).map_err(|e| e.to_string())?;
+    let mut pictures = Vec::new();
+    for (_, frame) in scene.frames() {
+        inputs.set_frame(frame).map_err(|e| e.to_string())?;
+        for order in ORDERS {
+            prepared.aim(frame, order);
+            pictures.push(prepared.render().map_err(|e| e.to_string())?);
+        }
+    }
+    Ok(pictures)
+}
+
+/// What all plans together promise.
+pub fn contract(plans: &[Plan]) -> Contract {
+    plans
+        .iter()
+        .fold(Contract::exact(), |c, p| c.and(p.contract.clone()))
+}
+
+fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
+    let (chosen, facts) = stage.chosen(recipe);
+    let variant = measure::variant(&stage.originals, &chosen, &facts);
+    let mut run = Run {
+        setup: setup.to_string(),
+        recipe: recipe.to_owned(),
+        contract: String::new(),
+        result: "holds".to_owned(),
+        changed_pixels: 0,
+        max_abs: Some(0.0),
+    };
+    let kept: Vec<&str> = variant.kept.iter().map(|k| k.why.as_str()).collect();
+    let all_kept = kept.len() == variant.plans.len();
+    if let Expect::Refused(code) = expect {
+        run.contract = code.to_owned();
+        run.result = match all_kept && kept.iter().all(|why| why.contains(&format!("[{code}]"))) {
+            true => "refused".to_owned(),
+            false => format!("it is not refused with {code}: {kept:?}"),
+        };
+        return run;
+    }
+    if expect == Expect::Untied && all_kept && kept.iter().all(|why| why.contains("[depth-ties]")) {
+        run.contract = "depth-ties".to_owned();
+        run.result = "refused".to_owned();
+        return run;
+    }
+    if all_kept {
+        run.result = format!("it is refused: {}", kept.join("; "));
+        return run;
+    }
+    let contract = contract(&variant.plans);
+    run.contract = contract.kind().to_owned();
+    let host = Host::new(&variant.plans, ShaderForm::Text).unwrap();
+    match stage.compare(&host) {
+        Err(e) => run.result = e,
+        Ok(error) => {
+            run.changed_pixels = error.changed_pixels;
+            run.max_abs = Some(error.max_abs).filter(|m| m.is_finite());
+            if let Some(how) = breaks(&contract, &error) {
+                run.result = how;
+            }
+        }
+    }
+    if let (Expect::Withstands(steps), "holds") = (expect, &*run.result) {
+        for steps in [steps, -steps] {
+            let mut plans = variant.plans.clone();
+            moved(&mut plans, Role::Prepass, Moved::Depth(steps));
+            if let Red::Seen { how } = judged(stage, &plans, &contract) {
+                run.result = format!("with the pre-pass {steps} floats away: {how}");
+            }
+        }
+    }
+    if let (Expect::Shades(most), "holds") = (expect, &*run.result) {
+        let shaded = stage.shaded(&variant.plans);
+        if shaded > most {
+            run.result = format!("it shades {shaded:.2} fragments a pixel, not {most:.2}");
+        }
+    }
+    run
+}
+
+/// Draws a case under all its set-ups, and once without its guard. A panic is what is wrong with that case alone.
+pub fn run(case: &Case) -> Outcome {
+    std::panic::catch_unwind(|| drawn(case)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().cloned();
+        let text = text.or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_owned()));
+        Outcome {
+            name: case.name.to_owned(),
+            runs: vec![Run {
+                setup: String::new(),
+                recipe: String::new(),
+                contract: String::new(),
+                result: text.unwrap_or_else(|| "it panicked".to_owned()),
+                changed_pixels: 0,
+                max_abs: None,
+            }],
+            mutated: Red::Unseen,
+        }
+    })
+}
+
+fn drawn(case: &Case) -> Outcome {
+    let scene = load(case.scene);
+    let mut runs = Vec::new();
+    let mut mutated = None;
+    for setup in case.setups {
+        let scene = under(&scene, *setup);
+        let inputs = SceneInputs::new(gpu(), &scene).unwrap();
+        let stage = Stage::new(&inputs);
+        assert!(
+            stage.reference.iter().all(is_drawn),
+            "{} draws nothing",
+            case.name
+        );
+        for (recipe, expect) in case.recipes {
+            runs.push(draw(&stage, *setup, recipe, *expect));
+        }
+        mutated.get_or_insert_with(|| case.mutation.1.red(&stage));
+    }
+    Outcome {
+        name: case.name.to_owned(),
+        runs,
+        mutated: mutated.unwrap(),
+    }
+}
+
+/// Whether a picture is of more than one colour.
+fn is_drawn(picture: &Rendered) -> bool {
+    let mut colors: BTreeMap<&[u8], usize> = BTreeMap::new();
+    for image in picture.colors.iter().flatten() {
+        for texel in image.bytes.chunks(4) {
+            *colors.entry(texel).or_default() += 1;
+        }
+    }
+    colors.len() > 1
+}

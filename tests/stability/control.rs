@@ -1,0 +1,111 @@
+//! Control: lanes that leave, and what their neighbours still need of them.
+
+use super::case::Expect::{Holds, Refused, Untied};
+use super::case::{ALL, Case, DIRECTIONS, Red, SAMPLED, Stage};
+use super::mutate::Mutation;
+use super::render_support::with_prepass;
+
+const BIASED: &str = "depth-prepass";
+const EQUAL: &str = "depth-prepass:form=equal";
+const EARLY: &str = "early-discard";
+const READ_ONLY: &str = "early-discard:attachment=readonly";
+
+pub const CASES: &[Case] = &[
+    Case {
+        name: "derivatives beside holes",
+        scene: "holes",
+        guards: "a lane that leaves ahead of an implicit sample or a derivative of its neighbours",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+            ("early-discard:quad=lane,budget=0.05", Holds),
+            ("visibility-buffer:budget=0.05", Holds),
+        ],
+        mutation: (
+            "a quad leaves when one of its lanes is behind",
+            Mutation::Text(
+                EARLY,
+                &[(
+                    "return quad > 0.5f;",
+                    "return fwidthFine(lane) + lane > 0.5f;",
+                )],
+            ),
+        ),
+    },
+    Case {
+        name: "samples in loops and branches",
+        scene: "branches",
+        guards: "derivatives that not all lanes of a quad are at: what they are is left to the adapter, and must be left alone",
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            ("hoist", Refused("nothing-pays")),
+        ],
+        mutation: (
+            "a quad leaves when one of its lanes is behind",
+            Mutation::Text(
+                EARLY,
+                &[(
+                    "return quad > 0.5f;",
+                    "return fwidthFine(lane) + lane > 0.5f;",
+                )],
+            ),
+        ),
+    },
+    Case {
+        name: "early returns",
+        scene: "returns",
+        guards: "a slice that forgets a return ahead of the discard",
+        setups: DIRECTIONS,
+        recipes: &[(BIASED, Holds), (EQUAL, Untied), (EARLY, Holds)],
+        mutation: (
+            "the pre-pass does not return early",
+            Mutation::Text(EQUAL, &[("        return;\n", "")]),
+        ),
+    },
+    Case {
+        name: "alpha to coverage",
+        scene: "coverage",
+        guards: "a pre-pass that covers samples which the main pass leaves",
+        setups: SAMPLED,
+        recipes: &[(BIASED, Holds), (EARLY, Holds)],
+        mutation: (
+            "the pre-pass without alpha to coverage",
+            Mutation::Plans(BIASED, |plans| {
+                for pass in plans.iter_mut().flat_map(|p| p.passes.first_mut()) {
+                    pass.multisample.alpha_to_coverage = false;
+                }
+            }),
+        ),
+    },
+    Case {
+        name: "stores in fragments",
+        scene: "stores",
+        guards: "fragments that no longer run, and with them what they write",
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Refused("fragment-store")),
+            (EQUAL, Refused("fragment-store")),
+            (EARLY, Refused("fragment-store")),
+        ],
+        mutation: (
+            "a pre-pass by hand: fragments that ran before run no more",
+            Mutation::Own(lost_stores),
+        ),
+    },
+];
+
+fn lost_stores(stage: &Stage<'_>) -> Red {
+    let plans: Vec<_> = stage.originals.iter().map(with_prepass).collect();
+    let (before, after) = (stage.shaded(&stage.originals), stage.shaded(&plans));
+    match after < before {
+        true => Red::Seen {
+            how: format!("{after:.2} fragments a pixel store, of {before:.2}"),
+        },
+        false => Red::Unseen,
+    }
+}

@@ -1,0 +1,271 @@
+//! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share it.
+
+use preshade::passes::plan::{Plan, Role};
+use preshade::passes::state::DepthBias;
+use preshade::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
+
+use super::case::Expect::{Holds, Refused, Shades, Untied, Withstands};
+use super::case::{ALL, Case, DIRECTIONS, FLOAT, REVERSED, Red, SAMPLED, Stage, contract};
+use super::mutate::{Moved, Mutation, judged, moved};
+
+const BIASED: &str = "depth-prepass";
+const EQUAL: &str = "depth-prepass:form=equal";
+const SLICED: &str = "depth-prepass:form=equal,vertex=sliced";
+const EARLY: &str = "early-discard";
+const READ_ONLY: &str = "early-discard:attachment=readonly";
+
+pub const CASES: &[Case] = &[
+    Case {
+        name: "last bit of the position",
+        scene: "layers",
+        guards: "a pre-pass whose position differs from the main pass's by one bit: EQUAL fails on most pixels",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+        ],
+        mutation: (
+            "the pre-pass's z one float farther, under EQUAL",
+            Mutation::Plans(EQUAL, |plans| moved(plans, Role::Prepass, Moved::Depth(1))),
+        ),
+    },
+    Case {
+        name: "a driver without invariance",
+        scene: "../atrium",
+        guards: "ties, crossing cards and decals on a driver that compiles one vertex stage in two ways",
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Withstands(2)),
+            (EARLY, Withstands(2)),
+            (EQUAL, Untied),
+        ],
+        mutation: (
+            "the pre-pass's z one float nearer, under EQUAL: its self-test fails, and the fallback it names draws the original",
+            Mutation::Own(self_tested),
+        ),
+    },
+    Case {
+        name: "infinite far plane",
+        scene: "infinite",
+        guards: "a bias of the wrong sign where depth grows towards the viewer, and depths next to 0 and 1",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+        ],
+        mutation: (
+            "the bias with its sign turned round",
+            Mutation::Plans(BIASED, |plans| {
+                biased(plans, |b| DepthBias {
+                    constant: -b.constant,
+                    slope_scale: -b.slope_scale,
+                    ..b
+                });
+            }),
+        ),
+    },
+    Case {
+        name: "no bias",
+        scene: "layers",
+        guards: "a pre-pass at the very depth of the main pass, which under Less then draws nothing",
+        setups: ALL,
+        recipes: &[(BIASED, Withstands(4))],
+        mutation: (
+            "the bias taken away",
+            Mutation::Plans(BIASED, |plans| biased(plans, |_| DepthBias::default())),
+        ),
+    },
+    Case {
+        name: "tolerance at 1 m to 100 km",
+        scene: "distances",
+        guards: "a fixed tolerance of 0.0001, which from 100 m on takes hidden surfaces for visible ones",
+        setups: &[FLOAT],
+        recipes: &[(EARLY, Shades(1.4)), (BIASED, Shades(1.6))],
+        mutation: (
+            "tolerance=0.0001",
+            Mutation::Shades("early-discard:tolerance=0.0001", 1.4),
+        ),
+    },
+    Case {
+        name: "tolerance at 1 m to 100 km, reversed",
+        scene: "distances",
+        guards: "the same under reversed Z, where no distance is too far to tell surfaces apart",
+        setups: &[REVERSED],
+        recipes: &[(EARLY, Shades(1.1)), (BIASED, Shades(1.1))],
+        mutation: (
+            "tolerance=0.0001",
+            Mutation::Shades("early-discard:tolerance=0.0001", 1.1),
+        ),
+    },
+    Case {
+        name: "no tolerance",
+        scene: "layers",
+        guards: "a prologue that drops what is nearest, on a driver that computes it a bit farther the second time",
+        setups: ALL,
+        recipes: &[
+            (EARLY, Withstands(2)),
+            ("early-discard:texture=packed", Holds),
+        ],
+        mutation: (
+            "tolerance=0, and the pre-pass's z one float nearer",
+            Mutation::Plans("early-discard:tolerance=0", |plans| {
+                moved(plans, Role::Prepass, Moved::Depth(-1));
+            }),
+        ),
+    },
+    Case {
+        name: "grazing slopes",
+        scene: "grazing",
+        guards: "a constant bias alone, where one pixel spans many of its steps: what a rasteriser's snapping of the same vertices apart makes of it",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+        ],
+        mutation: (
+            "a bias of one step and no slope, and the pre-pass 1/128 pixel up (with the whole bias that changes nothing)",
+            Mutation::Own(without_slope),
+        ),
+    },
+    Case {
+        name: "coplanar layers",
+        scene: "coplanar",
+        guards: "under EQUAL all of several surfaces at the nearest depth show, and the last one wins",
+        setups: ALL,
+        recipes: &[(BIASED, Holds), (EARLY, Holds)],
+        mutation: ("EQUAL, told of no ties", Mutation::Untied(EQUAL)),
+    },
+    Case {
+        name: "written depth",
+        scene: "written",
+        guards: "a bias that the rasteriser adds, which a depth from the fragment stage takes the place of",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            (EQUAL, Refused("depth-not-invariant")),
+            (READ_ONLY, Refused("readonly-depth-writer")),
+        ],
+        mutation: (
+            "the bias left to the rasteriser",
+            Mutation::Text(BIASED, &[(" + 0.0000038146973f", "")]),
+        ),
+    },
+    Case {
+        name: "four samples",
+        scene: "layers",
+        guards: "one sample's depth taken for a pixel's, at every edge",
+        setups: SAMPLED,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+        ],
+        mutation: (
+            "the prologue looks at the first sample alone",
+            Mutation::Text(
+                EARLY,
+                &[
+                    ("pixel, 1i)", "pixel, 0i)"),
+                    ("pixel, 2i)", "pixel, 0i)"),
+                    ("pixel, 3i)", "pixel, 0i)"),
+                ],
+            ),
+        ),
+    },
+    Case {
+        name: "depth clamp",
+        scene: "clamped",
+        guards: "surfaces clamped to depth 0, where a float format has no step to be pushed away by",
+        setups: &[FLOAT],
+        recipes: &[(BIASED, Refused("near-plane")), (EARLY, Holds)],
+        mutation: (
+            "told that nothing lies on the near plane",
+            Mutation::Untied(BIASED),
+        ),
+    },
+    Case {
+        name: "depth clamp, reversed",
+        scene: "clamped",
+        guards: "surfaces clamped to depth 1 after they were biased, in both passes: they hide themselves",
+        setups: &[REVERSED],
+        recipes: &[(BIASED, Refused("near-plane")), (EARLY, Holds)],
+        mutation: (
+            "told that nothing lies on the near plane",
+            Mutation::Untied(BIASED),
+        ),
+    },
+];
+
+fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
+    for pass in plans.iter_mut().flat_map(|p| &mut p.passes) {
+        if let (Role::Prepass, Some(depth)) = (pass.role, &mut pass.depth) {
+            depth.bias = change(depth.bias);
+        }
+    }
+}
+
+/// What a host does that meets such a driver: it runs the self-test, which fails, and draws the fallback, which is right.
+fn self_tested(stage: &Stage<'_>) -> Red {
+    let facts = stage.facts.clone();
+    let recipe = |text: &str| preshade::recipe::Recipe::parse_list(text).unwrap();
+    let mut plans = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts).plans;
+    moved(&mut plans, Role::Prepass, Moved::Depth(-1));
+    let mut fallbacks = Vec::new();
+    let mut failed = 0;
+    for (plan, original) in plans.iter().zip(&stage.originals) {
+        match self_test(stage.inputs, plan, ShaderForm::Text).unwrap() {
+            Some(SelfTestResult::Failed { .. }) => {
+                failed += 1;
+                let named = plan.fallback.as_deref().unwrap();
+                let mut fallback = recipe(named).apply(original, &facts).unwrap();
+                // The driver is as it is.
+                moved(
+                    std::slice::from_mut(&mut fallback),
+                    Role::Prepass,
+                    Moved::Depth(-1),
+                );
+                fallbacks.push(fallback);
+            }
+            _ => fallbacks.push(plan.clone()),
+        }
+    }
+    let fallback = stage
+        .compare(&Host::new(&fallbacks, ShaderForm::Text).unwrap())
+        .unwrap();
+    match failed == plans.iter().filter(|p| p.self_test.is_some()).count()
+        && failed > 0
+        && fallback.is_exact()
+    {
+        true => Red::Seen {
+            how: format!("{failed} self-tests failed, their fallbacks changed 0 pixels"),
+        },
+        false => Red::Unseen,
+    }
+}
+
+/// With the slope in the bias, what is snapped apart by 1/128 pixel stays hidden; without, it shows.
+fn without_slope(stage: &Stage<'_>) -> Red {
+    let (recipe, facts) = stage.chosen(BIASED);
+    let mut plans = preshade::measure::variant(&stage.originals, &recipe, &facts).plans;
+    let contract = contract(&plans);
+    moved(&mut plans, Role::Prepass, Moved::Up(1.0 / 128.0));
+    if let Red::Seen { how } = judged(stage, &plans, &contract) {
+        panic!("with its slope the bias does not hold: {how}");
+    }
+    biased(&mut plans, |b| DepthBias {
+        constant: b.constant.signum(),
+        slope_scale: 0.0,
+        ..b
+    });
+    judged(stage, &plans, &contract)
+}

@@ -1,0 +1,222 @@
+//! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away, or without a value.
+
+use preshade::passes::contract::Contract;
+
+use super::case::Expect::{Holds, Untied};
+use super::case::{ALL, Case, DIRECTIONS, FLOAT, REVERSED, SAMPLED};
+use super::mutate::Mutation;
+
+const BIASED: &str = "depth-prepass";
+const EQUAL: &str = "depth-prepass:form=equal";
+const EARLY: &str = "early-discard";
+const VISIBLE: &str = "visibility-buffer";
+
+pub const CASES: &[Case] = &[
+    Case {
+        name: "vertices behind the near plane",
+        scene: "behind",
+        guards: "corners divided by a w that is clamped to be positive, or taken for ones in front",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=compute", Holds),
+        ],
+        mutation: (
+            "the resolve takes w for at least 0.05",
+            Mutation::Text(
+                VISIBLE,
+                &[
+                    ("vec2(a.w)", "vec2(max(a.w, 0.05f))"),
+                    ("vec2(b.w)", "vec2(max(b.w, 0.05f))"),
+                    ("vec2(c.w)", "vec2(max(c.w, 0.05f))"),
+                ],
+            ),
+        ),
+    },
+    Case {
+        name: "vertices in the plane of the eye",
+        scene: "eye-plane",
+        guards: "a division by w ahead of interpolation, where w is 0",
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=binned", Holds),
+        ],
+        mutation: (
+            "the resolve divides by w first",
+            Mutation::Text(
+                VISIBLE,
+                &[
+                    ("fma(-(clip), vec2(a.w), a.xy)", "(a.xy / a.w - clip)"),
+                    ("fma(-(clip), vec2(b.w), b.xy)", "(b.xy / b.w - clip)"),
+                    ("fma(-(clip), vec2(c.w), c.xy)", "(c.xy / c.w - clip)"),
+                    (
+                        "return vec3<f32>(visible_cross_result, visible_cross_result2, visible_cross_result3);",
+                        "return vec3<f32>(visible_cross_result, visible_cross_result2, visible_cross_result3) / vec3<f32>(a.w, b.w, c.w);",
+                    ),
+                ],
+            ),
+        ),
+    },
+    Case {
+        name: "triangles larger than the screen",
+        scene: "huge",
+        guards: "what is left of the differences of large products, a few parts in a million of them",
+        setups: DIRECTIONS,
+        recipes: &[(BIASED, Holds), (EARLY, Holds)],
+        mutation: (
+            "the resolve's cross products without what their rounding lost",
+            Mutation::Text(
+                "visibility-buffer:budget=0.02",
+                &[(
+                    "return fma(a.x, b.y, -(second)) + lost;",
+                    "return a.x * b.y - second;",
+                )],
+            ),
+        ),
+    },
+    Case {
+        name: "slivers and triangles without area",
+        scene: "slivers",
+        guards: "a pixel's centre just outside of what the rasteriser covers, from where a thin triangle is extrapolated far",
+        setups: DIRECTIONS,
+        recipes: &[(BIASED, Holds), (EARLY, Holds), (VISIBLE, Holds)],
+        mutation: (
+            "the resolve extrapolates",
+            Mutation::Text(
+                VISIBLE,
+                &[("return max(turned, vec3<f32>());", "return turned;")],
+            ),
+        ),
+    },
+    Case {
+        name: "centroids at edges",
+        scene: "centroid",
+        guards: "a value carried without the way it is interpolated: outside of its triangle at every edge",
+        setups: SAMPLED,
+        recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds)],
+        mutation: (
+            "the value carried at pixels' centres, by hand",
+            Mutation::Shader("centroid-naive.wgsl", Contract::exact),
+        ),
+    },
+    Case {
+        name: "provoking vertices",
+        scene: "provoking",
+        guards: "a value of the whole triangle taken for one of each vertex",
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            ("hoist", Holds),
+            (VISIBLE, Holds),
+        ],
+        mutation: (
+            "the product of both computed at vertices, by hand",
+            Mutation::Shader("provoking-naive.wgsl", rounding),
+        ),
+    },
+    Case {
+        name: "equal values at three corners",
+        scene: "equal",
+        guards: "equal values that interpolation brings out unequal by a bit, ahead of a jump",
+        setups: DIRECTIONS,
+        recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds)],
+        mutation: (
+            "the level interpolated, by hand",
+            Mutation::Shader("equal-naive.wgsl", Contract::exact),
+        ),
+    },
+    Case {
+        name: "no value at hidden vertices",
+        scene: "hidden",
+        guards: "one vertex without a finite value, which spreads over every triangle that it is a corner of",
+        setups: &[FLOAT, REVERSED],
+        recipes: &[
+            (BIASED, Holds),
+            ("hoist", Holds),
+            ("hoist:budget=0.05", Holds),
+        ],
+        mutation: (
+            "all values taken to be finite",
+            Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
+        ),
+    },
+    Case {
+        name: "cracks at every level",
+        scene: "crack",
+        guards: "an edge that its two triangles divide differently: pixels drawn never, or twice",
+        setups: DIRECTIONS,
+        recipes: &[
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=2",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=3,pattern=uniform",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=5,form=shared",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=8",
+                Holds,
+            ),
+        ],
+        mutation: (
+            "an edge's points computed from its ends as each triangle has them",
+            Mutation::Text(
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=5",
+                &[(
+                    "let swap = tessellated_precedes(b.clip, a.clip);",
+                    "let swap = false;",
+                )],
+            ),
+        ),
+    },
+    Case {
+        name: "cracks between levels",
+        scene: "crack",
+        guards: "neighbours of different levels, and lengths of an edge that two triangles round apart",
+        setups: DIRECTIONS,
+        recipes: &[
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=7,edge-pixels=5",
+                Holds,
+            ),
+            (
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=40,edge-pixels=2",
+                Holds,
+            ),
+        ],
+        mutation: (
+            "each triangle divides its edges as its longest one",
+            Mutation::Text(
+                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                &[
+                    ("segments = ac;", "segments = inner;"),
+                    ("segments = bc;", "segments = inner;"),
+                ],
+            ),
+        ),
+    },
+];
+
+/// What `hoist` promises without a budget.
+fn rounding() -> Contract {
+    Contract::Rounding {
+        k: 1,
+        given: Vec::new(),
+    }
+}

@@ -1,0 +1,384 @@
+// The page: the same scene by each variant, what the plan promised, what the self-test found, and what it costs here.
+//
+// In the address: `?perturb=4e-7` pushes the pre-pass's positions by that much of their w, which no driver should: the self-test sees it, and the page falls back. With `&trust` it does
+// not look, and shows what would become of the picture.
+
+import { Vector3, WebGLRenderer } from 'three';
+import { capture, loadVariant, PlannedFrame } from './preshade-three.js';
+import { makeScene } from './scene.js';
+import { VARIANTS } from './variants.mjs';
+import { Views } from './views.js';
+
+const asked = new URLSearchParams(location.search);
+const element = (id) => document.getElementById(id);
+const say = (text) => (element('status').textContent = text);
+
+const renderer = new WebGLRenderer({ canvas: element('canvas'), antialias: false, depth: false });
+const gl = renderer.getContext();
+const views = new Views(renderer);
+const { scene, camera, materials, at } = await makeScene();
+const state = { variant: 'original', view: 'picture', split: 0.5, seconds: 0, turn: 0 };
+const start = camera.position.clone();
+const target = new Vector3(-0.6, 2.4, 0);
+
+// ---- sizes and the camera -----------------------------------------------------------------------------------------------------------------------------------------------------
+
+function fit() {
+    const { clientWidth, clientHeight } = element('canvas');
+    renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    renderer.setSize(clientWidth, clientHeight, false);
+    views.setSize(element('canvas').width, element('canvas').height);
+    camera.aspect = clientWidth / clientHeight;
+    camera.updateProjectionMatrix();
+}
+
+function pose() {
+    camera.position.copy(start).applyAxisAngle(new Vector3(0, 1, 0), state.turn);
+    camera.lookAt(target);
+    at(state.seconds);
+}
+
+// ---- variants -------------------------------------------------------------------------------------------------------------------------------------------------------------------
+
+/** The list that `npm run build` made: which plan of which material is which variant's. */
+const made = asked.has('capture') ? [] : await (await fetch('dist/variants.json')).json();
+/** By name, the variants that have been loaded: how to draw one, and what is to be said of it. */
+const loaded = new Map();
+
+/** Moves the pre-pass off the main pass by `amount`, as a driver does that compiles the two apart. */
+function perturb(amount) {
+    if (!amount) return undefined;
+    return (text, role, stage) => {
+        if (role !== 'prepass' || stage !== 'vertex') return text;
+        const end = text.lastIndexOf('}');
+        const body = text.slice(0, end).replace(/return;\s*$/, '');
+        return `${body}    gl_Position.z += ${amount.toExponential()} * gl_Position.w;\n}\n`;
+    };
+}
+
+const edit = perturb(Number(asked.get('perturb') ?? 0));
+
+async function load(name) {
+    if (loaded.has(name)) return loaded.get(name);
+    const { fallback } = VARIANTS.find((variant) => variant.name === name) ?? {};
+    const frame = new PlannedFrame(renderer);
+    const plans = new Map();
+    const find = (material, variant) => made.find((of) => of.material === material && of.variant === variant);
+    for (const [id, material] of Object.entries(materials)) {
+        const of = find(id, name);
+        if (!of?.plan) continue;
+        const variant = await loadVariant(of.plan, { edit });
+        const other = fallback && find(id, fallback)?.plan;
+        frame.use(material, variant, { fallback: other ? await loadVariant(other, { edit }) : null });
+        plans.set(id, variant.plan);
+    }
+    const found = {};
+    const variant = { name, frame, plans, found };
+    loaded.set(name, variant);
+    if (plans.size > 0 && !asked.has('trust')) {
+        pose();
+        renderer.setRenderTarget(views.scene);
+        const verdicts = await frame.selfTest(scene, camera);
+        for (const [id, material] of Object.entries(materials))
+            if (verdicts.has(material)) found[id] = verdicts.get(material);
+    }
+    return variant;
+}
+
+// ---- pictures ---------------------------------------------------------------------------------------------------------------------------------------------------------------
+
+/** Draws the scene's linear colours by a loaded variant. */
+function render(variant) {
+    renderer.setRenderTarget(views.scene);
+    variant.frame.render(scene, camera);
+}
+
+function draw() {
+    const variant = loaded.get(state.variant);
+    if (!variant) return;
+    pose();
+    if (state.view !== 'picture') {
+        render(loaded.get('original'));
+        views.develop(views.original);
+    }
+    render(variant);
+    views.develop(views.variant);
+    views.show({
+        split: state.view === 'split' ? state.split : 0,
+        gain: state.view === 'difference' ? 64 : 0,
+    });
+}
+
+/** The bytes of a loaded variant's picture. */
+function picture(variant) {
+    pose();
+    render(variant);
+    views.develop(views.variant);
+    return views.read(views.variant);
+}
+
+/** How two pictures differ: pixels by more than 1/255 in any channel, and the most. */
+function difference(a, b) {
+    let [off, most] = [0, 0];
+    for (let i = 0; i < a.length; i += 4) {
+        const apart = Math.max(Math.abs(a[i] - b[i]), Math.abs(a[i + 1] - b[i + 1]), Math.abs(a[i + 2] - b[i + 2]));
+        if (apart > 1) off += 1;
+        most = Math.max(most, apart);
+    }
+    return { off, most, pixels: a.length / 4 };
+}
+
+/** Each variant's picture against the original's, all of this moment. */
+async function compare(names) {
+    const original = await load('original');
+    const found = {};
+    for (const name of names) await load(name);
+    const before = picture(original);
+    for (const name of names) found[name] = difference(before, picture(loaded.get(name)));
+    return found;
+}
+
+/** How much of a variant's picture a material is seen in. */
+async function seen(name, id) {
+    const variant = await load(name);
+    const before = picture(variant);
+    materials[id].visible = false;
+    const without = picture(variant);
+    materials[id].visible = true;
+    return difference(before, without).off;
+}
+
+// ---- time -----------------------------------------------------------------------------------------------------------------------------------------------------------------
+
+const timer = gl.getExtension('EXT_disjoint_timer_query_webgl2');
+
+/** Milliseconds of one frame of a loaded variant: the GPU's own clock, or else the CPU's from the first call until the picture can be read. */
+async function time(variant) {
+    if (timer) {
+        const query = gl.createQuery();
+        gl.beginQuery(timer.TIME_ELAPSED_EXT, query);
+        render(variant);
+        gl.endQuery(timer.TIME_ELAPSED_EXT);
+        gl.flush();
+        while (!gl.getQueryParameter(query, gl.QUERY_RESULT_AVAILABLE))
+            await new Promise((done) => setTimeout(done, 1));
+        const nanoseconds = gl.getQueryParameter(query, gl.QUERY_RESULT);
+        gl.deleteQuery(query);
+        return gl.getParameter(timer.GPU_DISJOINT_EXT) ? null : nanoseconds / 1e6;
+    }
+    const before = performance.now();
+    render(variant);
+    renderer.readRenderTargetPixels(views.scene, 0, 0, 1, 1, new Uint16Array(4));
+    return performance.now() - before;
+}
+
+/** The median of `rounds` frames of each variant, in turn, so that what else the machine does falls on all alike. */
+async function measure(rounds = 9) {
+    const variants = [];
+    for (const { name } of choices) variants.push(await load(name));
+    pose();
+    const times = new Map(variants.map((variant) => [variant.name, []]));
+    for (let round = -1; round < rounds; round++) {
+        say(`Measuring: round ${Math.max(round + 1, 1)} of ${rounds}`);
+        for (const variant of round % 2 ? variants : [...variants].reverse()) {
+            const took = await time(variant);
+            if (round >= 0 && took > 0) times.get(variant.name).push(took);
+        }
+        await new Promise((done) => setTimeout(done, 0));
+    }
+    const median = (all) => [...all].sort((a, b) => a - b)[all.length >> 1] ?? null;
+    return new Map([...times].map(([name, all]) => [name, median(all)]));
+}
+
+// ---- controls ---------------------------------------------------------------------------------------------------------------------------------------------------------------
+
+const choices = [{ name: 'original', label: 'As its authors wrote it' }, ...VARIANTS];
+
+function row(name) {
+    return element('results').querySelector(`tr[data-variant="${name}"]`);
+}
+
+function fill(name, cells) {
+    for (const [key, value] of Object.entries(cells))
+        row(name).querySelector(`[data-cell="${key}"]`).textContent = value;
+}
+
+function node(tag, text, attributes = {}) {
+    const made = Object.assign(document.createElement(tag), attributes);
+    made.textContent = text;
+    return made;
+}
+
+function promise({ contract, forms }) {
+    const of = forms?.['glsl-es']?.contract ?? contract;
+    const given = of.given?.length ? `, given ${of.given.join(', ')}` : '';
+    const budget = of.kind === 'approximate' ? ` within ${of.budget} (${of.metric})` : '';
+    return `${of.kind}${budget}${given}`;
+}
+
+function described({ role, depth: { compare, write, bias, attachment } }) {
+    const pushed =
+        bias.constant || bias.slope_scale ? `, pushed by ${bias.constant} and ${bias.slope_scale} times the slope` : '';
+    return `${role}: ${compare} in ${attachment}${write ? ', writes depth' : ''}${pushed}`;
+}
+
+function taken(id, { plans, found, name }) {
+    const verdict = found[id];
+    const fallback = VARIANTS.find((variant) => variant.name === name)?.fallback;
+    if (verdict?.verdict === 'none') return 'none asked for';
+    if (verdict?.verdict === 'kept') return 'passed: the driver keeps the promise';
+    const instead = plans.get(id).fallback === 'original' || !fallback ? 'the original' : fallback;
+    const why = verdict?.verdict === 'broken' ? verdict.failure : 'nothing of it was in view';
+    return `failed: ${why}. Drawn by ${instead}`;
+}
+
+function about(variant) {
+    const section = element('about');
+    section.replaceChildren();
+    if (variant.name === 'original')
+        section.append(node('p', 'The scene as three.js draws it.', { className: 'faint' }));
+    for (const [id, material] of Object.entries(materials)) {
+        if (variant.name === 'original') break;
+        section.append(node('h2', id));
+        const plan = variant.plans.get(id);
+        if (!plan) {
+            const of = made.find((m) => m.material === id && m.variant === variant.name);
+            const why = material.transparent ? 'transparent: no pass for it' : (of?.says[0] ?? 'no pass applies');
+            section.append(node('p', why, { className: 'faint' }));
+            continue;
+        }
+        const list = document.createElement('dl');
+        const broken = ['broken', 'unseen'].includes(variant.found[id]?.verdict);
+        list.append(
+            node('dt', 'Promise'),
+            node('dd', promise(plan)),
+            node('dt', 'Passes'),
+            node('dd', plan.passes.map(described).join('; ')),
+            node('dt', 'Self-test'),
+            node('dd', taken(id, variant), { className: broken ? 'wrong' : '' }),
+        );
+        section.append(list);
+    }
+}
+
+async function choose(name) {
+    say('Loading…');
+    const variant = await load(name);
+    state.variant = name;
+    element('variants').querySelector(`[value="${name}"]`).checked = true;
+    draw();
+    about(variant);
+    say('');
+}
+
+function controls() {
+    for (const { name, label } of choices) {
+        const input = Object.assign(document.createElement('input'), { type: 'radio', name: 'variant', value: name });
+        input.checked = name === 'original';
+        const line = document.createElement('label');
+        line.append(input, ` ${label}`);
+        element('variants').append(line);
+        const results = document.createElement('tr');
+        results.dataset.variant = name;
+        results.append(Object.assign(node('th', label), { scope: 'row' }));
+        for (const cell of ['ms', 'off', 'most']) {
+            const of = node('td', '–');
+            of.dataset.cell = cell;
+            results.append(of);
+        }
+        element('results').append(results);
+    }
+    element('controls').addEventListener('submit', (event) => event.preventDefault());
+    element('controls').addEventListener('change', ({ target: { name, value } }) => {
+        if (name === 'variant') choose(value);
+        if (name === 'view') {
+            state.view = value;
+            element('split').disabled = value !== 'split';
+            draw();
+        }
+    });
+    element('split').addEventListener('input', ({ target: { value } }) => {
+        state.split = Number(value);
+        draw();
+    });
+    element('canvas').addEventListener('keydown', (event) => {
+        const step = { ArrowLeft: 0.06, ArrowRight: -0.06 }[event.key];
+        if (!step) return;
+        event.preventDefault();
+        state.turn += step;
+        draw();
+    });
+    let dragged = null;
+    element('canvas').addEventListener('pointerdown', (event) => {
+        dragged = event.clientX;
+        element('canvas').setPointerCapture(event.pointerId);
+    });
+    element('canvas').addEventListener('pointerup', () => (dragged = null));
+    element('canvas').addEventListener('pointermove', ({ clientX }) => {
+        if (dragged === null) return;
+        state.turn += (dragged - clientX) * 0.006;
+        dragged = clientX;
+        draw();
+    });
+    let last = null;
+    const move = (now) => {
+        if (!element('move').checked) return;
+        const passed = last === null ? 0 : Math.min(now - last, 100) / 1000;
+        last = now;
+        state.seconds += passed;
+        state.turn += passed * 0.08;
+        draw();
+        requestAnimationFrame(move);
+    };
+    element('move').addEventListener('change', () => {
+        last = null;
+        requestAnimationFrame(move);
+    });
+    element('measure').addEventListener('click', async () => {
+        element('measure').disabled = true;
+        for (const [name, ms] of await measure()) {
+            const { off, most } = (await compare([name]))[name];
+            fill(name, {
+                ms: ms === null ? 'no clock' : ms.toFixed(1),
+                off: name === 'original' ? '' : off,
+                most: name === 'original' ? '' : most,
+            });
+        }
+        say('');
+        draw();
+        element('measure').disabled = false;
+    });
+    const info = gl.getExtension('WEBGL_debug_renderer_info');
+    element('adapter').textContent = info
+        ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL)
+        : gl.getParameter(gl.RENDERER);
+    element('clock').textContent = timer
+        ? 'GPU milliseconds a frame, median of 9'
+        : 'CPU milliseconds a frame until the picture can be read, median of 9: no GPU clock here';
+    new ResizeObserver(() => {
+        fit();
+        draw();
+    }).observe(element('canvas'));
+}
+
+fit();
+/** For the build, which takes the materials' GLSL, and for the test. */
+window.page = {
+    capture() {
+        renderer.setRenderTarget(views.scene);
+        renderer.render(scene, camera);
+        const opaque = Object.entries(materials).filter(([, material]) => !material.transparent);
+        return Object.fromEntries(opaque.map(([name, material]) => [name, capture(renderer, material)]));
+    },
+    compare,
+    seen,
+    measure: async (rounds) => Object.fromEntries(await measure(rounds)),
+    found: async (name) => (await load(name)).found,
+    choose,
+    materials,
+};
+if (!asked.has('capture')) {
+    controls();
+    await choose('original');
+}
+element('canvas').dataset.ready = 'yes';

@@ -1,0 +1,163 @@
+// Draws the page in Chromium and looks at it: each variant against the original, after a resize, with a changed material, and where the driver breaks a promise.
+//
+//     node test.mjs [FOLDER]        screenshots go there; default: dist/screenshots
+
+import assert from 'node:assert/strict';
+import { mkdir } from 'node:fs/promises';
+import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { open } from './browser.mjs';
+import { serve } from './serve.mjs';
+import { VARIANTS } from './variants.mjs';
+
+const out = process.argv[2] ?? fileURLToPath(new URL('dist/screenshots', import.meta.url));
+const started = Date.now();
+const said = (text) => console.log(`${((Date.now() - started) / 1000).toFixed(1).padStart(6)} s  ${text}`);
+/** What a variant may be off by, of 255: what its recipe allows where that is more than a rounding. */
+const BUDGET = { 'hoist-budget': 0.05 * 255 };
+
+/** Each variant's picture against the original's, right after whatever was done to the page. Gives back how many pixels they have. */
+async function same(page, names, when) {
+    const all = await page.evaluate((names) => window.page.compare(names), names);
+    for (const [name, { off, most, pixels }] of Object.entries(all)) {
+        said(`${name}, ${when}: ${off} of ${pixels} pixels off by more than 1/255, at most ${most}`);
+        const budget = BUDGET[name];
+        if (budget) assert.ok(off > 0 && most <= budget, `${name}, ${when}: off by ${most}, and may be by ${budget}`);
+        else assert.equal(off, 0, `${name}, ${when}`);
+    }
+    return all[names[0]].pixels;
+}
+
+const found = (page, name) => page.evaluate((name) => window.page.found(name), name);
+
+async function pictures(page) {
+    const names = VARIANTS.map(({ name }) => name);
+    await same(page, names, 'as loaded');
+    const verdicts = {
+        'prepass-equal': 'kept',
+        'prepass-biased': 'kept',
+        'hoist-prepass': 'kept',
+        'early-discard': 'none',
+    };
+    for (const [name, verdict] of Object.entries(verdicts)) {
+        const of = await found(page, name);
+        assert.deepEqual(Object.keys(of), ['stone', 'leaf', 'bronze'], name);
+        for (const [material, found] of Object.entries(of))
+            assert.equal(found.verdict, verdict, `${name} of ${material}`);
+    }
+    // The transparent sphere, and what is behind it, are there.
+    for (const name of ['prepass-equal', 'early-discard']) {
+        const pixels = await page.evaluate((name) => window.page.seen(name, 'glass'), name);
+        said(`${name}: the glass is seen in ${pixels} pixels`);
+        assert.ok(pixels > 500);
+    }
+}
+
+async function resize(page) {
+    const size = () => page.$eval('#canvas', ({ width, height }) => [width, height]);
+    for (const [width, height] of [
+        [905, 173],
+        [611, 301],
+    ]) {
+        const before = await size();
+        await page.setViewportSize({ width, height });
+        await page.waitForFunction(([width, height]) => {
+            const canvas = document.getElementById('canvas');
+            return canvas.width !== width && canvas.height !== height;
+        }, before);
+        const [w, h] = await size();
+        const names = ['prepass-equal', 'prepass-biased', 'early-discard'];
+        assert.equal(await same(page, names, `resized to ${w} x ${h}`), w * h);
+    }
+}
+
+/** What a host does to its materials counts in every pass. */
+async function changes(page) {
+    const set = (values) =>
+        page.evaluate((values) => {
+            for (const [material, of] of Object.entries(values)) {
+                const { color, wind, ...others } = of;
+                const to = window.page.materials[material];
+                if (color) to.color.set(color);
+                if (wind) to.uniforms.wind.value = wind;
+                Object.assign(to, others);
+            }
+        }, values);
+    await set({ bronze: { color: '#ff8877', roughness: 0.9 }, leaf: { wind: 0.3 } });
+    const names = ['prepass-equal', 'early-discard'];
+    await same(page, names, 'with another colour and more wind');
+    await set({ stone: { transparent: true, opacity: 1 } });
+    await same(page, names, 'with a material made transparent');
+    await set({ stone: { transparent: false } });
+}
+
+async function controls(page) {
+    await page.setViewportSize({ width: 960, height: 440 });
+    await page.focus('input[name=variant][value=original]');
+    await page.keyboard.press('ArrowDown');
+    await page.waitForFunction(() => document.getElementById('about').textContent.includes('Self-test'));
+    assert.match(await page.textContent('#about'), /passed: the driver keeps the promise/);
+    await page.screenshot({ path: join(out, 'prepass-equal.png') });
+    await page.focus('input[name=view][value=picture]');
+    await page.keyboard.press('ArrowDown');
+    await page.screenshot({ path: join(out, 'split.png') });
+    await page.focus('#split');
+    await page.keyboard.press('Home');
+    await page.emulateMedia({ colorScheme: 'dark' });
+    await page.evaluate(() => window.page.choose('hoist-budget'));
+    await page.click('input[name=view][value=difference]');
+    await page.screenshot({ path: join(out, 'hoist-difference-dark.png') });
+    await page.setViewportSize({ width: 400, height: 500 });
+    await page.click('input[name=view][value=picture]');
+    await page.screenshot({ path: join(out, 'narrow-dark.png') });
+    assert.ok(
+        await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth),
+        'the page is wider than a narrow window',
+    );
+    await page.setViewportSize({ width: 860, height: 160 });
+    const times = await page.evaluate(() => window.page.measure(1));
+    said(`one frame each: ${JSON.stringify(times)} ms`);
+    assert.deepEqual(Object.keys(times), ['original', ...VARIANTS.map(({ name }) => name)]);
+    for (const [name, ms] of Object.entries(times)) assert.ok(ms > 0, name);
+}
+
+/** The pre-pass's position off by a few of the depth's steps, either way. */
+async function broken(page, visit, address) {
+    for (const amount of ['4e-7', '-4e-7']) {
+        await visit(`${address}/?perturb=${amount}`);
+        for (const [material, { verdict, failure }] of Object.entries(await found(page, 'prepass-equal'))) {
+            said(`pushed by ${amount}, ${material}: ${verdict}, ${failure}`);
+            assert.equal(verdict, 'broken');
+        }
+        await same(page, ['prepass-equal'], 'fallen back to the biased form');
+    }
+    await page.setViewportSize({ width: 960, height: 440 });
+    await page.evaluate(() => window.page.choose('prepass-equal'));
+    assert.match(await page.textContent('#about'), /failed: .* Drawn by prepass-biased/);
+    await page.screenshot({ path: join(out, 'fallback.png') });
+    await page.setViewportSize({ width: 860, height: 160 });
+    // The test would not be worth much if nothing had been wrong.
+    await visit(`${address}/?perturb=-4e-7&trust`);
+    const { off } = await page.evaluate(async () => (await window.page.compare(['prepass-equal']))['prepass-equal']);
+    said(`not looked at: ${off} pixels off`);
+    assert.ok(off > 5000);
+    await page.evaluate(() => window.page.choose('prepass-equal'));
+    await page.screenshot({ path: join(out, 'trusted.png') });
+}
+
+await mkdir(out, { recursive: true });
+const { server, address } = await serve();
+const { browser, page, visit, errors } = await open(860, 160);
+try {
+    await visit(`${address}/`);
+    said(await page.textContent('#adapter'));
+    await pictures(page);
+    await resize(page);
+    await changes(page);
+    await controls(page);
+    await broken(page, visit, address);
+    assert.deepEqual(errors, [], 'the page complained');
+} finally {
+    await browser.close();
+    server.close();
+}
