@@ -383,7 +383,9 @@ pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
             (name, scalars.chain(overrides).collect())
         }
         Unfit::Syntax(text) => (text, Vec::new()),
-        Unfit::Ambiguous(name, _) | Unfit::Value(name, _) => (name, Vec::new()),
+        Unfit::Ambiguous(name, _) | Unfit::Value(name, _) | Unfit::Twice(name) => {
+            (name, Vec::new())
+        }
     };
     Some(Misnamed {
         message,
