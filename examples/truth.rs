@@ -106,7 +106,7 @@ fn spread(of: Spread) -> String {
 fn short(number: f64) -> String {
     match number {
         0.0 => "0".to_owned(),
-        n if n >= 1e5 || n < 1e-3 => format!("{n:.0e}"),
+        n if !(1e-3..1e5).contains(&n) => format!("{n:.0e}"),
         n if n >= 10.0 => format!("{n:.0}"),
         n if n >= 1.0 => format!("{n:.1}"),
         n if n >= 0.1 => format!("{n:.2}"),

@@ -197,7 +197,7 @@ pub fn verify(
         }
         let missing: Vec<String> = views[i + 1..].iter().map(View::to_string).collect();
         let measured = Report {
-            clock: clock.clone(),
+            clock,
             variants: subjects.iter().map(Subject::so_far).collect(),
             ..blank(gpu, scene, settings)
         };
