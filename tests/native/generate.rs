@@ -13,7 +13,7 @@ pub struct Pair {
 }
 
 /// How many constructs there are.
-pub const CONSTRUCTS: usize = 40;
+pub const CONSTRUCTS: usize = 46;
 
 /// A GLSL that a host may get.
 #[derive(Clone, Copy, PartialEq, Eq)]
