@@ -265,11 +265,11 @@ fn in_full_precision(text: &str) -> String {
     if !is_es {
         return text.to_owned();
     }
-    let last = text.lines().filter(|l| {
+    let mut last = text.lines().filter(|l| {
         let l = l.trim_start();
         l.starts_with("#version") || l.starts_with("#extension")
     });
-    let last = last.last().unwrap_or_default();
+    let last = last.next_back().unwrap_or_default();
     text.replace("mediump", "highp")
         .replace("lowp", "highp")
         .replacen(last, &format!("{last}\nprecision highp int;"), 1)

@@ -202,6 +202,7 @@ pub const CASES: &[Case] = &[
 /// What `hoist` promises without a budget.
 fn rounding() -> Contract {
     Contract::Rounding {
+        turned: None,
         k: 1,
         given: Vec::new(),
     }

@@ -132,6 +132,7 @@ fn folded(stage: &super::case::Stage<'_>) -> Red {
 
 fn rounding() -> Contract {
     Contract::Rounding {
+        turned: None,
         k: 1,
         given: Vec::new(),
     }
