@@ -16,7 +16,7 @@ fn random_recipes_compose_or_refuse() {
     let count = std::env::var("PRESHADE_COMBINATIONS")
         .ok()
         .and_then(|n| n.parse().ok())
-        .unwrap_or(300);
+        .unwrap_or(400);
     let originals: Vec<Plan> = materials()
         .iter()
         .map(|files| {

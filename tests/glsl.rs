@@ -64,6 +64,47 @@ fn what_naga_is_given() {
     }
 }
 
+/// naga makes names of the members of every block, also of one that has a name of its own.
+#[test]
+fn members_of_a_named_block_hide_nothing() {
+    let vertex = "#version 450
+layout(location = 0) in vec3 p;
+layout(std430, binding = 0) readonly buffer Places { mat4 instances[]; };
+layout(binding = 1) uniform Tint { vec4 tint; };
+layout(binding = 2) uniform Frame { uint instances; vec4 tint; } frame;
+layout(location = 0) out vec4 color;
+void main() {
+    color = tint + frame.tint;
+    gl_Position = instances[frame.instances] * vec4(p, 1.0);
+}
+";
+    let fragment = "#version 450
+layout(location = 0) in vec4 color;
+layout(location = 0) out vec4 c;
+void main() { c = color; }
+";
+    let parsed = parse(&texts(vertex, fragment), &Options::default());
+    let plan = Plan::original(
+        "m",
+        parsed.program.clone(),
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let recipe = Recipe::parse(["depth-prepass:form=equal"]).unwrap();
+    let plan = recipe.apply(&plan, &Facts::default()).unwrap();
+    let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+    let wgsl: Vec<String> = files
+        .iter()
+        .map(|f| String::from_utf8_lossy(&f.bytes).into_owned())
+        .collect();
+    let wgsl = wgsl.join("\n");
+    assert!(
+        wgsl.contains("global.tint") && wgsl.contains("frame.tint"),
+        "{wgsl}"
+    );
+}
+
 #[test]
 fn what_is_emitted_reads_back() {
     for name in names() {

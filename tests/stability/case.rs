@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use preshade::measure::verdict::breaks;
 use preshade::measure::{self, Counter, ErrorLadder};
-use preshade::passes::contract::Contract;
+use preshade::passes::contract::{Assumption, Contract};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role};
 use preshade::passes::state::{DepthDirection, DepthFormat};
@@ -220,6 +220,15 @@ impl<'a> Stage<'a> {
         (chosen.unwrap(), facts)
     }
 
+    /// Whether a recipe's promise is about an original whose position is marked `@invariant`.
+    fn rests_on_marks(&self, recipe: &str) -> bool {
+        let recipe = Recipe::parse_list(recipe).unwrap();
+        let variant = measure::variant(&self.originals, &recipe, &self.facts);
+        contract(&variant.plans)
+            .given()
+            .contains(&Assumption::InvariantOriginal)
+    }
+
     /// The worst difference of `host`'s pictures, or why there are none.
     pub fn compare(&self, host: &Host) -> Result<ErrorLadder, String> {
         let drawn = pictures(self.inputs, host)?;
@@ -356,8 +365,16 @@ fn drawn(case: &Case) -> Outcome {
             "{} draws nothing",
             case.name
         );
+        // What promises to equal an original with `@invariant` positions is held against that, as `verify --invariant` does.
+        let marked = scene.clone().with_invariant_positions();
+        let marked = SceneInputs::new(gpu(), &marked).unwrap();
+        let mut on_marked: Option<Stage<'_>> = None;
         for (recipe, expect) in case.recipes {
-            runs.push(draw(&stage, *setup, recipe, *expect));
+            let stage = match stage.rests_on_marks(recipe) {
+                true => on_marked.get_or_insert_with(|| Stage::new(&marked)),
+                false => &stage,
+            };
+            runs.push(draw(stage, *setup, recipe, *expect));
         }
         mutated.get_or_insert_with(|| case.mutation.1.red(&stage));
     }

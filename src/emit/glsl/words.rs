@@ -34,17 +34,24 @@ pub(super) fn is_keyword(word: &str) -> bool {
 fn is_type(word: &str) -> bool {
     let digits =
         |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit() || b == b'x');
-    let plain = word.trim_start_matches(['b', 'i', 'u', 'd', 'f']);
-    let sized = |stem: &str| plain.strip_prefix(stem).is_some_and(digits);
-    let opaque = |stem: &str| {
-        plain.strip_prefix(stem).is_some_and(|rest| {
-            rest.starts_with(['1', '2', '3'])
-                || rest.starts_with("Cube")
-                || rest.starts_with("Buffer")
-                || rest.starts_with("External")
-        })
+    let opaque = |rest: &str| {
+        rest.starts_with(['1', '2', '3'])
+            || rest.starts_with("Cube")
+            || rest.starts_with("Buffer")
+            || rest.starts_with("External")
     };
-    sized("vec") || sized("mat") || opaque("sampler") || opaque("image")
+    let is_plain = |plain: &str| {
+        let after = |stem: &str| plain.strip_prefix(stem);
+        ["vec", "mat"].iter().any(|s| after(s).is_some_and(digits))
+            || ["sampler", "image"]
+                .iter()
+                .any(|s| after(s).is_some_and(opaque))
+    };
+    // One letter may say what it is of.
+    is_plain(word)
+        || word
+            .strip_prefix(['b', 'i', 'u', 'd'])
+            .is_some_and(is_plain)
 }
 
 #[cfg(test)]

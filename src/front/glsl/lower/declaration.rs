@@ -91,6 +91,8 @@ impl Lower<'_, '_> {
 
     fn resources(&mut self) -> Result<String, Error> {
         let mut out = self.loose_uniforms()?;
+        // naga takes the members of a block for names of their own even where the block has one. What comes later by such a name hides them again.
+        let mut named = String::new();
         for block in self.stage.blocks.clone() {
             let storage = block.qualifiers.storage == Some(Storage::Buffer);
             let push = block.qualifiers.says("push_constant");
@@ -132,12 +134,12 @@ impl Lower<'_, '_> {
                 };
             }
             let name = self.safe(&block.name);
-            out += &format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
+            let text = format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
             let instance = block.instance.as_ref().map(|i| self.safe(i));
-            if let Some(instance) = &instance {
-                out += &format!(" {instance}");
+            match &instance {
+                Some(instance) => named += &format!("{text} {instance};\n"),
+                None => out += &format!("{text};\n"),
             }
-            out += ";\n";
             let members: Vec<(String, Var)> = block
                 .members
                 .iter()
@@ -225,7 +227,7 @@ impl Lower<'_, '_> {
                 out += &format!("layout({s}) uniform {sampler} {};\n", bound.pair.sampler);
             }
         }
-        Ok(out)
+        Ok(named + &out)
     }
 
     fn loose_uniforms(&mut self) -> Result<String, Error> {
