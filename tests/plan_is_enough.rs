@@ -161,6 +161,14 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "of GLSL, which the renderer does not draw",
     ),
     (
+        "compute_files[].{}.uniforms",
+        "of GLSL, which the renderer does not draw: `glsl_names.rs` holds them to the text",
+    ),
+    (
+        "compute_files[].{}.attributes",
+        "of GLSL, which the renderer does not draw: `glsl_names.rs` holds them to the text",
+    ),
+    (
         "compute_files[].{}.blocks",
         "of GLSL, which the renderer does not draw",
     ),
@@ -186,12 +194,28 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "of GLSL, which the renderer does not draw",
     ),
     (
+        "files[].vertex.{}.uniforms",
+        "of GLSL, which the renderer does not draw: `glsl_names.rs` holds them to the text",
+    ),
+    (
+        "files[].vertex.{}.attributes",
+        "of GLSL, which the renderer does not draw: `glsl_names.rs` holds them to the text",
+    ),
+    (
         "files[].vertex.{}.blocks",
         "of GLSL, which the renderer does not draw",
     ),
     (
         "files[].fragment.{}.textures",
         "of GLSL, which the renderer does not draw",
+    ),
+    (
+        "files[].fragment.{}.uniforms",
+        "of GLSL, which the renderer does not draw: `glsl_names.rs` holds them to the text",
+    ),
+    (
+        "files[].fragment.{}.attributes",
+        "of GLSL, which the renderer does not draw: `glsl_names.rs` holds them to the text",
     ),
     (
         "files[].fragment.{}.blocks",

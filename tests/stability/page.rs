@@ -167,6 +167,7 @@ fn suffix(expect: &super::case::Expect) -> String {
         Expect::Untied => " (refused where depths tie)".to_owned(),
         Expect::Shades(most) => format!(" (shading at most {most} a pixel)"),
         Expect::Withstands(steps) => format!(" (also with its pre-pass {steps} floats away)"),
+        Expect::Assumes(name) => format!(" (where `{name}` is so)"),
         Expect::Refused(code) => format!(" (refused: {code})"),
     }
 }
@@ -178,6 +179,7 @@ fn runs(outcome: &Outcome) -> String {
         let word = match &*run.result {
             "holds" => "hold",
             "refused" => "refused",
+            super::case::UNMET => "on an assumption that is not met",
             _ => "**wrong**",
         };
         *counts.entry(word).or_default() += 1;

@@ -5,7 +5,7 @@ use preshade::passes::state::DepthBias;
 
 use super::case::Case;
 use super::case::DIRECTIONS;
-use super::case::Expect::{Holds, Refused, Untied};
+use super::case::Expect::{Assumes, Holds, Refused, Untied};
 use super::case::Red;
 use super::depth::biased;
 use super::mutate::Mutation;
@@ -114,7 +114,7 @@ pub const CASES: &[Case] = &[
             (BIASED, Holds),
             (EARLY, Holds),
             ("specialize", Refused("nothing-known")),
-            ("hoist", Holds),
+            ("hoist", Assumes("stages-agree")),
         ],
         mutation: ("the product folded, by hand", Mutation::Own(folded)),
     },
