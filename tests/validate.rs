@@ -4,8 +4,9 @@
 use std::collections::BTreeMap;
 
 use preshade::passes::pass::Facts;
-use preshade::passes::validate::{Effort, Verdict, validate};
+use preshade::passes::validate::{Check, Effort, Verdict, validate};
 use preshade::recipe::Recipe;
+use rayon::prelude::*;
 
 mod fixtures_support;
 use fixtures_support::{COMPOSED, RECIPES, materials, original};
@@ -27,45 +28,42 @@ fn no_recipe_breaks_a_promise_of_a_fixture() {
         paths: 16,
         ..Effort::default()
     };
+    let checks: Vec<(String, Check)> = materials()
+        .par_iter()
+        .filter(|files| cfg!(feature = "glsl") || files.len() == 1)
+        .flat_map_iter(|files| {
+            let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
+            let original = original(&files);
+            let mut checks = Vec::new();
+            for recipe in RECIPES.into_iter().chain(COMPOSED).chain(MORE) {
+                let parsed = Recipe::parse_list(recipe).unwrap();
+                let Ok(variant) = parsed.apply(&original, &Facts::without_ties()) else {
+                    continue;
+                };
+                let name = format!("{} by {recipe}", original.material);
+                let of = validate(&original, &variant, &effort);
+                checks.extend(of.into_iter().map(|check| (name.clone(), check)));
+            }
+            checks
+        })
+        .collect();
     let mut kinds: BTreeMap<&str, usize> = BTreeMap::new();
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
     let mut broken = Vec::new();
-    for files in materials() {
-        let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
-        if cfg!(not(feature = "glsl")) && files.len() > 1 {
-            continue;
-        }
-        let original = original(&files);
-        for recipe in RECIPES.into_iter().chain(COMPOSED).chain(MORE) {
-            let parsed = Recipe::parse_list(recipe).unwrap();
-            let Ok(variant) = parsed.apply(&original, &Facts::without_ties()) else {
-                continue;
-            };
-            let start = std::time::Instant::now();
-            for check in validate(&original, &variant, &effort) {
-                let kind = match &check.verdict {
-                    Verdict::Proved { .. } => "proved",
-                    Verdict::Agreed { .. } => "agreed",
-                    Verdict::Counterexample(_) => "broken",
-                    Verdict::NotEvaluable { why } => {
-                        *reasons.entry(why.clone()).or_default() += 1;
-                        "not evaluated"
-                    }
-                };
-                *kinds.entry(kind).or_default() += 1;
-                if check.verdict.is_broken() {
-                    broken.push(format!(
-                        "{} by {recipe}, {}: {}: {}",
-                        original.material,
-                        check.role.name(),
-                        check.promise,
-                        check.verdict
-                    ));
-                }
+    for (name, check) in checks {
+        let kind = match &check.verdict {
+            Verdict::Proved { .. } => "proved",
+            Verdict::Agreed { .. } => "agreed",
+            Verdict::Counterexample(_) => "broken",
+            Verdict::NotEvaluable { why } => {
+                *reasons.entry(why.clone()).or_default() += 1;
+                "not evaluated"
             }
-            if start.elapsed().as_secs() > 1 {
-                eprintln!("{} {recipe} {:?}", original.material, start.elapsed());
-            }
+        };
+        *kinds.entry(kind).or_default() += 1;
+        if check.verdict.is_broken() {
+            let (role, promise) = (check.role.name(), &check.promise);
+            broken.push(format!("{name}, {role}: {promise}: {}", check.verdict));
         }
     }
     eprintln!("{kinds:?}\n{reasons:#?}");

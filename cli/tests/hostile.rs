@@ -238,14 +238,19 @@ fn what_is_too_large_is_refused_by_the_limit_s_name() {
     );
 }
 
-/// 65,535 turns are the most that a software adapter lets a loop have, so that one in another never ends either.
-const ENDLESS: &str = "var n = 0.0;
-    loop { loop { loop { if at.x < 0.0 { break; } n += sin(n + at.x); } } }
-    if n > 3.0 { return vec4(n); }";
+/// A software adapter lets all loops of a shader have 65,535 turns together, so that each turn takes long.
+fn endless() -> String {
+    let turn = "n += sin(n + at.x);".repeat(256);
+    format!(
+        "var n = 0.0;
+    loop {{ if at.x < 0.0 {{ break; }} {turn} }}
+    if n > 3.0 {{ return vec4(n); }}"
+    )
+}
 
 #[test]
 fn a_shader_that_never_ends_is_stopped() {
-    let here = folder("endless", SCENE, ENDLESS);
+    let here = folder("endless", SCENE, &endless());
     let args = [
         "verify",
         "a.toml",

@@ -85,7 +85,7 @@ impl Folder {
     pub(super) fn folder(&self, name: &Path) -> Result<PathBuf, Error> {
         let real = self.base.join(name).canonicalize();
         let real = real.map_err(|e| Error::read(name, &e))?;
-        match real.starts_with(&self.root) {
+        match self.root().is_none_or(|root| real.starts_with(root)) {
             true => Ok(real),
             false => Err(Error::new(format!(
                 "`{}` lies outside of the scene's root folder",
