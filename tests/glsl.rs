@@ -100,7 +100,8 @@ void main() { c = color; }
         .collect();
     let wgsl = wgsl.join("\n");
     assert!(
-        wgsl.contains("global.tint") && wgsl.contains("frame.tint"),
+        wgsl.contains("= (global_1.tint + frame.tint);")
+            || wgsl.contains("= global_1.tint + frame.tint;"),
         "{wgsl}"
     );
 }
