@@ -258,7 +258,7 @@ pub fn below(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> (f64
 
 /// Cost of computing each of several values by itself, with all it rests on: [`below`] of each.
 ///
-/// What values share is counted once for each, so that this cannot be had from the costs of their operands. The walk is shared by as many of them as an [`Above`]
+/// What values share is counted once for each, so that this cannot be had from the costs of their operands. The walk is shared by as many of them as an `Above`
 /// holds, and parts of the graph that the same ones rest on are added up before they are counted.
 pub fn below_each(values: &Values<'_, '_>, of: &[ValueId]) -> Vec<f64> {
     let operands = |id: ValueId| values.values[id].operands.as_slice();
