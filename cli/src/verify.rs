@@ -623,10 +623,10 @@ mod tests {
 
     #[test]
     fn what_is_shared_names_no_folder_of_the_machine() {
-        let json = r#"{"command":"preshade verify /home/ada/work/a.toml --out=/home/ada/out scenes/b.toml","file":"/home/ada/work/shaders/a.wgsl"}"#;
+        let json = r#"{"command":"preshade verify /home/ada/shop/a.toml --out=/home/ada/out scenes/b.toml","file":"/home/ada/shop/shaders/a.wgsl"}"#;
         let typed = [
             "verify",
-            "/home/ada/work/a.toml",
+            "/home/ada/shop/a.toml",
             "--out=/home/ada/out",
             "scenes/b.toml",
         ];
