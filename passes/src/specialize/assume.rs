@@ -457,7 +457,10 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
             ScalarType::F32 => f64::from(value as f32),
             _ => value,
         };
-        if out.iter().any(|a: &Assumed| a.place == place) {
+        if out
+            .iter()
+            .any(|a: &Assumed| (&a.place, a.ty) == (&place, ty))
+        {
             return Err(Unfit::Twice(full));
         }
         out.push(Assumed {
