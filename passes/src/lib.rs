@@ -44,6 +44,7 @@ pub mod reflect;
 pub mod returns;
 pub mod self_test;
 pub mod shadow;
+mod simplify;
 pub mod skip_taps;
 pub mod slice;
 pub mod specialize;

@@ -24,17 +24,16 @@
 
 use std::collections::BTreeSet;
 
-use naga::ShaderStage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::contract::{Assumption, Contract, Turned};
-use crate::graph::{FunctionId, Graph};
+use crate::graph::Graph;
 use crate::hoist::Metric;
-use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
-use crate::plan::{GpuPass, Plan, Role, Step};
+use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::plan::{GpuPass, Plan, Role};
 use crate::program::Program;
-use crate::reflect;
+use crate::simplify::{self, Refused, Simplified};
 use crate::slice::{self, Criterion, OutputFilter};
 use crate::specialize::contraction;
 
@@ -86,18 +85,7 @@ impl Pass for SkipTaps {
     };
 
     fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
-        match Skipped::new(plan, params) {
-            Ok(skipped) => Sites {
-                sites: vec![skipped.site],
-                left: skipped.left,
-                ..Sites::default()
-            },
-            Err((refusal, left)) => Sites {
-                refusals: vec![*refusal],
-                left,
-                ..Sites::default()
-            },
-        }
+        Simplified::sites(skipped(plan, params))
     }
 
     fn apply(
@@ -106,15 +94,8 @@ impl Pass for SkipTaps {
         site: &SiteKey,
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
-        let skipped = Skipped::new(plan, params).map_err(|(refusal, _)| refusal)?;
-        if *site != skipped.site.key {
-            return Err(refuse(
-                "stale",
-                "the site is not one of this plan's",
-                "find the sites anew",
-            ));
-        }
-        Ok(skipped.plan(plan, params))
+        let found = skipped(plan, params).map_err(|(refusal, _)| refusal)?;
+        found.apply(plan, Self::INFO.name, site, params)
     }
 }
 
@@ -123,90 +104,67 @@ fn refuse(code: &str, reason: impl Into<String>, remedy: impl Into<String>) -> B
 }
 
 /// A material's main pass with its taps behind branches.
-struct Skipped {
-    program: Program,
-    /// Key of the program it takes the place of.
-    of: String,
-    site: Site,
-    left: Vec<Left>,
-    contract: Contract,
-}
-
-type Refused = (Box<Refusal>, Vec<Left>);
-
-impl Skipped {
-    fn new(plan: &Plan, params: &Params) -> Result<Self, Refused> {
-        let alone = |refusal| (refusal, Vec::new());
-        let (pass, program, fragment) = examine(plan).map_err(alone)?;
-        let graph = Graph::build(program);
-        let meant = meant(&graph, fragment, params).map_err(alone)?;
-        let Terms { terms, left } = find::terms(&graph, pass, fragment, &meant);
-        if terms.is_empty() {
-            let reason = match left.is_empty() {
-                true => "the fragment stage has no sum of weighted texture samples",
-                false => "no weighted texture sample of the fragment stage can be left out",
-            };
-            let remedy = "explain lists what it weighs, and why each stays";
-            return Err((refuse("no-tap", reason, remedy), left));
-        }
-        let is_implicit = terms.iter().any(|t| !t.implicit.is_empty());
-        if params.budget.is_none() && (params.threshold > 0.0 || is_implicit) {
-            let (reason, remedy) = match params.threshold > 0.0 {
-                true => (
-                    "a sum without its small terms is another picture, and how much it may differ is not said",
-                    "give budget=0.01 (of flip_mean, or say metric=max_abs), or threshold=0",
-                ),
-                false => (
-                    "samples at an implicit level get gradients, whose level some adapters round otherwise, and how much the picture may differ is not said",
-                    "give budget=0.01 (of flip_mean, or say metric=max_abs), or sample with gradients or a level",
-                ),
-            };
-            return Err((refuse("no-budget", reason, remedy), left));
-        }
-        let module = branch::skipping(&graph, &terms, params.threshold as f32);
-        let bug = |e| (Box::new(Refusal::bug(SkipTaps::INFO.name, e)), Vec::new());
-        let after = program.with_module(module).map_err(bug)?;
-        let whole = graph.entry_cost(fragment);
-        let skipped: f64 = terms.iter().map(|t| t.cost).sum();
-        let all = [Criterion::Output(OutputFilter::All)];
-        Ok(Self {
-            site: Site {
-                key: SiteKey {
-                    role: Role::Main,
-                    entry_point: pass.fragment.clone().unwrap_or_default(),
-                    slice: slice::backward(&graph, fragment, &all).hash,
-                    ordinal: 0,
-                },
-                what: described(&graph, &terms, params.threshold),
-                location: program.sources().locate(terms[0].span),
-                cost: SiteCost {
-                    slice: skipped,
-                    whole,
-                },
+fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
+    let alone = |refusal| (refusal, Vec::new());
+    let (pass, program, fragment) = simplify::examine(
+        plan,
+        SkipTaps::INFO.name,
+        "skip taps first, then apply the other passes",
+        "there is no tap to skip",
+    )
+    .map_err(alone)?;
+    let graph = Graph::build(program);
+    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), SkipTaps::INFO.name)
+        .map_err(alone)?;
+    let Terms { terms, left } = find::terms(&graph, pass, fragment, &meant);
+    if terms.is_empty() {
+        let reason = match left.is_empty() {
+            true => "the fragment stage has no sum of weighted texture samples",
+            false => "no weighted texture sample of the fragment stage can be left out",
+        };
+        let remedy = "explain lists what it weighs, and why each stays";
+        return Err((refuse("no-tap", reason, remedy), left));
+    }
+    let is_implicit = terms.iter().any(|t| !t.implicit.is_empty());
+    if params.budget.is_none() && (params.threshold > 0.0 || is_implicit) {
+        let (reason, remedy) = match params.threshold > 0.0 {
+            true => (
+                "a sum without its small terms is another picture, and how much it may differ is not said",
+                "give budget=0.01 (of flip_mean, or say metric=max_abs), or threshold=0",
+            ),
+            false => (
+                "samples at an implicit level get gradients, whose level some adapters round otherwise, and how much the picture may differ is not said",
+                "give budget=0.01 (of flip_mean, or say metric=max_abs), or sample with gradients or a level",
+            ),
+        };
+        return Err((refuse("no-budget", reason, remedy), left));
+    }
+    let module = branch::skipping(&graph, &terms, params.threshold as f32);
+    let bug = |e| (Box::new(Refusal::bug(SkipTaps::INFO.name, e)), Vec::new());
+    let after = program.with_module(module).map_err(bug)?;
+    let whole = graph.entry_cost(fragment);
+    let skipped: f64 = terms.iter().map(|t| t.cost).sum();
+    let all = [Criterion::Output(OutputFilter::All)];
+    Ok(Simplified {
+        site: Site {
+            key: SiteKey {
+                role: Role::Main,
+                entry_point: pass.fragment.clone().unwrap_or_default(),
+                slice: slice::backward(&graph, fragment, &all).hash,
+                ordinal: 0,
             },
-            contract: promised(params, pass, program, &after),
-            program: after,
-            of: pass.program.clone(),
-            left,
-        })
-    }
-
-    fn plan(self, plan: &Plan, params: &Params) -> Plan {
-        let mut next = plan.clone();
-        for pass in next.passes.iter_mut().filter(|p| p.program == self.of) {
-            reflect::fill(pass, &self.program);
-        }
-        next.notes.push(self.site.what);
-        next.steps.push(Step {
-            pass: SkipTaps::INFO.name.to_owned(),
-            site: self.site.key,
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: self.contract.clone(),
-        });
-        next.contract = next.contract.and(self.contract);
-        next.programs.insert(self.of, self.program);
-        next
-    }
+            what: described(&graph, &terms, params.threshold),
+            location: program.sources().locate(terms[0].span),
+            cost: SiteCost {
+                slice: skipped,
+                whole,
+            },
+        },
+        contract: promised(params, pass, program, &after),
+        program: after,
+        of: pass.program.clone(),
+        left,
+    })
 }
 
 /// What is promised: the user's budget, or where only products with 0 go what a compiler leaves of the rest.
@@ -229,62 +187,6 @@ fn promised(params: &Params, pass: &GpuPass, before: &Program, after: &Program) 
             given,
         },
     }
-}
-
-/// The main pass, its program and its fragment entry point.
-fn examine(plan: &Plan) -> Result<(&GpuPass, &Program, usize), Box<Refusal>> {
-    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
-        return Err(refuse(
-            "no-main-pass",
-            "the plan has no main pass",
-            "start from the original plan",
-        ));
-    };
-    if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
-        return Err(refuse(
-            "not-first",
-            "another pass of the plan was made of the stage that would change",
-            "skip taps first, then apply the other passes",
-        ));
-    }
-    let fragment = pass.fragment.as_deref();
-    let found = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
-    let Some((fragment, _)) = found else {
-        return Err(refuse(
-            "no-fragment-stage",
-            "the material has no fragment stage",
-            "there is no tap to skip",
-        ));
-    };
-    Ok((pass, program, fragment))
-}
-
-/// The functions whose terms are meant.
-fn meant(
-    graph: &Graph<'_>,
-    fragment: usize,
-    params: &Params,
-) -> Result<BTreeSet<FunctionId>, Box<Refusal>> {
-    let entry = FunctionId::EntryPoint(fragment);
-    let below = graph.functions().iter().map(|f| f.id);
-    let below: BTreeSet<FunctionId> = below.filter(|id| graph.reaches(entry, *id)).collect();
-    let Some(of) = &params.of else {
-        return Ok(below);
-    };
-    of.split('+')
-        .map(str::trim)
-        .map(|name| {
-            let found = below.iter().find(|id| graph.name(**id) == name);
-            found.copied().ok_or_else(|| {
-                let names: Vec<String> = below.iter().map(|id| graph.name(*id)).collect();
-                refuse(
-                    "unknown-function",
-                    format!("the fragment stage calls no `{name}`"),
-                    format!("`of` names functions of its own: {}", names.join(", ")),
-                )
-            })
-        })
-        .collect()
 }
 
 fn described(graph: &Graph<'_>, terms: &[Term], threshold: f64) -> String {

@@ -19,7 +19,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Literal, ShaderStage, Span, Statement};
+use naga::{Literal, Span, Statement};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -32,9 +32,8 @@ use crate::graph::{FunctionId, Graph, StmtId};
 use crate::hoist::Metric;
 use crate::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place::{Replacement, Rewrite, rewritten};
-use crate::plan::{GpuPass, Plan, Role, Step};
-use crate::program::Program;
-use crate::reflect;
+use crate::plan::{GpuPass, Plan, Role};
+use crate::simplify::{self, Refused, Simplified};
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// The pass.
@@ -80,18 +79,7 @@ impl Pass for TrimLoop {
     };
 
     fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
-        match Trimmed::new(plan, params) {
-            Ok(trimmed) => Sites {
-                sites: vec![trimmed.site],
-                left: trimmed.left,
-                ..Sites::default()
-            },
-            Err((refusal, left)) => Sites {
-                refusals: vec![*refusal],
-                left,
-                ..Sites::default()
-            },
-        }
+        Simplified::sites(less_turns(plan, params))
     }
 
     fn apply(
@@ -100,15 +88,8 @@ impl Pass for TrimLoop {
         site: &SiteKey,
         params: &Params,
     ) -> Result<Plan, Box<Refusal>> {
-        let trimmed = Trimmed::new(plan, params).map_err(|(refusal, _)| refusal)?;
-        if *site != trimmed.site.key {
-            return Err(refuse(
-                "stale",
-                "the site is not one of this plan's",
-                "find the sites anew",
-            ));
-        }
-        Ok(trimmed.plan(plan, params))
+        let found = less_turns(plan, params).map_err(|(refusal, _)| refusal)?;
+        found.apply(plan, Self::INFO.name, site, params)
     }
 }
 
@@ -125,149 +106,70 @@ struct Found {
 }
 
 /// A material's main pass with less turns.
-struct Trimmed {
-    program: Program,
-    /// Key of the program it takes the place of.
-    of: String,
-    site: Site,
-    left: Vec<Left>,
-    contract: Contract,
-}
-
-type Refused = (Box<Refusal>, Vec<Left>);
-
-impl Trimmed {
-    fn new(plan: &Plan, params: &Params) -> Result<Self, Refused> {
-        let alone = |refusal| (refusal, Vec::new());
-        let (pass, program, fragment) = examine(plan).map_err(alone)?;
-        let Some(budget) = params.budget else {
-            return Err(alone(refuse(
-                "no-budget",
-                "less turns are another picture, and how much it may differ is not said",
-                "give budget=0.01 (of flip_mean, or say metric=max_abs)",
-            )));
+fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
+    let alone = |refusal| (refusal, Vec::new());
+    let (pass, program, fragment) = simplify::examine(
+        plan,
+        TrimLoop::INFO.name,
+        "trim first, then apply the other passes",
+        "there is nothing to trim",
+    )
+    .map_err(alone)?;
+    let Some(budget) = params.budget else {
+        return Err(alone(refuse(
+            "no-budget",
+            "less turns are another picture, and how much it may differ is not said",
+            "give budget=0.01 (of flip_mean, or say metric=max_abs)",
+        )));
+    };
+    let graph = Graph::build(program);
+    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)
+        .map_err(alone)?;
+    let found = found(&graph, pass, fragment, &meant, params.turns);
+    let left = left(&graph, &found);
+    let chosen: Vec<(&Found, &Counted)> = found
+        .iter()
+        .filter_map(|f| Some((f, f.counted.as_ref().ok()?)))
+        .collect();
+    if chosen.is_empty() {
+        let reason = match found.is_empty() {
+            true => "the fragment stage has no loop",
+            false => "no loop of the fragment stage can lose a turn",
         };
-        let graph = Graph::build(program);
-        let meant = meant(&graph, fragment, params).map_err(alone)?;
-        let found = found(&graph, pass, fragment, &meant, params.turns);
-        let left = left(&graph, &found);
-        let chosen: Vec<(&Found, &Counted)> = found
-            .iter()
-            .filter_map(|f| Some((f, f.counted.as_ref().ok()?)))
-            .collect();
-        if chosen.is_empty() {
-            let reason = match found.is_empty() {
-                true => "the fragment stage has no loop",
-                false => "no loop of the fragment stage can lose a turn",
-            };
-            let remedy = "explain lists its loops, and why each stays";
-            return Err((refuse("no-loop", reason, remedy), left));
-        }
-        let module = trimmed(&graph, &chosen, params.turns);
-        let bug = |e| (Box::new(Refusal::bug(TrimLoop::INFO.name, e)), Vec::new());
-        let after = program.with_module(module).map_err(bug)?;
-        let whole = graph.entry_cost(fragment);
-        let rest = Graph::build(&after).entry_cost(fragment);
-        let (first, _) = chosen[0];
-        let all = [Criterion::Output(OutputFilter::All)];
-        Ok(Self {
-            site: Site {
-                key: SiteKey {
-                    role: Role::Main,
-                    entry_point: pass.fragment.clone().unwrap_or_default(),
-                    slice: slice::backward(&graph, fragment, &all).hash,
-                    ordinal: 0,
-                },
-                what: described(&graph, &chosen, params.turns, [whole, rest]),
-                location: program.sources().locate(first.span),
-                cost: SiteCost {
-                    slice: whole - rest,
-                    whole,
-                },
+        let remedy = "explain lists its loops, and why each stays";
+        return Err((refuse("no-loop", reason, remedy), left));
+    }
+    let module = trimmed(&graph, &chosen, params.turns);
+    let bug = |e| (Box::new(Refusal::bug(TrimLoop::INFO.name, e)), Vec::new());
+    let after = program.with_module(module).map_err(bug)?;
+    let whole = graph.entry_cost(fragment);
+    let rest = Graph::build(&after).entry_cost(fragment);
+    let (first, _) = chosen[0];
+    let all = [Criterion::Output(OutputFilter::All)];
+    Ok(Simplified {
+        site: Site {
+            key: SiteKey {
+                role: Role::Main,
+                entry_point: pass.fragment.clone().unwrap_or_default(),
+                slice: slice::backward(&graph, fragment, &all).hash,
+                ordinal: 0,
             },
-            program: after,
-            of: pass.program.clone(),
-            left,
-            contract: Contract::Approximate {
-                metric: params.metric.name().to_owned(),
-                budget,
-                given: Vec::new(),
+            what: described(&graph, &chosen, params.turns, [whole, rest]),
+            location: program.sources().locate(first.span),
+            cost: SiteCost {
+                slice: whole - rest,
+                whole,
             },
-        })
-    }
-
-    fn plan(self, plan: &Plan, params: &Params) -> Plan {
-        let mut next = plan.clone();
-        for pass in next.passes.iter_mut().filter(|p| p.program == self.of) {
-            reflect::fill(pass, &self.program);
-        }
-        next.notes.push(self.site.what);
-        next.steps.push(Step {
-            pass: TrimLoop::INFO.name.to_owned(),
-            site: self.site.key,
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: self.contract.clone(),
-        });
-        next.contract = next.contract.and(self.contract);
-        next.programs.insert(self.of, self.program);
-        next
-    }
-}
-
-/// The main pass, its program and its fragment entry point.
-fn examine(plan: &Plan) -> Result<(&GpuPass, &Program, usize), Box<Refusal>> {
-    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
-        return Err(refuse(
-            "no-main-pass",
-            "the plan has no main pass",
-            "start from the original plan",
-        ));
-    };
-    if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
-        return Err(refuse(
-            "not-first",
-            "another pass of the plan was made of the stage that would change",
-            "trim first, then apply the other passes",
-        ));
-    }
-    let fragment = pass.fragment.as_deref();
-    let found = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
-    let Some((fragment, _)) = found else {
-        return Err(refuse(
-            "no-fragment-stage",
-            "the material has no fragment stage",
-            "there is nothing to trim",
-        ));
-    };
-    Ok((pass, program, fragment))
-}
-
-/// The functions whose loops are meant.
-fn meant(
-    graph: &Graph<'_>,
-    fragment: usize,
-    params: &Params,
-) -> Result<BTreeSet<FunctionId>, Box<Refusal>> {
-    let entry = FunctionId::EntryPoint(fragment);
-    let below = graph.functions().iter().map(|f| f.id);
-    let below: BTreeSet<FunctionId> = below.filter(|id| graph.reaches(entry, *id)).collect();
-    let Some(of) = &params.of else {
-        return Ok(below);
-    };
-    let mut meant = BTreeSet::new();
-    for name in of.split('+').map(str::trim) {
-        let found = below.iter().find(|id| graph.name(**id) == name);
-        let Some(id) = found else {
-            let names: Vec<String> = below.iter().map(|id| graph.name(*id)).collect();
-            return Err(refuse(
-                "unknown-function",
-                format!("the fragment stage calls no `{name}`"),
-                format!("`of` names functions of its own: {}", names.join(", ")),
-            ));
-        };
-        meant.insert(*id);
-    }
-    Ok(meant)
+        },
+        program: after,
+        of: pass.program.clone(),
+        left,
+        contract: Contract::Approximate {
+            metric: params.metric.name().to_owned(),
+            budget,
+            given: Vec::new(),
+        },
+    })
 }
 
 /// The loops of functions, and which of them can lose `turns` turns.

@@ -321,6 +321,25 @@ pub fn blocks_mut(statement: &mut Statement) -> Vec<&mut naga::Block> {
     }
 }
 
+/// Puts blocks into the [`shell`] of a statement, in the order of [`blocks`].
+pub fn fill(shell: &mut Statement, of: &Statement, inner: impl IntoIterator<Item = naga::Block>) {
+    if let (Statement::Switch { cases, .. }, Statement::Switch { cases: old, .. }) =
+        (&mut *shell, of)
+    {
+        *cases = old
+            .iter()
+            .map(|case| naga::SwitchCase {
+                value: case.value,
+                body: naga::Block::new(),
+                fall_through: case.fall_through,
+            })
+            .collect();
+    }
+    for (slot, block) in blocks_mut(shell).into_iter().zip(inner) {
+        *slot = block;
+    }
+}
+
 /// The integer an index expression is known to be without evaluating anything.
 pub fn constant_index(
     module: &naga::Module,

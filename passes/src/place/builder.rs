@@ -290,39 +290,12 @@ fn copy_block(
                 (_, None) => {}
             }
         }
-        let mut inner = operands::blocks(statement).into_iter().map(|b| {
+        let inner = operands::blocks(statement).into_iter().map(|b| {
             let mut copied = Block::new();
             copy_block(original, b, map, function, &mut copied);
             copied
         });
-        match (&mut shell, statement) {
-            (Statement::Switch { cases, .. }, Statement::Switch { cases: old, .. }) => {
-                *cases = old
-                    .iter()
-                    .map(|case| naga::SwitchCase {
-                        value: case.value,
-                        body: inner.next().unwrap_or_default(),
-                        fall_through: case.fall_through,
-                    })
-                    .collect();
-            }
-            (Statement::Block(block), _) => *block = inner.next().unwrap_or_default(),
-            (Statement::If { accept, reject, .. }, _) => {
-                *accept = inner.next().unwrap_or_default();
-                *reject = inner.next().unwrap_or_default();
-            }
-            (
-                Statement::Loop {
-                    body, continuing, ..
-                },
-                _,
-            ) => {
-                *body = inner.next().unwrap_or_default();
-                *continuing = inner.next().unwrap_or_default();
-            }
-            _ => {}
-        }
-        drop(inner);
+        operands::fill(&mut shell, statement, inner);
         // A loop's `break_if` may read what its blocks evaluate, so operands are mapped last.
         operands::map_statement(&mut shell, &mut |o| {
             if let Some(new) = map.copies[o.index()] {

@@ -158,7 +158,7 @@ impl<'a, 'p> Copier<'a, 'p> {
             inner.push(self.block(block, at));
             at = block.iter().fold(at, |at, _| self.f.statements.get(at).end);
         }
-        fill(&mut copy, statement, inner);
+        operands::fill(&mut copy, statement, inner);
         operands::map_statement(&mut copy, &mut |o| *o = self.map[o.index()].unwrap_or(*o));
         self.result(&mut copy);
         out.push(copy, span);
@@ -333,37 +333,5 @@ impl<'a, 'p> Copier<'a, 'p> {
             let range = self.function.expressions.range_from(start);
             out.push(Statement::Emit(range), self.span);
         }
-    }
-}
-
-/// Puts the copies of its blocks into a statement's copy.
-fn fill(copy: &mut Statement, statement: &Statement, inner: Vec<Block>) {
-    let mut inner = inner.into_iter();
-    match (copy, statement) {
-        (Statement::Switch { cases, .. }, Statement::Switch { cases: old, .. }) => {
-            *cases = old
-                .iter()
-                .map(|case| naga::SwitchCase {
-                    value: case.value,
-                    body: inner.next().unwrap_or_default(),
-                    fall_through: case.fall_through,
-                })
-                .collect();
-        }
-        (Statement::Block(block), _) => *block = inner.next().unwrap_or_default(),
-        (Statement::If { accept, reject, .. }, _) => {
-            *accept = inner.next().unwrap_or_default();
-            *reject = inner.next().unwrap_or_default();
-        }
-        (
-            Statement::Loop {
-                body, continuing, ..
-            },
-            _,
-        ) => {
-            *body = inner.next().unwrap_or_default();
-            *continuing = inner.next().unwrap_or_default();
-        }
-        _ => {}
     }
 }
