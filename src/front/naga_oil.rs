@@ -1,21 +1,22 @@
 //! naga_oil's dialect, Bevy's until 0.19: modules that name themselves by `#define_import_path`, put together by the crate [`naga_oil`](https://docs.rs/naga_oil).
 //!
 //! Modules are looked for in the WGSL files below the folders of `Options::include`, and beside the file. What the composer makes is a module, which is written as WGSL and read
-//! as any other: places are those of that text. The composer's own errors have the author's.
+//! as any other: places are those of that text. The composer's own errors have the author's. What the file's entry points do not reach is left out: the composer brings each imported
+//! module whole, and a file's imports are not all of one pipeline (Bevy's `mesh.wgsl` imports bindings of the pre-pass and of the main pass, which have the same numbers).
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use naga::valid::Capabilities;
-use naga::{Module, TypeInner};
+use naga::{Module, TypeInner, compact};
 use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, ComposerError, NagaModuleDescriptor, ShaderDefValue,
     get_preprocessor_data,
 };
 use preshade_passes::program::{Language, Program};
 
-use super::dialect::{Defined, beside, definitions, files_below};
+use super::dialect::{Defined, beside, definitions, files_below, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
 use crate::emit::wgsl;
@@ -41,10 +42,12 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
             (name, value)
         })
         .collect();
-    let mut folders: Vec<&Path> = vec![beside(source)];
+    let path = path_of(source, options);
+    let mut folders: Vec<&Path> = vec![beside(&path)];
     folders.extend(options.include.iter().map(PathBuf::as_path));
     let mut library = Library {
         files: HashMap::new(),
+        twice: HashMap::new(),
         composer: Composer::non_validating().with_capabilities(Capabilities::all()),
     };
     for (path, text) in files_below(&folders, "wgsl") {
@@ -52,11 +55,18 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
         if let Some(name) = name {
             let imports = imports.into_iter().map(|i| i.import).collect();
             let path = path.display().to_string();
-            library.files.entry(name).or_insert(File {
-                path,
-                text,
-                imports,
-            });
+            match library.files.get(&name) {
+                None => {
+                    let file = File {
+                        path,
+                        text,
+                        imports,
+                    };
+                    library.files.insert(name, file);
+                }
+                Some(first) if first.text == text => {}
+                Some(_) => drop(library.twice.entry(name).or_insert(path)),
+            }
         }
     }
     let (_, imports, _) = get_preprocessor_data(&source.text);
@@ -71,6 +81,7 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
     });
     let mut module = made.map_err(|e| library.error(&source.name, &e))?;
     plain_names(&mut module);
+    compact::compact(&mut module, compact::KeepUnused::No);
     Ok(module)
 }
 
@@ -81,7 +92,10 @@ struct File {
 }
 
 struct Library {
+    /// By the name that a module gives itself.
     files: HashMap<String, File>,
+    /// Another file of the same name and another text, as two versions of a package have it.
+    twice: HashMap<String, String>,
     composer: Composer,
 }
 
@@ -91,6 +105,13 @@ impl Library {
         let Some(file) = self.files.remove(name) else {
             return Ok(());
         };
+        if let Some(other) = self.twice.get(name) {
+            return Err(Error::new(
+                Code::Sources,
+                format!("{} and {other} are both `{name}`", file.path),
+            )
+            .note("include the folder of the one that is meant, and not the other's"));
+        }
         for import in &file.imports {
             self.add(import)?;
         }

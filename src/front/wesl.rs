@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use wesl::syntax::PathOrigin;
 use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
 
-use super::dialect::{Defined, beside, definitions};
+use super::dialect::{Defined, beside, definitions, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
 
@@ -23,9 +23,9 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Erro
         let on = !matches!(value, Defined::Bool(false) | Defined::Int(0));
         features.flags.insert(name, Feature::from(on));
     }
-    let root = package(beside(source));
-    let file = Path::new(&source.name);
-    let below = file.strip_prefix(&root).unwrap_or(file).with_extension("");
+    let file = path_of(source, options);
+    let root = package(beside(&file));
+    let below = file.strip_prefix(&root).unwrap_or(&file).with_extension("");
     let components: Vec<String> = below
         .iter()
         .map(|c| c.to_string_lossy().into_owned())
