@@ -269,7 +269,9 @@ fn height(uv: vec2<f32>) -> f32 { return textureSampleLevel(map, linear, uv, 0.0
     let fragment = parsed.fragment.as_deref();
     let state = MaterialState::default();
     let plan = Plan::original("given", parsed.program, &parsed.vertex, fragment, &state);
-    let error = emit::emit(&plan, &[Target::Glsl450], &emit::Options::default()).unwrap_err();
+    let error = emit::emit(&plan, &[Target::Glsl450], &emit::Options::default())
+        .err()
+        .unwrap();
     assert!(error.to_string().contains("two samplers"), "{error}");
     accept::accept(&[("twins".to_owned(), files)]);
 }

@@ -39,6 +39,9 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
             what: format!("{what}, which a block laid out by std140 has not"),
             remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
         },
+        author::Failed::Samplers => {
+            inexpressible(&glsl::Error::ImageMultipleSamplers, name, target)
+        }
         author::Failed::Names(what) => Error::Writer {
             file: name.to_owned(),
             target,

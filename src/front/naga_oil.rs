@@ -4,7 +4,7 @@
 //! as any other: places are those of that text. The composer's own errors have the author's. What the file's entry points do not reach is left out: the composer brings each imported
 //! module whole, and a file's imports are not all of one pipeline (Bevy's `mesh.wgsl` imports bindings of the pre-pass and of the main pass, which have the same numbers).
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -64,7 +64,8 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
                     };
                     library.files.insert(name, file);
                 }
-                Some(first) if first.text == text => {}
+                // Files of other names are a package's choices (Bevy has one for want of meshlets): the first goes.
+                Some(first) if first.text == text || !same_file_name(&first.path, &path) => {}
                 Some(_) => drop(library.twice.entry(name).or_insert(path)),
             }
         }
@@ -85,6 +86,10 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
     Ok(module)
 }
 
+fn same_file_name(a: &str, b: &str) -> bool {
+    Path::new(a).file_name() == Path::new(b).file_name()
+}
+
 struct File {
     path: String,
     text: String,
@@ -94,7 +99,7 @@ struct File {
 struct Library {
     /// By the name that a module gives itself.
     files: HashMap<String, File>,
-    /// Another file of the same name and another text, as two versions of a package have it.
+    /// Another file with the same name, for a module and for itself, and another text, as two versions of a package have it.
     twice: HashMap<String, String>,
     composer: Composer,
 }
@@ -134,7 +139,7 @@ impl Library {
     }
 }
 
-/// Names without the mark of the module that they are from.
+/// Names without the mark of the module that they are from; those of variables that a host binds stay whatever else is called so.
 fn plain_names(module: &mut Module) {
     fn plain(name: &mut Option<String>) {
         if let Some(name) = name
@@ -169,5 +174,29 @@ fn plain_names(module: &mut Module) {
         .for_each(|(_, c)| plain(&mut c.name));
     for (_, function) in module.functions.iter_mut() {
         plain(&mut function.name);
+    }
+    // Modules have names apart, what comes of them has not, and naga's writer names variables of the module last: what a host sees keeps its name.
+    let globals = module.global_variables.iter();
+    let taken: HashSet<String> = globals.filter_map(|(_, g)| g.name.clone()).collect();
+    let give_way = |name: &mut String, ending: &str| {
+        if taken.contains(name) {
+            name.push_str(ending);
+        }
+    };
+    let functions = module.functions.iter_mut().map(|(_, f)| f);
+    for function in functions.chain(module.entry_points.iter_mut().map(|e| &mut e.function)) {
+        let arguments = function.arguments.iter_mut().map(|a| &mut a.name);
+        let locals = function
+            .local_variables
+            .iter_mut()
+            .map(|(_, l)| &mut l.name);
+        let inner = arguments.chain(locals).flatten();
+        for name in inner.chain(function.named_expressions.values_mut()) {
+            give_way(name, "_local");
+        }
+        function
+            .name
+            .iter_mut()
+            .for_each(|name| give_way(name, "_function"));
     }
 }

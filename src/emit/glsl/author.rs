@@ -12,7 +12,7 @@ use preshade_passes::reflect;
 
 use super::loosen::{self, Loose};
 use super::std140;
-use super::twins::{self, Twins};
+use super::twins::{self, Inseparable, Twins};
 use super::words;
 
 /// A program to be written, and the names to be put into its text.
@@ -173,6 +173,8 @@ fn identifier(name: &str) -> String {
 
 /// Why a program cannot be written.
 pub(super) enum Failed {
+    /// A texture that is read with several samplers, and given to functions.
+    Samplers,
     /// What GLSL has no block for.
     Layout(String),
     /// What could not be said under the author's names.
@@ -181,7 +183,7 @@ pub(super) enum Failed {
 
 /// Prepares `program` to be written under its author's names.
 pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
-    let split = twins::split(program);
+    let split = twins::split(program).map_err(|Inseparable| Failed::Samplers)?;
     let (program, twins) = match split {
         Some(Twins { ref program, of }) => (program, of),
         None => (program, HashMap::new()),

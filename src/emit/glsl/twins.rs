@@ -20,32 +20,23 @@ pub(super) struct Twins {
 /// A texture and what it is read with.
 type Pair = (Handle<GlobalVariable>, Handle<GlobalVariable>);
 
-/// The program with a texture for each sampler that one is read with, in whichever stage: a name is one uniform for all of them. `None` where there is nothing to do, or where functions
-/// are given the texture and its sampler, which stays as it is for naga to refuse.
-pub(super) fn split(program: &Program) -> Option<Twins> {
+/// A texture that is read with several samplers and cannot be told apart.
+pub(super) struct Inseparable;
+
+/// The program with a texture for each sampler that one is read with, in whichever stage: a name is one uniform for all of them. `None` where there is nothing to do. A function that is
+/// given the texture and its sampler reads whatever it is given, which stays as it is.
+pub(super) fn split(program: &Program) -> Result<Option<Twins>, Inseparable> {
     let module = program.module();
-    let mut samplers: BTreeMap<_, BTreeMap<_, Pair>> = BTreeMap::new();
-    for index in 0..module.entry_points.len() {
-        for key in &program.info().get_entry_point(index).sampling_set {
-            let at = |handle: Handle<GlobalVariable>| {
-                let binding = module.global_variables[handle].binding?;
-                Some((binding.group, binding.binding))
-            };
-            if let (Some(image), Some(sampler)) = (at(key.image), at(key.sampler)) {
-                let of = samplers.entry(image).or_default();
-                of.insert(sampler, (key.image, key.sampler));
-            }
-        }
-    }
+    let read_with = samplers(program);
     let mut out = module.clone();
     let mut twins: HashMap<Pair, Handle<GlobalVariable>> = HashMap::new();
     let mut of = HashMap::new();
-    for (image, sampler) in samplers.values().flat_map(|s| s.values().skip(1)) {
+    for (image, sampler) in read_with.values().flat_map(|s| s.values().skip(1)) {
         let (texture, with) = (
             &module.global_variables[*image],
             &module.global_variables[*sampler],
         );
-        let binding = texture.binding?;
+        let binding = texture.binding.ok_or(Inseparable)?;
         let own = free(&out, binding.group);
         let name = |g: &GlobalVariable| g.name.clone().unwrap_or_else(|| "unnamed".to_owned());
         let twin = GlobalVariable {
@@ -58,14 +49,39 @@ pub(super) fn split(program: &Program) -> Option<Twins> {
         twins.insert((*image, *sampler), out.global_variables.append(twin, span));
     }
     if twins.is_empty() {
-        return None;
+        return Ok(None);
     }
     let functions = out.functions.iter_mut().map(|(_, f)| f);
     for function in functions.chain(out.entry_points.iter_mut().map(|e| &mut e.function)) {
         read_twins(function, &twins);
     }
-    let program = program.with_module(out).ok()?;
-    Some(Twins { program, of })
+    let program = program.with_module(out).map_err(|_| Inseparable)?;
+    match samplers(&program).values().any(|all| all.len() > 1) {
+        true => Err(Inseparable),
+        false => Ok(Some(Twins { program, of })),
+    }
+}
+
+/// A binding, as it is ordered.
+type At = (u32, u32);
+
+/// What each texture is read with, in whichever stage.
+fn samplers(program: &Program) -> BTreeMap<At, BTreeMap<At, Pair>> {
+    let module = program.module();
+    let at = |handle: Handle<GlobalVariable>| {
+        let binding = module.global_variables[handle].binding?;
+        Some((binding.group, binding.binding))
+    };
+    let mut out: BTreeMap<At, BTreeMap<At, Pair>> = BTreeMap::new();
+    for index in 0..module.entry_points.len() {
+        for key in &program.info().get_entry_point(index).sampling_set {
+            if let (Some(image), Some(sampler)) = (at(key.image), at(key.sampler)) {
+                let pair = (key.image, key.sampler);
+                out.entry(image).or_default().insert(sampler, pair);
+            }
+        }
+    }
+    out
 }
 
 /// A binding of the group that nothing has.
