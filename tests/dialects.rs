@@ -100,6 +100,15 @@ fn a_file_of_one_stage_goes_before_the_other_files_own() {
 }
 
 #[test]
+fn wesls_own_errors_are_plain_text() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dialects/wesl/src/broken.wesl");
+    let source = Source::new(folder.display().to_string(), "fn (");
+    let error = front::parse(&[source], &Options::default()).unwrap_err();
+    assert!(error.message().contains("broken.wesl: error"), "{error}");
+    assert!(!error.render(front::Color::Never).contains("[0m"), "{error}");
+}
+
+#[test]
 fn two_versions_of_a_module_are_told() {
     let error = wgsl(&ours("twice/material.wgsl"), &Options::default()).unwrap_err();
     let said = error.render(front::Color::Never);

@@ -42,10 +42,20 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Erro
     };
     let compiled = wesl::compile_sourcemap(&path, &resolver, &EscapeMangler, &compile);
     compiled.map(|c| c.to_string()).map_err(|e| {
-        let message = e.to_string();
+        let message = without_colors(&e.to_string());
         let first = message.lines().next().unwrap_or_default();
         Error::new(Code::Parse, format!("{}: {first}", source.name)).note(message.clone())
     })
+}
+
+/// Without the escape sequences that colour a terminal (ECMA-48 8.3.117), which the crate writes wherever its text goes.
+fn without_colors(text: &str) -> String {
+    let mut parts = text.split("\u{1b}[");
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        out.push_str(part.split_once('m').map_or(part, |(_, rest)| rest));
+    }
+    out
 }
 
 /// The folder of the package that a file in `folder` belongs to.
