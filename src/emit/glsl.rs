@@ -395,6 +395,10 @@ fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
                 .to_owned(),
             "declare the texture twice",
         ),
+        glsl::Error::UnsupportedExternal(function) if target == Target::GlslEs300 => (
+            format!("the function {function}"),
+            "emit GLSL 4.50, WGSL or SPIR-V",
+        ),
         glsl::Error::FirstSamplingNotSupported => (
             "flat interpolation from the first vertex, said explicitly".to_owned(),
             "write @interpolate(flat, either)",

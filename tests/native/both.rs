@@ -146,9 +146,11 @@ fn textures(declared: &Declared, bound: &DrawBindings) -> BTreeMap<String, Textu
         let texture = textures.find(|t| (t.group, t.binding) == at(combined.texture));
         let mut samplers = bound.samplers.iter();
         let sampler = samplers.find(|s| (s.group, s.binding) == at(combined.sampler));
-        let (Some(texture), Some(sampler)) = (texture, sampler) else {
+        let Some(texture) = texture else {
             continue;
         };
+        // One that is only fetched from has no sampler in the plan, and any will do.
+        let sampler = sampler.map(|s| s.sampler).unwrap_or_default();
         let TextureContent::Image(image) = &texture.content else {
             panic!("{} is no image", combined.path);
         };
@@ -157,8 +159,8 @@ fn textures(declared: &Declared, bound: &DrawBindings) -> BTreeMap<String, Textu
             levels: image.levels.clone(),
             layers: image.layers as usize,
             srgb: image.srgb,
-            linear: sampler.sampler.filter == Filter::Linear,
-            clamp: sampler.sampler.address == Address::ClampToEdge,
+            linear: sampler.filter == Filter::Linear,
+            clamp: sampler.address == Address::ClampToEdge,
         };
         out.insert(combined.path.clone(), made);
     }
