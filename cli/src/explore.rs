@@ -18,7 +18,7 @@ use preshade::scene::{DrawOrder, Scene};
 use crate::input::ShaderArgs;
 use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, parse_seconds, sweeps};
 use crate::view::ViewArgs;
-use crate::{Failure, Outcome, output};
+use crate::{Failure, Outcome, Table, output};
 
 /// Arguments of `explore`.
 #[derive(clap::Args)]
@@ -80,17 +80,6 @@ pub struct Args {
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
     pub shader: ShaderArgs,
-}
-
-/// Output form of what is a table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Table {
-    /// For reading.
-    Human,
-    /// For programs.
-    Json,
-    /// For spreadsheets.
-    Csv,
 }
 
 /// Largest picture that is drawn on a software adapter where no size is said: a frontier in less than a minute on two cores.
@@ -189,7 +178,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Table::Csv => &csv,
     })?;
     if let Some(dir) = &args.out {
-        let html = report::html::page(&found, &scene, &effects)?;
+        let html = report::html::explore::page(&found, &scene, &effects)?;
         let file = |name: &str, text: String| File {
             name: name.to_owned(),
             bytes: text.into_bytes(),

@@ -8,21 +8,22 @@ use indicatif::ProgressBar;
 use preshade::decide::{self, Decision, Exhausted, Hold, Model, RegretReport, Settings, Timed};
 use preshade::emit;
 use preshade::front::{self, Source};
-use preshade::measure::{self, TimingSettings};
+use preshade::measure::{self, EffectUse, TimingSettings, Variant};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::specialize;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report::Budget;
+use preshade::report::html::plan::Drawn;
+use preshade::report::{self, Budget};
 use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::limits::LimitArgs;
 use crate::output;
 use crate::verify::{OrderArg, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
-use crate::{Failure, Format, Outcome};
+use crate::{Failure, Outcome, Table};
 
 /// Arguments of `plan`.
 #[derive(clap::Args)]
@@ -88,8 +89,8 @@ pub struct Args {
     #[arg(long)]
     lock: bool,
     /// Output form.
-    #[arg(long, value_enum, default_value_t = Format::Human)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t = Table::Human)]
+    format: Table,
 }
 
 impl Args {
@@ -140,6 +141,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         return exhaustive(args, &gpu, &bar);
     }
     let scene = scene(args, &args.scenes[0])?;
+    let effects = measure::effects(&scene).unwrap_or_default();
+    let scene = grouped(args, scene)?;
     let gpu = Gpu::new(&choice)?;
     let model = match args.time {
         TimeArg::No if args.model.is_none() => Model::nominal(),
@@ -161,11 +164,18 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     bar.finish_and_clear();
     let json = decision.to_json()?;
     match args.format {
-        Format::Human => output::data(&decide::table::render(&decision))?,
-        Format::Json => output::data(&json)?,
+        Table::Human => output::data(&decide::table::render(&decision))?,
+        Table::Json => output::data(&json)?,
+        Table::Csv => output::data(&report::csv::decision(&decision))?,
     }
     if let Some(dir) = &args.out {
-        write(dir, &scene, &facts, &decision, json)?;
+        let planned = Planned {
+            scene: &scene,
+            facts: &facts,
+            decision: &decision,
+        };
+        let page = planned.page(&gpu, &effects)?;
+        planned.write(dir, json, page)?;
     }
     if args.lock {
         crate::lock::keep(&scene, &facts, &decision)?;
@@ -186,7 +196,7 @@ fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Fail
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         bar.set_position((done * 1000 / args.scenes.len()) as u64);
         bar.set_message(name.to_string());
-        let scene = scene(args, path)?;
+        let scene = grouped(args, scene(args, path)?)?;
         let start = Instant::now();
         let measured = prepare(args, gpu, &scene, bar).and_then(|(recipes, facts)| {
             Ok(decide::exhaust(gpu, &scene, &recipes, &facts, &settings)?)
@@ -218,8 +228,9 @@ fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Fail
         ..decide::regret::evaluate(gpu.adapter(), &probes, &scenes, &settings)
     };
     match args.format {
-        Format::Human => output::data(&report.render())?,
-        Format::Json => output::data(&report.to_json()?)?,
+        Table::Human => output::data(&report.render())?,
+        Table::Json => output::data(&report.to_json()?)?,
+        Table::Csv => output::data(&report.csv())?,
     }
     Ok(Outcome::Fine)
 }
@@ -340,60 +351,122 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             scene::synthesise(parsed, MaterialState::default())
         }
     };
-    // Draws of a material that want different versions are decided on apart.
-    if !args.lock {
-        scene = measure::grouped(&scene, &specialize::Params::default(), measure::MOST_GROUPS)?;
-    }
-    let mut scene = args.view.of(scene)?;
+    scene = args.view.of(scene)?;
     if !args.order.is_empty() {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
 }
 
-/// What a plan of the decision makes of a material; nothing where that is drawn as written.
-fn recipe(decision: &Decision, plan: usize, original: &Plan) -> Result<Recipe, Failure> {
-    let recipe = decision.plans[plan].recipes.get(&original.material);
-    Ok(match recipe {
-        Some(recipe) => Recipe::parse_list(recipe)?,
-        None => Recipe::default(),
-    })
+/// The scene with draws of a material that want different versions made materials of their own, which are decided on apart.
+fn grouped(args: &Args, scene: Scene) -> Result<Scene, Failure> {
+    match args.lock {
+        true => Ok(scene),
+        false => Ok(measure::grouped(
+            &scene,
+            &specialize::Params::default(),
+            measure::MOST_GROUPS,
+        )?),
+    }
 }
 
-/// Writes the shaders and `plan.json` of each plan that the policy draws with, and the decision. Where there are two, each has a folder: `below` and `above`.
-fn write(
-    dir: &Path,
-    scene: &Scene,
-    facts: &Facts,
-    decision: &Decision,
-    json: String,
-) -> Result<(), Failure> {
-    let drawn = decision.drawn();
-    let folders = match drawn.len() {
-        1 => vec![dir.to_owned()],
-        _ => vec![dir.join("below"), dir.join("above")],
-    };
-    let mut written = 1;
-    for (plan, folder) in drawn.iter().zip(&folders) {
-        let mut files = Vec::new();
-        for original in measure::originals(scene) {
-            let plan = recipe(decision, *plan, &original)?
-                .apply(&original, facts)
-                .map_err(|r| Failure(format!("error: {r}")))?;
-            files.extend(emit::emit(
-                &plan,
-                &[emit::Target::Wgsl],
-                &emit::Options::default(),
-            )?);
-        }
-        written += files.len();
-        emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
+/// What was decided, and what it was decided on.
+struct Planned<'a> {
+    scene: &'a Scene,
+    facts: &'a Facts,
+    decision: &'a Decision,
+}
+
+impl Planned<'_> {
+    /// The plans of every material, in one of the decision's plans.
+    fn plans(&self, plan: usize) -> Result<Vec<Plan>, Failure> {
+        let recipes = &self.decision.plans[plan].recipes;
+        let of = |original: &Plan| -> Result<Plan, Failure> {
+            let recipe = match recipes.get(&original.material) {
+                Some(recipe) => Recipe::parse_list(recipe)?,
+                None => Recipe::default(),
+            };
+            let plan = recipe.apply(original, self.facts);
+            plan.map_err(|r| Failure(format!("error: {r}")))
+        };
+        measure::originals(self.scene).iter().map(of).collect()
     }
-    let decision = emit::File {
-        name: "decision.json".to_owned(),
-        bytes: json.into_bytes(),
-    };
-    emit::write(dir, &[decision]).map_err(|e| Failure(format!("error: {e}")))?;
-    output::message(&format!("wrote {written} files to {}", dir.display()));
-    Ok(())
+
+    /// The plans that the policy draws with, but for the original.
+    fn variants(&self) -> Result<Vec<Variant>, Failure> {
+        let mut drawn = self.decision.drawn();
+        drawn.retain(|plan| *plan > 0);
+        let variant = |plan: usize| {
+            let report = &self.decision.plans[plan];
+            let recipes: Vec<String> = report
+                .recipes
+                .iter()
+                .map(|(material, recipe)| format!("{material}: {recipe}"))
+                .collect();
+            Ok(Variant {
+                name: report.name.clone(),
+                recipe: recipes.join("; "),
+                plans: self.plans(plan)?,
+                kept: Vec::new(),
+            })
+        };
+        drawn.into_iter().map(variant).collect()
+    }
+
+    /// The page. What is drawn with is drawn once more for its pictures.
+    fn page(&self, gpu: &Gpu, effects: &[EffectUse]) -> Result<String, Failure> {
+        let variants = self.variants()?;
+        let settings = measure::Settings {
+            form: ShaderForm::Text,
+            timed: measure::Timed::No,
+            timing: TimingSettings::default(),
+            frames_per_camera: 1,
+            count: &measure::counting,
+            command: self.decision.command.clone(),
+        };
+        let outcome = match variants.is_empty() {
+            true => None,
+            // Without pictures it is still a report.
+            false => measure::verify(gpu, self.scene, &variants, &settings, &mut |_| ()).ok(),
+        };
+        let drawn = Drawn {
+            variants: &variants,
+            outcome: outcome.as_ref(),
+        };
+        Ok(report::html::plan::page(
+            self.decision,
+            drawn,
+            self.scene,
+            effects,
+        )?)
+    }
+
+    /// Writes the shaders and `plan.json` of each plan that the policy draws with, and what tells of the decision. Where there are several, each has a folder.
+    fn write(&self, dir: &Path, json: String, page: String) -> Result<(), Failure> {
+        let told = |name: &str, text: String| emit::File {
+            name: name.to_owned(),
+            bytes: text.into_bytes(),
+        };
+        let files = [
+            told("decision.json", json),
+            told("report.csv", report::csv::decision(self.decision)),
+            told("report.html", page),
+        ];
+        let mut written = files.len();
+        for (folder, plan) in self.decision.folders() {
+            let mut files = Vec::new();
+            for plan in self.plans(plan)? {
+                files.extend(emit::emit(
+                    &plan,
+                    &[emit::Target::Wgsl],
+                    &emit::Options::default(),
+                )?);
+            }
+            written += files.len();
+            emit::write(&dir.join(folder), &files).map_err(|e| Failure(format!("error: {e}")))?;
+        }
+        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        output::message(&format!("wrote {written} files to {}", dir.display()));
+        Ok(())
+    }
 }

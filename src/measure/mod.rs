@@ -10,6 +10,7 @@ pub mod changing;
 pub mod constants;
 pub mod crossover;
 pub mod effects;
+mod elsewhere;
 pub mod error;
 pub mod frequency;
 pub mod groups;

@@ -1,8 +1,11 @@
 //! A scene drawn with the original and its variants, view by view.
 
+use std::cell::OnceCell;
+
 use preshade_passes::contract::{Contract, Verdict};
 use preshade_passes::plan::{GpuPass, Plan};
 
+use super::elsewhere::{OtherCameras, Seen};
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
 use super::verdict::{breaks, needs_invariant_original, nothing_drawn};
@@ -115,6 +118,8 @@ struct Subject<'a> {
     pictures: Option<Pictures>,
     /// The largest error yet, by mean FLIP and then by changed pixels, and its pictures unless it is the headline's.
     worst: Option<((f64, u64), Option<Worst>)>,
+    /// What the cameras but the headline's see of it.
+    elsewhere: OtherCameras,
     /// First view that broke the contract.
     broken: Option<String>,
     /// What drawing its shadow passes under the light says; `None`: it has none, or they were not drawn yet.
@@ -175,7 +180,7 @@ pub fn verify(
                 depth_ties = depth_ties.map(|sum| sum + n);
             }
             inputs.set_frame(view.frame)?;
-            compare_view(&inputs, &mut subjects, view, settings.form)?;
+            compare_view(&inputs, &mut subjects, view, views[0].camera, settings.form)?;
             count_view(&mut subjects, view)?;
             if view.headline {
                 for subject in &mut subjects {
@@ -301,11 +306,12 @@ impl Timed {
     }
 }
 
-/// Draws the view with every subject and compares each with the first.
+/// Draws the view with every subject and compares each with the first. `headline` is the camera of the first view.
 fn compare_view<'a>(
     inputs: &'a SceneInputs<'a>,
     subjects: &mut [Subject<'a>],
     view: &View<'_>,
+    headline: &str,
     form: ShaderForm,
 ) -> Result<(), Error> {
     let [original, variants @ ..] = subjects else {
@@ -314,18 +320,30 @@ fn compare_view<'a>(
     let Some(reference) = original.draw(inputs, view, form)? else {
         return Ok(());
     };
+    // The original's picture, which all that show this view share.
+    let shown = OnceCell::new();
     // The original again: an adapter that does not repeat itself proves nothing.
     if view.headline
         && let Some(again) = original.draw(inputs, view, form)?
     {
-        original.compare(view, &reference, &again)?;
+        let seen = Seen {
+            reference: &reference,
+            shown: &shown,
+            picture: &again,
+        };
+        original.compare(view, headline, seen)?;
     } else {
         original.add_view(view, ErrorLadder::default());
     }
     for variant in variants {
         match variant.draw(inputs, view, form) {
             Ok(Some(picture)) => {
-                if let Err(error) = variant.compare(view, &reference, &picture) {
+                let seen = Seen {
+                    reference: &reference,
+                    shown: &shown,
+                    picture: &picture,
+                };
+                if let Err(error) = variant.compare(view, headline, seen) {
                     variant.give_up(&error);
                 }
             }
@@ -440,6 +458,7 @@ impl<'a> Subject<'a> {
             },
             pictures: None,
             worst: None,
+            elsewhere: OtherCameras::default(),
             broken: None,
             shadow: None,
             covered: None,
@@ -538,9 +557,10 @@ impl<'a> Subject<'a> {
     fn compare(
         &mut self,
         view: &View<'_>,
-        reference: &Rendered,
-        picture: &Rendered,
+        headline: &str,
+        seen: Seen<'_>,
     ) -> Result<(), Error> {
+        let (reference, picture) = (seen.reference, seen.picture);
         let error = compare(reference, picture)?;
         if self.broken.is_none() {
             self.broken = breaks(&self.report.contract, &error).map(|how| format!("{view}: {how}"));
@@ -561,6 +581,10 @@ impl<'a> Subject<'a> {
                 difference: p.difference,
             });
             self.worst = Some((key, worst));
+        }
+        if view.camera != headline {
+            let name = view.to_string();
+            self.elsewhere.look(view.camera, name, &error, seen);
         }
         self.add_view(view, error);
         Ok(())
@@ -703,7 +727,12 @@ impl<'a> Subject<'a> {
         self.report.by_path = path::times(&self.report.by_view);
         let is_original = self.report.name == ORIGINAL;
         let worst = self.worst.and_then(|(_, worst)| worst);
-        let pictures = self.pictures.map(|p| Pictures { worst, ..p });
+        let elsewhere = self.elsewhere.pictures();
+        let pictures = self.pictures.map(|p| Pictures {
+            worst,
+            elsewhere,
+            ..p
+        });
         (self.report, pictures.filter(|_| !is_original))
     }
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::PathTime;
+use super::csv::{number as written, quoted};
 use crate::frontier::{Ended, Exploration, Fate, Point, explore};
 use crate::measure::Estimate;
 
@@ -198,7 +199,7 @@ pub fn csv(found: &Exploration) -> String {
     let mut out = "name,recipe,fate,flip_mean,flip_p99,max_abs,changed_pixels,time_ms,speedup,speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,predicted_work\n".to_owned();
     for p in &found.points {
         let error = p.error.as_ref();
-        let of = |n: Option<f64>| n.map_or_else(String::new, |n| n.to_string());
+        let of = written;
         let cells = [
             quoted(&p.name),
             quoted(&p.recipe),
@@ -220,9 +221,4 @@ pub fn csv(found: &Exploration) -> String {
         out.push('\n');
     }
     out
-}
-
-/// A field as RFC 4180 quotes it.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\""))
 }

@@ -2,6 +2,7 @@
 
 pub mod budget;
 pub mod crossover;
+pub mod csv;
 pub mod frontier;
 pub mod html;
 pub mod path;
@@ -23,7 +24,7 @@ use crate::scene::bind::Guessed;
 
 pub use budget::{Budget, Choice, Chosen};
 pub use path::PathTime;
-pub use picture::{Pictures, Worst};
+pub use picture::{Elsewhere, Picture, Pictures, Worst};
 pub use sweep::SweepReport;
 pub use unfinished::Unfinished;
 

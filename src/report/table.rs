@@ -106,7 +106,7 @@ fn row(v: &VariantReport) -> [String; 9] {
 }
 
 /// What the figures are of, what broke, and what was left alone.
-fn notes(report: &Report) -> String {
+pub(super) fn notes(report: &Report) -> String {
     let mut out = String::new();
     if let Some(view) = report.variants.first().and_then(|v| v.by_view.first()) {
         let clock = match report.clock {
