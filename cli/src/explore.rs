@@ -16,7 +16,7 @@ use preshade::report::{self, Budget};
 use preshade::scene::{DrawOrder, Scene};
 
 use crate::input::ShaderArgs;
-use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, parse_seconds, sweeps};
+use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds, sweeps};
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table, output};
 
@@ -97,6 +97,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut scene = args.view.of(args.shader.scene()?)?;
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];
+    }
+    if !args.shader.is_scene()
+        && let Some(note) = guesses(&scene)
+    {
+        output::message(&note);
     }
     let effects = measure::effects(&scene).unwrap_or_default();
     // What is looked at without a list specialises.

@@ -21,7 +21,7 @@ use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::limits::LimitArgs;
 use crate::output;
-use crate::verify::{OrderArg, parse_frames, parse_seconds};
+use crate::verify::{OrderArg, guesses, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table};
 
@@ -310,12 +310,19 @@ fn prepare(
     bar.set_message("measuring what can be interpolated");
     facts.frequencies = measure::frequencies(gpu, scene, &facts, form, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
+        bar.set_message(format!(
+            "measuring what can be interpolated, {:.0} %",
+            done * 100.0
+        ));
         ControlFlow::Continue(())
     })?;
     let recipes = recipes
         .into_iter()
         .map(|recipe| match measure::leaves_a_choice(&recipe) {
-            true => measure::within_budget(gpu, scene, &recipe, &facts, form),
+            true => {
+                bar.set_message(format!("choosing within the budget of {recipe}"));
+                measure::within_budget(gpu, scene, &recipe, &facts, form)
+            }
             false => Ok(recipe),
         })
         .collect::<Result<_, _>>()?;
@@ -348,7 +355,11 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             };
             let parsed = front::parse(&[Source::new(&name, text)], &options)
                 .map_err(|e| Failure(e.render(color)))?;
-            scene::synthesise(parsed, MaterialState::default())
+            let made_up = scene::synthesise(parsed, MaterialState::default());
+            if let Some(note) = guesses(&made_up) {
+                output::message(&note);
+            }
+            made_up
         }
     };
     scene = args.view.of(scene)?;

@@ -571,7 +571,7 @@ pub fn check_folder(dir: &Path) -> Result<(), Failure> {
 }
 
 /// What a bare shader was given without having said so.
-fn guesses(scene: &Scene) -> Option<String> {
+pub fn guesses(scene: &Scene) -> Option<String> {
     let guessed = scene::bind::guessed(scene);
     let widest = guessed.iter().map(|g| g.name.len()).max()?;
     let mut lines = vec![format!(

@@ -21,6 +21,7 @@ pub mod rasterizer;
 pub mod shading;
 pub mod shadow;
 pub mod statistics;
+pub(crate) mod telling;
 pub mod timing;
 pub mod truth;
 pub mod variant;

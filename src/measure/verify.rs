@@ -8,6 +8,7 @@ use preshade_passes::plan::{GpuPass, Plan};
 use super::elsewhere::{OtherCameras, Seen};
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
+use super::telling::{self, Colours};
 use super::verdict::{breaks, needs_invariant_original, nothing_drawn};
 use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shadow, time};
 use crate::render::{
@@ -167,6 +168,7 @@ pub fn verify(
     let views = views(scene, settings);
     let mut clock = None;
     let mut depth_ties = Some(0);
+    let mut colours = Colours::default();
     let mut lost = None;
     for (i, view) in views.iter().enumerate() {
         let at = |part: f64, what: String| {
@@ -180,7 +182,9 @@ pub fn verify(
                 depth_ties = depth_ties.map(|sum| sum + n);
             }
             inputs.set_frame(view.frame)?;
-            compare_view(&inputs, &mut subjects, view, views[0].camera, settings.form)?;
+            let reference =
+                compare_view(&inputs, &mut subjects, view, views[0].camera, settings.form)?;
+            reference.iter().for_each(|r| colours.look(r));
             count_view(&mut subjects, view)?;
             if view.headline {
                 for subject in &mut subjects {
@@ -219,15 +223,26 @@ pub fn verify(
         }
         subject.run_self_tests(&inputs, variant, settings, lost.as_deref());
     }
+    let assumed = bind::guessed(scene);
+    let nothing = subjects.iter().all(|s| s.covered.unwrap_or(0) == 0);
+    let mut warnings = telling::missing_attributes(&assumed);
+    // Of pictures with nothing in them the verdicts say more.
+    warnings.extend(colours.warning().filter(|_| !nothing));
+    let frames: Vec<_> = views.iter().map(|v| (v.frame, v.order)).collect();
+    let (plans, count) = (&original.plans, settings.count);
+    let away = nothing
+        && lost.is_none()
+        && telling::faces_away(&inputs, plans, settings.form, count, &frames).unwrap_or(false);
     let mut report = Report {
         clock,
         depth_ties: depth_ties.filter(|_| lost.is_none()),
-        assumed: bind::guessed(scene),
+        assumed,
+        warnings,
         ..blank(gpu, scene, settings)
     };
     let mut pictures = Vec::new();
     for subject in subjects {
-        let (variant, picture) = subject.finish(lost.as_deref());
+        let (variant, picture) = subject.finish(lost.as_deref(), away);
         report.variants.push(variant);
         pictures.extend(picture);
     }
@@ -251,6 +266,7 @@ fn blank(gpu: &Gpu, scene: &Scene, settings: &Settings<'_>) -> Report {
         clock: None,
         depth_ties: None,
         assumed: Vec::new(),
+        warnings: Vec::new(),
         variants: Vec::new(),
         sweeps: Vec::new(),
         chosen: None,
@@ -306,19 +322,19 @@ impl Timed {
     }
 }
 
-/// Draws the view with every subject and compares each with the first. `headline` is the camera of the first view.
+/// Draws the view with every subject and compares each with the first, whose picture is given back. `headline` is the camera of the first view.
 fn compare_view<'a>(
     inputs: &'a SceneInputs<'a>,
     subjects: &mut [Subject<'a>],
     view: &View<'_>,
     headline: &str,
     form: ShaderForm,
-) -> Result<(), Error> {
+) -> Result<Option<Rendered>, Error> {
     let [original, variants @ ..] = subjects else {
-        return Ok(());
+        return Ok(None);
     };
     let Some(reference) = original.draw(inputs, view, form)? else {
-        return Ok(());
+        return Ok(None);
     };
     // The original's picture, which all that show this view share.
     let shown = OnceCell::new();
@@ -352,7 +368,7 @@ fn compare_view<'a>(
             Err(error) => variant.give_up(&error),
         }
     }
-    Ok(())
+    Ok(Some(reference))
 }
 
 /// Counts what every subject shades in this view.
@@ -690,8 +706,8 @@ impl<'a> Subject<'a> {
         };
     }
 
-    /// The verdict. `lost` says why measuring ended early.
-    fn finish(mut self, lost: Option<&str>) -> (VariantReport, Option<Pictures>) {
+    /// The verdict. `lost` says why measuring ended early; `away`: nothing is seen for every triangle is culled.
+    fn finish(mut self, lost: Option<&str>, away: bool) -> (VariantReport, Option<Pictures>) {
         let drawn = self.prepared.is_some() && self.report.error.is_some();
         match (self.broken, lost) {
             // What the contract takes as given is not so here: neither kept nor broken.
@@ -710,6 +726,11 @@ impl<'a> Subject<'a> {
             }
             (None, None) if self.shadow.is_some() => {
                 self.report.verdict = self.shadow.unwrap_or(Verdict::Holds);
+            }
+            (None, None) if drawn && away && self.covered == Some(0) => {
+                self.report.verdict = Verdict::NotMeasured {
+                    why: telling::FACES_AWAY.to_owned(),
+                };
             }
             (None, None) if drawn && self.covered == Some(0) && self.report.name != ORIGINAL => {
                 self.report.verdict = Verdict::NotMeasured {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::PathTime;
+use super::{Chosen, ORIGINAL, PathTime};
 use super::csv::{number as written, quoted};
 use crate::frontier::{Ended, Exploration, Fate, Point, explore};
 use crate::measure::Estimate;
@@ -47,12 +47,26 @@ pub fn table(found: &Exploration) -> String {
     out.push('\n');
     out.push_str(&counted(found));
     out.push('\n');
-    if let Some(chosen) = &found.chosen {
-        out.push_str(&chosen.said());
+    for said in said(found) {
+        out.push_str(&said);
         out.push('\n');
     }
     out.push_str(&ended(found));
     out
+}
+
+/// What to know of the frontier first: that nothing gains, where nothing does, and what a budget leaves.
+pub fn said(found: &Exploration) -> Vec<String> {
+    let gains = |p: &Point| p.speedup.is_some_and(|s| s.low > 1.0);
+    let timed = on_frontier(found).any(|p| p.name != ORIGINAL && p.speedup.is_some());
+    let level = timed && !on_frontier(found).any(gains);
+    let nothing = level.then(|| {
+        "Nothing that was verified is faster than the original beyond noise: every interval of the frontier reaches 1 or lies below.".to_owned()
+    });
+    let chosen = found.chosen.as_ref().map(Chosen::said);
+    let warnings = found.report.iter().flat_map(|r| &r.warnings);
+    let warnings = warnings.map(|w| format!("Warning: {w}."));
+    nothing.into_iter().chain(chosen).chain(warnings).collect()
 }
 
 /// The points that no other beats, by their error.

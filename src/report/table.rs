@@ -121,6 +121,9 @@ pub(super) fn notes(report: &Report) -> String {
             crate::render::order::name(view.order)
         ));
     }
+    for warning in &report.warnings {
+        out.push_str(&format!("Warning: {warning}.\n"));
+    }
     if let Some(ties) = report.depth_ties.filter(|n| *n > 0) {
         let what = match report.samples {
             1 => "pixels",

@@ -10,7 +10,7 @@ use super::{Error, Gallery, Shell, data, diff};
 use crate::frontier::explore::Found;
 use crate::frontier::{Exploration, Point};
 use crate::measure::EffectUse;
-use crate::report::{Choice, Chosen, VariantReport, frontier};
+use crate::report::{Choice, VariantReport, frontier};
 use crate::scene::Scene;
 
 #[derive(Template)]
@@ -106,7 +106,7 @@ pub fn page(found: &Found, scene: &Scene, effects: &[EffectUse]) -> Result<Strin
                 words::adapter(&exploration.adapter),
                 frontier::ended(exploration)
             ),
-            said: chosen.map(Chosen::said).into_iter().collect(),
+            said: frontier::said(exploration),
             command: exploration.command.clone(),
             file: "report.json",
             data: data(exploration)?,
