@@ -20,6 +20,7 @@ use preshade::report::{self, Budget};
 use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::limits::LimitArgs;
+use crate::many;
 use crate::output;
 use crate::verify::{OrderArg, guesses, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
@@ -35,13 +36,14 @@ Examples:
   preshade plan scene.toml --one --lock              kept in preshade.lock, for build scripts
   preshade plan scene.toml --model adapter.json      fitted once, read afterwards
   preshade plan scene.toml --time no                 predictions of a nominal model, no clock
+  preshade plan scenes/ --out chosen/                a folder each
   preshade plan scenes/*.toml --exhaustive --format json > regret.json
 
 A recipe is taken where it was measured to be faster than the original beyond noise, and by 1 % at
 least; where none is, nothing is, and the reasons are told. docs/deciding.md says how.
 Exit status 1: a plan broke its contract (it is not taken).")]
 pub struct Args {
-    /// A scene (.toml), or a bare WGSL shader; several with --exhaustive.
+    /// Scenes (.toml), folders of them, or bare WGSL shaders. Of several each has a folder of its own below --out.
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<PathBuf>,
     /// Set a variable of the scene; may be given several times.
@@ -82,7 +84,7 @@ pub struct Args {
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
     adapter: Option<String>,
-    /// Folder for the chosen plans' shaders, a `plan.json` each, and `decision.json`.
+    /// Folder for the chosen plans' shaders, a `plan.json` each, `decision.json`, `report.html` and `report.csv`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of a policy with a switch, the plan below it.
@@ -100,7 +102,8 @@ impl Args {
             let scene = scene::load_within(path, &Variables::new(), self.limits.access());
             scene.map(|s| s.files).unwrap_or_default()
         };
-        let below = self.scenes.iter().flat_map(of_scene);
+        let scenes = many::scenes(&self.scenes).unwrap_or_default();
+        let below: Vec<PathBuf> = scenes.iter().flat_map(of_scene).collect();
         self.scenes.iter().cloned().chain(below).collect()
     }
 }
@@ -115,9 +118,11 @@ enum TimeArg {
 
 /// Plans a scene, or judges the planning of several.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    if args.scenes.len() > 1 && !args.exhaustive {
+    let scenes = many::scenes(&args.scenes)?;
+    if scenes.len() > 1 && !args.exhaustive && args.format != Table::Human {
         return Err(Failure(
-            "error: one scene at a time; several are for --exhaustive".to_owned(),
+            "error: --format json and csv are of one scene; of several --out keeps one each"
+                .to_owned(),
         ));
     }
     if args.exhaustive && (args.out.is_some() || args.lock || args.time == TimeArg::No) {
@@ -138,20 +143,47 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let bar = output::bar();
     if args.exhaustive {
         let gpu = Gpu::new(&choice)?;
-        return exhaustive(args, &gpu, &bar);
+        return exhaustive(args, &scenes, &gpu, &bar);
     }
-    let scene = scene(args, &args.scenes[0])?;
-    let effects = measure::effects(&scene).unwrap_or_default();
-    let scene = grouped(args, scene)?;
+    // What cannot be read is told before anything is drawn.
+    let loaded: Vec<Scene> = scenes
+        .iter()
+        .map(|path| scene(args, path))
+        .collect::<Result<_, _>>()?;
     let gpu = Gpu::new(&choice)?;
     let model = match args.time {
         TimeArg::No if args.model.is_none() => Model::nominal(),
         _ => model(args, &gpu, &bar)?.0,
     };
-    let settings = settings(args, &model);
-    let (recipes, facts) = prepare(args, &gpu, &scene, &bar)?;
+    let mut outcome = Outcome::Fine;
+    for (path, scene) in scenes.iter().zip(loaded) {
+        bar.reset();
+        let out = match (&args.out, scenes.len()) {
+            (Some(out), 2..) => Some(many::folder_of(out, path)),
+            (out, _) => out.clone(),
+        };
+        if let Outcome::ContractBroken = one(args, scene, out.as_deref(), &gpu, &model, &bar)? {
+            outcome = Outcome::ContractBroken;
+        }
+    }
+    Ok(outcome)
+}
+
+/// Plans one scene.
+fn one(
+    args: &Args,
+    scene: Scene,
+    out: Option<&Path>,
+    gpu: &Gpu,
+    model: &Model,
+    bar: &ProgressBar,
+) -> Result<Outcome, Failure> {
+    let effects = measure::effects(&scene).unwrap_or_default();
+    let scene = grouped(args, scene)?;
+    let settings = settings(args, model);
+    let (recipes, facts) = prepare(args, gpu, &scene, bar)?;
     let decision = decide::decide(
-        &gpu,
+        gpu,
         &scene,
         &recipes,
         &facts,
@@ -168,13 +200,13 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Table::Json => output::data(&json)?,
         Table::Csv => output::data(&report::csv::decision(&decision))?,
     }
-    if let Some(dir) = &args.out {
+    if let Some(dir) = out {
         let planned = Planned {
             scene: &scene,
             facts: &facts,
             decision: &decision,
         };
-        let page = planned.page(&gpu, &effects)?;
+        let page = planned.page(gpu, &effects)?;
         planned.write(dir, json, page)?;
     }
     if args.lock {
@@ -187,14 +219,19 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 /// Measures everything, and holds the choices against it.
-fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Failure> {
+fn exhaustive(
+    args: &Args,
+    paths: &[PathBuf],
+    gpu: &Gpu,
+    bar: &ProgressBar,
+) -> Result<Outcome, Failure> {
     let (model, probes) = model(args, gpu, bar)?;
     let settings = settings(args, &model);
     let mut scenes: Vec<Exhausted> = Vec::new();
     let mut failed = Vec::new();
-    for (done, path) in args.scenes.iter().enumerate() {
+    for (done, path) in paths.iter().enumerate() {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        bar.set_position((done * 1000 / args.scenes.len()) as u64);
+        bar.set_position((done * 1000 / paths.len()) as u64);
         bar.set_message(name.to_string());
         let scene = grouped(args, scene(args, path)?)?;
         let start = Instant::now();

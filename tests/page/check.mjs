@@ -63,9 +63,11 @@ async function slide(page) {
 async function follow(page) {
     const link = page.locator('td a[href^="#variant-"]').first();
     if ((await link.count()) === 0) return [];
+    const target = await link.getAttribute('href');
     await link.focus();
     await page.keyboard.press('Enter');
-    const target = await link.getAttribute('href');
+    await page.waitForFunction((hash) => location.hash === hash, target);
+    await page.waitForTimeout(100);
     const there = await page.locator(target).evaluate((e) => {
         const box = e.getBoundingClientRect();
         return box.top >= 0 && box.top < innerHeight;

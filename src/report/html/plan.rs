@@ -151,7 +151,7 @@ fn views(decision: &Decision, sections: &[Section]) -> Vec<View> {
                     speedup: or_dash(at.speedup, frontier::speedup),
                     strip: at.speedup.map(|s| scale.strip(&s)),
                     drawn: match view.plan == number {
-                        true => "this view",
+                        true => "yes",
                         false => "",
                     },
                 })

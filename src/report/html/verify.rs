@@ -133,10 +133,16 @@ fn said(report: &Report) -> Vec<String> {
     let open = count(|v| matches!(v, Verdict::NotMeasured { .. }));
     let mut parts = vec![format!("{held} of {} keep what they promise", drawn().count())];
     if broken > 0 {
-        parts.push(format!("{broken} break it"));
+        parts.push(match broken {
+            1 => "1 breaks it".to_owned(),
+            n => format!("{n} break it"),
+        });
     }
     if open > 0 {
-        parts.push(format!("{open} were not measured"));
+        parts.push(match open {
+            1 => "1 was not measured".to_owned(),
+            n => format!("{n} were not measured"),
+        });
     }
     let mut said = vec![parts.join(", ") + "."];
     said.extend(report.chosen.as_ref().map(Chosen::said));

@@ -30,6 +30,36 @@ pub fn contract(contract: &Contract) -> String {
     }
 }
 
+/// Text as HTML: escaped, with what stands between backticks as code.
+pub fn marked(text: &str) -> String {
+    let parts: Vec<String> = text.split('`').map(escaped).collect();
+    // A backtick too many is a backtick.
+    if parts.len() % 2 == 0 {
+        return parts.join("`");
+    }
+    let each = parts.iter().enumerate();
+    each.map(|(i, part)| match i % 2 {
+        0 => part.clone(),
+        _ => format!("<code>{part}</code>"),
+    })
+    .collect()
+}
+
+fn escaped(text: &str) -> String {
+    text.chars()
+        .fold(String::with_capacity(text.len()), |mut out, c| {
+            match c {
+                '&' => out.push_str("&amp;"),
+                '<' => out.push_str("&lt;"),
+                '>' => out.push_str("&gt;"),
+                '"' => out.push_str("&quot;"),
+                '\'' => out.push_str("&#39;"),
+                c => out.push(c),
+            }
+            out
+        })
+}
+
 /// A verdict.
 pub fn verdict(verdict: &Verdict) -> String {
     match verdict {
@@ -95,4 +125,16 @@ pub fn error(error: &ErrorLadder) -> String {
 /// The text of an option, or a dash.
 pub fn or_dash<T>(value: Option<T>, said: impl FnOnce(T) -> String) -> String {
     value.map_or_else(|| DASH.to_owned(), said)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::marked;
+
+    #[test]
+    fn what_stands_between_backticks_is_code_and_nothing_is_markup() {
+        assert_eq!(marked("as `a<b>`, so"), "as <code>a&lt;b&gt;</code>, so");
+        assert_eq!(marked("a ` b"), "a ` b");
+        assert_eq!(marked("<img src='x'>"), "&lt;img src=&#39;x&#39;&gt;");
+    }
 }
