@@ -2,10 +2,11 @@
 
 use preshade_passes::contract::{Contract, Verdict};
 use preshade_passes::plan::{GpuPass, Plan};
+use preshade_passes::visibility_buffer;
 
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
-use super::verdict::{breaks, needs_invariant_original, nothing_drawn};
+use super::verdict::{advice, breaks, needs_invariant_original, nothing_drawn};
 use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shadow, time};
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm,
@@ -222,7 +223,7 @@ pub fn verify(
     };
     let mut pictures = Vec::new();
     for subject in subjects {
-        let (variant, picture) = subject.finish(lost.as_deref());
+        let (variant, picture) = subject.finish(gpu, lost.as_deref());
         report.variants.push(variant);
         pictures.extend(picture);
     }
@@ -666,10 +667,32 @@ impl<'a> Subject<'a> {
         };
     }
 
+    /// What a picture outside of the contract says: of a variant made for another adapter, nothing.
+    fn broken_or_elsewhere(&self, gpu: &Gpu, r#where: String) -> Verdict {
+        let seen = super::rasterizer(gpu).ok();
+        let elsewhere = |plan: &Plan| visibility_buffer::contradicted(plan, seen.as_ref()?);
+        if let Some(otherwise) = self.plans.iter().find_map(elsewhere) {
+            return Verdict::NotMeasured {
+                why: format!(
+                    "its promise is about another adapter than this one, which it takes to do as {otherwise} (left out, the parameter is as was seen): {where}"
+                ),
+            };
+        }
+        let error = self.report.error.as_ref();
+        let advice = error.and_then(|error| advice(&self.report.contract, error));
+        Verdict::Broken {
+            r#where: [Some(r#where), advice]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join("; "),
+        }
+    }
+
     /// The verdict. `lost` says why measuring ended early.
-    fn finish(mut self, lost: Option<&str>) -> (VariantReport, Option<Pictures>) {
+    fn finish(mut self, gpu: &Gpu, lost: Option<&str>) -> (VariantReport, Option<Pictures>) {
         let drawn = self.prepared.is_some() && self.report.error.is_some();
-        match (self.broken, lost) {
+        match (self.broken.take(), lost) {
             // What the contract takes as given is not so here: neither kept nor broken.
             (Some(r#where), _) if needs_invariant_original(&self.report.contract) => {
                 self.report.verdict = Verdict::NotMeasured {
@@ -678,7 +701,7 @@ impl<'a> Subject<'a> {
                     ),
                 };
             }
-            (Some(r#where), _) => self.report.verdict = Verdict::Broken { r#where },
+            (Some(r#where), _) => self.report.verdict = self.broken_or_elsewhere(gpu, r#where),
             (None, Some(why)) => {
                 self.report.verdict = Verdict::NotMeasured {
                     why: why.to_owned(),
