@@ -1,5 +1,7 @@
 //! A scene drawn with the original and its variants, view by view.
 
+mod ended;
+
 use std::cell::OnceCell;
 
 use preshade_passes::contract::{Contract, Verdict};
@@ -9,7 +11,7 @@ use super::elsewhere::{OtherCameras, Seen};
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
 use super::telling::{self, Colours};
-use super::verdict::{breaks, needs_invariant_original, nothing_drawn};
+use super::verdict::{breaks, nothing_drawn};
 use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shadow, time};
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm,
@@ -17,7 +19,7 @@ use crate::render::{
 };
 use crate::report::{
     Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, Unfinished, VariantReport,
-    ViewReport, Worst, path,
+    ViewReport, Worst,
 };
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
@@ -242,7 +244,7 @@ pub fn verify(
     };
     let mut pictures = Vec::new();
     for subject in subjects {
-        let (variant, picture) = subject.finish(lost.as_deref(), away);
+        let (variant, picture) = subject.finish(gpu, lost.as_deref(), away);
         report.variants.push(variant);
         pictures.extend(picture);
     }
@@ -678,25 +680,6 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// What is known of it between two views.
-    fn so_far(&self) -> VariantReport {
-        let mut report = self.report.clone();
-        match &self.broken {
-            Some(r#where) => {
-                report.verdict = Verdict::Broken {
-                    r#where: r#where.clone(),
-                };
-            }
-            None if self.prepared.is_some() => {
-                report.verdict = Verdict::NotMeasured {
-                    why: "not all views were drawn yet".to_owned(),
-                };
-            }
-            None => {}
-        }
-        report
-    }
-
     /// Draws it no more.
     fn give_up(&mut self, error: &Error) {
         self.prepared = None;
@@ -704,56 +687,5 @@ impl<'a> Subject<'a> {
         self.report.verdict = Verdict::NotMeasured {
             why: error.to_string(),
         };
-    }
-
-    /// The verdict. `lost` says why measuring ended early; `away`: nothing is seen for every triangle is culled.
-    fn finish(mut self, lost: Option<&str>, away: bool) -> (VariantReport, Option<Pictures>) {
-        let drawn = self.prepared.is_some() && self.report.error.is_some();
-        match (self.broken, lost) {
-            // What the contract takes as given is not so here: neither kept nor broken.
-            (Some(r#where), _) if needs_invariant_original(&self.report.contract) => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: format!(
-                        "its promise is about an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
-                    ),
-                };
-            }
-            (Some(r#where), _) => self.report.verdict = Verdict::Broken { r#where },
-            (None, Some(why)) => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: why.to_owned(),
-                };
-            }
-            (None, None) if self.shadow.is_some() => {
-                self.report.verdict = self.shadow.unwrap_or(Verdict::Holds);
-            }
-            (None, None) if drawn && away && self.covered == Some(0) => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: telling::FACES_AWAY.to_owned(),
-                };
-            }
-            (None, None) if drawn && self.covered == Some(0) && self.report.name != ORIGINAL => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: "no opaque surface is seen in any view".to_owned(),
-                };
-            }
-            (None, None) if drawn && self.covered == Some(0) && self.empty.is_some() => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: self.empty.unwrap_or_default(),
-                };
-            }
-            (None, None) if drawn => self.report.verdict = Verdict::Holds,
-            (None, None) => {}
-        }
-        self.report.by_path = path::times(&self.report.by_view);
-        let is_original = self.report.name == ORIGINAL;
-        let worst = self.worst.and_then(|(_, worst)| worst);
-        let elsewhere = self.elsewhere.pictures();
-        let pictures = self.pictures.map(|p| Pictures {
-            worst,
-            elsewhere,
-            ..p
-        });
-        (self.report, pictures.filter(|_| !is_original))
     }
 }
