@@ -105,7 +105,10 @@ fn wesls_own_errors_are_plain_text() {
     let source = Source::new(folder.display().to_string(), "fn (");
     let error = front::parse(&[source], &Options::default()).unwrap_err();
     assert!(error.message().contains("broken.wesl: error"), "{error}");
-    assert!(!error.render(front::Color::Never).contains("[0m"), "{error}");
+    assert!(
+        !error.render(front::Color::Never).contains("[0m"),
+        "{error}"
+    );
 }
 
 #[test]
