@@ -70,7 +70,11 @@ pub(crate) fn faces_away(
     count: &dyn Fn(&Plan, &preshade_passes::plan::GpuPass) -> CountProgram,
     frames: &[(&Frame, DrawOrder)],
 ) -> Result<bool, Error> {
-    let culls = |plan: &Plan| plan.passes.iter().any(|p| p.primitive.cull != CullMode::None);
+    let culls = |plan: &Plan| {
+        plan.passes
+            .iter()
+            .any(|p| p.primitive.cull != CullMode::None)
+    };
     if !plans.iter().any(culls) {
         return Ok(false);
     }

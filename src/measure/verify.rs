@@ -572,12 +572,7 @@ impl<'a> Subject<'a> {
         Ok(Some(prepared))
     }
 
-    fn compare(
-        &mut self,
-        view: &View<'_>,
-        headline: &str,
-        seen: Seen<'_>,
-    ) -> Result<(), Error> {
+    fn compare(&mut self, view: &View<'_>, headline: &str, seen: Seen<'_>) -> Result<(), Error> {
         let (reference, picture) = (seen.reference, seen.picture);
         let error = compare(reference, picture)?;
         if self.broken.is_none() {

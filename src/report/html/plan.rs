@@ -106,7 +106,10 @@ pub fn page(
                 words::adapter(&decision.adapter),
                 words::clock(decision.clock)
             ),
-            said: table::policy(decision),
+            said: table::policy(decision)
+                .into_iter()
+                .chain(decision.warnings.iter().map(|w| format!("Warning: {w}.")))
+                .collect(),
             command: decision.command.clone(),
             file: "decision.json",
             data: data(decision)?,

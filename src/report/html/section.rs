@@ -90,9 +90,16 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
     ];
     if let Some(error) = v.error.as_ref().filter(|_| v.by_view.len() > 1) {
         let views = v.by_view.len();
-        facts.push(("worst of its views", format!("{} ({views} views)", words::error(error))));
+        facts.push((
+            "worst of its views",
+            format!("{} ({views} views)", words::error(error)),
+        ));
     }
-    facts.extend(v.self_test.iter().map(|t| ("self-test", words::self_test(t))));
+    facts.extend(
+        v.self_test
+            .iter()
+            .map(|t| ("self-test", words::self_test(t))),
+    );
     facts.extend(v.shadow.as_ref().map(|s| {
         let [w, h] = s.map;
         let (changed, covered) = (s.changed_depth, s.covered);
@@ -105,7 +112,10 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
     facts.extend(v.junctions.iter().map(|j| {
         (
             "T-junctions",
-            format!("{} edges of {} are edges of {} too", j.edges, j.divided, j.beside),
+            format!(
+                "{} edges of {} are edges of {} too",
+                j.edges, j.divided, j.beside
+            ),
         )
     }));
     facts.extend(v.by_path.iter().map(|p| {
@@ -200,9 +210,7 @@ fn shot(
         error: error.map_or_else(String::new, words::error),
         original: gallery.number(original)?,
         variant: variant.map(data_uri).transpose()?,
-        flip: variant
-            .map(|v| data_uri(&flip(original, v)))
-            .transpose()?,
+        flip: variant.map(|v| data_uri(&flip(original, v))).transpose()?,
         before: None,
         after: None,
     })
