@@ -4,7 +4,7 @@ use askama::Template;
 use preshade_passes::contract::Verdict;
 
 use super::range::{Scale, Strip};
-use super::section::{Section, section};
+use super::section::{From, Section, section};
 use super::words::{self, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
 use crate::measure::{EffectUse, Variant};
@@ -71,6 +71,7 @@ pub fn page(
                 Vec::new(),
                 Some(v),
                 pictures.iter().find(|p| p.name == v.name),
+                From::EveryCamera,
                 &mut gallery,
             )?
         });
@@ -93,7 +94,12 @@ pub fn page(
         }),
         rows: rows(report, &sections),
         by_view: by_view(report),
-        notes: table::notes(report).lines().map(str::to_owned).collect(),
+        // Warnings stand above.
+        notes: table::notes(report)
+            .lines()
+            .filter(|line| !line.starts_with("Warning: "))
+            .map(str::to_owned)
+            .collect(),
         sweeps: report
             .sweeps
             .iter()
