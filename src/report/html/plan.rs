@@ -3,7 +3,7 @@
 use askama::Template;
 
 use super::range::{Scale, Strip};
-use super::section::{From, Section, section};
+use super::section::{Cameras, Section, section};
 use super::words::{self, DASH, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
 use crate::decide::decision::{Decision, MaterialDecision, PlanReport};
@@ -92,7 +92,7 @@ pub fn page(
                 Vec::new(),
                 report.and_then(|r| r.iter().find(|v| v.name == variant.name)),
                 pictures.and_then(|p| p.iter().find(|p| p.name == variant.name)),
-                From::EveryCamera,
+                Cameras::Every,
                 &mut gallery,
             )?
         });

@@ -50,11 +50,11 @@ pub struct Shot {
 
 /// Which cameras a variant is shown from.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum From {
+pub enum Cameras {
     /// The first alone: of many variants a page gets heavy.
-    Headline,
+    First,
     /// Every one.
-    EveryCamera,
+    Every,
 }
 
 /// What is known of a variant, measured and drawn. `facts` come first among what is said.
@@ -64,7 +64,7 @@ pub fn section(
     mut facts: Vec<(&'static str, String)>,
     variant: Option<&VariantReport>,
     pictures: Option<&Pictures>,
-    from: From,
+    cameras: Cameras,
     gallery: &mut Gallery,
 ) -> Result<Section, Error> {
     facts.extend(variant.map_or_else(Vec::new, told));
@@ -78,7 +78,7 @@ pub fn section(
             kept.map(|k| (k.material.clone(), k.why.clone())).collect()
         }),
         shots: match pictures {
-            Some(pictures) => shots(variant, pictures, from, gallery)?,
+            Some(pictures) => shots(variant, pictures, cameras, gallery)?,
             None => Vec::new(),
         },
         views: variant.map_or_else(Vec::new, |v| v.by_view.iter().map(view).collect()),
@@ -169,7 +169,7 @@ fn view(view: &crate::report::ViewReport) -> [String; 7] {
 fn shots(
     variant: Option<&VariantReport>,
     pictures: &Pictures,
-    from: From,
+    cameras: Cameras,
     gallery: &mut Gallery,
 ) -> Result<Vec<Shot>, Error> {
     let scale = pictures.overdraw_scale();
@@ -196,9 +196,9 @@ fn shots(
             gallery,
         )?
     }];
-    let elsewhere = match from {
-        From::Headline => &[][..],
-        From::EveryCamera => &pictures.elsewhere,
+    let elsewhere = match cameras {
+        Cameras::First => &[][..],
+        Cameras::Every => &pictures.elsewhere,
     };
     for there in elsewhere {
         shots.push(shot(

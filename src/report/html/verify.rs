@@ -4,7 +4,7 @@ use askama::Template;
 use preshade_passes::contract::Verdict;
 
 use super::range::{Scale, Strip};
-use super::section::{From, Section, section};
+use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
 use crate::measure::{EffectUse, Variant};
@@ -71,7 +71,7 @@ pub fn page(
                 Vec::new(),
                 Some(v),
                 pictures.iter().find(|p| p.name == v.name),
-                From::EveryCamera,
+                Cameras::Every,
                 &mut gallery,
             )?
         });
