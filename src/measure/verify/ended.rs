@@ -5,8 +5,8 @@ use preshade_passes::plan::Plan;
 use preshade_passes::visibility_buffer;
 
 use super::Subject;
-use crate::measure::telling;
 use crate::measure::verdict::{advice, needs_invariant_original};
+use crate::measure::{rasterizer, telling};
 use crate::render::Gpu;
 use crate::report::{ORIGINAL, Pictures, VariantReport, path};
 
@@ -32,7 +32,7 @@ impl Subject<'_> {
 
     /// What a picture outside of the contract says: of a variant made for another adapter, nothing.
     fn broken_or_elsewhere(&self, gpu: &Gpu, r#where: String) -> Verdict {
-        let seen = super::rasterizer(gpu).ok();
+        let seen = rasterizer(gpu).ok();
         let elsewhere = |plan: &Plan| visibility_buffer::contradicted(plan, seen.as_ref()?);
         if let Some(otherwise) = self.plans.iter().find_map(elsewhere) {
             return Verdict::NotMeasured {

@@ -57,7 +57,8 @@ struct Material {
 struct Plan {
     name: String,
     notes: Vec<String>,
-    cells: [String; 6],
+    said: [String; 3],
+    cells: [String; 3],
 }
 
 /// What the plans of the policy look like: the plans of each material, and what drawing them once more says. Variants are named as the decision names its plans.
@@ -206,12 +207,14 @@ fn plan(p: &PlanReport) -> Plan {
     Plan {
         name: p.name.clone(),
         notes: p.notes.clone(),
-        cells: [
+        said: [
             words::contract(&p.contract),
             words::verdict(&p.verdict),
             p.error
                 .as_ref()
                 .map_or_else(|| DASH.to_owned(), words::error),
+        ],
+        cells: [
             or_dash(cost, |c| c.pipelines.to_string()),
             or_dash(cost, |c| format!("{:.1}", c.creation_ms)),
             or_dash(cost, megabytes),
