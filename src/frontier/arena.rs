@@ -13,8 +13,8 @@ use crate::measure::{Error, Variant, estimate};
 use crate::render::{Prepared, Rendered};
 use crate::report::ORIGINAL;
 
-/// So many are timed whatever the time is.
-const LEAST_RACING: usize = 3;
+/// So many are drawn and timed, whatever the time is.
+pub(super) const LEAST_RACING: usize = 3;
 
 /// A candidate on its way.
 pub(super) struct Contender<'a> {
