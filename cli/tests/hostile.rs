@@ -498,11 +498,21 @@ fn reports_escape_every_name() {
         )
         .replace("eye =", &format!("name = \"{evil}\"\neye ="));
     let here = folder("names", &scene, "let drawn_by_script_tag = 1;");
+    // Where shaders are written too, a name may not lead out of the folder.
+    let output = run(&here, &["plan", "a.toml", "--time", "no", "--out", "plan"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("cannot begin a file name"));
+    fs::write(here.join("b.toml"), scene.replace("<\\\\/script>", "")).unwrap();
     let explore: &[&str] = &["explore", "--seconds", "4", "--pass", "depth-prepass"];
     let verify: &[&str] = &["verify", "--time", "no", "--pass", "depth-prepass"];
     let plan: &[&str] = &["plan", "--time", "no"];
     for command in [explore, verify, plan] {
-        let rest = ["a.toml", "--size", "32x24", "--out", command[0]];
+        let file = if command[0] == "plan" {
+            "b.toml"
+        } else {
+            "a.toml"
+        };
+        let rest = [file, "--size", "32x24", "--out", command[0]];
         let output = run(&here, &[command, &rest].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         let page = fs::read_to_string(here.join(command[0]).join("report.html")).unwrap();
