@@ -5,8 +5,8 @@ use preshade_passes::plan::Plan;
 use preshade_passes::visibility_buffer;
 
 use super::Subject;
-use crate::measure::telling;
 use crate::measure::verdict::{advice, needs_invariant_original};
+use crate::measure::{rasterizer, telling};
 use crate::render::Gpu;
 use crate::report::{ORIGINAL, Pictures, VariantReport, path};
 
@@ -32,10 +32,9 @@ impl Subject<'_> {
 
     /// That its pictures are outside of the contract, and what may be why.
     fn broken(&self, gpu: &Gpu, r#where: String) -> Verdict {
-        let contradicts = self.plans.iter().filter(|p| !p.steps.is_empty());
-        let seen = crate::measure::rasterizer(gpu).ok();
+        let seen = rasterizer(gpu).ok();
         let otherwise = |plan: &Plan| visibility_buffer::contradicted(plan, seen.as_ref()?);
-        let told = match contradicts.into_iter().find_map(otherwise) {
+        let told = match self.plans.iter().find_map(otherwise) {
             Some(otherwise) => Some(format!(
                 "it was made for an adapter that does as {otherwise}: leave that out, and see again"
             )),
