@@ -228,7 +228,10 @@ fn a_budget_leaves_the_fastest_within_it() {
     }
     let (choice, said) = choose(&report, 1.0);
     assert!(matches!(choice, Choice::NoGain { .. }), "{choice:?}");
-    assert!(said.contains("beyond noise") && said.contains("3.02x [0.98, 3.02]"), "{said}");
+    assert!(
+        said.contains("beyond noise") && said.contains("3.02x [0.98, 3.02]"),
+        "{said}"
+    );
     speed(&mut report, [3.0, 0.9, 0.5]);
     let (choice, said) = choose(&report, between);
     assert!(matches!(choice, Choice::NoGain { .. }), "{choice:?}");

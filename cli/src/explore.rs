@@ -16,7 +16,9 @@ use preshade::report::{self, Budget};
 use preshade::scene::{DrawOrder, Scene};
 
 use crate::input::ShaderArgs;
-use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds, sweeps};
+use crate::verify::{
+    FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds, sweeps,
+};
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table, many, output};
 

@@ -122,7 +122,10 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let mut found = files.map_err(told)?;
         found.retain(|f| ending(f) == "toml");
         if found.is_empty() {
-            return Err(Failure(format!("error: {}: no scene (.toml) is in it", path.display())));
+            return Err(Failure(format!(
+                "error: {}: no scene (.toml) is in it",
+                path.display()
+            )));
         }
         found.sort();
         all.extend(found);

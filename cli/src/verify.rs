@@ -184,7 +184,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let limits = args.shader.limits.limits();
     let mut keeper = Keeper::new(args.out.as_deref());
     let bar = output::bar();
-    let (mut outcome, variants) = match (limits.isolates() && worker::mine().is_none(), &args.sweep) {
+    let (mut outcome, variants) = match (limits.isolates() && worker::mine().is_none(), &args.sweep)
+    {
         (true, Some(_)) => {
             return Err(Failure(
                 "error: --sweep is measured in one process: it goes without `seconds` and `memory` among the limits"

@@ -207,11 +207,20 @@ fn a_loop_over_the_scene_stays_unless_its_turns_ebb_away() {
         ("sum += scene.lights[i].color.x;", "scene"),
         ("let light = more[i * 2]; sum += shaded(light);", "more"),
         ("sum += lit(i);", "scene"),
-        ("let j = i + 1; sum += textureLoad(rows, vec2(j, 0), 0).x;", "rows"),
-        ("sum += textureSampleLevel(layers, s, vec2(x), i, 0.0).x;", "layers"),
+        (
+            "let j = i + 1; sum += textureLoad(rows, vec2(j, 0), 0).x;",
+            "rows",
+        ),
+        (
+            "sum += textureSampleLevel(layers, s, vec2(x), i, 0.0).x;",
+            "layers",
+        ),
     ] {
         let why = reason(&body(term));
-        assert!(why.contains(&format!("`{read}` by its counter")), "{term}: {why}");
+        assert!(
+            why.contains(&format!("`{read}` by its counter")),
+            "{term}: {why}"
+        );
     }
     // A weight that shrinks, or data that no counter reads.
     for term in [
@@ -219,12 +228,22 @@ fn a_loop_over_the_scene_stays_unless_its_turns_ebb_away() {
         "sum += weight * scene.lights[i].color.x; weight = weight / 2.0;",
         "sum += scene.lights[0].color.x * sin(x * f32(i));",
     ] {
-        assert!(trimmed(&original(&body(term)), &params(1, None)).is_ok(), "{term}");
+        assert!(
+            trimmed(&original(&body(term)), &params(1, None)).is_ok(),
+            "{term}"
+        );
     }
     // Nothing says that this one ebbs away, and that is told.
-    let note = |term: &str| trimmed(&original(&body(term)), &params(1, None)).unwrap().notes[0].clone();
+    let note = |term: &str| {
+        trimmed(&original(&body(term)), &params(1, None))
+            .unwrap()
+            .notes[0]
+            .clone()
+    };
     assert!(note("sum += sin(x * f32(i));").contains("nothing in it says"));
-    assert!(!note("sum += weight * sin(x * f32(i)); weight *= 0.5;").contains("nothing in it says"));
+    assert!(
+        !note("sum += weight * sin(x * f32(i)); weight *= 0.5;").contains("nothing in it says")
+    );
 }
 
 /// `i *= -2` goes to and fro: each of its values but the last is passed on the way back.

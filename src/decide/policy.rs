@@ -358,8 +358,12 @@ mod tests {
     fn one_rule_where_orders_gain_nothing_apart() {
         use DrawOrder::{BackToFront, FrontToBack};
         let table = Table(vec![vec![one(); 2], vec![about(0.9), about(1.5)]]);
-        let measures = [(FrontToBack, 1.0), (BackToFront, 2.0)].map(|(order, shaded)| Measure { order, shaded });
+        let measures = [(FrontToBack, 1.0), (BackToFront, 2.0)]
+            .map(|(order, shaded)| Measure { order, shaded });
         let rule = one_rule(&policy(&table, &measures, Hold::Switching));
-        assert!(matches!(rule, Rule::Switch(s) if (s.below, s.above) == (0, 1)), "{rule:?}");
+        assert!(
+            matches!(rule, Rule::Switch(s) if (s.below, s.above) == (0, 1)),
+            "{rule:?}"
+        );
     }
 }

@@ -144,7 +144,8 @@ impl<'a> Search<'a> {
         let cameras = self.inputs.scene().cameras.len();
         let one = arena.verifying(cameras, self.compared(arena));
         let fits = (watch.left(1.0).as_secs_f64() / one.max(1e-6)) as usize;
-        fits.saturating_sub(1).clamp(1, self.settings.finalists.max(1))
+        fits.saturating_sub(1)
+            .clamp(1, self.settings.finalists.max(1))
     }
 
     fn verified(

@@ -221,7 +221,9 @@ impl Choice {
             a.1.median.total_cmp(&b.1.median)
         };
         // What may be noise is no gain, however large its median.
-        let gains = timed().filter(|(_, speedup)| speedup.low > 1.0).max_by(median);
+        let gains = timed()
+            .filter(|(_, speedup)| speedup.low > 1.0)
+            .max_by(median);
         let fastest = gains.or_else(|| timed().max_by(median));
         let best = within().min_by(|a, b| a.by_error(b));
         match (fastest, best) {

@@ -37,14 +37,21 @@ pub fn verify(report: &Report) -> String {
 pub fn series(series: &Series) -> String {
     let header = format!("{},{}\n", quoted(&series.variable), COLUMNS.join(","));
     let points = series.points.iter();
-    header + &points.map(|p| rows(&p.report, &format!("{},", p.value))).collect::<String>()
+    header
+        + &points
+            .map(|p| rows(&p.report, &format!("{},", p.value)))
+            .collect::<String>()
 }
 
 /// The lines of a report, with `first` ahead of each.
 fn rows(report: &Report, first: &str) -> String {
     let mut out = String::new();
     for v in &report.variants {
-        let about = [quoted(&v.name), quoted(&v.recipe), quoted(&verdict(&v.verdict))];
+        let about = [
+            quoted(&v.name),
+            quoted(&v.recipe),
+            quoted(&verdict(&v.verdict)),
+        ];
         for view in &v.by_view {
             let mut cells = about.to_vec();
             cells.push(quoted(&view.camera));
@@ -88,7 +95,11 @@ pub fn decision(decision: &Decision) -> String {
             cells.extend(estimate(at.speedup.as_ref()));
             // The worst of all views: pictures are not compared apart.
             cells.extend(error(plan.error.as_ref()));
-            cells.push(plan.cost.as_ref().map_or_else(String::new, |c| c.pipelines.to_string()));
+            cells.push(
+                plan.cost
+                    .as_ref()
+                    .map_or_else(String::new, |c| c.pipelines.to_string()),
+            );
             cells.push(number(plan.cost.as_ref().map(|c| c.creation_ms)));
             line(&mut out, &cells);
         }

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::{Chosen, ORIGINAL, PathTime};
 use super::csv::{number as written, quoted};
+use super::{Chosen, ORIGINAL, PathTime};
 use crate::frontier::{Ended, Exploration, Fate, Point, explore};
 use crate::measure::Estimate;
 

@@ -113,7 +113,9 @@ fn resting(
                 local(function, *pointer).is_some_and(|l| locals.contains(&l))
                     || resting.contains(pointer)
             }
-            e => operands::of_expression(e).iter().any(|o| resting.contains(o)),
+            e => operands::of_expression(e)
+                .iter()
+                .any(|o| resting.contains(o)),
         };
         if rests {
             resting.insert(handle);

@@ -71,7 +71,10 @@ mod tests {
         let ratios = [of(0.5, 0.6, 0.7), of(0.99, 1.0, 1.01), of(2.0, 2.2, 2.4)];
         let scale = Scale::of(ratios.iter());
         let [slow, level, fast] = ratios.map(|r| scale.strip(&r));
-        assert_eq!([slow.class, level.class, fast.class], ["slower", "level", "faster"]);
+        assert_eq!(
+            [slow.class, level.class, fast.class],
+            ["slower", "level", "faster"]
+        );
         assert_eq!((slow.even, level.median), (fast.even, slow.even));
         assert!(slow.high < slow.even && fast.low > fast.even);
         assert!(slow.low >= 0.0 && fast.high <= WIDTH);

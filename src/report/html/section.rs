@@ -48,6 +48,15 @@ pub struct Shot {
     pub after: Option<String>,
 }
 
+/// Which cameras a variant is shown from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Cameras {
+    /// The first alone: of many variants a page gets heavy.
+    First,
+    /// Every one.
+    Every,
+}
+
 /// What is known of a variant, measured and drawn. `facts` come first among what is said.
 pub fn section(
     id: usize,
@@ -55,6 +64,7 @@ pub fn section(
     mut facts: Vec<(&'static str, String)>,
     variant: Option<&VariantReport>,
     pictures: Option<&Pictures>,
+    cameras: Cameras,
     gallery: &mut Gallery,
 ) -> Result<Section, Error> {
     facts.extend(variant.map_or_else(Vec::new, told));
@@ -68,7 +78,7 @@ pub fn section(
             kept.map(|k| (k.material.clone(), k.why.clone())).collect()
         }),
         shots: match pictures {
-            Some(pictures) => shots(variant, pictures, gallery)?,
+            Some(pictures) => shots(variant, pictures, cameras, gallery)?,
             None => Vec::new(),
         },
         views: variant.map_or_else(Vec::new, |v| v.by_view.iter().map(view).collect()),
@@ -90,9 +100,16 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
     ];
     if let Some(error) = v.error.as_ref().filter(|_| v.by_view.len() > 1) {
         let views = v.by_view.len();
-        facts.push(("worst of its views", format!("{} ({views} views)", words::error(error))));
+        facts.push((
+            "worst of its views",
+            format!("{} ({views} views)", words::error(error)),
+        ));
     }
-    facts.extend(v.self_test.iter().map(|t| ("self-test", words::self_test(t))));
+    facts.extend(
+        v.self_test
+            .iter()
+            .map(|t| ("self-test", words::self_test(t))),
+    );
     facts.extend(v.shadow.as_ref().map(|s| {
         let [w, h] = s.map;
         let (changed, covered) = (s.changed_depth, s.covered);
@@ -105,7 +122,10 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
     facts.extend(v.junctions.iter().map(|j| {
         (
             "T-junctions",
-            format!("{} edges of {} are edges of {} too", j.edges, j.divided, j.beside),
+            format!(
+                "{} edges of {} are edges of {} too",
+                j.edges, j.divided, j.beside
+            ),
         )
     }));
     facts.extend(v.by_path.iter().map(|p| {
@@ -149,6 +169,7 @@ fn view(view: &crate::report::ViewReport) -> [String; 7] {
 fn shots(
     variant: Option<&VariantReport>,
     pictures: &Pictures,
+    cameras: Cameras,
     gallery: &mut Gallery,
 ) -> Result<Vec<Shot>, Error> {
     let scale = pictures.overdraw_scale();
@@ -175,7 +196,11 @@ fn shots(
             gallery,
         )?
     }];
-    for there in &pictures.elsewhere {
+    let elsewhere = match cameras {
+        Cameras::First => &[][..],
+        Cameras::Every => &pictures.elsewhere,
+    };
+    for there in elsewhere {
         shots.push(shot(
             &there.view,
             Some(&there.error),
@@ -200,9 +225,7 @@ fn shot(
         error: error.map_or_else(String::new, words::error),
         original: gallery.number(original)?,
         variant: variant.map(data_uri).transpose()?,
-        flip: variant
-            .map(|v| data_uri(&flip(original, v)))
-            .transpose()?,
+        flip: variant.map(|v| data_uri(&flip(original, v))).transpose()?,
         before: None,
         after: None,
     })

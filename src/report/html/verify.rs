@@ -4,7 +4,7 @@ use askama::Template;
 use preshade_passes::contract::Verdict;
 
 use super::range::{Scale, Strip};
-use super::section::{Section, section};
+use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
 use crate::measure::{EffectUse, Variant};
@@ -71,6 +71,7 @@ pub fn page(
                 Vec::new(),
                 Some(v),
                 pictures.iter().find(|p| p.name == v.name),
+                Cameras::Every,
                 &mut gallery,
             )?
         });
@@ -93,7 +94,12 @@ pub fn page(
         }),
         rows: rows(report, &sections),
         by_view: by_view(report),
-        notes: table::notes(report).lines().map(str::to_owned).collect(),
+        // Warnings stand above.
+        notes: table::notes(report)
+            .lines()
+            .filter(|line| !line.starts_with("Warning: "))
+            .map(str::to_owned)
+            .collect(),
         sweeps: report
             .sweeps
             .iter()
@@ -131,7 +137,10 @@ fn said(report: &Report) -> Vec<String> {
     let held = count(|v| matches!(v, Verdict::Holds));
     let broken = count(|v| matches!(v, Verdict::Broken { .. }));
     let open = count(|v| matches!(v, Verdict::NotMeasured { .. }));
-    let mut parts = vec![format!("{held} of {} keep what they promise", drawn().count())];
+    let mut parts = vec![format!(
+        "{held} of {} keep what they promise",
+        drawn().count()
+    )];
     if broken > 0 {
         parts.push(match broken {
             1 => "1 breaks it".to_owned(),
@@ -146,6 +155,7 @@ fn said(report: &Report) -> Vec<String> {
     }
     let mut said = vec![parts.join(", ") + "."];
     said.extend(report.chosen.as_ref().map(Chosen::said));
+    said.extend(report.warnings.iter().map(|w| format!("Warning: {w}.")));
     said
 }
 
@@ -171,9 +181,7 @@ fn rows(report: &Report, sections: &[Section]) -> Vec<Row> {
             speedup: or_dash(v.speedup, frontier::speedup),
             strip: v.speedup.as_ref().map(|s| scale.strip(s)),
             cells: vec![
-                or_dash(v.time_ms.as_ref(), |t| {
-                    format!("{:.3}", t.estimate.median)
-                }),
+                or_dash(v.time_ms.as_ref(), |t| format!("{:.3}", t.estimate.median)),
                 or_dash(error, |e| e.changed_pixels.to_string()),
                 or_dash(error, |e| e.changed_depth.to_string()),
                 or_dash(error, |e| frontier::number(e.max_abs)),
