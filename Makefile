@@ -32,5 +32,7 @@ SECONDS ?= 300
 fuzz:
 	cd fuzz && cargo run --release --features verify --bin seeds
 	cd fuzz && for target in wgsl glsl scene plan recipes ir module; do \
-		RUSTC_BOOTSTRAP=1 cargo fuzz run --features verify --sanitizer none $$target -- -max_total_time=$(SECONDS) -max_len=16384 || exit 1; \
+		words=dictionaries/$$target.dict; \
+		RUSTC_BOOTSTRAP=1 cargo fuzz run --features verify --sanitizer none $$target -- $$(test -f $$words && echo -dict=$$words) \
+			-max_total_time=$(SECONDS) -max_len=16384 -timeout=25 -rss_limit_mb=1536 || exit 1; \
 	done
