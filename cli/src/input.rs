@@ -27,7 +27,7 @@ pub struct ShaderArgs {
     /// A WGSL file with both entry points, or a vertex and a fragment file, or a scene (.toml); `-` is stdin and needs --lang.
     #[arg(required = true, num_args = 1.., value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// Language of the input; needed for stdin, otherwise told by the file's ending.
+    /// Language of the input; needed for stdin, otherwise told by the file's ending: .wgsl, and .vert, .vs, .frag, .fs or .glsl for GLSL.
     #[arg(long, value_enum)]
     pub lang: Option<Lang>,
     /// Vertex entry point, where the shader has several.
@@ -104,7 +104,7 @@ impl GlslArgs {
 pub enum Lang {
     /// WebGPU Shading Language.
     Wgsl,
-    /// GLSL of any version.
+    /// GLSL of any version: desktop, ES and WebGL, Vulkan's, three.js's.
     Glsl,
 }
 
@@ -547,7 +547,13 @@ impl ShaderArgs {
             limits: self.limits.limits(),
             ..front::Options::default()
         };
-        front::parse(&sources, &options).map_err(|e| Failure(e.render(color())))
+        front::parse(&sources, &options).map_err(|e| {
+            let mut told = e.render(color());
+            if self.files.len() > 2 {
+                told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
+            }
+            Failure(told)
+        })
     }
 
     /// Reads the file at place `index` among those given.
@@ -572,6 +578,12 @@ impl ShaderArgs {
                     _ => ShaderStage::Fragment,
                 }),
             });
+        }
+        if path.is_dir() {
+            return Err(Failure(format!(
+                "error: {} is a folder\n = {EACH_ITS_OWN}",
+                path.display()
+            )));
         }
         let bytes =
             std::fs::read(path).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
@@ -602,6 +614,9 @@ impl ShaderArgs {
             .to_owned()
     }
 }
+
+/// What to do with more files than make a material.
+const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of its own, and every shader below a folder";
 
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")

@@ -236,6 +236,11 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         .collect();
     let (mut report, mut rules, mut all_times) = (Vec::new(), Vec::new(), Vec::new());
     let mut errors: Vec<String> = Vec::new();
+    let mut sum = Sum::default();
+    let told = |message: &str, job: &Job| match jobs.len() {
+        1 => message.to_owned(),
+        _ => of_files(message, job),
+    };
     let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     for (job, made) in jobs.iter().zip(made) {
         let Made {
@@ -249,8 +254,10 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             errors: vec![error],
             ..Made::default()
         });
-        messages.iter().for_each(|m| output::message(m));
+        messages.iter().for_each(|m| output::message(&told(m, job)));
+        sum.add(&materials, !failed.is_empty());
         for error in failed {
+            let error = told(&error, job);
             if !errors.contains(&error) {
                 errors.push(error);
             }
@@ -279,12 +286,15 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             taken.extend(paths.clone().map(|p| (p, from)));
             let read = read.into_iter().chain(config.map(Path::to_path_buf));
             rules.push((paths.collect(), read.collect()));
-            write(
+            let all = files.len();
+            let written = write(
                 folder,
                 files.into_iter().cloned().collect(),
                 args.format,
                 jobs.len(),
             )?;
+            sum.written += written;
+            sum.up_to_date += all - written;
         } else if args.format == Format::Human {
             for file in files {
                 let text = String::from_utf8_lossy(&file.bytes);
@@ -305,6 +315,9 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             errors: errors.clone(),
         })?;
     }
+    if jobs.len() > 1 && args.format == Format::Human {
+        output::message(&sum.line());
+    }
     if args.time_passes {
         output::message(&Times::table(all_times.iter()));
     }
@@ -315,13 +328,78 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     }
 }
 
-/// Writes the files of one job, and tells which changed.
+/// What became of many materials.
+#[derive(Default)]
+struct Sum {
+    rewritten: usize,
+    /// Those that no pass was applied to.
+    kept: usize,
+    /// Jobs of which something could not be read or written.
+    failed: usize,
+    /// By code.
+    refused: BTreeMap<String, usize>,
+    written: usize,
+    up_to_date: usize,
+}
+
+impl Sum {
+    fn add(&mut self, materials: &[(Rewritten, Vec<emit::File>)], failed: bool) {
+        self.failed += usize::from(failed);
+        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
+            match material.recipe.is_empty() {
+                true => self.kept += 1,
+                false => self.rewritten += 1,
+            }
+            for refusal in &material.refusals {
+                let code = format!("{}/{}", refusal.pass, refusal.code);
+                *self.refused.entry(code).or_default() += 1;
+            }
+        }
+    }
+
+    fn line(&self) -> String {
+        let mut parts = vec![format!("{} rewritten", self.rewritten)];
+        if self.kept > 0 {
+            parts.push(format!("{} written as they are", self.kept));
+        }
+        if self.failed > 0 {
+            parts.push(format!("{} failed", self.failed));
+        }
+        let refused: Vec<String> = self
+            .refused
+            .iter()
+            .map(|(code, n)| format!("{code} {n}"))
+            .collect();
+        let refused = match refused.is_empty() {
+            true => String::new(),
+            false => format!("; refused: {}", refused.join(", ")),
+        };
+        format!(
+            "materials: {}; files: {} written, {} up to date{refused}",
+            parts.join(", "),
+            self.written,
+            self.up_to_date
+        )
+    }
+}
+
+/// A message with the files that it is of, where it names none of them.
+fn of_files(message: &str, job: &Job) -> String {
+    let files = job.shader.files.iter().map(|f| f.display().to_string());
+    let files: Vec<String> = files.collect();
+    match files.iter().any(|f| message.contains(f.as_str())) {
+        true => message.to_owned(),
+        false => format!("{}\n = in {}", message.trim_end(), files.join(" and ")),
+    }
+}
+
+/// Writes the files of one job, tells which changed, and returns how many.
 fn write(
     folder: &Path,
     files: Vec<emit::File>,
     format: Format,
     jobs: usize,
-) -> Result<(), Failure> {
+) -> Result<usize, Failure> {
     let changed = emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
     if format == Format::Human {
         for path in &changed {
@@ -331,7 +409,7 @@ fn write(
             output::message(&format!("{} is up to date", folder.display()));
         }
     }
-    Ok(())
+    Ok(changed.len())
 }
 
 /// Writes `targets: prerequisites`, a rule a job.

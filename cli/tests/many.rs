@@ -77,7 +77,10 @@ fn the_tree_is_kept_and_what_was_read_is_told() {
     );
     assert_eq!(rules.len(), 3);
     // Again: nothing to write.
-    assert_eq!(stderr(&run(&tree, &REWRITE)), "");
+    assert_eq!(
+        stderr(&run(&tree, &REWRITE)),
+        "materials: 3 rewritten; files: 0 written, 9 up to date\n"
+    );
     // What decides the passes decides the output.
     fs::write(
         tree.join("preshade.toml"),
@@ -133,6 +136,42 @@ fn one_that_fails_does_not_hold_up_the_others() {
         "{}",
         stderr(&output)
     );
+}
+
+#[test]
+fn what_is_said_of_one_of_many_names_its_files() {
+    let tree = tree("many-said");
+    fs::write(tree.join("shaders/broken.wgsl"), "@vertex fn").unwrap();
+    let output = run(&tree, &[&REWRITE[..], &["--blend", "alpha"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    let said = stderr(&output);
+    for files in [
+        "\n = in shaders/lit.wgsl\n",
+        "\n = in shaders/sub/phong.vert and shaders/sub/phong.frag\n",
+    ] {
+        assert!(said.contains(files), "{files}: {said}");
+    }
+    let sum = "materials: 0 rewritten, 3 written as they are, 1 failed; files: 6 written, 0 up to date; refused: depth-prepass/blended 3\n";
+    assert!(said.contains(sum), "{said}");
+}
+
+#[test]
+fn a_folder_wants_out_dir() {
+    let tree = tree("many-out");
+    for input in [
+        &["shaders"][..],
+        &[
+            "shaders/lit.wgsl",
+            "shaders/sub/grid.wgsl",
+            "shaders/lit.wgsl",
+        ],
+    ] {
+        let output = run(&tree, &[&["rewrite", "-o", "out"], input].concat());
+        assert_eq!(output.status.code(), Some(2));
+        let said = stderr(&output);
+        assert!(said.contains("--out-dir DIR` takes each file"), "{said}");
+        assert!(!tree.join("out").exists());
+    }
 }
 
 #[test]
