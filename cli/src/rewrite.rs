@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::input::{Materials, ShaderArgs};
-use crate::many::{self, Job};
+use crate::many::{self, Job, Sum};
 use crate::output;
 use crate::{Failure, Format, Outcome, unknown};
 
@@ -239,7 +239,7 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     let mut sum = Sum::default();
     let told = |message: &str, job: &Job| match jobs.len() {
         1 => message.to_owned(),
-        _ => of_files(message, job),
+        _ => many::of_files(message, job),
     };
     let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     for (job, made) in jobs.iter().zip(made) {
@@ -255,7 +255,10 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             ..Made::default()
         });
         messages.iter().for_each(|m| output::message(&told(m, job)));
-        sum.add(&materials, !failed.is_empty());
+        sum.failed += usize::from(!failed.is_empty());
+        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
+            sum.add(!material.recipe.is_empty(), &material.refusals);
+        }
         for error in failed {
             let error = told(&error, job);
             if !errors.contains(&error) {
@@ -325,71 +328,6 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         true if is_broken => Ok(Outcome::ContractBroken),
         true => Ok(Outcome::Fine),
         false => Err(Failure(errors.join("\n"))),
-    }
-}
-
-/// What became of many materials.
-#[derive(Default)]
-struct Sum {
-    rewritten: usize,
-    /// Those that no pass was applied to.
-    kept: usize,
-    /// Jobs of which something could not be read or written.
-    failed: usize,
-    /// By code.
-    refused: BTreeMap<String, usize>,
-    written: usize,
-    up_to_date: usize,
-}
-
-impl Sum {
-    fn add(&mut self, materials: &[(Rewritten, Vec<emit::File>)], failed: bool) {
-        self.failed += usize::from(failed);
-        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
-            match material.recipe.is_empty() {
-                true => self.kept += 1,
-                false => self.rewritten += 1,
-            }
-            for refusal in &material.refusals {
-                let code = format!("{}/{}", refusal.pass, refusal.code);
-                *self.refused.entry(code).or_default() += 1;
-            }
-        }
-    }
-
-    fn line(&self) -> String {
-        let mut parts = vec![format!("{} rewritten", self.rewritten)];
-        if self.kept > 0 {
-            parts.push(format!("{} written as they are", self.kept));
-        }
-        if self.failed > 0 {
-            parts.push(format!("{} failed", self.failed));
-        }
-        let refused: Vec<String> = self
-            .refused
-            .iter()
-            .map(|(code, n)| format!("{code} {n}"))
-            .collect();
-        let refused = match refused.is_empty() {
-            true => String::new(),
-            false => format!("; refused: {}", refused.join(", ")),
-        };
-        format!(
-            "materials: {}; files: {} written, {} up to date{refused}",
-            parts.join(", "),
-            self.written,
-            self.up_to_date
-        )
-    }
-}
-
-/// A message with the files that it is of, where it names none of them.
-fn of_files(message: &str, job: &Job) -> String {
-    let files = job.shader.files.iter().map(|f| f.display().to_string());
-    let files: Vec<String> = files.collect();
-    match files.iter().any(|f| message.contains(f.as_str())) {
-        true => message.to_owned(),
-        false => format!("{}\n = in {}", message.trim_end(), files.join(" and ")),
     }
 }
 
