@@ -11,6 +11,7 @@ use preshade_passes::plan::Plan;
 use preshade_passes::state::{Blend, ColorTarget};
 use toml::Spanned;
 
+use super::bind::unknown_stream;
 use super::camera::{self, Orbit, Pose};
 use super::file::{
     BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
@@ -18,7 +19,7 @@ use super::file::{
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Scene, Stream, Value,
+    Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Mesh, Scene, Stream, Value,
     Variables, bind, error, material, meshes, range, size, variables,
 };
 use crate::front;
