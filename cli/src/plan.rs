@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use indicatif::ProgressBar;
 use preshade::decide::{self, Decision, Exhausted, Hold, Model, RegretReport, Settings, Timed};
 use preshade::emit;
 use preshade::front::{self, Source};
@@ -19,7 +18,7 @@ use preshade::report::Budget;
 use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::limits::LimitArgs;
-use crate::output;
+use crate::output::{self, Progress};
 use crate::verify::{OrderArg, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Failure, Format, Outcome};
@@ -177,7 +176,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 /// Measures everything, and holds the choices against it.
-fn exhaustive(args: &Args, gpu: &Gpu, bar: &ProgressBar) -> Result<Outcome, Failure> {
+fn exhaustive(args: &Args, gpu: &Gpu, bar: &Progress) -> Result<Outcome, Failure> {
     let (model, probes) = model(args, gpu, bar)?;
     let settings = settings(args, &model);
     let mut scenes: Vec<Exhausted> = Vec::new();
@@ -253,7 +252,7 @@ fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
 fn model(
     args: &Args,
     gpu: &Gpu,
-    bar: &ProgressBar,
+    bar: &Progress,
 ) -> Result<(Model, Vec<decide::model::Observation>), Failure> {
     let told =
         |path: &Path, e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
@@ -287,7 +286,7 @@ fn prepare(
     args: &Args,
     gpu: &Gpu,
     scene: &Scene,
-    bar: &ProgressBar,
+    bar: &Progress,
 ) -> Result<(Vec<Recipe>, Facts), Failure> {
     let form = ShaderForm::Text;
     bar.set_message("looking for depth ties");
