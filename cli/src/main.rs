@@ -30,6 +30,7 @@ mod output;
 mod passes;
 mod plan;
 mod rewrite;
+mod state;
 mod variable;
 mod verify;
 mod view;
