@@ -65,6 +65,7 @@ pub use params::{Allow, Metric, Params};
 pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
 pub use single::{Candidates, Computed, Stages, alone, computed};
 
+use advice::Advice;
 use choose::Choice;
 use hoisted::{Failed, Wanted};
 use travel::{Class, Judged, Precision, Stays};

@@ -7,6 +7,7 @@ use super::stage::Stage;
 use super::term;
 use super::world::{self, Place, World};
 use crate::graph::{FunctionId, Graph};
+use crate::guard::Place as Assumed;
 use crate::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
 
