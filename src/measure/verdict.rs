@@ -45,12 +45,18 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
     // What a rounding can do to a stored 8-bit channel is one step of it.
     let allowed = 1.0 / 255.0 + f64::from(k) * f64::from(f32::EPSILON) / 2.0;
     if error.nan_pixels > 0 {
-        return Some(format!("not finite: {}", counted(error.nan_pixels, "pixel")));
+        return Some(format!(
+            "not finite: {}",
+            counted(error.nan_pixels, "pixel")
+        ));
     }
     // Depth is not shaded: its bits stay, but for a surface that is promised to roundings only.
     let is_kept = turned.is_none_or(|t| t.surface == Surface::Kept);
     if is_kept && error.changed_depth > 0 {
-        return Some(format!("differing: {}", counted(error.changed_depth, "depth")));
+        return Some(format!(
+            "differing: {}",
+            counted(error.changed_depth, "depth")
+        ));
     }
     match turned {
         None => (error.max_abs > allowed + 1e-9).then(|| {
