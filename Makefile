@@ -25,6 +25,7 @@ audit:
 	command -v cargo-semver-checks >/dev/null || cargo install cargo-semver-checks --locked
 	cargo deny --all-features check
 	scripts/msrv.sh
+	scripts/features.sh
 	cargo semver-checks --workspace --exclude preshade-cli || test -z "$$(git tag --list 'v*')"
 
 # Each fuzzing target for SECONDS seconds, from seeds made of the fixtures. Needs `cargo install cargo-fuzz`; what is found is in fuzz/artifacts.
