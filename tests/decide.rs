@@ -7,9 +7,10 @@ mod render_support;
 use std::time::Duration;
 
 use preshade::decide::assign::{Assignment, Seen};
-use preshade::decide::choose::{Hold, Policy, WORTHWHILE};
+use preshade::decide::choose::WORTHWHILE;
 use preshade::decide::count::FragmentCounter;
 use preshade::decide::model::Model;
+use preshade::decide::policy::{Hold, Rule};
 use preshade::decide::terms::{Term, Work};
 use preshade::decide::work::{Counted, Drawn, Fragments, drawn};
 use preshade::decide::{Choices, Settings, Timed, choices, decide, recipes};
@@ -268,7 +269,7 @@ fn nothing_is_chosen_but_what_was_measured_to_be_faster() {
     }
     assert!(!decision.materials[0].reasons.is_empty());
     let json: serde_json::Value = serde_json::from_str(&decision.to_json().unwrap()).unwrap();
-    assert_eq!(json["schema"], "preshade.decision.v1");
+    assert_eq!(json["schema"], "preshade.decision.v2");
 }
 
 #[test]
@@ -295,11 +296,14 @@ fn without_a_clock_the_choice_is_a_prediction() {
             .iter()
             .all(|p| p.by_view.iter().all(|v| v.time_ms.is_none()))
     );
-    let Policy::Switch(switch) = decision.policy else {
+    let [held] = &decision.policy.0[..] else {
+        panic!("{:?}", decision.policy)
+    };
+    let Rule::Switch(switch) = held.rule else {
         panic!("{:?}", decision.policy)
     };
     assert_eq!((switch.below, switch.above), (0, 1));
     assert!(1.0 < switch.off && switch.off < switch.on && switch.on < 8.0);
     // It loses front to back: held to one plan, it is the original.
-    assert_eq!(of(Hold::One).policy, Policy::One { plan: 0 });
+    assert_eq!(of(Hold::One).policy.plans(), [0]);
 }

@@ -343,6 +343,17 @@ fn overrides_stay_in_wgsl_and_take_their_default_elsewhere() {
     let (name, files) = emitted("o.wgsl", &with(" = 0.75"), &Target::GENERAL);
     assert!(text(&files, "material.main.wgsl").contains("override level: f32 = 0.75f;"));
     assert!(text(&files, "material.main.frag").contains("0.75"));
+    // Where the text has the value, the plan says so; the vertex stage reads none.
+    let plan_json: serde_json::Value =
+        serde_json::from_str(text(&files, "material.plan.json")).unwrap();
+    let stages = &plan_json["files"][0];
+    let baked = serde_json::json!({ "level": 0.75 });
+    for target in ["spirv", "glsl", "glsl-es"] {
+        assert_eq!(stages["fragment"][target]["overrides"], baked, "{target}");
+        assert!(stages["vertex"][target]["file"].is_string(), "{target}");
+        assert!(stages["vertex"][target]["overrides"].is_null(), "{target}");
+    }
+    assert!(stages["fragment"]["wgsl"]["overrides"].is_null());
     accept::accept(&[(name, files)]);
     let error = emit::emit(
         &plan("o.wgsl", &with("")),

@@ -193,7 +193,8 @@ fn the_page_stands_alone_and_escapes_what_it_is_told() {
     let settings = settings(&["depth-prepass", "early-discard:quad=vote"]);
     let (found, _) = search(&scene, &settings, &mut Journal::new());
     check(&found);
-    let page = report::html::page(&found, &scene, &measure::effects(&scene).unwrap()).unwrap();
+    let page =
+        report::html::explore::page(&found, &scene, &measure::effects(&scene).unwrap()).unwrap();
     // No scheme but that of its own pictures, no script but its own.
     for outside in [
         "http://", "https://", "//cdn", "@import", "<link", " src=\"/",

@@ -164,3 +164,71 @@ fn a_neighbour_that_stores_keeps_every_depth_where_it_is() {
     let report = run(&scene, made_by(&scene, "shadow"));
     assert_eq!(report.variants[1].verdict, Verdict::Holds);
 }
+
+/// A leaning square whose colour goes through `waves` radians from its middle to its edge.
+fn waves(waves: f32) -> Scene {
+    let source = format!(
+        "
+struct Camera {{ view_proj: mat4x4<f32> }}
+struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+struct Out {{ @builtin(position) at: vec4<f32>, @location(0) place: vec2<f32> }}
+@vertex fn vs(@location(0) position: vec3<f32>) -> Out {{
+    return Out(camera.view_proj * object.model * vec4(position, 1.0), position.xy);
+}}
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> {{
+    return vec4(0.5 + 0.4 * sin({waves:?} * (in.place.x + in.place.y)), 0.5, 0.5, 1.0) * object.tint;
+}}"
+    );
+    let leaning = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5))
+        * Mat4::from_rotation_z(0.37)
+        * Mat4::from_scale(Vec3::splat(0.717));
+    let drawn = draw("square", leaning, [1.0; 4]);
+    scene([96, 96], vec![material("waves", &source)], vec![drawn])
+}
+
+#[test]
+fn slopes_that_are_not_gentle_are_told_with_the_budget_that_holds() {
+    let gentle = waves(4.0);
+    let report = run(&gentle, made_by(&gentle, "visibility-buffer"));
+    assert_eq!(report.variants[1].verdict, Verdict::Holds);
+    let steep = waves(200_000.0);
+    let report = run(&steep, made_by(&steep, "visibility-buffer"));
+    let Verdict::Broken { r#where } = &report.variants[1].verdict else {
+        panic!("{:?}", report.variants[1].verdict);
+    };
+    let (_, advised) = r#where.split_once("are not: ").unwrap();
+    let budget = advised.strip_suffix(" would have held").unwrap();
+    let recipe = format!("visibility-buffer:{budget}");
+    let report = run(&steep, made_by(&steep, &recipe));
+    assert_eq!(report.variants[1].verdict, Verdict::Holds, "{recipe}");
+    let error = report.variants[1].error.as_ref().unwrap();
+    assert!(error.max_abs > 1.5 / 255.0, "{}", error.max_abs);
+}
+
+/// A plan for an adapter that does otherwise promises nothing of this one: where its picture is off, that is why.
+#[test]
+fn a_plan_for_another_adapter_is_told_from_a_broken_one() {
+    use preshade::passes::rasterizer::Corners;
+    let seen = measure::rasterizer(gpu()).unwrap();
+    let [own, other] = match seen.corners {
+        Corners::AsGiven => ["as-given", "snapped"],
+        Corners::Snapped => ["snapped", "as-given"],
+    };
+    // Steep enough to tell a 512th of a pixel.
+    let scene = waves(400.0);
+    let of = |corners: &str| {
+        let recipe = format!("visibility-buffer:corners={corners}");
+        run(&scene, made_by(&scene, &recipe)).variants.remove(1)
+    };
+    assert_eq!(of(own).verdict, Verdict::Holds);
+    let other_report = of(other);
+    let why = not_measured(&other_report);
+    assert!(
+        why.contains(&format!(
+            "corners={other}, and was seen to do as `{own}` says"
+        )),
+        "{why}"
+    );
+}

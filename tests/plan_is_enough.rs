@@ -157,6 +157,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "of the pulled form, which has no compute pass",
     ),
     (
+        "compute_files[].{}.overrides",
+        "of SPIR-V and GLSL, which the renderer does not draw: `emit.rs` holds them to the text",
+    ),
+    (
         "compute_files[].{}.textures",
         "of GLSL, which the renderer does not draw",
     ),
@@ -190,6 +194,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "a plan in place of the plan, of the same types: drawn below",
     ),
     (
+        "files[].vertex.{}.overrides",
+        "of SPIR-V and GLSL, which the renderer does not draw: `emit.rs` holds them to the text",
+    ),
+    (
         "files[].vertex.{}.textures",
         "of GLSL, which the renderer does not draw",
     ),
@@ -204,6 +212,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
     (
         "files[].vertex.{}.blocks",
         "of GLSL, which the renderer does not draw",
+    ),
+    (
+        "files[].fragment.{}.overrides",
+        "of SPIR-V and GLSL, which the renderer does not draw: `emit.rs` holds them to the text",
     ),
     (
         "files[].fragment.{}.textures",

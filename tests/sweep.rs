@@ -216,9 +216,25 @@ fn a_budget_leaves_the_fastest_within_it() {
     };
     assert_eq!(*variant, names[8], "{said}");
     assert!(said.contains("1.52x"), "{said}");
+    // What may be noise is not the best, however large its median.
+    report.variants[9].speedup.as_mut().unwrap().low = 0.98;
+    let (choice, said) = choose(&report, between);
+    let Choice::Within { variant, .. } = &choice else {
+        panic!("{choice:?}")
+    };
+    assert_eq!(*variant, names[7], "{said}");
+    for variant in &mut report.variants[1..] {
+        variant.speedup.as_mut().unwrap().low = 0.98;
+    }
+    let (choice, said) = choose(&report, 1.0);
+    assert!(matches!(choice, Choice::NoGain { .. }), "{choice:?}");
+    assert!(
+        said.contains("beyond noise") && said.contains("3.02x [0.98, 3.02]"),
+        "{said}"
+    );
     speed(&mut report, [3.0, 0.9, 0.5]);
     let (choice, said) = choose(&report, between);
-    assert!(matches!(choice, Choice::Slower { .. }), "{choice:?}");
+    assert!(matches!(choice, Choice::NoGain { .. }), "{choice:?}");
     assert!(said.contains("No variant within"), "{said}");
 }
 

@@ -1,7 +1,7 @@
 //! `preshade explore`: what accuracy costs in time.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
@@ -16,9 +16,11 @@ use preshade::report::{self, Budget};
 use preshade::scene::{DrawOrder, Scene};
 
 use crate::input::ShaderArgs;
-use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, parse_seconds, sweeps};
+use crate::verify::{
+    FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds, sweeps,
+};
 use crate::view::ViewArgs;
-use crate::{Failure, Outcome, output};
+use crate::{Failure, Outcome, Table, many, output};
 
 /// Arguments of `explore`.
 #[derive(clap::Args)]
@@ -50,7 +52,7 @@ pub struct Args {
     /// Draw in this order; default: the scene's first.
     #[arg(long, value_name = "ORDER", value_enum)]
     order: Option<OrderArg>,
-    /// Seconds to spend in all.
+    /// Seconds to spend in all, on each scene.
     #[arg(long, value_name = "SECONDS", default_value_t = 45.0, value_parser = parse_seconds)]
     seconds: f64,
     /// Most candidates to draw.
@@ -82,17 +84,6 @@ pub struct Args {
     pub shader: ShaderArgs,
 }
 
-/// Output form of what is a table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Table {
-    /// For reading.
-    Human,
-    /// For programs.
-    Json,
-    /// For spreadsheets.
-    Csv,
-}
-
 /// Largest picture that is drawn on a software adapter where no size is said: a frontier in less than a minute on two cores.
 const SOFTWARE_PIXELS: f64 = 480.0 * 270.0;
 
@@ -102,12 +93,46 @@ const JOURNAL: &str = "measured.jsonl";
 /// How often Ctrl-C was pressed.
 static INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
-/// Explores a scene or a shader.
+/// Explores a scene or a shader, or each scene of a folder.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    if !args.shader.files.iter().any(|f| f.is_dir()) {
+        return one(args, &args.shader, args.out.as_deref());
+    }
+    let scenes = many::scenes(&args.shader.files)?;
+    if scenes.len() > 1 && args.format != Table::Human {
+        return Err(Failure(
+            "error: --format json and csv are of one scene; of several --out keeps one each"
+                .to_owned(),
+        ));
+    }
+    let mut outcome = Outcome::Fine;
+    for scene in scenes {
+        let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));
+        let shader = ShaderArgs {
+            files: vec![scene],
+            ..args.shader.clone()
+        };
+        if let Outcome::ContractBroken = one(args, &shader, out.as_deref())? {
+            outcome = Outcome::ContractBroken;
+        }
+        if INTERRUPTS.load(Ordering::Relaxed) > 0 {
+            break;
+        }
+    }
+    Ok(outcome)
+}
+
+/// Explores one scene or shader.
+fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, Failure> {
     let sweeps = sweeps(&args.passes, &args.recipes)?;
-    let mut scene = args.view.of(args.shader.scene()?)?;
+    let mut scene = args.view.of(shader.scene()?)?;
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];
+    }
+    if !shader.is_scene()
+        && let Some(note) = guesses(&scene)
+    {
+        output::message(&note);
     }
     let effects = measure::effects(&scene).unwrap_or_default();
     // What is looked at without a list specialises.
@@ -117,7 +142,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let points = sweeps.into_iter().flat_map(|s| s.points);
     let recipes = points.map(|p| p.recipe).collect();
-    if let Some(dir) = &args.out {
+    if let Some(dir) = out {
         check_folder(dir)?;
     }
     let choice = args
@@ -128,7 +153,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if !args.view.is_sized() && gpu.adapter().kind == "software" {
         scene = reduced(scene);
     }
-    let mut journal = match &args.out {
+    let mut journal = match out {
         None => Journal::new(),
         Some(dir) => Journal::open(&dir.join(JOURNAL))
             .map_err(|e| Failure(format!("error: {}: {e}", dir.join(JOURNAL).display())))?,
@@ -188,8 +213,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Table::Json => &json,
         Table::Csv => &csv,
     })?;
-    if let Some(dir) = &args.out {
-        let html = report::html::page(&found, &scene, &effects)?;
+    if let Some(dir) = out {
+        let html = report::html::explore::page(&found, &scene, &effects)?;
         let file = |name: &str, text: String| File {
             name: name.to_owned(),
             bytes: text.into_bytes(),

@@ -207,6 +207,17 @@ pub enum Format {
     Json,
 }
 
+/// Output form of commands whose data is a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Table {
+    /// For reading.
+    Human,
+    /// For programs.
+    Json,
+    /// For spreadsheets.
+    Csv,
+}
+
 /// Whether stderr takes colour.
 pub fn color_on_stderr() -> bool {
     match COLORS.get() {

@@ -173,6 +173,39 @@ fn vertex_first(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
 }
 
 /// The shader files below a folder, in order.
+/// The scenes given, each folder standing for the scenes in it, by name.
+///
+/// # Errors
+/// A folder cannot be read, or has no scene.
+pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut all = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            all.push(path.clone());
+            continue;
+        }
+        let told = |e: std::io::Error| Failure(format!("error: {}: {e}", path.display()));
+        let entries = std::fs::read_dir(path).map_err(told)?;
+        let files: Result<Vec<PathBuf>, _> = entries.map(|e| e.map(|e| e.path())).collect();
+        let mut found = files.map_err(told)?;
+        found.retain(|f| ending(f) == "toml");
+        if found.is_empty() {
+            return Err(Failure(format!(
+                "error: {}: no scene (.toml) is in it",
+                path.display()
+            )));
+        }
+        found.sort();
+        all.extend(found);
+    }
+    Ok(all)
+}
+
+/// Where below `out` one of several scenes goes.
+pub fn folder_of(out: &Path, scene: &Path) -> PathBuf {
+    out.join(scene.file_stem().unwrap_or_default())
+}
+
 fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)?
         .map(|e| e.map(|e| e.path()))

@@ -87,6 +87,14 @@ impl Progress {
         }
     }
 
+    /// Begins anew, for something else that takes as long.
+    pub fn reset(&self) {
+        match &self.bar {
+            Some(bar) => bar.reset(),
+            None => self.done.set(0),
+        }
+    }
+
     /// Does `work`, which prints, while no bar is in the way.
     pub fn suspend(&self, work: impl FnOnce()) {
         match &self.bar {

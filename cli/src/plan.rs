@@ -7,21 +7,23 @@ use std::time::{Duration, Instant};
 use preshade::decide::{self, Decision, Exhausted, Hold, Model, RegretReport, Settings, Timed};
 use preshade::emit;
 use preshade::front::{self, Source};
-use preshade::measure::{self, TimingSettings};
+use preshade::measure::{self, EffectUse, TimingSettings, Variant};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::specialize;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report::Budget;
+use preshade::report::html::plan::Drawn;
+use preshade::report::{self, Budget};
 use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::limits::LimitArgs;
+use crate::many;
 use crate::output::{self, Progress};
-use crate::verify::{OrderArg, parse_frames, parse_seconds};
+use crate::verify::{OrderArg, guesses, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
-use crate::{Failure, Format, Outcome};
+use crate::{Failure, Outcome, Table};
 
 /// Arguments of `plan`.
 #[derive(clap::Args)]
@@ -33,13 +35,14 @@ Examples:
   preshade plan scene.toml --one --lock              kept in preshade.lock, for build scripts
   preshade plan scene.toml --model adapter.json      fitted once, read afterwards
   preshade plan scene.toml --time no                 predictions of a nominal model, no clock
+  preshade plan scenes/ --out chosen/                a folder each
   preshade plan scenes/*.toml --exhaustive --format json > regret.json
 
 A recipe is taken where it was measured to be faster than the original beyond noise, and by 1 % at
 least; where none is, nothing is, and the reasons are told. docs/deciding.md says how.
 Exit status 1: a plan broke its contract (it is not taken).")]
 pub struct Args {
-    /// A scene (.toml), or a bare WGSL shader; several with --exhaustive.
+    /// Scenes (.toml), folders of them, or bare WGSL shaders. Of several each has a folder of its own below --out.
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<PathBuf>,
     /// Set a variable of the scene; may be given several times.
@@ -80,15 +83,15 @@ pub struct Args {
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
     adapter: Option<String>,
-    /// Folder for the chosen plans' shaders, a `plan.json` each, and `decision.json`.
+    /// Folder for the chosen plans' shaders, a `plan.json` each, `decision.json`, `report.html` and `report.csv`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of a policy with a switch, the plan below it.
     #[arg(long)]
     lock: bool,
     /// Output form.
-    #[arg(long, value_enum, default_value_t = Format::Human)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t = Table::Human)]
+    format: Table,
 }
 
 impl Args {
@@ -98,7 +101,8 @@ impl Args {
             let scene = scene::load_within(path, &Variables::new(), self.limits.access());
             scene.map(|s| s.files).unwrap_or_default()
         };
-        let below = self.scenes.iter().flat_map(of_scene);
+        let scenes = many::scenes(&self.scenes).unwrap_or_default();
+        let below: Vec<PathBuf> = scenes.iter().flat_map(of_scene).collect();
         self.scenes.iter().cloned().chain(below).collect()
     }
 }
@@ -113,9 +117,11 @@ enum TimeArg {
 
 /// Plans a scene, or judges the planning of several.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    if args.scenes.len() > 1 && !args.exhaustive {
+    let scenes = many::scenes(&args.scenes)?;
+    if scenes.len() > 1 && !args.exhaustive && args.format != Table::Human {
         return Err(Failure(
-            "error: one scene at a time; several are for --exhaustive".to_owned(),
+            "error: --format json and csv are of one scene; of several --out keeps one each"
+                .to_owned(),
         ));
     }
     if args.exhaustive && (args.out.is_some() || args.lock || args.time == TimeArg::No) {
@@ -136,18 +142,47 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let bar = output::bar();
     if args.exhaustive {
         let gpu = Gpu::new(&choice)?;
-        return exhaustive(args, &gpu, &bar);
+        return exhaustive(args, &scenes, &gpu, &bar);
     }
-    let scene = scene(args, &args.scenes[0])?;
+    // What cannot be read is told before anything is drawn.
+    let loaded: Vec<Scene> = scenes
+        .iter()
+        .map(|path| scene(args, path))
+        .collect::<Result<_, _>>()?;
     let gpu = Gpu::new(&choice)?;
     let model = match args.time {
         TimeArg::No if args.model.is_none() => Model::nominal(),
         _ => model(args, &gpu, &bar)?.0,
     };
-    let settings = settings(args, &model);
-    let (recipes, facts) = prepare(args, &gpu, &scene, &bar)?;
+    let mut outcome = Outcome::Fine;
+    for (path, scene) in scenes.iter().zip(loaded) {
+        bar.reset();
+        let out = match (&args.out, scenes.len()) {
+            (Some(out), 2..) => Some(many::folder_of(out, path)),
+            (out, _) => out.clone(),
+        };
+        if let Outcome::ContractBroken = one(args, scene, out.as_deref(), &gpu, &model, &bar)? {
+            outcome = Outcome::ContractBroken;
+        }
+    }
+    Ok(outcome)
+}
+
+/// Plans one scene.
+fn one(
+    args: &Args,
+    scene: Scene,
+    out: Option<&Path>,
+    gpu: &Gpu,
+    model: &Model,
+    bar: &Progress,
+) -> Result<Outcome, Failure> {
+    let effects = measure::effects(&scene).unwrap_or_default();
+    let scene = grouped(args, scene)?;
+    let settings = settings(args, model);
+    let (recipes, facts) = prepare(args, gpu, &scene, bar)?;
     let decision = decide::decide(
-        &gpu,
+        gpu,
         &scene,
         &recipes,
         &facts,
@@ -160,11 +195,18 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     bar.finish_and_clear();
     let json = decision.to_json()?;
     match args.format {
-        Format::Human => output::data(&decide::table::render(&decision))?,
-        Format::Json => output::data(&json)?,
+        Table::Human => output::data(&decide::table::render(&decision))?,
+        Table::Json => output::data(&json)?,
+        Table::Csv => output::data(&report::csv::decision(&decision))?,
     }
-    if let Some(dir) = &args.out {
-        write(dir, &scene, &facts, &decision, json)?;
+    if let Some(dir) = out {
+        let planned = Planned {
+            scene: &scene,
+            facts: &facts,
+            decision: &decision,
+        };
+        let page = planned.page(gpu, &effects)?;
+        planned.write(dir, json, page)?;
     }
     if args.lock {
         crate::lock::keep(&scene, &facts, &decision)?;
@@ -176,16 +218,21 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 /// Measures everything, and holds the choices against it.
-fn exhaustive(args: &Args, gpu: &Gpu, bar: &Progress) -> Result<Outcome, Failure> {
+fn exhaustive(
+    args: &Args,
+    paths: &[PathBuf],
+    gpu: &Gpu,
+    bar: &Progress,
+) -> Result<Outcome, Failure> {
     let (model, probes) = model(args, gpu, bar)?;
     let settings = settings(args, &model);
     let mut scenes: Vec<Exhausted> = Vec::new();
     let mut failed = Vec::new();
-    for (done, path) in args.scenes.iter().enumerate() {
+    for (done, path) in paths.iter().enumerate() {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        bar.set_position((done * 1000 / args.scenes.len()) as u64);
+        bar.set_position((done * 1000 / paths.len()) as u64);
         bar.set_message(name.to_string());
-        let scene = scene(args, path)?;
+        let scene = grouped(args, scene(args, path)?)?;
         let start = Instant::now();
         let measured = prepare(args, gpu, &scene, bar).and_then(|(recipes, facts)| {
             Ok(decide::exhaust(gpu, &scene, &recipes, &facts, &settings)?)
@@ -217,8 +264,9 @@ fn exhaustive(args: &Args, gpu: &Gpu, bar: &Progress) -> Result<Outcome, Failure
         ..decide::regret::evaluate(gpu.adapter(), &probes, &scenes, &settings)
     };
     match args.format {
-        Format::Human => output::data(&report.render())?,
-        Format::Json => output::data(&report.to_json()?)?,
+        Table::Human => output::data(&report.render())?,
+        Table::Json => output::data(&report.to_json()?)?,
+        Table::Csv => output::data(&report.csv())?,
     }
     Ok(Outcome::Fine)
 }
@@ -298,12 +346,19 @@ fn prepare(
     bar.set_message("measuring what can be interpolated");
     facts.frequencies = measure::frequencies(gpu, scene, &facts, form, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
+        bar.set_message(format!(
+            "measuring what can be interpolated, {:.0} %",
+            done * 100.0
+        ));
         ControlFlow::Continue(())
     })?;
     let recipes = recipes
         .into_iter()
         .map(|recipe| match measure::leaves_a_choice(&recipe) {
-            true => measure::within_budget(gpu, scene, &recipe, &facts, form),
+            true => {
+                bar.set_message(format!("choosing within the budget of {recipe}"));
+                measure::within_budget(gpu, scene, &recipe, &facts, form)
+            }
             false => Ok(recipe),
         })
         .collect::<Result<_, _>>()?;
@@ -336,63 +391,129 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             };
             let parsed = front::parse(&[Source::new(&name, text)], &options)
                 .map_err(|e| Failure(e.render(color)))?;
-            scene::synthesise(parsed, MaterialState::default())
+            let made_up = scene::synthesise(parsed, MaterialState::default());
+            if let Some(note) = guesses(&made_up) {
+                output::message(&note);
+            }
+            made_up
         }
     };
-    // Draws of a material that want different versions are decided on apart.
-    if !args.lock {
-        scene = measure::grouped(&scene, &specialize::Params::default(), measure::MOST_GROUPS)?;
-    }
-    let mut scene = args.view.of(scene)?;
+    scene = args.view.of(scene)?;
     if !args.order.is_empty() {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
 }
 
-/// What a plan of the decision makes of a material; nothing where that is drawn as written.
-fn recipe(decision: &Decision, plan: usize, original: &Plan) -> Result<Recipe, Failure> {
-    let recipe = decision.plans[plan].recipes.get(&original.material);
-    Ok(match recipe {
-        Some(recipe) => Recipe::parse_list(recipe)?,
-        None => Recipe::default(),
-    })
+/// The scene with draws of a material that want different versions made materials of their own, which are decided on apart.
+fn grouped(args: &Args, scene: Scene) -> Result<Scene, Failure> {
+    match args.lock {
+        true => Ok(scene),
+        false => Ok(measure::grouped(
+            &scene,
+            &specialize::Params::default(),
+            measure::MOST_GROUPS,
+        )?),
+    }
 }
 
-/// Writes the shaders and `plan.json` of each plan that the policy draws with, and the decision. Where there are two, each has a folder: `below` and `above`.
-fn write(
-    dir: &Path,
-    scene: &Scene,
-    facts: &Facts,
-    decision: &Decision,
-    json: String,
-) -> Result<(), Failure> {
-    let drawn = decision.drawn();
-    let folders = match drawn.len() {
-        1 => vec![dir.to_owned()],
-        _ => vec![dir.join("below"), dir.join("above")],
-    };
-    let mut written = 1;
-    for (plan, folder) in drawn.iter().zip(&folders) {
-        let mut files = Vec::new();
-        for original in measure::originals(scene) {
-            let plan = recipe(decision, *plan, &original)?
-                .apply(&original, facts)
-                .map_err(|r| Failure(format!("error: {r}")))?;
-            files.extend(emit::emit(
-                &plan,
-                &[emit::Target::Wgsl],
-                &emit::Options::default(),
-            )?);
-        }
-        written += files.len();
-        emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
+/// What was decided, and what it was decided on.
+struct Planned<'a> {
+    scene: &'a Scene,
+    facts: &'a Facts,
+    decision: &'a Decision,
+}
+
+impl Planned<'_> {
+    /// The plans of every material, in one of the decision's plans.
+    fn plans(&self, plan: usize) -> Result<Vec<Plan>, Failure> {
+        let recipes = &self.decision.plans[plan].recipes;
+        let of = |original: &Plan| -> Result<Plan, Failure> {
+            let recipe = match recipes.get(&original.material) {
+                Some(recipe) => Recipe::parse_list(recipe)?,
+                None => Recipe::default(),
+            };
+            let plan = recipe.apply(original, self.facts);
+            plan.map_err(|r| Failure(format!("error: {r}")))
+        };
+        measure::originals(self.scene).iter().map(of).collect()
     }
-    let decision = emit::File {
-        name: "decision.json".to_owned(),
-        bytes: json.into_bytes(),
-    };
-    emit::write(dir, &[decision]).map_err(|e| Failure(format!("error: {e}")))?;
-    output::message(&format!("wrote {written} files to {}", dir.display()));
-    Ok(())
+
+    /// The plans that the policy draws with, but for the original.
+    fn variants(&self) -> Result<Vec<Variant>, Failure> {
+        let mut drawn = self.decision.drawn();
+        drawn.retain(|plan| *plan > 0);
+        let variant = |plan: usize| {
+            let report = &self.decision.plans[plan];
+            let recipes: Vec<String> = report
+                .recipes
+                .iter()
+                .map(|(material, recipe)| format!("{material}: {recipe}"))
+                .collect();
+            Ok(Variant {
+                name: report.name.clone(),
+                recipe: recipes.join("; "),
+                plans: self.plans(plan)?,
+                kept: Vec::new(),
+            })
+        };
+        drawn.into_iter().map(variant).collect()
+    }
+
+    /// The page. What is drawn with is drawn once more for its pictures.
+    fn page(&self, gpu: &Gpu, effects: &[EffectUse]) -> Result<String, Failure> {
+        let variants = self.variants()?;
+        let settings = measure::Settings {
+            form: ShaderForm::Text,
+            timed: measure::Timed::No,
+            timing: TimingSettings::default(),
+            frames_per_camera: 1,
+            count: &measure::counting,
+            command: self.decision.command.clone(),
+        };
+        let outcome = match variants.is_empty() {
+            true => None,
+            // Without pictures it is still a report.
+            false => measure::verify(gpu, self.scene, &variants, &settings, &mut |_| ()).ok(),
+        };
+        let drawn = Drawn {
+            variants: &variants,
+            outcome: outcome.as_ref(),
+        };
+        Ok(report::html::plan::page(
+            self.decision,
+            drawn,
+            self.scene,
+            effects,
+        )?)
+    }
+
+    /// Writes the shaders and `plan.json` of each plan that the policy draws with, and what tells of the decision. Where there are several, each has a folder.
+    fn write(&self, dir: &Path, json: String, page: String) -> Result<(), Failure> {
+        let told = |name: &str, text: String| emit::File {
+            name: name.to_owned(),
+            bytes: text.into_bytes(),
+        };
+        let files = [
+            told("decision.json", json),
+            told("report.csv", report::csv::decision(self.decision)),
+            told("report.html", page),
+        ];
+        let mut written = files.len();
+        for (folder, plan) in self.decision.folders() {
+            let mut files = Vec::new();
+            for plan in self.plans(plan)? {
+                files.extend(emit::emit(
+                    &plan,
+                    &[emit::Target::Wgsl],
+                    &emit::Options::default(),
+                )?);
+            }
+            written += files.len();
+            emit::write(&dir.join(folder), &files).map_err(|e| Failure(format!("error: {e}")))?;
+        }
+        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        output::message(&format!("wrote {written} files to {}", dir.display()));
+        Ok(())
+    }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use preshade::measure::crossover::{Point, Series};
-use preshade::measure::{self, Settings, Timed, TimingSettings};
+use preshade::measure::{self, Settings, Timed, TimingSettings, Variant};
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
@@ -21,7 +21,7 @@ use crate::keeper::Keeper;
 use crate::output::{self, Progress};
 use crate::variable::Axis;
 use crate::view::ViewArgs;
-use crate::{Failure, Format, Outcome, worker};
+use crate::{Failure, Outcome, Table, worker};
 
 /// Arguments of `verify`.
 #[derive(clap::Args)]
@@ -81,12 +81,12 @@ pub struct Args {
     /// Give shaders to the driver as emitted text, or as IR.
     #[arg(long, value_enum, default_value_t = FormArg::Text)]
     form: FormArg,
-    /// Folder for pictures and `report.json`.
+    /// Folder for `report.html`, `report.json`, `report.csv` and pictures.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Output form.
-    #[arg(long, value_enum, default_value_t = Format::Human)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t = Table::Human)]
+    format: Table,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
     pub shader: ShaderArgs,
@@ -183,14 +183,18 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let limits = args.shader.limits.limits();
     let mut keeper = Keeper::new(args.out.as_deref());
     let bar = output::bar();
-    let mut outcome = match (limits.isolates() && worker::mine().is_none(), &args.sweep) {
+    let (mut outcome, variants) = match (limits.isolates() && worker::mine().is_none(), &args.sweep)
+    {
         (true, Some(_)) => {
             return Err(Failure(
                 "error: --sweep is measured in one process: it goes without `seconds` and `memory` among the limits"
                     .to_owned(),
             ));
         }
-        (true, None) => apart(&recipes(&sweeps), args.budget, &limits, &mut keeper)?,
+        (true, None) => {
+            let outcome = apart(&recipes(&sweeps), args.budget, &limits, &mut keeper)?;
+            (outcome, Vec::new())
+        }
         (false, Some(axis)) => {
             return swept(
                 args,
@@ -204,14 +208,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         (false, None) => {
             let opened = Opened::new(args)?;
-            let outcome = match measured(args, &opened.0, &first, &sweeps, &bar, &mut keeper) {
-                Ok(outcome) => outcome,
+            let measured = measured(args, &opened.0, &first, &sweeps, &bar, &mut keeper);
+            let (outcome, variants) = match measured {
+                Ok(measured) => measured,
                 Err(e) => {
                     opened.abandon();
                     return Err(e);
                 }
             };
-            match (&outcome.lost, worker::mine()) {
+            let outcome = match (&outcome.lost, worker::mine()) {
                 (Some(why), None) => {
                     output::message(&format!(
                         "warning: {why}; what is missing is measured on a device of its own, in a process each"
@@ -220,14 +225,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                     resumed(outcome, &recipes(&sweeps), &limits, &mut keeper)
                 }
                 _ => outcome,
-            }
+            };
+            (outcome, variants)
         }
     };
     bar.finish_and_clear();
     if worker::mine().is_none() {
         tell_sweeps(&mut outcome.report, &sweeps);
     }
-    let ended = told(args, &outcome)?;
+    let ended = told(args, &outcome, &variants, &first)?;
     keeper.done();
     Ok(ended)
 }
@@ -264,7 +270,7 @@ fn swept(
     let mut pictures = Vec::new();
     for (i, value) in axis.values.iter().enumerate() {
         bar.suspend(|| output::message(&format!("{} = {value}", axis.variable)));
-        let outcome = match i {
+        let (outcome, _) = match i {
             0 => measured(args, &opened.0, first, sweeps, bar, keeper)?,
             _ => {
                 let scene = grouped(scene(args, &axis.at(*value))?, sweeps)?;
@@ -287,11 +293,15 @@ fn swept(
     let series = Series::new(&axis.variable, points);
     let json = series.to_json()?;
     match args.format {
-        Format::Human => output::data(&report::crossover::render(&series))?,
-        Format::Json => output::data(&json)?,
+        Table::Human => output::data(&report::crossover::render(&series))?,
+        Table::Json => output::data(&json)?,
+        Table::Csv => output::data(&report::csv::series(&series))?,
     }
     share(args, &json)?;
-    let mut files = vec![file("series.json", json)];
+    let mut files = vec![
+        file("series.json", json),
+        file("series.csv", report::csv::series(&series)),
+    ];
     files.extend(report::crossover::svg(&series).map(|svg| file("series.svg", svg)));
     write(args, files, &pictures)?;
     keeper.done();
@@ -301,14 +311,21 @@ fn swept(
     })
 }
 
-/// Tells of one scene.
-fn told(args: &Args, outcome: &measure::Outcome) -> Result<Outcome, Failure> {
+/// Tells of one scene, which was drawn with `variants` as far as their plans are known here.
+fn told(
+    args: &Args,
+    outcome: &measure::Outcome,
+    variants: &[Variant],
+    scene: &Scene,
+) -> Result<Outcome, Failure> {
     // Told before it is written: a full disk does not lose what was measured.
     let json = outcome.report.to_json()?;
     let is_worker = worker::mine().is_some();
     match args.format {
-        Format::Human if !is_worker => output::data(&report::table::render(&outcome.report))?,
-        Format::Human | Format::Json => output::data(&json)?,
+        _ if is_worker => output::data(&json)?,
+        Table::Human => output::data(&report::table::render(&outcome.report))?,
+        Table::Json => output::data(&json)?,
+        Table::Csv => output::data(&report::csv::verify(&outcome.report))?,
     }
     if is_worker {
         // Its report is the other process's to write, which may have pictures from several.
@@ -316,7 +333,16 @@ fn told(args: &Args, outcome: &measure::Outcome) -> Result<Outcome, Failure> {
         return Ok(Outcome::Fine);
     }
     share(args, &json)?;
-    let mut files = vec![file("report.json", json)];
+    let mut files = vec![
+        file("report.json", json),
+        file("report.csv", report::csv::verify(&outcome.report)),
+    ];
+    if args.out.is_some() {
+        let effects = measure::effects(scene).unwrap_or_default();
+        let (report, pictures) = (&outcome.report, &outcome.pictures);
+        let page = report::html::verify::page(report, pictures, variants, scene, &effects)?;
+        files.push(file("report.html", page));
+    }
     for sweep in &outcome.report.sweeps {
         files.extend(sweep.files(&outcome.report, &outcome.pictures)?);
     }
@@ -386,7 +412,7 @@ fn write(
     Ok(())
 }
 
-/// Measures one scene in this process.
+/// Measures one scene in this process; what was measured, and the plans of the variants.
 fn measured(
     args: &Args,
     gpu: &Gpu,
@@ -394,7 +420,7 @@ fn measured(
     sweeps: &[Sweep],
     bar: &Progress,
     keeper: &mut Keeper,
-) -> Result<measure::Outcome, Failure> {
+) -> Result<(measure::Outcome, Vec<Variant>), Failure> {
     let all = recipes(sweeps);
     let mine: Vec<Recipe> = match worker::mine() {
         None => all,
@@ -446,7 +472,7 @@ fn measured(
             measure::promised(&recipes[drawn], budget, &facts)
         })
     });
-    Ok(outcome)
+    Ok((outcome, variants))
 }
 
 /// Every recipe asked for, in the order of the report's variants behind the original.
@@ -545,7 +571,7 @@ pub fn check_folder(dir: &Path) -> Result<(), Failure> {
 }
 
 /// What a bare shader was given without having said so.
-fn guesses(scene: &Scene) -> Option<String> {
+pub fn guesses(scene: &Scene) -> Option<String> {
     let guessed = scene::bind::guessed(scene);
     let widest = guessed.iter().map(|g| g.name.len()).max()?;
     let mut lines = vec![format!(

@@ -35,6 +35,8 @@ fn a_switch_has_a_folder_for_either_side() {
     plan(&["--out", out.to_str().unwrap()]);
     for file in [
         "decision.json",
+        "report.csv",
+        "report.html",
         "below/marble.main.wgsl",
         "below/marble.plan.json",
         "above/marble.main.wgsl",
@@ -44,10 +46,11 @@ fn a_switch_has_a_folder_for_either_side() {
     }
     let text = fs::read_to_string(out.join("decision.json")).unwrap();
     let decision: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(decision["schema"], "preshade.decision.v1");
+    assert_eq!(decision["schema"], "preshade.decision.v2");
     assert_eq!(decision["clock"], serde_json::Value::Null);
-    let policy = &decision["policy"];
+    let policy = &decision["policy"][0];
     assert_eq!(policy["kind"], "switch");
+    assert_eq!(policy["orders"].as_array().unwrap().len(), 3);
     assert!(policy["off"].as_f64().unwrap() < policy["on"].as_f64().unwrap());
     let above = &decision["plans"][policy["above"].as_u64().unwrap() as usize];
     assert!(

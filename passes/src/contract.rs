@@ -37,8 +37,14 @@ pub enum Assumption {
     /// Which neighbours in its quad a pixel's derivative is taken of, where it is not fine, and a sample's at an implicit level, is the driver's choice: it takes those that the
     /// variant's parameters say ([`crate::rasterizer::Rasterizer`]).
     DerivativeNeighbours,
+    /// Between which corners a rasteriser interpolates, as given or snapped to its grid, is its own choice: it takes those that the variant's parameters say
+    /// ([`crate::rasterizer::Corners`]).
+    InterpolatedCorners,
     /// No triangle is clipped that has a varying interpolated linearly on the screen: between which corners that is then done is the driver's choice.
     UnclippedLinear,
+    /// From what is interpolated or sampled to what is stored, slopes are small enough that the last bits in which two rasterisers differ, and the 256th of a texel's contrast that
+    /// they may become in the weights of a filter, stay within a step: the `pow` of a highlight on a normal map may be steeper.
+    GentleSlopes,
     /// Varyings, constants of the draw and texels are no further from 0 than 4, and what is divided by of the draw no nearer than a quarter: a rounding meets no larger factor.
     OrdinaryNumbers,
     /// Varyings and constants of the draw lie where they lay in the frames of the scene the variant was made for, and texels no further from 0 than 4.

@@ -12,11 +12,15 @@
 //! Of every counted loop of the fragment stage ([`Counted`]), those of its callees included, `turns` turns go, at least one stays; `of=fbm+ridges` names the functions whose loops are meant. What is added up is not made up for: a sum
 //! of four octaves that is divided by its amplitudes stays right, one that is not gets darker.
 //!
+//! A turn of a series is worth less than the one before; a turn over the scene's own data is not. A loop that reads a buffer, a texel or a layer by its counter (`lights[i]`) stays, for its last turn is a light like the
+//! first, unless some weight of it is multiplied by less than 1 each turn. Of one that shows neither it is said in the plan's notes.
+//!
 //! The promise is the user's budget, and nothing else: the picture says what a turn is worth. So loops stay that decide a discard, a depth or a coverage, that write memory, and that the vertex stage
 //! runs too: with them the surface would move.
 //!
 //! It hurts nowhere but in the picture. Sitthi-Amorn et al. (2011) and Pellacini (2005) search such simplifications over whole expressions; loops are where most of the time is.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Literal, Span, Statement};
@@ -38,6 +42,8 @@ use crate::slice::{self, Criterion, OutputFilter};
 
 /// The pass.
 pub struct TrimLoop;
+
+mod series;
 
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -102,8 +108,13 @@ struct Found {
     function: FunctionId,
     at: StmtId,
     span: Span,
-    counted: Result<Counted, &'static str>,
+    /// Whether a weight of it is seen to shrink.
+    ebbs: bool,
+    counted: Result<Counted, Stays>,
 }
+
+/// Why a loop keeps its turns.
+type Stays = Cow<'static, str>;
 
 /// A material's main pass with less turns.
 fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
@@ -207,28 +218,36 @@ fn found(
             if !is_loop || !f.control.is_reachable(at) {
                 continue;
             }
+            let ebbs = series::ebbs(program.module(), f, at);
+            let stays = |why: &'static str| Err(Cow::Borrowed(why));
             let counted = match Counted::of(program.module(), f, at) {
                 _ if is_shared => {
-                    Err("the vertex stage runs it too, and its turns decide where the surface is")
+                    stays("the vertex stage runs it too, and its turns decide where the surface is")
                 }
-                _ if writes => Err("it stands in a function that writes memory"),
+                _ if writes => stays("it stands in a function that writes memory"),
                 _ if decides_coverage(*id, at) => {
-                    Err("it decides a discard, a depth or a coverage")
+                    stays("it decides a discard, a depth or a coverage")
                 }
-                None => Err("it is not seen how many turns it makes: its bound is no number"),
-                Some(c) if c.turns < 2 => Err("it makes one turn, or none"),
+                None => stays("it is not seen how many turns it makes: its bound is no number"),
+                Some(c) if c.turns < 2 => stays("it makes one turn, or none"),
                 Some(c) if uses.get(&c.bound) != Some(&1) => {
-                    Err("the number that its counter is compared with is used elsewhere too")
+                    stays("the number that its counter is compared with is used elsewhere too")
                 }
-                Some(c) if c.bound_for(stays(&c, turns)).is_none() => {
-                    Err("no other number in place of its bound takes away so many turns")
+                Some(c) if c.bound_for(less(&c, turns)).is_none() => {
+                    stays("no other number in place of its bound takes away so many turns")
                 }
-                Some(c) => Ok(c),
+                Some(c) => match series::scene_data(graph, *id, &c).filter(|_| !ebbs) {
+                    Some(read) => Err(Cow::Owned(format!(
+                        "it reads `{read}` by its counter: its last turn is another thing of the scene, and nothing says that it counts for less"
+                    ))),
+                    None => Ok(c),
+                },
             };
             all.push(Found {
                 function: *id,
                 at,
                 span: node.span,
+                ebbs,
                 counted,
             });
         }
@@ -266,7 +285,7 @@ fn trimmed(graph: &Graph<'_>, chosen: &[(&Found, &Counted)], turns: u32) -> naga
         module = rewritten(&module, id, |build| {
             let mut rewrite = Rewrite::default();
             for (_, counted) in of {
-                let left = stays(counted, turns);
+                let left = less(counted, turns);
                 // Loops without such a number were not chosen.
                 let Some(bound) = counted.bound_for(left) else {
                     continue;
@@ -285,7 +304,7 @@ fn trimmed(graph: &Graph<'_>, chosen: &[(&Found, &Counted)], turns: u32) -> naga
 }
 
 /// Turns that stay.
-fn stays(counted: &Counted, turns: u32) -> u32 {
+fn less(counted: &Counted, turns: u32) -> u32 {
     counted.turns.saturating_sub(turns).max(1)
 }
 
@@ -303,11 +322,15 @@ fn described(
                 .locate(f.span)
                 .map(|l| format!(" in line {}", l.line));
             format!(
-                "the loop of `{}`{} makes {} turns instead of {}",
+                "the loop of `{}`{} makes {} turns instead of {}{}",
                 graph.name(f.function),
                 line.unwrap_or_default(),
-                stays(c, turns),
-                c.turns
+                less(c, turns),
+                c.turns,
+                match f.ebbs {
+                    true => "",
+                    false => " (nothing in it says that its last turns add less)",
+                }
             )
         })
         .collect();
@@ -326,7 +349,7 @@ fn left(graph: &Graph<'_>, found: &[Found]) -> Vec<Left> {
             let reason = f.counted.as_ref().err()?;
             Some(Left {
                 name: format!("loop of {}", graph.name(f.function)),
-                reason: (*reason).to_owned(),
+                reason: reason.clone().into_owned(),
                 cost: cost(graph, f),
                 location: sources.locate(f.span),
             })

@@ -25,6 +25,7 @@ use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
 use crate::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
+use crate::rasterizer::Rasterizer;
 use crate::self_test;
 
 mod build;
@@ -101,6 +102,19 @@ impl Pass for VisibilityBuffer {
             .expect(&material.opaque, site, Self::INFO.name)?;
         material.apply(&plan, params)
     }
+}
+
+/// What a plan's resolves take the adapter's rasteriser to do that it was seen not to do, in words; `None` where they agree, and of plans that have no resolve.
+pub fn contradicted(plan: &Plan, seen: &Rasterizer) -> Option<String> {
+    let steps = plan.steps.iter();
+    let mut said = steps.filter(|s| s.pass == VisibilityBuffer::INFO.name);
+    let params: Params = serde_json::from_value(said.next_back()?.params.clone()).ok()?;
+    let told: Vec<String> = params
+        .contradicting(seen)
+        .into_iter()
+        .map(|[said, seen]| format!("{said}, and was seen to do as `{seen}` says"))
+        .collect();
+    (!told.is_empty()).then(|| told.join("; "))
 }
 
 /// The plan with nothing but the main pass's entry points in its program, under names that are none of ours: what else the author's file has may be called as ours are.
@@ -273,7 +287,7 @@ impl<'a> Material<'a> {
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
             site: self.depth.key(&self.opaque),
-            params: serde_json::to_value(params).unwrap_or_default(),
+            params: serde_json::to_value(params.of_taken(reached.taken)).unwrap_or_default(),
             contract: match params.budget {
                 None => Contract::Rounding {
                     k,
@@ -362,8 +376,13 @@ impl<'a> Material<'a> {
     fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
         let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
         given.extend(reached.samples.then_some(Assumption::FilteredTextures));
-        let chosen = reached.chosen_neighbours;
+        let chosen = reached.taken.any();
         given.extend(chosen.then_some(Assumption::DerivativeNeighbours));
+        if reached.interpolated {
+            given.push(Assumption::InterpolatedCorners);
+            // A budget is measured, whatever the slopes.
+            given.extend(params.budget.is_none().then_some(Assumption::GentleSlopes));
+        }
         given.extend(reached.linear.then_some(Assumption::UnclippedLinear));
         given.extend([
             // The resolve runs the vertex stage in another stage.

@@ -182,6 +182,70 @@ fn what_decides_more_than_a_colour_stays() {
     assert!(shared.contains("vertex stage"), "{shared}");
 }
 
+/// The last light is a light like the first: no turn over the scene's own data goes, however the counter gets there.
+#[test]
+fn a_loop_over_the_scene_stays_unless_its_turns_ebb_away() {
+    let head = "struct Light { at: vec4<f32>, color: vec4<f32> }
+        struct Scene { lights: array<Light, 8>, weights: array<vec4<f32>, 8> }
+        @group(0) @binding(0) var<uniform> scene: Scene;
+        @group(0) @binding(1) var<storage, read> more: array<Light>;
+        @group(0) @binding(2) var rows: texture_2d<f32>;
+        @group(0) @binding(3) var layers: texture_2d_array<f32>;
+        @group(0) @binding(4) var s: sampler;
+        fn lit(i: i32) -> f32 { return scene.lights[i].color.x; }
+        fn shaded(l: Light) -> f32 { return l.color.x * l.at.y; }";
+    let body = |term: &str| {
+        format!(
+            "{head} @fragment fn fs(@location(0) x: f32) -> @location(0) vec4<f32> {{
+                var sum = x; var weight = 1.0;
+                for (var i = 0; i < 4; i++) {{ {term} }}
+                return vec4(sum);
+            }}"
+        )
+    };
+    for (term, read) in [
+        ("sum += scene.lights[i].color.x;", "scene"),
+        ("let light = more[i * 2]; sum += shaded(light);", "more"),
+        ("sum += lit(i);", "scene"),
+        (
+            "let j = i + 1; sum += textureLoad(rows, vec2(j, 0), 0).x;",
+            "rows",
+        ),
+        (
+            "sum += textureSampleLevel(layers, s, vec2(x), i, 0.0).x;",
+            "layers",
+        ),
+    ] {
+        let why = reason(&body(term));
+        assert!(
+            why.contains(&format!("`{read}` by its counter")),
+            "{term}: {why}"
+        );
+    }
+    // A weight that shrinks, or data that no counter reads.
+    for term in [
+        "sum += weight * scene.lights[i].color.x; weight *= 0.5;",
+        "sum += weight * scene.lights[i].color.x; weight = weight / 2.0;",
+        "sum += scene.lights[0].color.x * sin(x * f32(i));",
+    ] {
+        assert!(
+            trimmed(&original(&body(term)), &params(1, None)).is_ok(),
+            "{term}"
+        );
+    }
+    // Nothing says that this one ebbs away, and that is told.
+    let note = |term: &str| {
+        trimmed(&original(&body(term)), &params(1, None))
+            .unwrap()
+            .notes[0]
+            .clone()
+    };
+    assert!(note("sum += sin(x * f32(i));").contains("nothing in it says"));
+    assert!(
+        !note("sum += weight * sin(x * f32(i)); weight *= 0.5;").contains("nothing in it says")
+    );
+}
+
 /// `i *= -2` goes to and fro: each of its values but the last is passed on the way back.
 #[test]
 fn a_loop_without_a_bound_for_less_turns_stays() {

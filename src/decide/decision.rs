@@ -6,15 +6,15 @@ use preshade_passes::contract::{Contract, Verdict};
 use serde::Serialize;
 
 use super::candidates::Refused;
-use super::choose::Policy;
 use super::count::View;
 use super::model::Model;
+use super::policy::{Policy, Rule};
 use super::work::Fragments;
 use crate::measure::{Clock, ErrorLadder, Estimate};
 use crate::render::AdapterReport;
 
 /// Version of the JSON that [`Decision`] serialises to.
-pub const SCHEMA: &str = "preshade.decision.v1";
+pub const SCHEMA: &str = "preshade.decision.v2";
 
 /// What a scene calls for on an adapter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -39,8 +39,8 @@ pub struct Decision {
     pub plans: Vec<PlanReport>,
     /// The views they were weighed in.
     pub views: Vec<ViewReport>,
-    /// What switching costs beside holding to one plan; `None` where there is no switch.
-    pub switch_cost: Option<SwitchCost>,
+    /// What switching costs beside holding to one plan, by rule of the policy; `None` of one without a switch.
+    pub switch_cost: Vec<Option<SwitchCost>>,
     /// What predicted.
     pub model: Model,
 }
@@ -52,7 +52,7 @@ pub struct MaterialDecision {
     pub material: String,
     /// Its draws, by their place in the scene.
     pub draws: Vec<usize>,
-    /// Its recipe in each plan of the policy, in the order of [`Policy`]'s plans; empty for the original.
+    /// Its recipe in each plan of the policy, in the order of [`Policy::plans`]; empty for the original.
     pub recipes: Vec<String>,
     /// Why.
     pub reasons: Vec<String>,
@@ -163,9 +163,23 @@ impl SwitchCost {
 impl Decision {
     /// Numbers of the plans that the policy draws with.
     pub fn drawn(&self) -> Vec<usize> {
-        match &self.policy {
-            Policy::One { plan } => vec![*plan],
-            Policy::Switch(switch) => vec![switch.below, switch.above],
+        self.policy.plans()
+    }
+
+    /// The plans that the policy draws with, each with the folder that its shaders are written to: none of its own where it is alone, `below` and `above` of one switch, and by number where
+    /// there are several rules.
+    pub fn folders(&self) -> Vec<(String, usize)> {
+        match self.policy.0.as_slice() {
+            [held] => match held.rule {
+                Rule::One { plan } => vec![(String::new(), plan)],
+                Rule::Switch(s) => [("below", s.below), ("above", s.above)]
+                    .map(|(name, plan)| (name.to_owned(), plan))
+                    .into(),
+            },
+            _ => {
+                let drawn = self.drawn().into_iter();
+                drawn.map(|plan| (format!("plan-{plan}"), plan)).collect()
+            }
         }
     }
 

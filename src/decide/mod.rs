@@ -1,7 +1,7 @@
 //! What a scene calls for: for each material and each view the passes that pay on this adapter, and none that do not.
 //!
 //! [`candidates`] is the table of what is tried; [`work`] counts what a frame asks for off its plans and a few drawn counts ([`count`]); [`model`] turns that into milliseconds, fitted to the
-//! built-in frames of [`probes`]; [`assign`] weighs whole frames by it; [`stage`] draws and times the most promising beside the original; [`choose`] decides on what was measured alone; [`scene`]
+//! built-in frames of [`probes`]; [`assign`] weighs whole frames by it; [`stage`] draws and times the most promising beside the original; [`choose`] and [`mod@policy`] decide on what was measured alone; [`scene`]
 //! is all of it for one scene, [`decision`] what it says, and [`regret`] how good the choices are where everything is measured ([`mod@exhaust`]).
 //!
 //! A prediction decides what is measured, never what is chosen: no plan is taken that was not faster than the original on this adapter, beyond the noise of the clock.
@@ -13,6 +13,7 @@ pub mod count;
 pub mod decision;
 pub mod exhaust;
 pub mod model;
+pub mod policy;
 pub mod probes;
 mod reasons;
 pub mod regret;
@@ -23,11 +24,11 @@ pub mod terms;
 pub mod work;
 
 pub use candidates::{Choices, Refused, choices, recipes};
-pub use choose::{Hold, Policy, Switch};
 pub use count::View;
 pub use decision::Decision;
 pub use exhaust::{Exhausted, exhaust};
 pub use model::{Model, ModelError, Origin};
+pub use policy::{Held, Hold, Policy, Rule, Switch};
 pub use regret::RegretReport;
 pub use scene::{Settings, Timed, decide};
 

@@ -9,16 +9,17 @@
 use serde::Serialize;
 
 use super::assign::finalists;
-use super::choose::{Hold, Policy, Table, WORTHWHILE, policy};
+use super::choose::{Table, WORTHWHILE};
 use super::count::View;
 use super::exhaust::{EVEN, Exhausted, ExhaustedView, Part};
 use super::model::{Model, Observation};
+use super::policy::{Hold, Measure, Policy, policy};
 use super::scene::Settings;
 use crate::measure::{Clock, Estimate};
 use crate::render::AdapterReport;
 
 /// Version of the JSON that [`RegretReport`] serialises to.
-pub const SCHEMA: &str = "preshade.regret.v1";
+pub const SCHEMA: &str = "preshade.regret.v2";
 
 /// How good the choices are.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -50,7 +51,7 @@ pub struct RegretReport {
 /// Regret over a set of views.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// `one view`: chosen for that view alone; `policy`: one plan, or two and a switch, for the whole scene.
+    /// `one view`: chosen for that view alone; `policy`: one plan, or two and a switch, for all views of the scene, or for those of each draw order.
     pub choice: String,
     /// `all`, `fitted` or `held out`.
     pub scenes: String,
@@ -202,7 +203,11 @@ impl Exhausted {
     fn regret(&self, model: &Model, held_out: bool, runners: usize, hold: Hold) -> SceneRegret {
         let all: Vec<usize> = (0..self.views.len()).collect();
         let table = self.table(&self.finalists(model, &all, runners), &all);
-        let measures: Vec<f64> = self.views.iter().map(|v| v.shaded_per_pixel).collect();
+        let measure = |v: &ExhaustedView| Measure {
+            order: v.view.order,
+            shaded: v.shaded_per_pixel,
+        };
+        let measures: Vec<Measure> = self.views.iter().map(measure).collect();
         let policy = policy(&table, &measures, hold);
         let views = self.views.iter().enumerate().map(|(i, view)| {
             let alone = self
@@ -218,7 +223,7 @@ impl Exhausted {
                 shaded_per_pixel: view.shaded_per_pixel,
                 best,
                 alone: view.judged(alone, best),
-                policy: view.judged(policy.plan(view.shaded_per_pixel), best),
+                policy: view.judged(policy.plan(measures[i].order, measures[i].shaded), best),
                 plans: (0..self.plans.len())
                     .map(|p| {
                         let measured = view.median(p, Part::Judging)?;
@@ -374,6 +379,31 @@ impl RegretReport {
     /// None that these types can give.
     pub fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string(self)? + "\n")
+    }
+
+    /// Each view as a line for a spreadsheet.
+    pub fn csv(&self) -> String {
+        let mut out = "scene,held_out,view,shaded_per_pixel,best,alone,alone_regret,alone_speedup,policy,policy_regret,policy_speedup\n".to_owned();
+        for scene in &self.scenes {
+            let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+            for view in &scene.views {
+                let judged = |j: &Judged| {
+                    let plan = quoted(&scene.plans[j.plan]);
+                    format!("{plan},{},{}", j.regret(), j.speedup.median)
+                };
+                out.push_str(&format!(
+                    "{},{},{},{},{},{},{}\n",
+                    quoted(&scene.scene),
+                    scene.held_out,
+                    quoted(&view.view.to_string()),
+                    view.shaded_per_pixel,
+                    quoted(&scene.plans[view.best]),
+                    judged(&view.alone),
+                    judged(&view.policy)
+                ));
+            }
+        }
+        out
     }
 
     /// The report as lines of text.
@@ -555,7 +585,7 @@ mod tests {
             vec![view("gains", &gains, &gains), view("loses", &loses, &loses)]
         };
         let one = scene(views()).regret(&model(), false, 2, Hold::One);
-        assert_eq!(one.policy, Policy::One { plan: 0 });
+        assert_eq!(one.policy.plans(), [0]);
         assert!(one.views[0].policy.regret() > 0.9);
         assert_eq!(one.views[0].alone.regret(), 0.0);
         let two = scene(views()).regret(&model(), false, 2, Hold::Switching);

@@ -5,13 +5,14 @@ use preshade_passes::pass::Facts;
 
 use super::assign::{Assignment, Considered, Seen, finalists};
 use super::candidates::{Choices, choices};
-use super::choose::{Hold, Policy, Table, policy};
+use super::choose::Table;
 use super::count::{FragmentCounter, View};
 use super::decision::{
     Decision, MaterialDecision, PlanReport, PlanView, PredictedRecipe, SCHEMA, SwitchCost,
     ViewReport,
 };
 use super::model::Model;
+use super::policy::{Hold, Measure, Rule, policy};
 use super::stage::{self, Subject};
 use super::work::{Counted, Drawn, drawn};
 use super::{Error, reasons};
@@ -316,10 +317,12 @@ fn report(
     subjects: &[Subject<'_>],
     measured: Measured,
 ) -> Decision {
-    let measures: Vec<f64> = scouted
-        .counted
-        .iter()
-        .map(Counted::shaded_per_pixel)
+    let counted = scouted.views.iter().zip(&scouted.counted);
+    let measures: Vec<Measure> = counted
+        .map(|((view, _), counted)| Measure {
+            order: view.order,
+            shaded: counted.shaded_per_pixel(),
+        })
         .collect();
     let policy = policy(&measured.table, &measures, settings.hold);
     let plans: Vec<PlanReport> = frames
@@ -337,7 +340,7 @@ fn report(
             shaded_per_pixel: counted.shaded_per_pixel(),
             overdraw: counted.overdraw(),
             materials: counted.materials.clone(),
-            plan: policy.plan(measures[i]),
+            plan: policy.plan(measures[i].order, measures[i].shaded),
             alone: measured.table.best_in(i),
         })
         .collect();
@@ -352,10 +355,10 @@ fn report(
         materials: Vec::new(),
         plans,
         views,
-        switch_cost: None,
+        switch_cost: Vec::new(),
         model: settings.model.clone(),
     };
-    decision.switch_cost = switch_cost(&decision);
+    decision.switch_cost = switch_costs(&decision);
     let seen = scouted.seen(settings.model);
     decision.materials = (0..scouted.choices.len())
         .map(|m| material(m, scene, &seen, &decision, frames))
@@ -400,13 +403,14 @@ fn plan_report(
     }
 }
 
-/// What both plans of a switch take together.
-fn switch_cost(decision: &Decision) -> Option<SwitchCost> {
-    let Policy::Switch(switch) = decision.policy else {
-        return None;
-    };
+/// What both plans of each switch take together.
+fn switch_costs(decision: &Decision) -> Vec<Option<SwitchCost>> {
     let cost = |plan: usize| decision.plans.get(plan)?.cost.as_ref();
-    Some(SwitchCost::of(cost(switch.below)?, cost(switch.above)?))
+    let of = |rule: &Rule| match rule {
+        Rule::One { .. } => None,
+        Rule::Switch(switch) => Some(SwitchCost::of(cost(switch.below)?, cost(switch.above)?)),
+    };
+    decision.policy.0.iter().map(|h| of(&h.rule)).collect()
 }
 
 /// What one material was found to call for.

@@ -2,10 +2,11 @@
 
 use preshade_passes::contract::Verdict;
 
-use super::choose::Policy;
-use super::decision::{Decision, PlanReport};
+use super::decision::{Decision, PlanReport, SwitchCost};
 use super::model::Origin;
+use super::policy::Rule;
 use super::reasons::ratio;
+use crate::render::order;
 
 /// The decision as lines of text.
 pub fn render(decision: &Decision) -> String {
@@ -61,7 +62,7 @@ pub fn render(decision: &Decision) -> String {
 /// Predictions told of one material.
 const SHOWN: usize = 5;
 
-fn model(decision: &Decision) -> String {
+pub(crate) fn model(decision: &Decision) -> String {
     match &decision.model.origin {
         Origin::Nominal => {
             "cost model: nominal, of no adapter; nothing is timed, and the choice is a prediction"
@@ -80,39 +81,56 @@ fn model(decision: &Decision) -> String {
     }
 }
 
-fn policy(decision: &Decision) -> Vec<String> {
+/// What to draw with, a rule after the other.
+pub(crate) fn policy(decision: &Decision) -> Vec<String> {
+    let rules = decision.policy.0.iter().enumerate();
+    let apart = decision.policy.0.len() > 1;
+    let told = rules.flat_map(|(i, held)| {
+        let mut lines = rule(decision, &held.rule);
+        if let Some(cost) = decision.switch_cost.get(i).copied().flatten() {
+            lines.push(switch_cost(&cost));
+        }
+        if apart {
+            let orders: Vec<&str> = held.orders.iter().copied().map(order::name).collect();
+            lines[0] = format!("drawn {}: {}", orders.join(" or "), lines[0]);
+        }
+        lines
+    });
+    told.collect()
+}
+
+fn rule(decision: &Decision, rule: &Rule) -> Vec<String> {
     let name = |plan: usize| {
         let found = decision.plans.get(plan);
         found.map_or(String::new(), |p| p.name.clone())
     };
-    match &decision.policy {
-        Policy::One { plan: 0 } if decision.clock.is_none() => {
+    match rule {
+        Rule::One { plan: 0 } if decision.clock.is_none() => {
             vec!["nothing is predicted to pay: draw every material as it is written".to_owned()]
         }
-        Policy::One { plan: 0 } => {
+        Rule::One { plan: 0 } => {
             vec!["nothing pays: draw every material as it is written".to_owned()]
         }
-        Policy::One { plan } => vec![format!("draw with: {}", name(*plan))],
-        Policy::Switch(switch) => {
-            let mut lines = vec![
-                format!("below: {}", name(switch.below)),
-                format!("above: {}", name(switch.above)),
-                format!(
-                    "switch up where more than {:.3} fragments a pixel are shaded, and back under {:.3}",
-                    switch.on, switch.off
-                ),
-            ];
-            lines.extend(decision.switch_cost.map(|cost| {
-                format!(
-                    "both together have {} pipelines, made in {:.0} ms, and {:.1} MB of attachments that only one of them has; --one holds to one plan",
-                    cost.pipelines,
-                    cost.creation_ms,
-                    cost.target_bytes as f64 * 1e-6
-                )
-            }));
-            lines
-        }
+        Rule::One { plan } => vec![format!("draw with: {}", name(*plan))],
+        Rule::Switch(switch) => vec![
+            format!("below: {}", name(switch.below)),
+            format!("above: {}", name(switch.above)),
+            format!(
+                "switch up where more than {:.3} fragments a pixel are shaded, and back under {:.3}",
+                switch.on, switch.off
+            ),
+        ],
     }
+}
+
+/// What keeping both plans of a switch takes.
+pub(crate) fn switch_cost(cost: &SwitchCost) -> String {
+    format!(
+        "both together have {} pipelines, made in {:.0} ms, and {:.1} MB of attachments that only one of them has; --one holds to one plan",
+        cost.pipelines,
+        cost.creation_ms,
+        cost.target_bytes as f64 * 1e-6
+    )
 }
 
 /// Each view with each plan: predicted, measured, and how much faster.

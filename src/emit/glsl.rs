@@ -193,7 +193,13 @@ pub(super) fn write(
     let slot = |binding: ResourceBinding| binding_map.get(&binding).map(|slot| u32::from(*slot));
     let pair = |b: ResourceBinding| [b.group, b.binding];
     // GLSL has one name space of entry points: every stage is `main`.
-    let mut said = StageFile::new(name, "main");
+    let mut said = StageFile {
+        overrides: settled
+            .as_ref()
+            .map(|s| s.values(program))
+            .unwrap_or_default(),
+        ..StageFile::new(name, "main")
+    };
     for (uniform, mapping) in &reflection.texture_mapping {
         if let Some(texture) = at(mapping.texture) {
             said.textures.push(GlslTexture {

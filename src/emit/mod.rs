@@ -469,8 +469,11 @@ fn write_program(
             .iter()
             .map(|s| {
                 let name = format!("{}.{}.spv", s.stem, extension(s.stage));
-                let bytes = spirv::write(program, s.stage, &s.entry, &name)?;
-                let said = StageFile::new(&name, &s.entry);
+                let (bytes, overrides) = spirv::write(program, s.stage, &s.entry, &name)?;
+                let said = StageFile {
+                    overrides,
+                    ..StageFile::new(&name, &s.entry)
+                };
                 Ok((
                     File { name, bytes },
                     vec![(written_key(s.stage, &s.entry), said)],

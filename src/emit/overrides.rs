@@ -1,9 +1,11 @@
-//! Overrides for targets that have none: each takes its default.
+//! Overrides for targets that have none: each takes its default, and the plan says which.
+
+use std::collections::BTreeMap;
 
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::{PipelineConstantError, process_overrides};
 use naga::valid::ModuleInfo;
-use naga::{Module, ShaderStage};
+use naga::{Expression, Literal, Module, ShaderStage};
 use preshade_passes::program::Program;
 
 use super::{Error, Target};
@@ -43,5 +45,42 @@ pub(super) fn settle(
             target,
             message: e.to_string(),
         }),
+    }
+}
+
+impl Settled {
+    /// The values that stand in the place of the overrides of `program` that the stage reads, as [`StageFile::overrides`](super::StageFile::overrides) has them.
+    pub(super) fn values(&self, program: &Program) -> BTreeMap<String, f64> {
+        let value = |name: &Option<String>| {
+            let mut constants = self.module.constants.iter().map(|(_, c)| c);
+            let constant = constants.find(|c| c.name.is_some() && c.name == *name)?;
+            match self.module.global_expressions[constant.init] {
+                Expression::Literal(literal) => number(literal),
+                _ => None,
+            }
+        };
+        let overrides = program.module().overrides.iter().map(|(_, o)| o);
+        overrides
+            .filter_map(|o| {
+                let key = match (o.id, &o.name) {
+                    (Some(id), _) => id.to_string(),
+                    (None, Some(name)) => name.clone(),
+                    (None, None) => return None,
+                };
+                Some((key, value(&o.name)?))
+            })
+            .collect()
+    }
+}
+
+fn number(literal: Literal) -> Option<f64> {
+    match literal {
+        Literal::F64(v) => Some(v),
+        Literal::F32(v) => Some(f64::from(v)),
+        Literal::F16(v) => Some(v.to_f64()),
+        Literal::I32(v) => Some(f64::from(v)),
+        Literal::U32(v) => Some(f64::from(v)),
+        Literal::Bool(v) => Some(f64::from(u8::from(v))),
+        _ => None,
     }
 }

@@ -87,7 +87,7 @@ pub struct Form {
 }
 
 /// Where a pass's stages are.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PassFiles {
     /// Name of the pass's role.
     pub role: String,
@@ -102,7 +102,7 @@ pub struct PassFiles {
 }
 
 /// The tessellation stages of a pass, which draws patches of three vertices.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TessellationFiles {
     /// Control stage. It sets all levels to one `float`: in OpenGL the uniform `tessellation_level`, in Vulkan the specialisation constant 0; 3 where the host sets none.
     pub control: StageFile,
@@ -111,12 +111,16 @@ pub struct TessellationFiles {
 }
 
 /// One stage of a pass in one target.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StageFile {
     /// File name, in the folder of `plan.json`.
     pub file: String,
     /// Entry point's name in that file.
     pub entry_point: String,
+    /// SPIR-V and GLSL, which have no overrides here: those that the stage reads with the values that its text has in their place, keyed and typed as WebGPU's pipeline constants are
+    /// (the id where there is one, else the name; a boolean is 0 or 1). Other values want another text.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub overrides: BTreeMap<String, f64>,
     /// GLSL only: combined samplers, by uniform name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub textures: Vec<GlslTexture>,

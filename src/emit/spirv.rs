@@ -4,6 +4,8 @@
 //! Vulkan. Indices are not bounds-checked and loops not bounded: the module does what the source says. Integer division by zero is
 //! defined as WGSL defines it, and fragment depth is clamped to the viewport's range.
 
+use std::collections::BTreeMap;
+
 use naga::back::spv::{Options, PipelineOptions, WriterFlags, ZeroInitializeWorkgroupMemoryMode};
 use naga::front::spv as reader;
 use naga::{Binding, BuiltIn, Module, ShaderStage};
@@ -31,13 +33,13 @@ const OP_LOGICAL_EQUAL: u16 = 164;
 const OP_LOGICAL_OR: u16 = 166;
 const OP_LOGICAL_AND: u16 = 167;
 
-/// The bytes, little-endian. `name` is the file's, for errors.
+/// The bytes, little-endian, and the values that stand in the place of overrides. `name` is the file's, for errors.
 pub(super) fn write(
     program: &Program,
     stage: ShaderStage,
     entry: &str,
     name: &str,
-) -> Result<Vec<u8>, Error> {
+) -> Result<(Vec<u8>, BTreeMap<String, f64>), Error> {
     let settled = overrides::settle(program, stage, entry, name, Target::Spirv)?;
     let (module, info) = match &settled {
         Some(Settled { module, info }) => (module, info),
@@ -68,7 +70,10 @@ pub(super) fn write(
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
     let wanted = fingerprint::interface(module, info, stage, entry);
     check(program, &wanted, &bytes, stage, entry, name)?;
-    Ok(bytes)
+    Ok((
+        bytes,
+        settled.map(|s| s.values(program)).unwrap_or_default(),
+    ))
 }
 
 fn has_invariant_position(module: &Module, stage: ShaderStage, entry: &str) -> bool {

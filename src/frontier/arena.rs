@@ -7,11 +7,14 @@ use preshade_passes::hoist::Metric;
 use super::explore::{Fate, Point, of};
 use super::pareto::{Standing, dominators};
 use super::pick::{instead, pick};
-use super::race::{MOST_CROSSED, Search};
+use super::race::{FIRST_RUNG, MOST_CROSSED, SUBMISSION, Search};
 use super::space::{self, Candidate};
 use crate::measure::{Error, Variant, estimate};
 use crate::render::{Prepared, Rendered};
 use crate::report::ORIGINAL;
+
+/// So many are timed whatever the time is.
+const LEAST_RACING: usize = 3;
 
 /// A candidate on its way.
 pub(super) struct Contender<'a> {
@@ -22,6 +25,10 @@ pub(super) struct Contender<'a> {
     pub(super) prepared: Option<Prepared<'a>>,
     pub(super) ratios: Vec<f64>,
     pub(super) times: Vec<f64>,
+    /// Milliseconds of one frame by the wall clock, at first sight.
+    pub(super) sight: f64,
+    /// What building it, drawing it and comparing it took.
+    pub(super) spent: Duration,
     /// Still in the race.
     pub(super) alive: bool,
 }
@@ -86,6 +93,59 @@ impl<'a> Arena<'a> {
                 self.contenders[*i].out(Fate::Beaten { by });
             }
         }
+    }
+
+    /// Of those in a race as many as there is time to time, and with how many samples: fewer samples first, two at the least, then fewer of them, the slowest frames out. `None`: not one.
+    ///
+    /// A time that is up lets the fastest few through with two samples: without a time nothing can be said of any.
+    pub(super) fn fitting(
+        &mut self,
+        mut racing: Vec<usize>,
+        samples: usize,
+        left: Duration,
+    ) -> Option<(Vec<usize>, usize)> {
+        let submission = SUBMISSION.as_secs_f64() * 1e3;
+        let once = |sight: f64| sight.max(submission) * 1e-3;
+        let original = once(self.first_sight);
+        let each: Vec<f64> = self.contenders.iter().map(|c| once(c.sight)).collect();
+        racing.sort_by(|a, b| each[*a].total_cmp(&each[*b]));
+        let left = left.as_secs_f64();
+        // Two frames each ahead of the samples.
+        let cost = |racing: &[usize], samples: usize| {
+            let all: f64 = racing.iter().map(|i| each[*i]).sum();
+            (original + all) * (samples + 2) as f64
+        };
+        let fewer = (1..=samples / 2).rev().map(|half| 2 * half);
+        let fits = fewer.clone().find(|n| cost(&racing, *n) <= left);
+        let samples = fits.unwrap_or(2);
+        let has_times = |i: &usize| self.contenders[*i].point.speedup.is_some();
+        if fits.is_none() {
+            // Another rung of what has its times already is not worth being late.
+            if racing.iter().all(has_times) {
+                return None;
+            }
+            while racing.len() > LEAST_RACING && cost(&racing, samples) > left {
+                let Some(slowest) = racing.pop() else { break };
+                if self.contenders[slowest].point.speedup.is_none() {
+                    let why = "there was no time left to time it".to_owned();
+                    self.contenders[slowest].out(Fate::NotMeasured { why });
+                }
+            }
+        }
+        racing.sort_unstable();
+        Some((racing, samples))
+    }
+
+    /// Seconds that verifying one variant on so many views takes, by what drawing and timing the others took: each is built twice (to be drawn and to be counted), drawn, compared, counted, and timed.
+    pub(super) fn verifying(&self, views: usize, compared: Duration) -> f64 {
+        let seen: Vec<&Contender<'_>> = self.contenders.iter().filter(|c| c.alive).collect();
+        let mean = |of: &dyn Fn(&Contender<'_>) -> f64| {
+            seen.iter().map(|c| of(c)).sum::<f64>() / seen.len().max(1) as f64
+        };
+        let built = mean(&|c| c.spent.as_secs_f64());
+        let sight = mean(&|c| c.sight.max(SUBMISSION.as_secs_f64() * 1e3)) * 1e-3;
+        let frames = (FIRST_RUNG + 4) as f64;
+        2.0 * built + views as f64 * (compared.as_secs_f64() + frames * sight)
     }
 
     /// The best ways to compute less in a fragment with the best ways to shade fewer.

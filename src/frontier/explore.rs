@@ -36,7 +36,7 @@ pub struct Settings<'a> {
     pub budget: Option<f64>,
     /// The recipes to look at; empty: those of [`space::seeds`], and the best of them crossed.
     pub recipes: Vec<Recipe>,
-    /// Time to spend in all. Met closely, not to the second: a candidate that is being measured is measured to its end.
+    /// Time to spend in all. Met closely, not to the second: a candidate that is being measured is measured to its end. Where it is short, fewer are timed, and fewer verified.
     pub time: Duration,
     /// Most candidates that are drawn.
     pub most: usize,
@@ -270,16 +270,17 @@ pub fn explore(
         true => space::seeds(&facts, settings.metric),
         false => space::given(settings.recipes.clone()),
     };
-    search.admit(&mut arena, seeds);
+    search.admit(&mut arena, seeds, SEEDS_BY, &mut watch);
     search.draw(&mut arena, journal, SEEDS_BY, &mut watch);
     search.race(&mut arena, journal, SEEDS_BY, &mut watch);
     if settings.recipes.is_empty() {
         let crossed = arena.crossed();
-        search.admit(&mut arena, crossed);
+        search.admit(&mut arena, crossed, CROSSED_BY, &mut watch);
         search.draw(&mut arena, journal, CROSSED_BY, &mut watch);
         search.race(&mut arena, journal, CROSSED_BY, &mut watch);
     }
-    let finalists = arena.finalists(settings.finalists, settings.metric, settings.budget);
+    let most = search.verifiable(&arena, &watch);
+    let finalists = arena.finalists(most, settings.metric, settings.budget);
     search.verify(arena, finalists, &mut watch)
 }
 
@@ -294,8 +295,9 @@ fn measured_facts(
     let mut facts = measure::facts(gpu, scene, settings.form, settings.count)?;
     let is_open = |r: &Recipe| r.steps.iter().any(|s| s.pass == "hoist");
     if settings.recipes.is_empty() || settings.recipes.iter().any(is_open) {
-        facts.frequencies = measure::frequencies(gpu, scene, &facts, settings.form, &mut |_| {
-            watch.at(Stage::Frequencies, "measuring what can be interpolated");
+        facts.frequencies = measure::frequencies(gpu, scene, &facts, settings.form, &mut |done| {
+            let part = format!("measuring what can be interpolated, {:.0} %", done * 100.0);
+            watch.at(Stage::Frequencies, part);
             watch.going_on(FREQUENCIES_BY)
         })?;
         // Those that were not reached are not carried; the search goes on.

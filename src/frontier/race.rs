@@ -35,6 +35,9 @@ pub(super) const TOO_SLOW: f64 = 3.0;
 /// Milliseconds of a frame by the wall clock that are worth sparing: shorter ones are mostly the submission's.
 pub(super) const DEAR: f64 = 50.0;
 
+/// How long a submission should take where an adapter draws several frames in one.
+pub(super) const SUBMISSION: Duration = Duration::from_millis(6);
+
 /// Ways of each kind that are crossed.
 pub(super) const MOST_CROSSED: usize = 4;
 
@@ -99,7 +102,13 @@ impl<'a> Search<'a> {
     }
 
     /// Applies candidates, and leaves out what is refused, is another's text, or is predicted to be hopeless.
-    pub(super) fn admit(&self, arena: &mut Arena<'a>, candidates: Vec<Candidate>) {
+    pub(super) fn admit(
+        &self,
+        arena: &mut Arena<'a>,
+        candidates: Vec<Candidate>,
+        by: f64,
+        watch: &mut Watch<'_>,
+    ) {
         let predictor = Predictor::new(self.originals, self.facts, self.settings.metric);
         let predictions: Vec<Option<Prediction>> =
             candidates.iter().map(|c| predictor.of(c)).collect();
@@ -116,6 +125,11 @@ impl<'a> Search<'a> {
         let mut refused: Vec<Candidate> = Vec::new();
         let mut kept = Vec::new();
         for (candidate, prediction) in candidates.into_iter().zip(predictions) {
+            // Of shaders that take long to rewrite the rest is not thought of.
+            if watch.going_on(by).is_break() {
+                break;
+            }
+            watch.at(Stage::Drawing, format!("applying {}", candidate.recipe));
             // What stands on a refused one is refused for its reason, and not worth a line.
             if refused.iter().any(|r| candidate.stands_on(r)) {
                 continue;
@@ -172,10 +186,13 @@ impl<'a> Search<'a> {
                 prepared: None,
                 ratios: Vec::new(),
                 times: Vec::new(),
+                sight: 0.0,
+                spent: Duration::ZERO,
                 alive: fate.is_none(),
             });
         }
         arena.contenders.extend(admitted);
+        watch.forgive();
     }
 
     /// The order to draw in: what nothing is predicted of first, then layer by layer of what is predicted to be beaten by nothing, by nothing left, and so on.
@@ -272,6 +289,7 @@ impl<'a> Search<'a> {
         i: usize,
         journal: &mut Journal,
     ) -> Result<(), Error> {
+        let start = Instant::now();
         let contender = &mut arena.contenders[i];
         let key = contender.key.clone().unwrap_or_default();
         let known = journal.get(&key).cloned().unwrap_or_default();
@@ -314,6 +332,8 @@ impl<'a> Search<'a> {
         let mut prepared = self.prepare(self.inputs, &contender.variant.plans)?;
         // The first frame compiles and uploads; the lesser of two says more.
         let glance = self.glance(&mut prepared)?.min(self.glance(&mut prepared)?);
+        contender.sight = glance;
+        contender.spent = start.elapsed();
         if glance > DEAR && glance > TOO_SLOW * arena.first_sight {
             let times = glance / arena.first_sight;
             contender.out(Fate::Slow { times });
@@ -341,7 +361,11 @@ impl<'a> Search<'a> {
             if racing.is_empty() || late || watch.over().is_some() {
                 break;
             }
-            if let Err(error) = self.rung(arena, &racing, FIRST_RUNG << rung, journal, watch) {
+            let Some((racing, samples)) = arena.fitting(racing, FIRST_RUNG << rung, watch.left(by))
+            else {
+                break;
+            };
+            if let Err(error) = self.rung(arena, &racing, samples, journal, watch) {
                 watch.lost(&error);
                 break;
             }
@@ -383,7 +407,8 @@ impl<'a> Search<'a> {
             budget: Duration::ZERO,
             min_samples: samples,
             max_samples: samples,
-            submission: Duration::from_millis(6),
+            submission: SUBMISSION,
+            deadline: Some(watch.deadline()),
             seed: self.settings.seed,
         };
         let (_, timings) = measure::time(self.gpu, &against, &timing, |_| {

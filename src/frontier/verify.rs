@@ -9,7 +9,7 @@ use super::arena::Arena;
 use super::explore::{Exploration, Fate, Found, Point, SCHEMA, Settings, Stage, of};
 use super::pareto::{Standing, dominators};
 use super::pick::{pick, still_left, unbeaten};
-use super::race::{FIRST_RUNG, Search};
+use super::race::{FIRST_RUNG, SUBMISSION, Search};
 use super::watch::Watch;
 use crate::measure::{self, Error, ErrorLadder, Timed, TimingSettings, Variant};
 use crate::recipe::Recipe;
@@ -25,6 +25,8 @@ impl<'a> Search<'a> {
         watch: &mut Watch<'_>,
     ) -> Result<Found, Error> {
         let each = self.compared(&arena);
+        let cameras = self.inputs.scene().cameras.len();
+        let one_more = Duration::from_secs_f64(2.0 * arena.verifying(cameras, each));
         let mut points = vec![original()];
         let mut made: Vec<Variant> = Vec::new();
         for contender in arena.contenders {
@@ -53,7 +55,8 @@ impl<'a> Search<'a> {
             let verified: Vec<&str> = told.variants.iter().map(|v| v.name.as_str()).collect();
             let reopened = reopen(&mut points, &verified, metric, budget);
             report = Some(told);
-            if !self.has_time(each, watch) {
+            // Another with the original beside it.
+            if watch.left(1.0) < one_more {
                 break;
             }
             let standings: Vec<Standing> = reopened.iter().map(|(_, s)| *s).collect();
@@ -136,10 +139,13 @@ impl<'a> Search<'a> {
         fits.unwrap_or(1)
     }
 
-    /// Whether another picture of each view can be drawn and compared, and timed as long.
-    fn has_time(&self, each: Duration, watch: &Watch<'_>) -> bool {
-        let views = self.inputs.scene().cameras.len() as u32;
-        watch.time.saturating_sub(watch.spent()) > each * views * 4
+    /// Of the finalists that are asked for as many as there is time to verify on the first frame of each camera, the original beside them; one at the least.
+    pub(super) fn verifiable(&self, arena: &Arena<'_>, watch: &Watch<'_>) -> usize {
+        let cameras = self.inputs.scene().cameras.len();
+        let one = arena.verifying(cameras, self.compared(arena));
+        let fits = (watch.left(1.0).as_secs_f64() / one.max(1e-6)) as usize;
+        fits.saturating_sub(1)
+            .clamp(1, self.settings.finalists.max(1))
     }
 
     fn verified(
@@ -160,7 +166,8 @@ impl<'a> Search<'a> {
             timing: TimingSettings {
                 budget: each,
                 min_samples: FIRST_RUNG,
-                submission: Duration::from_millis(6),
+                submission: SUBMISSION,
+                deadline: Some(watch.deadline()),
                 seed: self.settings.seed,
                 ..TimingSettings::default()
             },

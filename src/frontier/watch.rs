@@ -22,6 +22,16 @@ impl Watch<'_> {
         self.start.elapsed()
     }
 
+    /// Time left until this part of it is over.
+    pub(super) fn left(&self, by: f64) -> Duration {
+        self.time.mul_f64(by).saturating_sub(self.spent())
+    }
+
+    /// When all of it is over.
+    pub(super) fn deadline(&self) -> Instant {
+        self.start + self.time
+    }
+
     /// Tells what is being done.
     pub(super) fn at(&mut self, stage: Stage, what: impl Into<String>) {
         let spent = self.spent();

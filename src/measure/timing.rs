@@ -28,6 +28,8 @@ pub struct TimingSettings {
     pub max_samples: usize,
     /// How long one submission should take on a hardware adapter; software adapters draw one frame a submission.
     pub submission: Duration,
+    /// When to end, with as few samples as there are then: a pair of rounds at the least. `None`: whenever there are enough.
+    pub deadline: Option<Instant>,
     /// Seed of the bootstrap.
     pub seed: u64,
 }
@@ -39,6 +41,7 @@ impl Default for TimingSettings {
             min_samples: 8,
             max_samples: 200,
             submission: Duration::from_millis(15),
+            deadline: None,
             seed: 0x7072_6573_6861_6465,
         }
     }
@@ -129,7 +132,8 @@ pub fn time(
         tick((spent.as_secs_f64() / settings.budget.as_secs_f64().max(1e-9)).min(1.0));
         // Rounds come in pairs, A B then B A, so that a drift of the clock falls on both alike.
         let enough = round >= settings.min_samples && spent >= settings.budget;
-        if round % 2 == 0 && (enough || round >= settings.max_samples) {
+        let late = settings.deadline.is_some_and(|d| Instant::now() >= d);
+        if round % 2 == 0 && (enough || late || round >= settings.max_samples) {
             break;
         }
     }

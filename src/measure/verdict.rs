@@ -79,6 +79,19 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
     }
 }
 
+/// Which budget would have held where a promise of rounding did not for slopes that are not gentle; `None` where something else is wrong.
+pub(super) fn advice(contract: &Contract, error: &ErrorLadder) -> Option<String> {
+    // More than this no filter's weight makes: it is another colour.
+    const SLOPES: f64 = 16.0 / 255.0;
+    let takes_slopes = contract.given().contains(&Assumption::GentleSlopes);
+    let is_slope = error.nan_pixels == 0 && error.changed_depth == 0 && error.max_abs < SLOPES;
+    (takes_slopes && is_slope).then(|| {
+        // Half a step more than was measured, in thousandths.
+        let budget = ((error.max_abs + 0.5 / 255.0) * 1000.0).ceil() / 1000.0;
+        format!("its promise takes slopes to be gentle (`gentle-slopes`), and here they are not: budget={budget} would have held")
+    })
+}
+
 /// What a budget in this metric is held against.
 pub fn measured(metric: &str, error: &ErrorLadder) -> f64 {
     match metric {

@@ -1,11 +1,17 @@
 //! A scene drawn with the original and its variants, view by view.
 
+mod ended;
+
+use std::cell::OnceCell;
+
 use preshade_passes::contract::{Contract, Verdict};
 use preshade_passes::plan::{GpuPass, Plan};
 
+use super::elsewhere::{OtherCameras, Seen};
 use super::shading::{CountProgram, Counter, Shading};
 use super::statistics::invocations;
-use super::verdict::{breaks, needs_invariant_original, nothing_drawn};
+use super::telling::{self, Colours};
+use super::verdict::{breaks, nothing_drawn};
 use super::{Clock, Error, ErrorLadder, TimingSettings, compare, originals, shadow, time};
 use crate::render::{
     FrameSettings, Gpu, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm,
@@ -13,7 +19,7 @@ use crate::render::{
 };
 use crate::report::{
     Cost, Kept, ORIGINAL, Pictures, Report, SCHEMA, SelfTestReport, Unfinished, VariantReport,
-    ViewReport, Worst, path,
+    ViewReport, Worst,
 };
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
@@ -115,6 +121,8 @@ struct Subject<'a> {
     pictures: Option<Pictures>,
     /// The largest error yet, by mean FLIP and then by changed pixels, and its pictures unless it is the headline's.
     worst: Option<((f64, u64), Option<Worst>)>,
+    /// What the cameras but the headline's see of it.
+    elsewhere: OtherCameras,
     /// First view that broke the contract.
     broken: Option<String>,
     /// What drawing its shadow passes under the light says; `None`: it has none, or they were not drawn yet.
@@ -162,6 +170,7 @@ pub fn verify(
     let views = views(scene, settings);
     let mut clock = None;
     let mut depth_ties = Some(0);
+    let mut colours = Colours::default();
     let mut lost = None;
     for (i, view) in views.iter().enumerate() {
         let at = |part: f64, what: String| {
@@ -175,7 +184,9 @@ pub fn verify(
                 depth_ties = depth_ties.map(|sum| sum + n);
             }
             inputs.set_frame(view.frame)?;
-            compare_view(&inputs, &mut subjects, view, settings.form)?;
+            let reference =
+                compare_view(&inputs, &mut subjects, view, views[0].camera, settings.form)?;
+            reference.iter().for_each(|r| colours.look(r));
             count_view(&mut subjects, view)?;
             if view.headline {
                 for subject in &mut subjects {
@@ -214,15 +225,26 @@ pub fn verify(
         }
         subject.run_self_tests(&inputs, variant, settings, lost.as_deref());
     }
+    let assumed = bind::guessed(scene);
+    let nothing = subjects.iter().all(|s| s.covered.unwrap_or(0) == 0);
+    let mut warnings = telling::missing_attributes(&assumed);
+    // Of pictures with nothing in them the verdicts say more.
+    warnings.extend(colours.warning().filter(|_| !nothing));
+    let frames: Vec<_> = views.iter().map(|v| (v.frame, v.order)).collect();
+    let (plans, count) = (&original.plans, settings.count);
+    let away = nothing
+        && lost.is_none()
+        && telling::faces_away(&inputs, plans, settings.form, count, &frames).unwrap_or(false);
     let mut report = Report {
         clock,
         depth_ties: depth_ties.filter(|_| lost.is_none()),
-        assumed: bind::guessed(scene),
+        assumed,
+        warnings,
         ..blank(gpu, scene, settings)
     };
     let mut pictures = Vec::new();
     for subject in subjects {
-        let (variant, picture) = subject.finish(lost.as_deref());
+        let (variant, picture) = subject.finish(gpu, lost.as_deref(), away);
         report.variants.push(variant);
         pictures.extend(picture);
     }
@@ -246,6 +268,7 @@ fn blank(gpu: &Gpu, scene: &Scene, settings: &Settings<'_>) -> Report {
         clock: None,
         depth_ties: None,
         assumed: Vec::new(),
+        warnings: Vec::new(),
         variants: Vec::new(),
         sweeps: Vec::new(),
         chosen: None,
@@ -301,31 +324,44 @@ impl Timed {
     }
 }
 
-/// Draws the view with every subject and compares each with the first.
+/// Draws the view with every subject and compares each with the first, whose picture is given back. `headline` is the camera of the first view.
 fn compare_view<'a>(
     inputs: &'a SceneInputs<'a>,
     subjects: &mut [Subject<'a>],
     view: &View<'_>,
+    headline: &str,
     form: ShaderForm,
-) -> Result<(), Error> {
+) -> Result<Option<Rendered>, Error> {
     let [original, variants @ ..] = subjects else {
-        return Ok(());
+        return Ok(None);
     };
     let Some(reference) = original.draw(inputs, view, form)? else {
-        return Ok(());
+        return Ok(None);
     };
+    // The original's picture, which all that show this view share.
+    let shown = OnceCell::new();
     // The original again: an adapter that does not repeat itself proves nothing.
     if view.headline
         && let Some(again) = original.draw(inputs, view, form)?
     {
-        original.compare(view, &reference, &again)?;
+        let seen = Seen {
+            reference: &reference,
+            shown: &shown,
+            picture: &again,
+        };
+        original.compare(view, headline, seen)?;
     } else {
         original.add_view(view, ErrorLadder::default());
     }
     for variant in variants {
         match variant.draw(inputs, view, form) {
             Ok(Some(picture)) => {
-                if let Err(error) = variant.compare(view, &reference, &picture) {
+                let seen = Seen {
+                    reference: &reference,
+                    shown: &shown,
+                    picture: &picture,
+                };
+                if let Err(error) = variant.compare(view, headline, seen) {
                     variant.give_up(&error);
                 }
             }
@@ -334,7 +370,7 @@ fn compare_view<'a>(
             Err(error) => variant.give_up(&error),
         }
     }
-    Ok(())
+    Ok(Some(reference))
 }
 
 /// Counts what every subject shades in this view.
@@ -440,6 +476,7 @@ impl<'a> Subject<'a> {
             },
             pictures: None,
             worst: None,
+            elsewhere: OtherCameras::default(),
             broken: None,
             shadow: None,
             covered: None,
@@ -535,12 +572,8 @@ impl<'a> Subject<'a> {
         Ok(Some(prepared))
     }
 
-    fn compare(
-        &mut self,
-        view: &View<'_>,
-        reference: &Rendered,
-        picture: &Rendered,
-    ) -> Result<(), Error> {
+    fn compare(&mut self, view: &View<'_>, headline: &str, seen: Seen<'_>) -> Result<(), Error> {
+        let (reference, picture) = (seen.reference, seen.picture);
         let error = compare(reference, picture)?;
         if self.broken.is_none() {
             self.broken = breaks(&self.report.contract, &error).map(|how| format!("{view}: {how}"));
@@ -561,6 +594,10 @@ impl<'a> Subject<'a> {
                 difference: p.difference,
             });
             self.worst = Some((key, worst));
+        }
+        if view.camera != headline {
+            let name = view.to_string();
+            self.elsewhere.look(view.camera, name, &error, seen);
         }
         self.add_view(view, error);
         Ok(())
@@ -638,25 +675,6 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// What is known of it between two views.
-    fn so_far(&self) -> VariantReport {
-        let mut report = self.report.clone();
-        match &self.broken {
-            Some(r#where) => {
-                report.verdict = Verdict::Broken {
-                    r#where: r#where.clone(),
-                };
-            }
-            None if self.prepared.is_some() => {
-                report.verdict = Verdict::NotMeasured {
-                    why: "not all views were drawn yet".to_owned(),
-                };
-            }
-            None => {}
-        }
-        report
-    }
-
     /// Draws it no more.
     fn give_up(&mut self, error: &Error) {
         self.prepared = None;
@@ -664,46 +682,5 @@ impl<'a> Subject<'a> {
         self.report.verdict = Verdict::NotMeasured {
             why: error.to_string(),
         };
-    }
-
-    /// The verdict. `lost` says why measuring ended early.
-    fn finish(mut self, lost: Option<&str>) -> (VariantReport, Option<Pictures>) {
-        let drawn = self.prepared.is_some() && self.report.error.is_some();
-        match (self.broken, lost) {
-            // What the contract takes as given is not so here: neither kept nor broken.
-            (Some(r#where), _) if needs_invariant_original(&self.report.contract) => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: format!(
-                        "its promise is about an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
-                    ),
-                };
-            }
-            (Some(r#where), _) => self.report.verdict = Verdict::Broken { r#where },
-            (None, Some(why)) => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: why.to_owned(),
-                };
-            }
-            (None, None) if self.shadow.is_some() => {
-                self.report.verdict = self.shadow.unwrap_or(Verdict::Holds);
-            }
-            (None, None) if drawn && self.covered == Some(0) && self.report.name != ORIGINAL => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: "no opaque surface is seen in any view".to_owned(),
-                };
-            }
-            (None, None) if drawn && self.covered == Some(0) && self.empty.is_some() => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: self.empty.unwrap_or_default(),
-                };
-            }
-            (None, None) if drawn => self.report.verdict = Verdict::Holds,
-            (None, None) => {}
-        }
-        self.report.by_path = path::times(&self.report.by_view);
-        let is_original = self.report.name == ORIGINAL;
-        let worst = self.worst.and_then(|(_, worst)| worst);
-        let pictures = self.pictures.map(|p| Pictures { worst, ..p });
-        (self.report, pictures.filter(|_| !is_original))
     }
 }

@@ -6,8 +6,8 @@ use preshade_passes::contract::Verdict;
 use preshade_passes::hoist::Metric;
 use serde::{Deserialize, Serialize};
 
-use super::{ORIGINAL, VariantReport};
-use crate::measure::ErrorLadder;
+use super::{ORIGINAL, VariantReport, frontier};
+use crate::measure::{ErrorLadder, Estimate};
 use crate::recipe::Recipe;
 
 /// How far a picture may be off.
@@ -78,23 +78,23 @@ fn is_zero(number: &usize) -> bool {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Choice {
-    /// The fastest of those within the budget, and faster than the original; where nothing was timed, the one with the least error.
+    /// The fastest of those within the budget, and faster than the original beyond its 95 % interval; where nothing was timed, the one with the least error.
     Within {
         /// Name of the variant.
         variant: String,
         /// Its error, by the budget's metric, the worst of all views.
         error: f64,
         /// The original's time over its own; `None`: not timed.
-        speedup: Option<f64>,
+        speedup: Option<Estimate>,
     },
-    /// Some are within the budget, and none of them is faster than the original.
-    Slower {
+    /// Some are within the budget, and none of them is faster than the original beyond noise.
+    NoGain {
         /// The fastest of them.
         variant: String,
         /// Its error.
         error: f64,
         /// The original's time over its own.
-        speedup: f64,
+        speedup: Estimate,
     },
     /// None is within the budget.
     None {
@@ -103,7 +103,7 @@ pub enum Choice {
         /// Its error.
         error: Option<f64>,
         /// The original's time over its own.
-        speedup: Option<f64>,
+        speedup: Option<Estimate>,
     },
 }
 
@@ -112,13 +112,13 @@ pub enum Choice {
 struct Drawn<'a> {
     variant: &'a VariantReport,
     error: f64,
-    speedup: Option<f64>,
+    speedup: Option<Estimate>,
 }
 
 impl Drawn<'_> {
     /// The better first: the least error, then the greatest speedup.
     fn by_error(&self, other: &Self) -> Ordering {
-        let speed = |d: &Self| d.speedup.unwrap_or_default();
+        let speed = |d: &Self| d.speedup.map_or(0.0, |s| s.median);
         let faster = speed(other).total_cmp(&speed(self));
         self.error.total_cmp(&other.error).then(faster)
     }
@@ -163,8 +163,8 @@ impl Chosen {
 
     fn said_of_verified(&self) -> String {
         let (name, most) = (self.budget.name(), self.budget.most);
-        let times = |speedup: Option<f64>| {
-            speedup.map_or_else(|| "not timed".to_owned(), |s| format!("{s:.2}x"))
+        let times = |speedup: Option<Estimate>| {
+            speedup.map_or_else(|| "not timed".to_owned(), frontier::speedup)
         };
         match &self.choice {
             Choice::Within {
@@ -180,12 +180,13 @@ impl Chosen {
                     recipe.unwrap_or_default()
                 )
             }
-            Choice::Slower {
+            Choice::NoGain {
                 variant,
                 error,
                 speedup,
             } => format!(
-                "No variant within {name}={most} is faster than the original: the fastest is {variant}, {speedup:.2}x, {name} {error:.5}."
+                "No variant within {name}={most} is faster than the original beyond noise: the fastest is {variant}, {}, {name} {error:.5}.",
+                frontier::speedup(*speedup)
             ),
             Choice::None {
                 nearest: Some(variant),
@@ -210,21 +211,28 @@ impl Choice {
                 (was_drawn && error.nan_pixels == 0).then(|| Drawn {
                     variant,
                     error: budget.of(error),
-                    speedup: variant.speedup.as_ref().map(|s| s.median),
+                    speedup: variant.speedup,
                 })
             })
             .collect();
         let within = || drawn.iter().filter(|d| d.error <= budget.most);
-        let timed = within().filter_map(|d| Some((d, d.speedup?)));
-        let fastest = timed.max_by(|a, b| a.1.total_cmp(&b.1));
+        let timed = || within().filter_map(|d| Some((d, d.speedup?)));
+        let median = |a: &(&Drawn<'_>, Estimate), b: &(&Drawn<'_>, Estimate)| {
+            a.1.median.total_cmp(&b.1.median)
+        };
+        // What may be noise is no gain, however large its median.
+        let gains = timed()
+            .filter(|(_, speedup)| speedup.low > 1.0)
+            .max_by(median);
+        let fastest = gains.or_else(|| timed().max_by(median));
         let best = within().min_by(|a, b| a.by_error(b));
         match (fastest, best) {
-            (Some((d, speedup)), _) if speedup > 1.0 => Self::Within {
+            (Some((d, speedup)), _) if speedup.low > 1.0 => Self::Within {
                 variant: d.variant.name.clone(),
                 error: d.error,
                 speedup: Some(speedup),
             },
-            (Some((d, speedup)), _) => Self::Slower {
+            (Some((d, speedup)), _) => Self::NoGain {
                 variant: d.variant.name.clone(),
                 error: d.error,
                 speedup,

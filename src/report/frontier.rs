@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::PathTime;
+use super::csv::{number as written, quoted};
+use super::{Chosen, ORIGINAL, PathTime};
 use crate::frontier::{Ended, Exploration, Fate, Point, explore};
 use crate::measure::Estimate;
 
@@ -46,12 +47,26 @@ pub fn table(found: &Exploration) -> String {
     out.push('\n');
     out.push_str(&counted(found));
     out.push('\n');
-    if let Some(chosen) = &found.chosen {
-        out.push_str(&chosen.said());
+    for said in said(found) {
+        out.push_str(&said);
         out.push('\n');
     }
     out.push_str(&ended(found));
     out
+}
+
+/// What to know of the frontier first: that nothing gains, where nothing does, and what a budget leaves.
+pub fn said(found: &Exploration) -> Vec<String> {
+    let gains = |p: &Point| p.speedup.is_some_and(|s| s.low > 1.0);
+    let timed = on_frontier(found).any(|p| p.name != ORIGINAL && p.speedup.is_some());
+    let level = timed && !on_frontier(found).any(gains);
+    let nothing = level.then(|| {
+        "Nothing that was verified is faster than the original beyond noise: every interval of the frontier reaches 1 or lies below.".to_owned()
+    });
+    let chosen = found.chosen.as_ref().map(Chosen::said);
+    let warnings = found.report.iter().flat_map(|r| &r.warnings);
+    let warnings = warnings.map(|w| format!("Warning: {w}."));
+    nothing.into_iter().chain(chosen).chain(warnings).collect()
 }
 
 /// The points that no other beats, by their error.
@@ -198,7 +213,7 @@ pub fn csv(found: &Exploration) -> String {
     let mut out = "name,recipe,fate,flip_mean,flip_p99,max_abs,changed_pixels,time_ms,speedup,speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,predicted_work\n".to_owned();
     for p in &found.points {
         let error = p.error.as_ref();
-        let of = |n: Option<f64>| n.map_or_else(String::new, |n| n.to_string());
+        let of = written;
         let cells = [
             quoted(&p.name),
             quoted(&p.recipe),
@@ -220,9 +235,4 @@ pub fn csv(found: &Exploration) -> String {
         out.push('\n');
     }
     out
-}
-
-/// A field as RFC 4180 quotes it.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\""))
 }

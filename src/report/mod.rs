@@ -2,6 +2,7 @@
 
 pub mod budget;
 pub mod crossover;
+pub mod csv;
 pub mod frontier;
 pub mod html;
 pub mod path;
@@ -23,7 +24,7 @@ use crate::scene::bind::Guessed;
 
 pub use budget::{Budget, Choice, Chosen};
 pub use path::PathTime;
-pub use picture::{Pictures, Worst};
+pub use picture::{Elsewhere, Picture, Pictures, Worst};
 pub use sweep::SweepReport;
 pub use unfinished::Unfinished;
 
@@ -54,6 +55,9 @@ pub struct Report {
     pub depth_ties: Option<u64>,
     /// Inputs that the scene does not give: filled by convention, or made up.
     pub assumed: Vec<Guessed>,
+    /// Why the pictures tell less than they seem to: one colour alone, attributes that are made up.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
     /// Recipes with parameters left to vary, whose points are among the variants.

@@ -1,10 +1,12 @@
 //! Pictures of one variant beside the original, as PNG files.
 
+use std::sync::Arc;
+
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::sheet;
 use crate::emit::File;
-use crate::measure::Shading;
+use crate::measure::{ErrorLadder, Shading};
 use crate::render::Rendered;
 
 /// How much a difference picture amplifies: a step of 1/255 shows as 16/255, and never as less than [`FAINTEST`].
@@ -35,6 +37,8 @@ pub struct Pictures {
     pub difference: Picture,
     /// The view with the largest error, where that is another one.
     pub worst: Option<Worst>,
+    /// Of each other camera the view with the largest error, in the scene's order.
+    pub elsewhere: Vec<Elsewhere>,
     /// What the original shades, where it was counted.
     pub overdraw_before: Option<Shading>,
     /// What the variant shades.
@@ -50,6 +54,41 @@ pub struct Worst {
     pub variant: Picture,
     /// Its difference from the original, amplified as that of the headline view.
     pub difference: Picture,
+}
+
+/// What another camera than the headline's sees, where the variant is most off.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Elsewhere {
+    /// Camera.
+    pub camera: String,
+    /// Camera, frame and order in words.
+    pub view: String,
+    /// Against the original.
+    pub error: ErrorLadder,
+    /// Colour target 0 of the original.
+    pub original: Arc<Picture>,
+    /// Colour target 0 of the variant; `None`: the same bits.
+    pub variant: Option<Picture>,
+}
+
+/// The FLIP error map (Andersson et al. 2020) of two pictures of one size, from black where no eye sees a difference over magenta to white.
+pub fn flip(original: &Picture, variant: &Picture) -> Picture {
+    let rgb = |picture: &Picture| {
+        let texels = picture.rgba.as_chunks::<4>().0.iter();
+        let bytes: Vec<u8> = texels.flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+        nv_flip::FlipImageRgb8::with_data(picture.size[0], picture.size[1], &bytes)
+    };
+    let map = nv_flip::flip(
+        rgb(original),
+        rgb(variant),
+        nv_flip::DEFAULT_PIXELS_PER_DEGREE,
+    );
+    let colors = map.apply_color_lut(&nv_flip::magma_lut()).to_vec();
+    let texels = colors.as_chunks::<3>().0.iter();
+    Picture {
+        size: original.size,
+        rgba: texels.flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect(),
+    }
 }
 
 impl Pictures {
@@ -78,29 +117,10 @@ impl Pictures {
             variant: picture(right),
             difference: picture(difference),
             worst: None,
+            elsewhere: Vec::new(),
             overdraw_before: None,
             overdraw_after: None,
         })
-    }
-
-    /// The FLIP error map (Andersson et al. 2020) of the two, from black where no eye sees a difference over magenta to white.
-    pub fn flip(&self) -> Picture {
-        let rgb = |picture: &Picture| {
-            let texels = picture.rgba.as_chunks::<4>().0.iter();
-            let bytes: Vec<u8> = texels.flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
-            nv_flip::FlipImageRgb8::with_data(picture.size[0], picture.size[1], &bytes)
-        };
-        let map = nv_flip::flip(
-            rgb(&self.original),
-            rgb(&self.variant),
-            nv_flip::DEFAULT_PIXELS_PER_DEGREE,
-        );
-        let colors = map.apply_color_lut(&nv_flip::magma_lut()).to_vec();
-        let texels = colors.as_chunks::<3>().0.iter();
-        Picture {
-            size: self.original.size,
-            rgba: texels.flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect(),
-        }
     }
 
     /// The PNG files: `original.png`, `NAME.png`, `NAME.difference.png`, `original.overdraw.png`, `NAME.overdraw.png`, where another view
@@ -158,6 +178,15 @@ fn difference(a: [u8; 4], b: [u8; 4], changed: bool) -> [u8; 4] {
 }
 
 impl Picture {
+    /// Colour target 0 of what was drawn; `None` where there is none.
+    pub fn of(drawn: &Rendered) -> Option<Self> {
+        let image = drawn.colors.first()?.as_ref()?;
+        Some(Self {
+            size: image.size,
+            rgba: image.to_rgba8(),
+        })
+    }
+
     /// A picture of one colour.
     pub fn filled(size: [u32; 2], color: [u8; 4]) -> Self {
         let pixels = size[0] as usize * size[1] as usize;

@@ -106,7 +106,7 @@ fn row(v: &VariantReport) -> [String; 9] {
 }
 
 /// What the figures are of, what broke, and what was left alone.
-fn notes(report: &Report) -> String {
+pub(super) fn notes(report: &Report) -> String {
     let mut out = String::new();
     if let Some(view) = report.variants.first().and_then(|v| v.by_view.first()) {
         let clock = match report.clock {
@@ -120,6 +120,9 @@ fn notes(report: &Report) -> String {
             view.camera,
             crate::render::order::name(view.order)
         ));
+    }
+    for warning in &report.warnings {
+        out.push_str(&format!("Warning: {warning}.\n"));
     }
     if let Some(ties) = report.depth_ties.filter(|n| *n > 0) {
         let what = match report.samples {

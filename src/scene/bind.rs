@@ -446,6 +446,9 @@ fn hash01(name: &str, index: usize, component: usize) -> f64 {
     f64::from(h) / f64::from(u32::MAX)
 }
 
+/// Beginnings of names that hold a place and no value.
+pub(super) const PADDING: [&str; 5] = ["pad", "unused", "reserved", "dummy", "filler"];
+
 /// A value for a member whose name means nothing here: identity matrices, unit directions, positions around the origin, colours, counts of one,
 /// and numbers in 0.25..0.75 otherwise.
 fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
@@ -470,10 +473,26 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
             () if c == 3 => 1.0,
             () if name.contains("direction") || name.ends_with("dir") => h(c) - 0.5,
             () if name.contains("pos") && rows > 1 => 8.0 * h(c) - if c == 1 { 0.0 } else { 4.0 },
+            () if PADDING.iter().any(|p| name.starts_with(p)) => 0.0,
+            () if name.contains("shininess")
+                || name.ends_with("exponent")
+                || name.starts_with("spec") && name.ends_with("power") =>
+            {
+                32.0
+            }
+            () if name == "constant" || name.contains("attenuationconstant") => 1.0,
+            () if name == "linear" => 0.09,
+            () if name == "quadratic" => 0.032,
             () if name.contains("range") || name.contains("radius") => 10.0,
+            () if name.contains("density") => 0.05,
             () if name.contains("intensity") || name.contains("power") => 1.0 + 2.0 * h(c),
             () if name.contains("scale") || name.contains("tiling") || name.contains("freq") => 2.0,
+            // Cosines of a spot's cones: the outer one is the wider.
+            () if name.contains("cutoff") && name.contains("outer") => 0.4,
             () if name.contains("cutoff") || name.contains("threshold") => 0.5,
+            () if name == "ior" => 1.5,
+            () if name == "gamma" => 2.2,
+            () if name == "exposure" => 1.0,
             () if name.contains("color") || name.contains("colour") => 0.3 + 0.6 * h(c),
             () => 0.25 + 0.5 * h(c),
         };

@@ -182,7 +182,13 @@ pub fn held(text: &str) -> Result<Held, String> {
         Some("preshade.series.v1") => serde_json::from_value(json).map(Held::Series),
         Some("preshade.verify.v1") => serde_json::from_value(json).map(Held::Report),
         Some("preshade.bench.v1") => serde_json::from_value(json).map(Held::Bench),
-        Some("preshade.decision.v1" | "preshade.regret.v1" | "preshade.explore.v1") => {
+        Some(
+            "preshade.decision.v1"
+            | "preshade.decision.v2"
+            | "preshade.regret.v1"
+            | "preshade.regret.v2"
+            | "preshade.explore.v1",
+        ) => {
             return Ok(Held::Decision);
         }
         Some(other) => return Err(format!("`{other}` is no schema that is known here")),

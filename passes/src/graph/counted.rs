@@ -16,6 +16,8 @@ const MOST_TRIPS: u32 = 4096;
 pub struct Counted {
     /// How many it makes.
     pub turns: u32,
+    /// What counts.
+    pub counter: Handle<LocalVariable>,
     /// What its counter is compared with.
     pub bound: Handle<Expression>,
     /// Whether the counter is an `i32`; else it is a `u32`.
@@ -106,6 +108,7 @@ impl Counted {
         };
         let mut counted = Self {
             turns: 0,
+            counter,
             bound: right,
             signed,
             start,

@@ -21,14 +21,36 @@ pub struct Reached {
     pub jump: Option<(String, Span)>,
     /// A texture is sampled there, which is continuous if it is filtered.
     pub samples: bool,
-    /// Somewhere in the stage a derivative is taken that is not fine, or a sample at an implicit level: of which neighbours is the driver's choice.
-    pub chosen_neighbours: bool,
+    /// What the stage takes anywhere of neighbours that are the driver's choice.
+    pub taken: Taken,
+    /// Something interpolated is read.
+    pub interpolated: bool,
     /// The place of the first sample whose implicit level has a bias: a resolve scales gradients by 2 to the bias, and a sampler adds the bias to the level.
     pub biased: Option<Span>,
     /// The place of the first sample of a cube at an implicit level: of which gradients, and on which face, is the driver's choice, and gradients that are given are treated otherwise.
     pub cube: Option<Span>,
     /// A varying is interpolated linearly on the screen: between which corners, where the triangle is clipped, is the driver's choice.
     pub linear: bool,
+}
+
+/// What a fragment stage takes of its neighbours, where the driver chooses which they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Taken {
+    /// `dpdx`, `dpdy`, `fwidth`.
+    pub derivatives: bool,
+    /// Those that are `Coarse`.
+    pub coarse: bool,
+    /// Samples at an implicit level, but of cubes.
+    pub samples: bool,
+    /// Such samples of cubes.
+    pub cubes: bool,
+}
+
+impl Taken {
+    /// Whether there is anything.
+    pub fn any(self) -> bool {
+        self != Self::default()
+    }
 }
 
 /// Follows them from the inputs of the fragment entry point of that index.
@@ -63,18 +85,11 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
         }
         _ => None,
     });
-    let is_chosen = |e: &Expression| match e {
-        Expression::Derivative { ctrl, .. } => *ctrl != DerivativeControl::Fine,
-        Expression::ImageSample { level, .. } => {
-            matches!(level, SampleLevel::Auto | SampleLevel::Bias(_))
-        }
-        _ => false,
-    };
     let is_biased = |e: &Expression| {
         let biased = |level: &SampleLevel| matches!(level, SampleLevel::Bias(_));
         matches!(e, Expression::ImageSample { level, .. } if biased(level))
     };
-    let mut cubes = values.values.iter().filter_map(|v| {
+    let implicit = values.values.iter().filter_map(|v| {
         let Node::Expression(context, e, _) = &v.node else {
             return None;
         };
@@ -87,25 +102,32 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
         else {
             return None;
         };
-        let is_cube = matches!(
-            f.ty(module, image),
-            TypeInner::Image {
-                dim: ImageDimension::Cube,
-                ..
-            }
-        );
-        is_cube.then(|| f.function.expressions.get_span(*e))
+        let cube = ImageDimension::Cube;
+        let is_cube = matches!(f.ty(module, image), TypeInner::Image { dim, .. } if *dim == cube);
+        Some((is_cube, f.function.expressions.get_span(*e)))
     });
+    let derives = |wanted: DerivativeControl| {
+        expressions
+            .clone()
+            .any(|(e, _)| matches!(e, Expression::Derivative { ctrl, .. } if *ctrl == wanted))
+    };
+    let cube = implicit.clone().find(|(is_cube, _)| *is_cube);
     let is_linear = |input: &Io| {
         let linear = Some(naga::Interpolation::Linear);
         matches!(input.binding, Some(Binding::Location { interpolation, .. }) if interpolation == linear)
     };
     let mut out = Reached {
-        chosen_neighbours: expressions.clone().any(|(e, _)| is_chosen(e)),
+        taken: Taken {
+            derivatives: derives(DerivativeControl::None),
+            coarse: derives(DerivativeControl::Coarse),
+            samples: implicit.clone().any(|(is_cube, _)| !is_cube),
+            cubes: cube.is_some(),
+        },
+        interpolated: inputs.iter().any(|i| matches!(kind(i), Kind::Interpolated)),
         biased: expressions
             .clone()
             .find_map(|(e, span)| is_biased(e).then_some(span)),
-        cube: cubes.next(),
+        cube: cube.map(|(_, span)| span),
         linear: inputs.iter().any(is_linear),
         ..Reached::default()
     };

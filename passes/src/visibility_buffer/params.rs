@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::jumps::Taken;
 use super::refuse;
 use crate::depth_only::{Invariance, VertexStage};
 use crate::geometry::Formats;
@@ -163,6 +164,38 @@ impl Params {
         })
     }
 
+    /// With nothing said of neighbours that the stage takes nothing of: what a plan says it rests on.
+    pub(super) fn of_taken(&self, taken: Taken) -> Self {
+        let kept = |is_taken: bool, said: Option<Neighbours>| said.filter(|_| is_taken);
+        Self {
+            derivatives: kept(taken.derivatives, self.derivatives),
+            coarse: kept(taken.coarse, self.coarse),
+            samples: kept(taken.samples, self.samples),
+            cubes: kept(taken.cubes, self.cubes),
+            ..self.clone()
+        }
+    }
+
+    /// What is said of the adapter that was seen to do otherwise, each as `parameter=choice` beside what was seen.
+    pub(super) fn contradicting(&self, seen: &Rasterizer) -> Vec<[String; 2]> {
+        let corners = self.corners.filter(|said| *said != seen.corners);
+        let neighbours = [
+            ("derivatives", self.derivatives, seen.derivatives),
+            ("coarse", self.coarse, seen.coarse),
+            ("samples", self.samples, seen.samples),
+            ("cubes", self.cubes, seen.cubes),
+        ];
+        let of_neighbours = neighbours.into_iter().filter_map(|(name, said, seen)| {
+            let said = said.filter(|said| *said != seen)?;
+            Some([format!("{name}={}", word(said)), word(seen)])
+        });
+        corners
+            .map(|said| [format!("corners={}", word(said)), word(seen.corners)])
+            .into_iter()
+            .chain(of_neighbours)
+            .collect()
+    }
+
     /// Pixels of other draws are not listed by `form=binned`.
     pub(super) fn select(&self) -> Select {
         self.select.unwrap_or_default()
@@ -192,5 +225,13 @@ impl Params {
     pub(super) fn invariant(&self, opaque: &Opaque<'_>) -> Invariance {
         self.invariant
             .unwrap_or_else(|| Invariance::default_for(self.vertex(opaque)))
+    }
+}
+
+/// A choice as a recipe spells it.
+fn word(choice: impl Serialize) -> String {
+    match serde_json::to_value(choice) {
+        Ok(serde_json::Value::String(word)) => word,
+        _ => String::new(),
     }
 }

@@ -1,6 +1,7 @@
 //! The frontier as a picture: error along the bottom, speedup upwards, intervals as whiskers, in SVG that stands in a page.
 
 use crate::frontier::{Exploration, Fate, Point, explore};
+use crate::report::frontier;
 
 /// Width and height in SVG's units, and what labels take on each side.
 pub const SIZE: [f64; 2] = [860.0, 420.0];
@@ -158,7 +159,7 @@ fn short(value: f64) -> String {
 
 /// What is told of a point where it is pointed at.
 fn told(found: &Exploration, point: &Point) -> String {
-    let metric = super::super::frontier::metric(found);
+    let metric = frontier::metric(found);
     let error = point
         .error
         .as_ref()
@@ -166,13 +167,13 @@ fn told(found: &Exploration, point: &Point) -> String {
     let time = point
         .time_ms
         .map(|t| format!("{:.3} ms [{:.3}, {:.3}], ", t.median, t.low, t.high));
-    let speedup = point.speedup.map(super::super::frontier::speedup);
+    let speedup = point.speedup.map(frontier::speedup);
     format!(
         "{}: {metric} {}, {}{}; {}",
         point.name,
-        super::super::frontier::number(error),
+        frontier::number(error),
         time.unwrap_or_default(),
         speedup.unwrap_or_default(),
-        super::super::frontier::fate(point),
+        frontier::fate(point),
     )
 }

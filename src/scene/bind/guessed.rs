@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::{Scene, Semantic};
 use super::streams::Streams;
-use super::{BindingKind, authored, buffer, variable};
+use super::{BindingKind, PADDING, authored, buffer, normalise, variable};
 use crate::scene::layout::Leaf;
 
 /// Where the numbers of a scalar, vector or matrix came from, when the scene does not give them as numbers.
@@ -116,6 +116,10 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
                 BindingKind::Uniform | BindingKind::StorageRead | BindingKind::StorageReadWrite => {
                     let mut observe = |leaf: &Leaf<'_>, origin: Origin, numbers: &[f64; 16]| {
                         let count = (leaf.columns * leaf.rows) as usize;
+                        let name = normalise(leaf.name());
+                        if PADDING.iter().any(|p| name.starts_with(p)) {
+                            return;
+                        }
                         let guess = match origin {
                             Origin::Said => return,
                             Origin::Mesh => Guess::BufferFromMesh,
