@@ -301,7 +301,13 @@ fn watch_writes_again_what_changed() {
     assert!(said.contains("error[parse]"), "{said}");
     fs::write(&path, format!("{text}// edited\n")).unwrap();
     let said = watched.until_it_waits();
-    assert_eq!(said, ["wrote out/sub/grid.main.wgsl"]);
+    assert_eq!(
+        said,
+        [
+            "wrote out/sub/grid.main.wgsl",
+            "materials: 3 rewritten; files: 1 written, 8 up to date"
+        ]
+    );
 
     let stdin = preshade(&tree, &["rewrite", "-", "--lang", "wgsl", "--watch"])
         .stdin(Stdio::null())
