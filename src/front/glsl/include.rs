@@ -10,6 +10,7 @@ use std::rc::Rc;
 use glsl_lang_pp::processor::fs::FileSystem;
 use naga::ShaderStage;
 
+use super::pasted::{UNENDED, ended};
 use crate::front::Options;
 
 /// Most times that files are included, one within another and one after another.
@@ -142,7 +143,10 @@ impl Files {
                 self.most
             )));
         }
-        std::fs::read_to_string(found)
+        let text = std::fs::read_to_string(found)?;
+        let text = ended(Cow::Owned(text));
+        let text = text.ok_or_else(|| refused(format!("{}: {UNENDED}", found.display())))?;
+        Ok(text.into_owned())
     }
 }
 
@@ -208,7 +212,8 @@ impl FileSystem for Files {
     fn read(&self, path: &Path) -> Result<Cow<'_, str>, io::Error> {
         match self.read.borrow().get(path) {
             Some(text) if super::has_stages(text) => {
-                Ok(Cow::Owned(super::stage_of(text, self.stage)))
+                let text = Cow::Owned(super::stage_of(text, self.stage));
+                ended(text).ok_or_else(|| refused(UNENDED.to_owned()))
             }
             Some(text) => Ok(Cow::Owned(text.clone())),
             None => self.text(path).map(Cow::Owned),

@@ -13,6 +13,7 @@ mod include;
 mod interface;
 mod lower;
 mod marks;
+mod pasted;
 mod respan;
 mod stage;
 mod syntax;
