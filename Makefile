@@ -25,6 +25,7 @@ audit:
 	command -v cargo-semver-checks >/dev/null || cargo install cargo-semver-checks --locked
 	cargo deny --all-features check
 	scripts/msrv.sh
+	scripts/features.sh
 	cargo semver-checks --workspace --exclude preshade-cli || test -z "$$(git tag --list 'v*')"
 
 # Each fuzzing target for SECONDS seconds, from seeds made of the fixtures. Needs `cargo install cargo-fuzz`; what is found is in fuzz/artifacts.
@@ -32,5 +33,7 @@ SECONDS ?= 300
 fuzz:
 	cd fuzz && cargo run --release --features verify --bin seeds
 	cd fuzz && for target in wgsl glsl scene plan recipes ir module; do \
-		RUSTC_BOOTSTRAP=1 cargo fuzz run --features verify --sanitizer none $$target -- -max_total_time=$(SECONDS) -max_len=16384 || exit 1; \
+		words=dictionaries/$$target.dict; \
+		RUSTC_BOOTSTRAP=1 cargo fuzz run --features verify --sanitizer none $$target -- $$(test -f $$words && echo -dict=$$words) \
+			-max_total_time=$(SECONDS) -max_len=16384 -timeout=25 -rss_limit_mb=1536 || exit 1; \
 	done

@@ -357,3 +357,45 @@ fn one_file_may_hold_both_stages() {
         ("vertex_main", Some("fragment_main"))
     );
 }
+
+#[test]
+fn what_keeps_a_stage_from_being_run_again_is_named_as_the_author_names_it() {
+    let vertex = "#version 450
+layout(location = 0) in vec3 position;
+layout(location = 0) out vec2 uv;
+void main() { uv = position.xy; gl_Position = vec4(position, 1.0); }
+";
+    let refusal = |declared: &str, body: &str| {
+        let fragment = format!(
+            "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 0) out vec4 color;
+{declared}
+void main() {{ {body} }}
+"
+        );
+        let parsed = parse(&texts(vertex, &fragment), &Options::default());
+        let plan = Plan::original(
+            "m",
+            parsed.program,
+            &parsed.vertex,
+            parsed.fragment.as_deref(),
+            &MaterialState::default(),
+        );
+        let recipe = Recipe::parse(["visibility-buffer:budget=1"]).unwrap();
+        recipe.apply(&plan, &Facts::default()).unwrap_err()
+    };
+    let refused = refusal(
+        "vec3 sum;\nvoid tint() { sum += vec3(uv, 0.5); }",
+        "sum = vec3(0.1); tint(); color = vec4(sum, 1.0);",
+    );
+    assert_eq!(refused.code, "fragment-state");
+    for named in [
+        "the input `uv`, which `tint` uses",
+        "the private variable `sum`, which `tint` uses",
+    ] {
+        assert!(refused.reason.contains(named), "{}", refused.reason);
+    }
+    assert!(refused.remedy.contains("`inout`"), "{}", refused.remedy);
+    assert!(refused.location.is_some());
+}

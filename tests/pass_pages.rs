@@ -87,6 +87,52 @@ fn example(name: &str) -> (&'static str, &'static str) {
     }
 }
 
+/// The command that draws what a pass does to a scene: `scripts/pass-pictures.sh` runs it. What to see there comes second.
+fn picture(name: &str) -> (&'static str, &'static str) {
+    match name {
+        "depth-prepass" => (
+            "preshade verify fixtures/scenes/shrine.toml --camera wall --size 256x144 --frames 1 --order front-to-back --pass depth-prepass",
+            "a wall that hides a shrine: no pixel differs, and each is shaded once instead of 3.2 times",
+        ),
+        "early-discard" => (
+            "preshade verify fixtures/scenes/late-depth.toml --size 256x144 --frames 1 --order front-to-back --pass early-discard",
+            "five layers that write depth, which hardware cannot test early: each pixel is shaded once instead of five times",
+        ),
+        "shadow" => (
+            "preshade verify fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order front-to-back --pass shadow",
+            "the main pass is as it was; what is new is drawn under the light alone",
+        ),
+        "hoist" => (
+            "preshade verify fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1 --pass hoist:budget=0.05",
+            "a highlight computed at the vertices: it is off where it bends within a triangle",
+        ),
+        "tessellate" => (
+            "preshade verify fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1 --recipe hoist:budget=0.05,tessellate:level=4",
+            "the highlight of `hoist` at sixteen times the triangles: less is off",
+        ),
+        "specialize" => (
+            "preshade verify fixtures/scenes/museum.toml --size 256x144 --frames 1 --order front-to-back --pass specialize",
+            "one shader for all exhibits, a version for each kind: the same picture",
+        ),
+        "skip-taps" => (
+            "preshade verify fixtures/scenes/terrain-triplanar.toml --camera slope --size 256x144 --frames 1 --pass skip-taps:budget=0.01",
+            "a slope between two sides of its texture: off by two steps at most where a third one was left out",
+        ),
+        "trim-loop" => (
+            "preshade verify fixtures/scenes/teapot-noise.toml --camera article --size 240x220 --frames 1 --pass trim-loop:budget=0.05",
+            "noise without its last octave: fine detail is missing everywhere, by four steps at most",
+        ),
+        "visibility-buffer" => (
+            "preshade verify fixtures/scenes/grass.toml --size 256x144 --frames 1 --order front-to-back --set instances=20000 --pass visibility-buffer:select=id",
+            "a meadow: each pixel is shaded once, after it is known which blade it shows",
+        ),
+        other => panic!("{other} has no picture: name one here and run scripts/pass-pictures.sh"),
+    }
+}
+
+/// Most bytes of a picture.
+const PICTURE: u64 = 60_000;
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -162,6 +208,17 @@ fn page(pass: &dyn AnyPass) -> String {
         info.source.trim_end_matches('.')
     )
     .unwrap();
+    let (command, seen) = picture(info.name);
+    let file = format!("../images/passes/{}.png", info.name);
+    writeln!(
+        text,
+        "![Original, variant and their difference times 16, and where it matters how often each pixel is shaded: {seen}]({file})\n\n`{command}`: {seen}.\n"
+    )
+    .unwrap();
+    let bytes = fs::metadata(root().join("docs/passes").join(&file))
+        .unwrap_or_else(|e| panic!("{file}: {e}: scripts/pass-pictures.sh draws it"))
+        .len();
+    assert!(bytes <= PICTURE, "{file} has {bytes} bytes");
     text.push_str("## Parameters\n\n");
     for p in parameters(pass) {
         let default = p.default.as_ref().filter(|d| !d.is_null());

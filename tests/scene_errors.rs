@@ -81,6 +81,18 @@ fn names_that_lead_nowhere_are_told() {
         "textures.albedo",
         "textures.albedoo"
     ));
+    let with = |stream: &str| format!("attributes.uv = \"{stream}\"\ntextures.albedo");
+    insta::assert_snapshot!(refusal("stream", "textures.albedo", &with("posiiton")));
+    insta::assert_snapshot!(refusal("stream-far", "textures.albedo", &with("elephant")));
+    // One that a mesh may lack reads what it does then.
+    for (case, stream) in [
+        ("own", "position"),
+        ("lacking", "color"),
+        ("alias", "texcoord1"),
+    ] {
+        let text = GOOD.replace("textures.albedo", &with(stream));
+        assert!(load(&format!("stream-{case}"), &text).is_ok(), "{stream}");
+    }
 }
 
 #[test]

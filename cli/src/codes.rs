@@ -1,5 +1,8 @@
 //! What each code in brackets means: `preshade --explain CODE`.
 
+use preshade::nearest::nearest;
+use preshade::passes::{PASSES, pass_named};
+
 use crate::Failure;
 
 /// One section a code, by name.
@@ -13,18 +16,47 @@ pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
     })
 }
 
-/// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`.
+/// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`. Of a pass, what it does.
 ///
 /// # Errors
-/// There is none of that name.
+/// There is none of that name; those of a similar one, or all.
 pub fn explain(code: &str) -> Result<String, Failure> {
     let bare = code.rsplit(['/', '[']).next().unwrap_or(code);
     let bare = bare.trim_end_matches(']');
-    let known: Vec<&str> = all().map(|(code, _)| code).collect();
-    all()
-        .find(|(known, _)| *known == bare)
-        .map(|(code, text)| format!("{code}\n\n{text}\n"))
-        .ok_or_else(|| Failure::unknown("code", bare, &known))
+    if let Some((code, text)) = all().find(|(known, _)| *known == bare) {
+        return Ok(format!("{code}\n\n{text}\n"));
+    }
+    if let Some(pass) = pass_named(bare) {
+        let info = pass.info();
+        return Ok(format!(
+            "{bare} is a pass: {}.\nIt hurts {}.\n\n`preshade passes {bare}` lists its parameters.\n",
+            info.summary.trim_end_matches('.'),
+            info.hurts.trim_end_matches('.')
+        ));
+    }
+    let codes = all().map(|(code, _)| code);
+    let known: Vec<&str> = codes.chain(PASSES.iter().map(|p| p.info().name)).collect();
+    match &near(bare, &known)[..] {
+        [] => Err(Failure::unknown("code", bare, &known)),
+        near => Err(Failure(format!(
+            "error: there is no code `{bare}` (did you mean {}?)",
+            near.join(" or ")
+        ))),
+    }
+}
+
+/// How many names are suggested.
+const SUGGESTED: usize = 5;
+
+/// In backquotes, the name that is spelled most alike, and those that contain what was asked for.
+fn near(word: &str, known: &[&str]) -> Vec<String> {
+    let nearest = nearest(word, known.iter().copied());
+    let containing = known
+        .iter()
+        .copied()
+        .filter(|k| word.len() > 2 && k.contains(word) && Some(*k) != nearest);
+    let all = nearest.into_iter().chain(containing).take(SUGGESTED);
+    all.map(|name| format!("`{name}`")).collect()
 }
 
 #[cfg(test)]
@@ -110,7 +142,19 @@ mod tests {
         for code in ["depth-prepass/blended", "note[depth-prepass/blended]"] {
             assert_eq!(explain(code).ok(), blended);
         }
-        let said = explain("blendid").err().map(|f| f.0).unwrap_or_default();
-        assert!(said.contains("did you mean `blended`?"), "{said}");
+        let unknown = |code| explain(code).err().map(|f| f.0).unwrap_or_default();
+        for (code, near) in [
+            ("blendid", "`blended`"),
+            ("depth-prepas", "`depth-prepass`"),
+            ("note[depth-prepass/blend]", "`blended`"),
+            ("subgrp", "`subgroup`"),
+        ] {
+            let said = unknown(code);
+            assert!(said.contains(near), "{code}: {said}");
+        }
+        // Of nothing near all are told.
+        assert!(unknown("zzzz").contains("there are: adaptive-form, "));
+        let pass = explain("depth-prepass").ok().unwrap_or_default();
+        assert!(pass.contains("`preshade passes depth-prepass`"), "{pass}");
     }
 }

@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
+use preshade::nearest::nearest;
 use toml::{Table, Value};
 
-use crate::{Failure, unknown};
+use crate::{Failure, unknown, worker};
 
 /// The file that is read where there is one.
 const FILE: &str = "preshade.toml";
@@ -147,8 +148,34 @@ fn named(arguments: &[OsString]) -> Option<PathBuf> {
     None
 }
 
+/// How the names of our variables of the environment begin.
+const PREFIX: &str = "PRESHADE_";
+
+/// A warning for each of `names` that begins as our variables do and is none: a slip, or of another version.
+pub fn unknown_variables(command: &Command, names: impl Iterator<Item = OsString>) -> Vec<String> {
+    let flags = command
+        .get_subcommands()
+        .flat_map(keys)
+        .chain(keys(command));
+    let mut known: Vec<String> = flags.map(|(long, _)| variable(long)).collect();
+    known.extend([variable("config"), worker::VARIABLE.to_owned()]);
+    let names = names.map(|name| name.to_string_lossy().into_owned());
+    let mut unknown: Vec<String> = names
+        .filter(|name| name.starts_with(PREFIX) && !known.contains(name))
+        .collect();
+    unknown.sort();
+    let warning = |name: String| {
+        let bare = known.iter().filter_map(|k| k.strip_prefix(PREFIX));
+        let near = nearest(name.trim_start_matches(PREFIX), bare)
+            .map(|near| format!(" (did you mean `{PREFIX}{near}`?)"))
+            .unwrap_or_default();
+        format!("warning: the environment has `{name}`, which is no flag's{near}: nothing reads it")
+    };
+    unknown.into_iter().map(warning).collect()
+}
+
 fn variable(long: &str) -> String {
-    format!("PRESHADE_{}", long.replace('-', "_").to_uppercase())
+    format!("{PREFIX}{}", long.replace('-', "_").to_uppercase())
 }
 
 /// The flags of a command that can stand in a file.

@@ -3,23 +3,19 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use preshade::front::{self, Source};
 use preshade::measure;
 use preshade::passes::naga::ShaderStage;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::program::Language;
-use preshade::passes::state::{
-    Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
-    Topology,
-};
+use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
-use preshade::render;
 use preshade::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
 use crate::limits::LimitArgs;
+use crate::state::StateArgs;
 
 /// A shader and the state it is drawn with, or a scene.
 #[derive(Clone, clap::Args)]
@@ -27,7 +23,7 @@ pub struct ShaderArgs {
     /// A WGSL file with both entry points, or a vertex and a fragment file, or a scene (.toml); `-` is stdin and needs --lang.
     #[arg(required = true, num_args = 1.., value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// Language of the input; needed for stdin, otherwise told by the file's ending.
+    /// Language of the input; needed for stdin, otherwise told by the file's ending: .wgsl, and .vert, .vs, .frag, .fs or .glsl for GLSL.
     #[arg(long, value_enum)]
     pub lang: Option<Lang>,
     /// Vertex entry point, where the shader has several.
@@ -104,7 +100,7 @@ impl GlslArgs {
 pub enum Lang {
     /// WebGPU Shading Language.
     Wgsl,
-    /// GLSL of any version.
+    /// GLSL of any version: desktop, ES and WebGL, Vulkan's, three.js's.
     Glsl,
 }
 
@@ -115,201 +111,6 @@ impl From<Lang> for Language {
             Lang::Glsl => Self::Glsl,
         }
     }
-}
-
-/// Pipeline state, which no shader says of itself.
-#[derive(Clone, clap::Args)]
-#[command(next_help_heading = "Pipeline state")]
-pub struct StateArgs {
-    /// A TOML or JSON file with the whole state; the flags below go on top of it.
-    #[arg(long, value_name = "FILE")]
-    pub state: Option<PathBuf>,
-    /// Depth comparison; default: less, or greater with --reversed-z.
-    #[arg(long, value_parser = words::<CompareFunction>(&COMPARE), value_name = "NAME")]
-    pub depth_compare: Option<CompareFunction>,
-    /// Depth format.
-    #[arg(long, value_parser = words::<DepthFormat>(&DEPTH_FORMATS), value_name = "NAME")]
-    pub depth_format: Option<DepthFormat>,
-    /// Depth is 1 at the near plane and 0 at the far one.
-    #[arg(long)]
-    pub reversed_z: bool,
-    /// The material does not write depth.
-    #[arg(long)]
-    pub no_depth_write: bool,
-    /// Blending of the first colour target: none, alpha or add.
-    #[arg(long, value_enum)]
-    pub blend: Option<BlendArg>,
-    /// Faces that are dropped.
-    #[arg(long, value_parser = words::<CullMode>(&CULL), value_name = "NAME")]
-    pub cull: Option<CullMode>,
-    /// Primitive topology.
-    #[arg(long, value_parser = words::<Topology>(&TOPOLOGIES), value_name = "NAME")]
-    pub topology: Option<Topology>,
-    /// Samples a pixel.
-    #[arg(long, value_parser = ["1", "4"])]
-    pub samples: Option<String>,
-    /// Coverage from the alpha of the first target.
-    #[arg(long)]
-    pub alpha_to_coverage: bool,
-}
-
-/// Common blend states.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum BlendArg {
-    /// Opaque.
-    None,
-    /// Source over.
-    Alpha,
-    /// Additive.
-    Add,
-}
-
-/// The names of state enumerations in JSON, which are WebGPU's.
-const COMPARE: [&str; 8] = [
-    "never",
-    "less",
-    "equal",
-    "less-equal",
-    "greater",
-    "not-equal",
-    "greater-equal",
-    "always",
-];
-const DEPTH_FORMATS: [&str; 5] = [
-    "depth16unorm",
-    "depth24plus",
-    "depth24plus-stencil8",
-    "depth32float",
-    "depth32float-stencil8",
-];
-const CULL: [&str; 3] = ["none", "front", "back"];
-const TOPOLOGIES: [&str; 5] = [
-    "point-list",
-    "line-list",
-    "line-strip",
-    "triangle-list",
-    "triangle-strip",
-];
-
-/// Reads a state enumeration by its name.
-fn words<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
-where
-    T: serde::de::DeserializeOwned + Clone + Send + Sync + 'static,
-{
-    PossibleValuesParser::new(names)
-        .try_map(|name| serde_json::from_value::<T>(serde_json::Value::String(name)))
-}
-
-/// What serde says of an unknown name, with the nearest of those it expected.
-fn with_suggestion(message: &str) -> String {
-    let mut words = message.split('`').skip(1).step_by(2);
-    let near = message
-        .contains("unknown ")
-        .then(|| words.next())
-        .flatten()
-        .and_then(|wrong| preshade::nearest::nearest(wrong, words));
-    match near {
-        Some(near) => format!("{}\n  = help: did you mean `{near}`?", message.trim_end()),
-        None => message.to_owned(),
-    }
-}
-
-impl StateArgs {
-    /// The state in force.
-    pub fn state(&self) -> Result<MaterialState, Failure> {
-        let mut state = match &self.state {
-            None => MaterialState::default(),
-            Some(path) => {
-                let text = std::fs::read_to_string(path)
-                    .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
-                let read = if path.extension().is_some_and(|e| e == "json") {
-                    serde_json::from_str(&text).map_err(|e| e.to_string())
-                } else {
-                    toml::from_str(&text).map_err(|e| e.to_string())
-                };
-                read.map_err(|e| {
-                    Failure(format!(
-                        "error: {}: {}",
-                        path.display(),
-                        with_suggestion(&e)
-                    ))
-                })?
-            }
-        };
-        if let Some(compare) = self.depth_compare {
-            state.depth_compare = Some(compare);
-        }
-        if let Some(format) = self.depth_format {
-            state.depth_format = format;
-        }
-        if self.reversed_z {
-            state.depth_direction = DepthDirection::Reversed;
-        }
-        if self.no_depth_write {
-            state.depth_write = false;
-        }
-        if let Some(cull) = self.cull {
-            state.primitive.cull = cull;
-        }
-        if let Some(topology) = self.topology {
-            state.primitive.topology = topology;
-        }
-        if let Some(samples) = &self.samples {
-            state.multisample.count = if samples == "4" { 4 } else { 1 };
-        }
-        state.multisample.alpha_to_coverage |= self.alpha_to_coverage;
-        if let Some(blend) = self.blend {
-            let blend = match blend {
-                BlendArg::None => None,
-                BlendArg::Alpha => Some(Blend::ALPHA),
-                BlendArg::Add => Some(Blend::ADD),
-            };
-            if state.targets.is_empty() {
-                state.targets.push(Some(ColorTarget::opaque("rgba8unorm")));
-            }
-            if let Some(Some(target)) = state.targets.first_mut() {
-                target.blend = blend;
-            }
-        }
-        check(&state)?;
-        Ok(state)
-    }
-
-    /// The scene with the depth format, direction and samples asked for.
-    fn set_up(&self, mut scene: Scene) -> Scene {
-        let format = self.depth_format.unwrap_or(scene.depth_format);
-        let direction = match self.reversed_z {
-            true => DepthDirection::Reversed,
-            false => scene.depth_direction,
-        };
-        if (format, direction) != (scene.depth_format, scene.depth_direction) {
-            scene = scene.with_depth(format, direction);
-        }
-        match self.samples.as_deref() {
-            None => scene,
-            Some("4") => scene.with_samples(4),
-            Some(_) => scene.with_samples(1),
-        }
-    }
-}
-
-/// What a state file can say and no adapter can do.
-fn check(state: &MaterialState) -> Result<(), Failure> {
-    let samples = state.multisample.count;
-    if !matches!(samples, 1 | 4) {
-        return Err(Failure(format!(
-            "error: multisample.count is 1 or 4, not {samples}"
-        )));
-    }
-    for target in state.targets.iter().flatten() {
-        if render::state::color_format(&target.format).is_none() {
-            return Err(Failure(format!(
-                "error: there is no colour format `{}` that can be drawn to and compared; in WebGPU's spelling: rgba8unorm, say",
-                target.format
-            )));
-        }
-    }
-    Ok(())
 }
 
 /// What the files are.
@@ -547,7 +348,13 @@ impl ShaderArgs {
             limits: self.limits.limits(),
             ..front::Options::default()
         };
-        front::parse(&sources, &options).map_err(|e| Failure(e.render(color())))
+        front::parse(&sources, &options).map_err(|e| {
+            let mut told = e.render(color());
+            if self.files.len() > 2 {
+                told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
+            }
+            Failure(told)
+        })
     }
 
     /// Reads the file at place `index` among those given.
@@ -572,6 +379,12 @@ impl ShaderArgs {
                     _ => ShaderStage::Fragment,
                 }),
             });
+        }
+        if path.is_dir() {
+            return Err(Failure(format!(
+                "error: {} is a folder\n = {EACH_ITS_OWN}",
+                path.display()
+            )));
         }
         let bytes =
             std::fs::read(path).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
@@ -603,6 +416,9 @@ impl ShaderArgs {
     }
 }
 
+/// What to do with more files than make a material.
+const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of its own, and every shader below a folder";
+
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
@@ -621,41 +437,5 @@ fn color() -> front::Color {
         front::Color::Always
     } else {
         front::Color::Never
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used, clippy::panic)]
-
-    use super::*;
-
-    /// The names in serde's complaint of an unknown one.
-    fn expected<T: serde::de::DeserializeOwned>() -> Vec<String> {
-        let said = serde_json::from_str::<T>("\"?\"")
-            .err()
-            .unwrap()
-            .to_string();
-        said.split('`')
-            .skip(3)
-            .step_by(2)
-            .map(str::to_owned)
-            .collect()
-    }
-
-    #[test]
-    fn the_help_lists_every_name_there_is() {
-        assert_eq!(expected::<CompareFunction>(), COMPARE);
-        assert_eq!(expected::<DepthFormat>(), DEPTH_FORMATS);
-        assert_eq!(expected::<CullMode>(), CULL);
-        assert_eq!(expected::<Topology>(), TOPOLOGIES);
-    }
-
-    #[test]
-    fn a_slip_in_a_key_is_seen() {
-        let said = toml::from_str::<MaterialState>("dept_write = false")
-            .err()
-            .unwrap();
-        assert!(with_suggestion(&said.to_string()).ends_with("did you mean `depth_write`?"));
     }
 }

@@ -30,6 +30,7 @@ mod output;
 mod passes;
 mod plan;
 mod rewrite;
+mod state;
 mod variable;
 mod verify;
 mod view;
@@ -261,6 +262,12 @@ fn main() -> ExitCode {
 
 /// Reads the command line over the environment over the configuration, and does what they say. Bad usage ends the process with status 2.
 fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
+    if worker::mine().is_none() {
+        let names = std::env::vars_os().map(|(name, _)| name);
+        for warning in config::unknown_variables(&Cli::command(), names) {
+            output::message(&warning);
+        }
+    }
     let config = config::Config::read(arguments, &Cli::command())?;
     let mut command = config.apply(Cli::command());
     let matches = command

@@ -13,9 +13,13 @@ use crate::{Failure, Outcome};
 #[command(after_help = "\
 Examples:
   preshade man | man -l -
+  preshade man rewrite | man -l -
   preshade man -o ~/.local/share/man/man1        preshade.1, and preshade-rewrite.1 and so on")]
 pub struct Args {
-    /// Folder to write a page a command to; without it the main page goes to stdout.
+    /// The command whose page goes to stdout; default: the main page.
+    #[arg(value_name = "COMMAND", conflicts_with = "output")]
+    command: Option<String>,
+    /// Folder to write all pages to, one a command.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }
@@ -28,20 +32,34 @@ pub fn run(args: &Args, mut command: clap::Command) -> Result<Outcome, Failure> 
         Man::new(command).render(&mut page)?;
         Ok(page)
     };
+    let of = |sub: &clap::Command| -> Result<File, Failure> {
+        let name = format!("preshade-{}", sub.get_name());
+        Ok(File {
+            name: format!("{name}.1"),
+            bytes: page(sub.clone().name(name))?,
+        })
+    };
+    let all = || command.get_subcommands().filter(|c| c.get_name() != "help");
     let Some(folder) = &args.output else {
-        output::data(&String::from_utf8_lossy(&page(command)?))?;
+        let bytes = match &args.command {
+            None => page(command)?,
+            Some(name) => match all().find(|c| c.get_name() == name) {
+                Some(sub) => of(sub)?.bytes,
+                None => {
+                    let names: Vec<&str> = all().map(clap::Command::get_name).collect();
+                    return Err(Failure::unknown("command", name, &names));
+                }
+            },
+        };
+        output::data(&String::from_utf8_lossy(&bytes))?;
         return Ok(Outcome::Fine);
     };
     let mut pages = vec![File {
         name: "preshade.1".to_owned(),
         bytes: page(command.clone())?,
     }];
-    for sub in command.get_subcommands().filter(|c| c.get_name() != "help") {
-        let name = format!("preshade-{}", sub.get_name());
-        pages.push(File {
-            name: format!("{name}.1"),
-            bytes: page(sub.clone().name(name))?,
-        });
+    for sub in all() {
+        pages.push(of(sub)?);
     }
     for path in emit::write(folder, &pages).map_err(|e| Failure(format!("error: {e}")))? {
         output::message(&format!("wrote {}", path.display()));

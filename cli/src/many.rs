@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
+use preshade::passes::pass::Refusal;
+
 use crate::Failure;
 use crate::input::{ShaderArgs, is_stdin};
 
@@ -53,6 +55,72 @@ pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
         folder: Some(out.join(folder)),
     });
     Ok(jobs.collect())
+}
+
+/// What became of many materials.
+#[derive(Default)]
+pub struct Sum {
+    rewritten: usize,
+    /// Those that no pass was applied to.
+    kept: usize,
+    /// Jobs of which something could not be read or written.
+    pub failed: usize,
+    /// By code.
+    refused: BTreeMap<String, usize>,
+    /// Files that changed.
+    pub written: usize,
+    /// Files that did not.
+    pub up_to_date: usize,
+}
+
+impl Sum {
+    /// Counts a material that was written: whether a pass was applied, and what was refused.
+    pub fn add(&mut self, was_rewritten: bool, refusals: &[Refusal]) {
+        match was_rewritten {
+            true => self.rewritten += 1,
+            false => self.kept += 1,
+        }
+        for refusal in refusals {
+            let code = format!("{}/{}", refusal.pass, refusal.code);
+            *self.refused.entry(code).or_default() += 1;
+        }
+    }
+
+    /// In one line.
+    pub fn line(&self) -> String {
+        let mut parts = vec![format!("{} rewritten", self.rewritten)];
+        if self.kept > 0 {
+            parts.push(format!("{} written as they are", self.kept));
+        }
+        if self.failed > 0 {
+            parts.push(format!("{} failed", self.failed));
+        }
+        let refused: Vec<String> = self
+            .refused
+            .iter()
+            .map(|(code, n)| format!("{code} {n}"))
+            .collect();
+        let refused = match refused.is_empty() {
+            true => String::new(),
+            false => format!("; refused: {}", refused.join(", ")),
+        };
+        format!(
+            "materials: {}; files: {} written, {} up to date{refused}",
+            parts.join(", "),
+            self.written,
+            self.up_to_date
+        )
+    }
+}
+
+/// A message with the files that it is of, where it names none of them.
+pub fn of_files(message: &str, job: &Job) -> String {
+    let files = job.shader.files.iter().map(|f| f.display().to_string());
+    let files: Vec<String> = files.collect();
+    match files.iter().any(|f| message.contains(f.as_str())) {
+        true => message.to_owned(),
+        false => format!("{}\n = in {}", message.trim_end(), files.join(" and ")),
+    }
 }
 
 /// The part of a path that can be made again below another folder.

@@ -1,8 +1,12 @@
-//! Data onto stdout.
+//! Data onto stdout, messages and progress onto stderr.
 
-use std::io::{self, ErrorKind, Write};
+use std::cell::{Cell, RefCell};
+use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::time::{Duration, Instant};
 
-use crate::Failure;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::{Failure, worker};
 
 /// Prints `text` to stdout, with a newline at its end. A reader that has seen enough and closed the pipe (`| head -1`) is no failure.
 pub fn data(text: &str) -> Result<(), Failure> {
@@ -28,14 +32,91 @@ pub fn message(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", text.trim_end());
 }
 
-/// Progress on a terminal, of 1000 steps; nothing where messages go elsewhere.
-pub fn bar() -> indicatif::ProgressBar {
-    if !std::io::IsTerminal::is_terminal(&std::io::stderr()) {
-        return indicatif::ProgressBar::hidden();
+/// How long a command that draws no bar is silent.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// How far a command is: a bar on a terminal; where messages go elsewhere a line now and then, so that what takes long is not taken for stuck.
+pub struct Progress {
+    bar: Option<ProgressBar>,
+    began: Instant,
+    told: Cell<Instant>,
+    what: RefCell<String>,
+    /// Of 1000.
+    done: Cell<u64>,
+}
+
+/// Progress that begins now, of 1000 steps.
+pub fn bar() -> Progress {
+    let bar = io::stderr().is_terminal().then(|| {
+        let bar = ProgressBar::new(1000);
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {elapsed} {wide_msg}") {
+            bar.set_style(style);
+        }
+        bar
+    });
+    Progress {
+        bar,
+        began: Instant::now(),
+        told: Cell::new(Instant::now()),
+        what: RefCell::default(),
+        done: Cell::new(0),
     }
-    let bar = indicatif::ProgressBar::new(1000);
-    if let Ok(style) = indicatif::ProgressStyle::with_template("{bar:30} {elapsed} {wide_msg}") {
-        bar.set_style(style);
+}
+
+impl Progress {
+    /// What is done now.
+    pub fn set_message(&self, what: impl Into<String>) {
+        let what = what.into();
+        match &self.bar {
+            Some(bar) => bar.set_message(what),
+            None => {
+                *self.what.borrow_mut() = what;
+                self.tell();
+            }
+        }
     }
-    bar
+
+    /// How much of it is done, of 1000.
+    pub fn set_position(&self, done: u64) {
+        match &self.bar {
+            Some(bar) => bar.set_position(done),
+            None => {
+                self.done.set(done);
+                self.tell();
+            }
+        }
+    }
+
+    /// Begins anew, for something else that takes as long.
+    pub fn reset(&self) {
+        match &self.bar {
+            Some(bar) => bar.reset(),
+            None => self.done.set(0),
+        }
+    }
+
+    /// Does `work`, which prints, while no bar is in the way.
+    pub fn suspend(&self, work: impl FnOnce()) {
+        match &self.bar {
+            Some(bar) => bar.suspend(work),
+            None => work(),
+        }
+    }
+
+    /// Takes the bar away.
+    pub fn finish_and_clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// A line, where the last one is long ago. A process that measures for another one leaves that to it.
+    fn tell(&self) {
+        if self.told.get().elapsed() < SILENCE || worker::mine().is_some() {
+            return;
+        }
+        self.told.set(Instant::now());
+        let (seconds, percent) = (self.began.elapsed().as_secs(), self.done.get() / 10);
+        message(&format!("{seconds} s: {}, {percent} %", self.what.borrow()));
+    }
 }

@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use indicatif::ProgressBar;
 use preshade::decide::{self, Decision, Exhausted, Hold, Model, RegretReport, Settings, Timed};
 use preshade::emit;
 use preshade::front::{self, Source};
@@ -21,7 +20,7 @@ use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::limits::LimitArgs;
 use crate::many;
-use crate::output;
+use crate::output::{self, Progress};
 use crate::rewrite::check_name;
 use crate::verify::{OrderArg, guesses, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
@@ -181,7 +180,7 @@ fn one(
     out: Option<&Path>,
     gpu: &Gpu,
     model: &Model,
-    bar: &ProgressBar,
+    bar: &Progress,
 ) -> Result<Outcome, Failure> {
     let effects = measure::effects(&scene).unwrap_or_default();
     let scene = grouped(args, scene)?;
@@ -228,7 +227,7 @@ fn exhaustive(
     args: &Args,
     paths: &[PathBuf],
     gpu: &Gpu,
-    bar: &ProgressBar,
+    bar: &Progress,
 ) -> Result<Outcome, Failure> {
     let (model, probes) = model(args, gpu, bar)?;
     let settings = settings(args, &model);
@@ -306,7 +305,7 @@ fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
 fn model(
     args: &Args,
     gpu: &Gpu,
-    bar: &ProgressBar,
+    bar: &Progress,
 ) -> Result<(Model, Vec<decide::model::Observation>), Failure> {
     let told =
         |path: &Path, e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
@@ -340,7 +339,7 @@ fn prepare(
     args: &Args,
     gpu: &Gpu,
     scene: &Scene,
-    bar: &ProgressBar,
+    bar: &Progress,
 ) -> Result<(Vec<Recipe>, Facts), Failure> {
     let form = ShaderForm::Text;
     bar.set_message("looking for depth ties");

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::input::{Materials, ShaderArgs};
-use crate::many::{self, Job};
+use crate::many::{self, Job, Sum};
 use crate::output;
 use crate::{Failure, Format, Outcome, unknown};
 
@@ -236,6 +236,11 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         .collect();
     let (mut report, mut rules, mut all_times) = (Vec::new(), Vec::new(), Vec::new());
     let mut errors: Vec<String> = Vec::new();
+    let mut sum = Sum::default();
+    let told = |message: &str, job: &Job| match jobs.len() {
+        1 => message.to_owned(),
+        _ => many::of_files(message, job),
+    };
     let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     for (job, made) in jobs.iter().zip(made) {
         let Made {
@@ -249,8 +254,13 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             errors: vec![error],
             ..Made::default()
         });
-        messages.iter().for_each(|m| output::message(m));
+        messages.iter().for_each(|m| output::message(&told(m, job)));
+        sum.failed += usize::from(!failed.is_empty());
+        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
+            sum.add(!material.recipe.is_empty(), &material.refusals);
+        }
         for error in failed {
+            let error = told(&error, job);
             if !errors.contains(&error) {
                 errors.push(error);
             }
@@ -279,12 +289,15 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             taken.extend(paths.clone().map(|p| (p, from)));
             let read = read.into_iter().chain(config.map(Path::to_path_buf));
             rules.push((paths.collect(), read.collect()));
-            write(
+            let all = files.len();
+            let written = write(
                 folder,
                 files.into_iter().cloned().collect(),
                 args.format,
                 jobs.len(),
             )?;
+            sum.written += written;
+            sum.up_to_date += all - written;
         } else if args.format == Format::Human {
             for file in files {
                 let text = String::from_utf8_lossy(&file.bytes);
@@ -305,6 +318,9 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             errors: errors.clone(),
         })?;
     }
+    if jobs.len() > 1 && args.format == Format::Human {
+        output::message(&sum.line());
+    }
     if args.time_passes {
         output::message(&Times::table(all_times.iter()));
     }
@@ -315,13 +331,13 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     }
 }
 
-/// Writes the files of one job, and tells which changed.
+/// Writes the files of one job, tells which changed, and returns how many.
 fn write(
     folder: &Path,
     files: Vec<emit::File>,
     format: Format,
     jobs: usize,
-) -> Result<(), Failure> {
+) -> Result<usize, Failure> {
     let changed = emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
     if format == Format::Human {
         for path in &changed {
@@ -331,7 +347,7 @@ fn write(
             output::message(&format!("{} is up to date", folder.display()));
         }
     }
-    Ok(())
+    Ok(changed.len())
 }
 
 /// Writes `targets: prerequisites`, a rule a job.

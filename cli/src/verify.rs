@@ -5,7 +5,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use indicatif::ProgressBar;
 use preshade::measure::crossover::{Point, Series};
 use preshade::measure::{self, Settings, Timed, TimingSettings, Variant};
 use preshade::passes::pass::Facts;
@@ -19,7 +18,7 @@ use preshade::sweep::{self, Sweep};
 use crate::apart::{apart, resumed};
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
-use crate::output;
+use crate::output::{self, Progress};
 use crate::variable::Axis;
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table, worker};
@@ -264,7 +263,7 @@ fn swept(
     first: &Scene,
     axis: &Axis,
     sweeps: &[Sweep],
-    bar: &ProgressBar,
+    bar: &Progress,
     keeper: &mut Keeper,
 ) -> Result<Outcome, Failure> {
     let mut points = Vec::new();
@@ -419,7 +418,7 @@ fn measured(
     gpu: &Gpu,
     scene: &Scene,
     sweeps: &[Sweep],
-    bar: &ProgressBar,
+    bar: &Progress,
     keeper: &mut Keeper,
 ) -> Result<(measure::Outcome, Vec<Variant>), Failure> {
     let all = recipes(sweeps);
@@ -506,7 +505,7 @@ fn choose(
     form: ShaderForm,
     recipes: Vec<Recipe>,
     facts: &mut Facts,
-    bar: &ProgressBar,
+    bar: &Progress,
 ) -> Result<Vec<Recipe>, Failure> {
     if !recipes.iter().any(measure::leaves_a_choice) {
         return Ok(recipes);

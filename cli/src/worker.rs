@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use preshade::limits::Limits;
 
 /// Names, to the process that does it, which of the variants it measures: 0 is the original alone.
-const VARIABLE: &str = "PRESHADE_WORKER";
+pub const VARIABLE: &str = "PRESHADE_WORKER";
 
 /// How often a worker is looked at.
 const TICK: Duration = Duration::from_millis(20);

@@ -465,3 +465,36 @@ fn what_a_language_lacks_is_told_in_words() {
         assert!(said.contains("is a file, not a folder"), "{said}");
     }
 }
+
+#[test]
+fn a_slip_in_a_variable_of_the_environment_is_seen() {
+    let with = |name: &str| {
+        let mut command = preshade();
+        command.args(["passes", "depth-prepass"]).env(name, "glsl");
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        stderr(&output)
+    };
+    assert_eq!(
+        with("PRESHADE_EMMIT"),
+        "warning: the environment has `PRESHADE_EMMIT`, which is no flag's (did you mean `PRESHADE_EMIT`?): nothing reads it\n"
+    );
+    assert_eq!(with("PRESHADE_EMIT"), "");
+    assert_eq!(with("MY_PRESHADE_EMMIT"), "");
+}
+
+#[test]
+fn each_command_has_a_page_of_its_own() {
+    let page = |args: &[&str]| {
+        let output = run(&[&["man"], args].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert!(page(&[]).contains("preshade\\-rewrite(1)"));
+    let rewrite = page(&["rewrite"]);
+    assert!(rewrite.contains(".TH preshade-rewrite 1"), "{rewrite}");
+    assert!(rewrite.contains("\\-\\-out\\-dir"), "{rewrite}");
+    let unknown = run(&["man", "rewrit"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("did you mean `rewrite`?"));
+}

@@ -77,7 +77,10 @@ fn the_tree_is_kept_and_what_was_read_is_told() {
     );
     assert_eq!(rules.len(), 3);
     // Again: nothing to write.
-    assert_eq!(stderr(&run(&tree, &REWRITE)), "");
+    assert_eq!(
+        stderr(&run(&tree, &REWRITE)),
+        "materials: 3 rewritten; files: 0 written, 9 up to date\n"
+    );
     // What decides the passes decides the output.
     fs::write(
         tree.join("preshade.toml"),
@@ -133,6 +136,42 @@ fn one_that_fails_does_not_hold_up_the_others() {
         "{}",
         stderr(&output)
     );
+}
+
+#[test]
+fn what_is_said_of_one_of_many_names_its_files() {
+    let tree = tree("many-said");
+    fs::write(tree.join("shaders/broken.wgsl"), "@vertex fn").unwrap();
+    let output = run(&tree, &[&REWRITE[..], &["--blend", "alpha"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    let said = stderr(&output);
+    for files in [
+        "\n = in shaders/lit.wgsl\n",
+        "\n = in shaders/sub/phong.vert and shaders/sub/phong.frag\n",
+    ] {
+        assert!(said.contains(files), "{files}: {said}");
+    }
+    let sum = "materials: 0 rewritten, 3 written as they are, 1 failed; files: 6 written, 0 up to date; refused: depth-prepass/blended 3\n";
+    assert!(said.contains(sum), "{said}");
+}
+
+#[test]
+fn a_folder_wants_out_dir() {
+    let tree = tree("many-out");
+    for input in [
+        &["shaders"][..],
+        &[
+            "shaders/lit.wgsl",
+            "shaders/sub/grid.wgsl",
+            "shaders/lit.wgsl",
+        ],
+    ] {
+        let output = run(&tree, &[&["rewrite", "-o", "out"], input].concat());
+        assert_eq!(output.status.code(), Some(2));
+        let said = stderr(&output);
+        assert!(said.contains("--out-dir DIR` takes each file"), "{said}");
+        assert!(!tree.join("out").exists());
+    }
 }
 
 #[test]
@@ -252,7 +291,8 @@ impl Drop for Watched {
 fn watch_writes_again_what_changed() {
     let tree = tree("many-watch");
     let watched = Watched::start(&tree, &[&REWRITE[..], &["--watch"]].concat());
-    assert_eq!(watched.until_it_waits().len(), 9);
+    // Nine files, and their sum.
+    assert_eq!(watched.until_it_waits().len(), 10);
     let path = tree.join("shaders/sub/grid.wgsl");
     let text = fs::read_to_string(&path).unwrap();
     // A mistake is told, and waited on.
@@ -261,7 +301,13 @@ fn watch_writes_again_what_changed() {
     assert!(said.contains("error[parse]"), "{said}");
     fs::write(&path, format!("{text}// edited\n")).unwrap();
     let said = watched.until_it_waits();
-    assert_eq!(said, ["wrote out/sub/grid.main.wgsl"]);
+    assert_eq!(
+        said,
+        [
+            "wrote out/sub/grid.main.wgsl",
+            "materials: 3 rewritten; files: 1 written, 8 up to date"
+        ]
+    );
 
     let stdin = preshade(&tree, &["rewrite", "-", "--lang", "wgsl", "--watch"])
         .stdin(Stdio::null())

@@ -292,7 +292,7 @@ fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
     }
     let n = facts.near_plane_pixels.filter(|n| *n > 0)?;
     Some(refuse(format!(
-        "{n} pixels of the frame were measured to lie on the near plane"
+        "the frame was measured to lie on the near plane in places (pixels: {n})"
     )))
 }
 

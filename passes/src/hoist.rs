@@ -38,6 +38,7 @@ use crate::reflect;
 use crate::slice::{self, Criterion};
 use crate::state::ColorTarget;
 
+mod advice;
 mod candidates;
 pub mod choose;
 mod circle;
@@ -64,6 +65,7 @@ pub use params::{Allow, Metric, Params};
 pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
 pub use single::{Candidates, Computed, Stages, alone, computed};
 
+use advice::Advice;
 use choose::Choice;
 use hoisted::{Failed, Wanted};
 use travel::{Class, Judged, Precision, Stays};
@@ -260,19 +262,6 @@ fn refuse(why: Failed) -> Refusal {
     }
 }
 
-fn nothing_pays(weakest: Class) -> Refusal {
-    let remedy = match weakest {
-        Class::Smooth => "allow a larger error; explain lists what stays, and why each value does",
-        _ => "give the pass a budget (hoist:budget=0.01) if the picture may differ a little",
-    };
-    Refusal::new(
-        Hoist::INFO.name,
-        "nothing-pays",
-        "no value that may travel saves a fragment more than carrying it costs",
-        remedy,
-    )
-}
-
 /// What of a choice made before is not to be found.
 fn not_here(unknown: &[String]) -> String {
     format!(
@@ -334,7 +323,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                 Err((Box::new(unknown_values(&judged.unknown)), left))
             }
             None => {
-                let mut refusal = Box::new(nothing_pays(terms.weakest));
+                let advice = Advice::on(values, material, params, &precision, facts);
+                let mut refusal = Box::new(advice.refusal());
                 let best = params.best_measured(material.name, facts);
                 refusal.reason.push_str(&best);
                 Err((refusal, left))

@@ -289,7 +289,7 @@ pub fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Re
         Refusal::new(
             name,
             "depth-ties",
-            format!("{n} pixels were measured at which several surfaces share the nearest depth, or one has that of the cleared buffer: once it is in the buffer all of them pass, and the last one wins"),
+            format!("several surfaces were measured to share the nearest depth, or one to have that of the cleared buffer (pixels: {n}): once it is in the buffer all of them pass, and the last one wins"),
             remedy,
         )
     })

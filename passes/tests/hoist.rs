@@ -432,3 +432,63 @@ fn values_that_are_not_there_are_named() {
         next.notes
     );
 }
+
+/// Whoever does what a refusal says gets there, or is told that there is nothing.
+#[test]
+fn advice_comes_to_an_end() {
+    use preshade_passes::hoist::Allow;
+    use preshade_passes::hoist::travel::Finite;
+    let sources = [
+        NOISE.to_owned(),
+        material("", "return vec4(in.world, 1.0);"),
+        material(
+            "",
+            "return vec4(sin(in.world * 3.0) * cos(in.world.yzx), 1.0);",
+        ),
+        material(
+            "",
+            "return vec4(normalize(in.world) * exp(in.world.y), 1.0);",
+        ),
+    ];
+    let mut ends = std::collections::BTreeSet::new();
+    for source in &sources {
+        for allow in [None, Some(Allow::Rounding)] {
+            let mut params = Params {
+                allow,
+                ..Params::default()
+            };
+            let mut advised = 0;
+            let end = loop {
+                let sites = sites(&original(source), &params);
+                if !sites.sites.is_empty() {
+                    break "hoisted";
+                }
+                assert!(advised < 2, "{source}: {:?}", sites.refusals);
+                advised += 1;
+                let remedy = &sites.refusals[0].remedy;
+                if remedy.contains("at any budget") {
+                    assert!(hoist_all(source).sites.is_empty(), "{source}");
+                    break "nothing";
+                }
+                if remedy.contains("finite=assumed") {
+                    params.finite = Finite::Assumed;
+                }
+                params.allow = params
+                    .allow
+                    .filter(|_| !remedy.contains("leave `allow` out"));
+                params.budget = Some(0.02);
+            };
+            ends.insert(end);
+        }
+    }
+    assert_eq!(ends.len(), 2, "{ends:?}");
+}
+
+/// What there is to hoist at the largest budget.
+fn hoist_all(source: &str) -> Sites {
+    let params = Params {
+        budget: Some(1.0),
+        ..budget()
+    };
+    sites(&original(source), &params)
+}

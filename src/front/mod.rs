@@ -345,7 +345,7 @@ fn check_sources(sources: &[Source]) -> Result<Language, Error> {
                 Code::UnknownLanguage,
                 format!("cannot tell the language of {}", source.name),
             )
-            .note("name it with --lang wgsl or --lang glsl, or by the extension .wgsl, .vert or .frag"));
+            .note("name it with --lang wgsl or --lang glsl, or by the extension: .wgsl, .vert or .vs, .frag or .fs"));
         };
         if nesting::is_blank(&source.text) {
             return Err(Error::new(Code::Empty, format!("{} is empty", source.name)));
@@ -398,7 +398,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
                     Code::UnknownStage,
                     format!("cannot tell the stage of {}", source.name),
                 )
-                .note("name it by the extension: .vert or .frag"));
+                .note("name it by the extension: .vert or .vs, .frag or .fs"));
             }
         }
     }

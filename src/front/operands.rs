@@ -3,7 +3,7 @@
 use naga::{Expression, Handle, Statement};
 use preshade_passes::graph::operands;
 
-#[cfg(feature = "glsl")]
+#[cfg(any(feature = "glsl", test))]
 pub(crate) use operands::blocks_mut as blocks;
 
 /// Calls `f` on every operand of `expression`.

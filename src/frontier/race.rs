@@ -12,6 +12,7 @@ use super::journal::{self, Entry, Journal};
 use super::predict::{Prediction, Predictor, hopeless};
 use super::space::Candidate;
 use super::watch::Watch;
+use crate::measure::error::counted;
 use crate::measure::{self, Error, ErrorLadder, TimingSettings, Variant, compare, verdict};
 use crate::render::{FrameSettings, Gpu, Prepared, Rendered, SceneInputs, Variant as HostVariant};
 use crate::report::ORIGINAL;
@@ -322,7 +323,7 @@ impl<'a> Search<'a> {
         let broken = contract.and_then(|c| verdict::breaks(&c, &error));
         let broken = broken.or_else(|| {
             (error.nan_pixels > 0)
-                .then(|| format!("{} pixels are NaN or infinite", error.nan_pixels))
+                .then(|| format!("NaN or infinite: {}", counted(error.nan_pixels, "pixel")))
         });
         if let Some(why) = broken {
             contender.out(Fate::Broken { why });

@@ -41,6 +41,14 @@ pub struct ErrorLadder {
     pub first_difference: Option<[u32; 2]>,
 }
 
+/// `1 pixel`, `2 pixels`.
+pub(crate) fn counted(n: u64, one: &str) -> String {
+    match n {
+        1 => format!("1 {one}"),
+        _ => format!("{n} {one}s"),
+    }
+}
+
 /// A number, or infinity where JSON has none.
 fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))

@@ -11,6 +11,7 @@ use preshade_passes::reflect;
 use preshade_passes::state::{DepthDirection, Multisample};
 use serde::{Deserialize, Serialize};
 
+use super::error::counted;
 use super::verify::{Settings, Timed, Variant};
 use super::{Error, ErrorLadder, Estimate, FrameTime, compare, originals, time};
 use crate::render::{
@@ -54,8 +55,9 @@ impl ShadowReport {
             };
         };
         let r#where = format!(
-            "the light's view, at camera `{camera}`: {} depths differ by up to {} steps, the first at {x}, {y}",
-            self.changed_depth, self.depth_max_ulp
+            "the light's view, at camera `{camera}`: {} differ by up to {}, the first at {x}, {y}",
+            counted(self.changed_depth, "depth"),
+            counted(self.depth_max_ulp, "step")
         );
         match invariant {
             true => Verdict::Broken { r#where },

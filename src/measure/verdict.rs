@@ -4,6 +4,7 @@ use preshade_passes::contract::{Assumption, Budget, Contract, Surface, Turned};
 use preshade_passes::plan::{GpuPass, Phase, Plan};
 
 use super::ErrorLadder;
+use super::error::counted;
 
 /// Whether the contract is about an original with `@invariant` positions, which the one drawn does not have.
 pub(super) fn needs_invariant_original(contract: &Contract) -> bool {
@@ -17,8 +18,9 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
         Contract::Exact { .. } => {
             let [x, y] = error.first_difference.unwrap_or_default();
             Some(format!(
-                "{} pixels and {} depths differ, the first at {x}, {y}",
-                error.changed_pixels, error.changed_depth
+                "{} and {} differ, the first at {x}, {y}",
+                counted(error.changed_pixels, "pixel"),
+                counted(error.changed_depth, "depth")
             ))
         }
         Contract::Rounding { k, turned, .. } => rounded_too_far(*k, *turned, error),
@@ -43,12 +45,18 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
     // What a rounding can do to a stored channel is one step of it.
     let allowed = 1.0 / 255.0 + f64::from(k) * f64::from(f32::EPSILON) / 2.0;
     if error.nan_pixels > 0 {
-        return Some(format!("{} pixels are not finite", error.nan_pixels));
+        return Some(format!(
+            "not finite: {}",
+            counted(error.nan_pixels, "pixel")
+        ));
     }
     // Depth is not shaded: its bits stay, but for a surface that is promised to roundings only.
     let is_kept = turned.is_none_or(|t| t.surface == Surface::Kept);
     if is_kept && error.changed_depth > 0 {
-        return Some(format!("{} depths differ", error.changed_depth));
+        return Some(format!(
+            "differing: {}",
+            counted(error.changed_depth, "depth")
+        ));
     }
     match turned {
         None => (error.max_steps > allowed * 255.0 + 1e-6).then(|| {
@@ -61,8 +69,8 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
             let most = share * error.pixels as f64;
             (error.beyond_step as f64 > most).then(|| {
                 format!(
-                    "{} pixels differ by more than a step, where {} of {} may, for decisions that turn on a rounding",
-                    error.beyond_step,
+                    "{} off by more than a step, where {} of {} may, for decisions that turn on a rounding",
+                    counted(error.beyond_step, "pixel"),
                     most.floor(),
                     error.pixels
                 )

@@ -130,7 +130,7 @@ pub(super) fn notes(report: &Report) -> String {
             _ => "samples",
         };
         out.push_str(&format!(
-            "{ties} depth ties: at so many {what}, over all views, two surfaces share the winning depth.\n"
+            "depth ties: at {ties} {what}, over all views, two surfaces share the winning depth.\n"
         ));
     }
     for v in &report.variants {

@@ -26,6 +26,7 @@ pub use guessed::{Guess, Guessed, guessed};
 
 use guessed::Origin;
 use streams::Streams;
+pub(super) use streams::unknown_stream;
 
 /// Bytes with a name of their content: equal bytes have equal ids, so a renderer may keep one GPU buffer an id.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -11,6 +11,7 @@ use preshade_passes::plan::Plan;
 use preshade_passes::state::{Blend, ColorTarget};
 use toml::Spanned;
 
+use super::bind::unknown_stream;
 use super::camera::{self, Orbit, Pose};
 use super::file::{
     BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
@@ -18,7 +19,7 @@ use super::file::{
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Scene, Stream, Value,
+    Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Mesh, Scene, Stream, Value,
     Variables, bind, error, material, meshes, range, size, variables,
 };
 use crate::front;
@@ -221,6 +222,10 @@ impl Loader<'_> {
             let before = draws.len();
             let drawn = self.draw(entry.get_ref(), &materials, &meshes, &mut draws);
             let counted = drawn.and_then(|()| {
+                // A field's draws differ in their place alone.
+                if let Some(draw) = draws.get(before) {
+                    self.streams(&materials[draw.material], &meshes[draw.mesh].mesh, draw)?;
+                }
                 limits.check("draws", draws.len() as u64, "the number of draws")?;
                 let streams = draws[before..]
                     .iter()
@@ -563,6 +568,25 @@ impl Loader<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Refuses the name of a stream that nothing is called.
+    fn streams(&self, material: &Material, mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
+        let Some((attribute, stream)) = unknown_stream(material, mesh, draw) else {
+            return Ok(());
+        };
+        let known = mesh.streams.keys().chain(draw.instance_streams.keys());
+        let error = Error::new(format!(
+            "mesh `{}`, which is drawn with material `{}`, has no stream `{stream}`",
+            mesh.name, material.name
+        ))
+        .suggest(stream, known.map(String::as_str));
+        let entry = self.file.materials.get(&material.name);
+        let named = entry.and_then(|e| e.get_ref().attributes.get(attribute));
+        Err(match named {
+            Some(named) => self.source.at(error, named.span()),
+            None => error,
+        })
     }
 
     fn camera(&self, index: usize, entry: &CameraEntry, aspect: f32) -> Result<Camera, Error> {

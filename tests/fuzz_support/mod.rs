@@ -49,13 +49,13 @@ impl Bytes<'_> {
     }
 }
 
-/// The root of the checkout.
+/// The root of the checkout; where that is on another machine than it was built on, the folder that the fuzzer runs in.
 pub fn root() -> PathBuf {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    match here.join("fixtures").is_dir() {
-        true => here.to_owned(),
-        false => here.parent().unwrap().to_owned(),
-    }
+    let all = [Some(here), here.parent(), Some(Path::new("."))];
+    let mut all = all.into_iter().flatten();
+    let found = all.find(|folder| folder.join("fixtures").is_dir());
+    found.unwrap_or(here).to_owned()
 }
 
 /// Parses, and emits what parses.

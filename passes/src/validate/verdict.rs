@@ -126,3 +126,10 @@ impl fmt::Display for Counterexample {
         Ok(())
     }
 }
+
+/// A verdict that nothing was seen, and why.
+pub(super) fn not_evaluated(why: &str) -> Verdict {
+    Verdict::NotEvaluable {
+        why: why.to_owned(),
+    }
+}

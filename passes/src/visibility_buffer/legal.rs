@@ -1,7 +1,7 @@
 //! What can be split, and why the rest cannot.
 
 use naga::valid::GlobalUse;
-use naga::{AddressSpace, Binding, BuiltIn};
+use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
 
 use super::ids::Facing;
 use super::{refuse, resolve};
@@ -58,19 +58,13 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
     let entry = &module.entry_points[opaque.vertex];
-    let info = opaque.program.info().get_entry_point(opaque.vertex);
-    for (handle, global) in module.global_variables.iter() {
-        if global.space == AddressSpace::Private && info[handle].contains(GlobalUse::WRITE) {
-            refusals.push(refuse(
-                "vertex-state",
-                format!(
-                    "the vertex stage keeps state in the private variable `{}`, and it would run three times in one invocation",
-                    global.name.as_deref().unwrap_or_default()
-                ),
-                "make the variable local",
-            ));
-        }
-    }
+    refusals.extend(kept_state(
+        opaque,
+        opaque.vertex,
+        "vertex-state",
+        "the vertex stage",
+        "it would run three times in one invocation",
+    ));
     for input in reflect::inputs(module, &entry.function) {
         if let Some(Binding::BuiltIn(b)) = input.binding
             && !matches!(b, BuiltIn::VertexIndex | BuiltIn::InstanceIndex)
@@ -136,19 +130,13 @@ pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
             "leave the bias out, or pass what is needed of the position as a varying",
         ));
     }
-    let info = opaque.program.info().get_entry_point(fragment);
-    for (handle, global) in module.global_variables.iter() {
-        if global.space == AddressSpace::Private && info[handle].contains(GlobalUse::WRITE) {
-            refusals.push(refuse(
-                "fragment-state",
-                format!(
-                    "the fragment stage keeps state in the private variable `{}`, and parts of it run for several pixels in one invocation",
-                    global.name.as_deref().unwrap_or_default()
-                ),
-                "make the variable local",
-            ));
-        }
-    }
+    refusals.extend(kept_state(
+        opaque,
+        fragment,
+        "fragment-state",
+        "the fragment stage",
+        "parts of it run for several pixels in one invocation",
+    ));
     let effects = opaque.graph.effects(FunctionId::EntryPoint(fragment));
     if effects.contains(&Effect::Subgroup) {
         refusals.push(refuse(
@@ -158,6 +146,72 @@ pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
         ));
     }
     refusals
+}
+
+/// Refuses a stage that writes variables of the whole invocation. Among them are inputs and outputs of GLSL that another function than `main` uses, for the IR has no such thing.
+fn kept_state(
+    opaque: &Opaque<'_>,
+    entry: usize,
+    code: &str,
+    stage: &str,
+    why: &str,
+) -> Option<Refusal> {
+    let module = opaque.program.module();
+    let info = opaque.program.info().get_entry_point(entry);
+    let kept: Vec<(Handle<GlobalVariable>, &GlobalVariable)> = module
+        .global_variables
+        .iter()
+        .filter(|(_, global)| global.space == AddressSpace::Private)
+        .filter(|(handle, _)| info[*handle].contains(GlobalUse::WRITE))
+        .collect();
+    let (first, _) = *kept.first()?;
+    let function = &module.entry_points[entry].function;
+    let inputs = reflect::inputs(module, function);
+    let outputs = reflect::outputs(module, function);
+    let is_of = |all: &[reflect::Io], name| all.iter().any(|io| io.name.as_deref() == Some(name));
+    let told = kept.iter().map(|(handle, global)| {
+        let name = global.name.as_deref().unwrap_or_default();
+        let what = match (is_of(&inputs, name), is_of(&outputs, name)) {
+            (true, _) => "the input",
+            (false, true) => "the output",
+            (false, false) => "the private variable",
+        };
+        match user(module, *handle) {
+            Some(user) => format!("{what} `{name}`, which `{user}` uses"),
+            None => format!("{what} `{name}`"),
+        }
+    });
+    let told: Vec<String> = told.collect();
+    let remedy = match kept
+        .iter()
+        .any(|(handle, _)| user(module, *handle).is_some())
+    {
+        true => {
+            "hand it to the functions that use it: as a parameter where they read it, as the result (or an `inout` parameter, or a pointer) where they write it"
+        }
+        false => "declare it in the entry point's own body",
+    };
+    let refusal = refuse(
+        code,
+        format!(
+            "{stage} keeps state in {}, and {why}",
+            told.join(", and in ")
+        ),
+        remedy,
+    );
+    Some(refusal.at(
+        opaque.program.sources(),
+        module.global_variables.get_span(first),
+    ))
+}
+
+/// The first function, entry points apart, that uses a variable.
+fn user(module: &Module, variable: Handle<GlobalVariable>) -> Option<&str> {
+    let uses = |e: &Expression| matches!(e, Expression::GlobalVariable(g) if *g == variable);
+    let mut functions = module.functions.iter().map(|(_, function)| function);
+    functions
+        .find(|f| f.expressions.iter().any(|(_, e)| uses(e)))
+        .and_then(|f| f.name.as_deref())
 }
 
 /// How the side that a pixel shows is known.

@@ -10,6 +10,7 @@ use std::rc::Rc;
 use glsl_lang_pp::processor::fs::FileSystem;
 use naga::ShaderStage;
 
+use super::pasted::{UNENDED, ended};
 use super::rescan::{Macros, Rewritten};
 use crate::front::Options;
 
@@ -156,7 +157,10 @@ impl Files {
                 self.most
             )));
         }
-        std::fs::read_to_string(found)
+        let text = std::fs::read_to_string(found)?;
+        let text = ended(Cow::Owned(text));
+        let text = text.ok_or_else(|| refused(format!("{}: {UNENDED}", found.display())))?;
+        Ok(text.into_owned())
     }
 }
 
@@ -225,13 +229,16 @@ impl FileSystem for Files {
             Some(text) => text.clone(),
             None => self.text(path)?,
         };
-        let Some(rewritten) = self.macros.rewrite(&text) else {
-            return Ok(Cow::Owned(text));
+        let text = match self.macros.rewrite(&text) {
+            None => text,
+            Some(rewritten) => {
+                let text = rewritten.text.clone();
+                let mut all = self.rewritten.borrow_mut();
+                all.insert(path.to_owned(), rewritten);
+                text
+            }
         };
-        let text = rewritten.text.clone();
-        let mut all = self.rewritten.borrow_mut();
-        all.insert(path.to_owned(), rewritten);
-        Ok(Cow::Owned(text))
+        ended(Cow::Owned(text)).ok_or_else(|| refused(UNENDED.to_owned()))
     }
 }
 

@@ -13,6 +13,7 @@ mod include;
 mod interface;
 mod lower;
 mod marks;
+mod pasted;
 mod rescan;
 mod respan;
 mod stage;

@@ -27,6 +27,7 @@ use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
 use super::include::Files;
+use super::pasted::{UNENDED, ended};
 use super::rescan::Rewritten;
 use crate::front::Options;
 use crate::front::error::{Code, Error};
@@ -180,6 +181,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         true => Cow::Owned(as_version_460(text)),
         false => Cow::Borrowed(text),
     };
+    let text = ended(text).ok_or_else(|| Error::new(Code::Parse, UNENDED))?;
     let mut processor = Processor::new_with_fs(files);
     let file = processor
         .open_source(&text, folder)
@@ -339,7 +341,8 @@ fn explain(
 fn state(dialect: Dialect, defines: &[(String, String)]) -> ProcessorState {
     let none = Registry::new();
     let define = |name: &str, value: &str| {
-        let value = value.parse().unwrap_or_else(|()| DefineObject::one());
+        let value = ended(Cow::Borrowed(value)).and_then(|v| v.parse().ok());
+        let value = value.unwrap_or_else(DefineObject::one);
         Define::object(name.into(), value, false)
     };
     let mut builder: ProcessorStateBuilder<'_> = ProcessorStateBuilder::new(&none)

@@ -540,6 +540,27 @@ fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Source {
     }
 }
 
+/// The first attribute for which a material names a stream that means nothing: the draw and its mesh have none of that name, and what a mesh may lack is not called so either.
+pub(in crate::scene) fn unknown_stream<'m>(
+    material: &'m Material,
+    mesh: &Mesh,
+    draw: &Draw,
+) -> Option<(&'m str, &'m str)> {
+    let means_nothing = |name: &str| {
+        let normal = normalise(name);
+        let is_optional = alias(&normal).is_some()
+            || normal.starts_with("morph")
+            || matches!(normal.as_str(), "instancecolor" | "instanceplace");
+        !is_optional
+    };
+    let mut named = material.attributes.iter();
+    named
+        .find(|(attribute, stream)| {
+            source(material, mesh, draw, attribute) == Source::Synthesised && means_nothing(stream)
+        })
+        .map(|(attribute, stream)| (attribute.as_str(), stream.as_str()))
+}
+
 /// What an attribute reads where the mesh has no such stream: white, facing +z, the first joint alone, no morph, or a number made of its name.
 fn synthesised_attribute(name: &str, component: usize) -> f64 {
     let normal = normalise(name);

@@ -1,0 +1,84 @@
+//! What to say where nothing pays: the one thing that would let a value travel, or that there is none.
+
+use super::choose::{self, Terms};
+use super::travel::{self, Class, Finite, Judged, Precision};
+use super::values::Values;
+use super::{Hoist, Material, Params};
+use crate::pass::{Facts, Pass, Refusal};
+
+/// What would let a value travel where none does. It is chosen among what all of these together would let travel, so that following the advice comes to an end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Advice {
+    /// A budget.
+    Budget,
+    /// A budget, where the author has asked for a promise that needs none.
+    Allow,
+    /// Values at vertices taken for finite: by the author's word, or as measured.
+    Finite,
+    /// A larger error than the one allowed, for some were measured.
+    Error,
+    /// A choice anew.
+    Choice,
+    /// Nothing: with all of these no value pays.
+    Nothing,
+}
+
+impl Advice {
+    /// For a material of which nothing travels under `params` and `facts`.
+    pub(super) fn on(
+        values: &Values<'_, '_>,
+        material: &Material<'_>,
+        params: &Params,
+        precision: &Precision,
+        facts: &Facts,
+    ) -> Self {
+        let terms = Terms {
+            weakest: Class::Smooth,
+            ..params.terms(facts)
+        };
+        let pays =
+            |judged: &Judged| choose::choose(values, judged, precision.most, &terms).is_some();
+        if !pays(&travel::judge(values, Finite::Assumed, precision)) {
+            return Self::Nothing;
+        }
+        let was_measured = facts
+            .frequencies
+            .iter()
+            .any(|f| f.material == material.name);
+        match params.weakest() {
+            _ if params.carry.is_some() => Self::Choice,
+            Class::Smooth if was_measured => Self::Error,
+            Class::Smooth => Self::Finite,
+            _ if params.allow.is_some() => Self::Allow,
+            _ if pays(&travel::judge(values, params.finite, precision)) => Self::Budget,
+            _ => Self::Finite,
+        }
+    }
+
+    pub(super) fn refusal(self) -> Refusal {
+        let remedy = match self {
+            Self::Budget => {
+                "give the pass a budget (hoist:budget=0.01) if the picture may differ a little"
+            }
+            Self::Allow => {
+                "leave `allow` out and give a budget (hoist:budget=0.01) if the picture may differ a little"
+            }
+            Self::Finite => {
+                "what would pay is not seen to be finite at every vertex: `preshade verify` with hoist:budget=0.01 draws it, and says what `rewrite` may take; or take it for finite, with hoist:budget=0.01,finite=assumed"
+            }
+            Self::Error => {
+                "allow a larger error; explain lists what stays, and why each value does"
+            }
+            Self::Choice => "choose anew with `verify`: what `carry` names does not pay here",
+            Self::Nothing => {
+                "nothing would at any budget: leave the material as it is; explain lists what stays, and why each value does"
+            }
+        };
+        Refusal::new(
+            Hoist::INFO.name,
+            "nothing-pays",
+            "no value that may travel saves a fragment more than carrying it costs",
+            remedy,
+        )
+    }
+}

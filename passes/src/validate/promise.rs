@@ -1,0 +1,328 @@
+//! What follows from a plan for a pass of it: which outputs have to be the same, at which places, and how closely.
+
+use std::collections::BTreeMap;
+
+use naga::ShaderStage;
+
+use super::compare::{Colors, Depths, Discards, Positions, Rule, Stores};
+use super::inputs::Inputs;
+use super::stage::{POSITION, Slot, Stage};
+use super::verdict::not_evaluated;
+use super::world::{self, Place, Stages};
+use super::{Check, Effort, Proof, Verdict};
+use crate::contract::Contract;
+use crate::guard::{Guard, Place as Assumed};
+use crate::hoist;
+use crate::plan::{BindingSource, ClearValue, GpuPass, Plan, Role};
+use crate::program::Program;
+use crate::state::{CompareFunction, DepthDirection};
+
+/// A pass of a variant beside the original's main pass.
+pub(super) struct Pair<'a> {
+    pub(super) variant: &'a Plan,
+    pub(super) pass: &'a GpuPass,
+    pub(super) original: Stages<'a>,
+    pub(super) other: Stages<'a>,
+    pub(super) effort: &'a Effort,
+    pub(super) direction: DepthDirection,
+    /// What the attachments that the pass reads are cleared to, by binding.
+    pub(super) attachments: BTreeMap<(u32, u32), ClearValue>,
+}
+
+fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<Stages<'a>, String> {
+    let vertex =
+        Stage::new(program, ShaderStage::Vertex, &pass.vertex).ok_or("it has no vertex stage")?;
+    let fragment = match &pass.fragment {
+        None => None,
+        Some(name) => Some(
+            Stage::new(program, ShaderStage::Fragment, name).ok_or("it has no fragment stage")?,
+        ),
+    };
+    Ok(Stages { vertex, fragment })
+}
+
+impl<'a> Pair<'a> {
+    pub(super) fn new(
+        variant: &'a Plan,
+        (main, program): (&GpuPass, &'a Program),
+        (pass, other): (&'a GpuPass, &'a Program),
+        effort: &'a Effort,
+    ) -> Result<Self, String> {
+        if !pass.geometry.is_as_given() {
+            return Err("its vertices are new ones, which the interpreter does not make; `verify` draws them".to_owned());
+        }
+        let mut attachments = BTreeMap::new();
+        for binding in &pass.bindings {
+            match &binding.source {
+                BindingSource::Author => {}
+                BindingSource::Attachment { name } => {
+                    let clear = variant.attachment(name).map(|a| a.clear);
+                    let clear = clear.ok_or("it reads an attachment that is not there")?;
+                    attachments.insert((binding.group, binding.binding), clear);
+                }
+                _ => return Err("it reads buffers of the draw's geometry, which the interpreter does not fill; `verify` draws it".to_owned()),
+            }
+        }
+        let compare = main.depth.as_ref().map(|d| d.compare);
+        Ok(Self {
+            variant,
+            pass,
+            original: stages(main, program)?,
+            other: stages(pass, other)?,
+            effort,
+            direction: compare
+                .and_then(CompareFunction::direction)
+                .unwrap_or_default(),
+            attachments,
+        })
+    }
+
+    pub(super) fn checks(&self) -> Vec<Check> {
+        let check = |promise: &str, verdict| Check {
+            role: self.pass.role,
+            promise: promise.to_owned(),
+            verdict,
+        };
+        let mut checks = vec![check(
+            "positions",
+            self.verdict(&[Place::Vertex], Colors::Ignored),
+        )];
+        let corners = [Place::Corner(0), Place::Corner(1), Place::Corner(2)];
+        if self.pass.role != Role::Main {
+            let colors = match self.pass.multisample.alpha_to_coverage {
+                true => Colors::Alpha,
+                false => Colors::Ignored,
+            };
+            let places = [&corners[..1], &[Place::Inside]].concat();
+            checks.push(check(
+                "what it discards, and depths",
+                self.verdict(&places, colors),
+            ));
+            return checks;
+        }
+        if self.inverts() {
+            let why = "`mode=invert` draws what would be dropped, on purpose";
+            checks.push(check("colours", not_evaluated(why)));
+            return checks;
+        }
+        let told = |colors: &Result<Colors, String>| match colors {
+            Ok(colors) => *colors,
+            Err(_) => Colors::Ignored,
+        };
+        let [at_vertices, inside] = self.colors();
+        for (promise, kept, places, colors) in [
+            (
+                "colours, depths and discards at vertices",
+                "depths and discards at vertices",
+                &corners[..],
+                &at_vertices,
+            ),
+            (
+                "colours, depths and discards inside triangles",
+                "depths and discards inside triangles",
+                &[Place::Inside][..],
+                &inside,
+            ),
+        ] {
+            let promise = if colors.is_ok() { promise } else { kept };
+            checks.push(check(promise, self.verdict(places, told(colors))));
+            if let Err(why) = colors {
+                let what = match places.len() {
+                    1 => "colours inside triangles",
+                    _ => "colours at vertices",
+                };
+                checks.push(check(what, not_evaluated(why)));
+            }
+        }
+        if self.has_the_authors_varyings() {
+            checks.push(check(
+                "the fragment stage, of any varyings",
+                self.verdict(&[Place::Anywhere], told(&at_vertices)),
+            ));
+        }
+        checks
+    }
+
+    fn steps(&self, pass: &str) -> impl Iterator<Item = &'a crate::plan::Step> {
+        self.variant.steps.iter().filter({
+            let pass = pass.to_owned();
+            move |step| step.pass == pass
+        })
+    }
+
+    /// Whether sums with 0 and products with 0 and 1 were folded: of ordinary numbers the results are the same numbers, and of others nothing is said.
+    pub(super) fn folds_floats(&self) -> bool {
+        self.steps("specialize")
+            .any(|s| matches!(s.contract, Contract::Rounding { .. }))
+    }
+
+    pub(super) fn stores(&self) -> Stores {
+        match self.pass.role {
+            Role::Main => Stores::Same,
+            _ => Stores::Ignored,
+        }
+    }
+
+    fn inverts(&self) -> bool {
+        self.steps("early-discard")
+            .any(|s| s.params.get("mode").and_then(|m| m.as_str()) == Some("invert"))
+    }
+
+    /// Whether a varying is what it was in the original, so that any number may stand for it.
+    fn has_the_authors_varyings(&self) -> bool {
+        let assumed = self.variant.guard.iter().flat_map(|g| &g.values);
+        let of_vertices = assumed
+            .filter(|a| matches!(a.place, Assumed::Attribute { .. }))
+            .count();
+        let rebuilt = ["hoist", "tessellate", "visibility-buffer"];
+        of_vertices == 0 && rebuilt.iter().all(|pass| self.steps(pass).next().is_none())
+    }
+
+    /// What is promised of the colours at vertices and inside triangles, or why that is not looked at.
+    fn colors(&self) -> [Result<Colors, String>; 2] {
+        let mut promised: [Result<Colors, String>; 2] = [Ok(Colors::Bits), Ok(Colors::Bits)];
+        let budget = |metric: &str, budget: f64| {
+            Err(format!(
+                "they may be off by {budget} ({metric}) in the picture, and nobody draws it here: `verify` does"
+            ))
+        };
+        for step in &self.variant.steps {
+            let is_moved = step.pass == "hoist";
+            match &step.contract {
+                Contract::Exact { .. } => {}
+                Contract::Rounding { .. } if is_moved => {
+                    let is_srgb = |t: &crate::state::ColorTarget| t.format.ends_with("-srgb");
+                    let most = match self.pass.targets.iter().flatten().any(is_srgb) {
+                        true => hoist::MOST_ROUNDING / hoist::STEEPEST_SRGB,
+                        false => hoist::MOST_ROUNDING,
+                    };
+                    let of_scene = step
+                        .contract
+                        .given()
+                        .contains(&crate::contract::Assumption::NumbersOfTheScene);
+                    promised[1] = match (&promised[1], of_scene) {
+                        (Err(why), _) => Err(why.clone()),
+                        (Ok(_), true) => {
+                            Err("how far they may be off rests on the numbers of a scene"
+                                .to_owned())
+                        }
+                        (Ok(_), false) => Ok(Colors::Within(most)),
+                    };
+                }
+                Contract::Rounding { .. } => {
+                    for promised in &mut promised {
+                        if *promised == Ok(Colors::Bits) {
+                            *promised = Ok(Colors::Numbers);
+                        }
+                    }
+                }
+                // Of the level that it takes by itself a texel is not made here.
+                Contract::Approximate { .. } if step.pass == "early-discard" => {}
+                Contract::Approximate {
+                    metric,
+                    budget: most,
+                    ..
+                } => {
+                    promised[1] = budget(metric, *most);
+                    if !is_moved {
+                        promised[0] = budget(metric, *most);
+                    }
+                }
+                Contract::Budgets { .. } => {
+                    promised = [budget("several", 0.0), budget("several", 0.0)];
+                }
+            }
+        }
+        promised
+    }
+
+    pub(super) fn rule(
+        &self,
+        place: Place,
+        colors: Colors,
+        inputs: Option<&Inputs>,
+    ) -> (Rule, Attached) {
+        if place == Place::Vertex {
+            let positions = match self.folds_floats() {
+                true => Positions::Numbers,
+                false => Positions::Bits,
+            };
+            return (Rule::Vertices(positions), Attached::new());
+        }
+        let mut attached = Attached::new();
+        let mut discards = Discards::Same;
+        let depth = self.pass.depth.as_ref();
+        let is_equal = depth.is_some_and(|d| d.compare == CompareFunction::Equal && !d.write);
+        let has_prepass = self.variant.passes.iter().any(|p| p.role == Role::Prepass);
+        if self.pass.role == Role::Main && is_equal && has_prepass {
+            discards = Discards::LeftToEqual;
+        }
+        if let Some(inputs) = inputs {
+            for (at, clear) in &self.attachments {
+                let texel = match clear {
+                    ClearValue::Depth(clear) => {
+                        let fragment = self.other.fragment.map(|f| (f.module(), f.inputs()));
+                        let [own, other] = match &fragment {
+                            Some((module, found)) => {
+                                let is_position = |io: &&crate::reflect::Io| {
+                                    io.binding.as_ref().map(Slot::of) == Some(POSITION)
+                                };
+                                let io = found.iter().find(is_position);
+                                world::depths(inputs, module, io, *clear)
+                            }
+                            None => [0.5, *clear],
+                        };
+                        discards = Discards::Hidden {
+                            own,
+                            other,
+                            direction: self.direction,
+                        };
+                        [other; 4]
+                    }
+                    // Packed into colours: nothing was drawn there.
+                    ClearValue::Color(color) => color.map(|c| c as f32),
+                };
+                attached.insert(*at, texel);
+            }
+        }
+        let biased = self.pass.role == Role::Prepass
+            && self
+                .steps("depth-prepass")
+                .chain(self.steps("early-discard"))
+                .next()
+                .is_some();
+        let depths = match biased {
+            true => Depths::NotNearer(self.direction),
+            false => Depths::Same,
+        };
+        let rule = Rule::Fragments {
+            colors,
+            discards,
+            depths,
+            stores: self.stores(),
+        };
+        (rule, attached)
+    }
+
+    fn verdict(&self, places: &[Place], colors: Colors) -> Verdict {
+        if places.iter().all(|p| self.slices_are_same(*p, colors)) {
+            return Verdict::Proved { by: Proof::Slices };
+        }
+        // Numbers that a guard leaves open would be fixed.
+        let guard = self.variant.guard.as_ref();
+        let is_fixed = |g: &Guard| g.values.iter().all(|a| a.bounds.low == a.bounds.high);
+        if guard.is_none_or(is_fixed)
+            && let Some(paths) = places
+                .iter()
+                .try_fold(0, |sum, place| Some(sum + self.proved(*place, colors)?))
+        {
+            return Verdict::Proved {
+                by: Proof::Terms { paths },
+            };
+        }
+        self.tried(places, colors)
+    }
+}
+
+/// What the attachments hold that a pass reads.
+pub(super) type Attached = BTreeMap<(u32, u32), [f32; 4]>;

@@ -1,0 +1,150 @@
+//! What holds for every input: where both stages have one canonical slice, or end in the same terms.
+
+use super::compare::{self, Colors, Stores};
+use super::inputs::{self, Inputs};
+use super::promise::Pair;
+use super::stage::Stage;
+use super::term;
+use super::world::{self, Place, World};
+use crate::graph::{FunctionId, Graph};
+use crate::guard::Place as Assumed;
+use crate::place::{self, PositionInvariance};
+use crate::slice::{self, Criterion, OutputFilter};
+
+impl Pair<'_> {
+    /// Whether what decides a promise is one slice in both: of the fragment stage, and of what the vertex stage gives it.
+    pub(super) fn slices_are_same(&self, place: Place, colors: Colors) -> bool {
+        let mut vertex = vec![Criterion::Output(OutputFilter::Rasterization)];
+        if place != Place::Vertex {
+            let mut wanted = match colors {
+                Colors::Bits | Colors::Numbers | Colors::Within(_) => {
+                    vec![Criterion::Output(OutputFilter::All)]
+                }
+                Colors::Alpha => vec![
+                    Criterion::Output(OutputFilter::FragDepth),
+                    Criterion::Component(OutputFilter::Location(0), 3),
+                ],
+                Colors::Ignored => vec![Criterion::Output(OutputFilter::FragDepth)],
+            };
+            wanted.push(Criterion::Discard);
+            let (Some(a), Some(b)) = (self.original.fragment, self.other.fragment) else {
+                return false;
+            };
+            // A slice to outputs has no stores.
+            if self.stores() == Stores::Same && (stores(a) || stores(b)) {
+                return false;
+            }
+            let (Some(first), Some(second)) = (normal(a, &wanted), normal(b, &wanted)) else {
+                return false;
+            };
+            if first != second {
+                return false;
+            }
+            let read = first.read.iter().filter_map(|binding| match binding {
+                naga::Binding::Location { location, .. } => Some(*location),
+                naga::Binding::BuiltIn(_) => None,
+            });
+            vertex = read
+                .map(|l| Criterion::Output(OutputFilter::Location(l)))
+                .collect();
+            if place == Place::Anywhere || vertex.is_empty() {
+                return true;
+            }
+            vertex.push(Criterion::Output(OutputFilter::Rasterization));
+        }
+        let found = normal(self.original.vertex, &vertex);
+        found.is_some() && found == normal(self.other.vertex, &vertex)
+    }
+
+    /// Over how many paths both give the same of every input; `None` where that is not seen.
+    pub(super) fn proved(&self, place: Place, colors: Colors) -> Option<u64> {
+        if !self.attachments.is_empty() && place != Place::Vertex {
+            return None;
+        }
+        let module = self.original.vertex.module();
+        let inputs = Inputs::new(module, self.variant.guard.as_ref(), self.effort.seed);
+        let (rule, _) = self.rule(place, colors, None);
+        term::proved(self.effort.paths, || {
+            let mut world = world::symbolic(module, &inputs);
+            for assumed in self.variant.guard.iter().flat_map(|g| &g.values) {
+                fix(module, &mut world, assumed);
+            }
+            let original = world.run(self.original, place, self.effort.steps, None)?;
+            let variant = world.run(self.other, place, 4 * self.effort.steps, None)?;
+            Ok(compare::difference(rule, &original, &variant).is_none())
+        })
+    }
+}
+
+/// Puts a number that a guard fixes into a buffer of terms.
+fn fix(module: &naga::Module, world: &mut World<'_, term::Term>, assumed: &crate::guard::Assumed) {
+    use crate::evaluate::{Number, Scalar};
+    use crate::guard::ScalarType;
+    let Assumed::Uniform {
+        group,
+        binding,
+        offset,
+    } = assumed.place
+    else {
+        return;
+    };
+    let at = (group, binding);
+    let number = match assumed.ty {
+        ScalarType::F32 => Scalar::F32(term::Term::of(assumed.bounds.low as f32)),
+        ScalarType::I32 => Scalar::I32(assumed.bounds.low as i32),
+        ScalarType::U32 => Scalar::U32(assumed.bounds.low as u32),
+    };
+    let global = module.global_variables.iter().find(|(_, g)| {
+        g.binding
+            .as_ref()
+            .is_some_and(|b| (b.group, b.binding) == at)
+    });
+    if let (Some((_, global)), Some(value)) = (global, world.resources.get_mut(&at)) {
+        inputs::set(module, global.ty, value, offset, number);
+    }
+}
+
+/// Whether a stage writes memory.
+fn stores(stage: Stage<'_>) -> bool {
+    use crate::graph::effect::Effect;
+    let graph = Graph::build(stage.program);
+    let effects = graph.effects(FunctionId::EntryPoint(stage.entry));
+    let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
+    effects.iter().any(|e| writes.contains(e))
+}
+
+/// What a slice is, whatever it was cut out of.
+#[derive(PartialEq)]
+struct Normal {
+    /// Its canonical hash.
+    hash: String,
+    /// What its inputs are bound to, and how they are interpolated.
+    read: Vec<naga::Binding>,
+}
+
+/// The slice of a stage. It is placed and sliced again, so that what it was cut out of leaves no trace.
+fn normal(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Normal> {
+    let graph = Graph::build(stage.program);
+    let slice = slice::backward(&graph, stage.entry, criteria);
+    let module = place::entry_point(
+        &graph,
+        &slice,
+        stage.module(),
+        "preshade_slice",
+        "slice",
+        PositionInvariance::AsWritten,
+    );
+    let kind = stage.module().entry_points[stage.entry].stage;
+    let module = place::retain(&module, &[(kind, "preshade_slice")]);
+    let placed = stage.program.with_module(module).ok()?;
+    let stage = Stage::new(&placed, kind, "preshade_slice")?;
+    let graph = Graph::build(&placed);
+    Some(Normal {
+        hash: slice::backward(&graph, stage.entry, criteria).hash,
+        read: stage
+            .inputs()
+            .into_iter()
+            .filter_map(|io| io.binding)
+            .collect(),
+    })
+}

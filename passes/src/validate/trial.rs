@@ -1,0 +1,190 @@
+//! What is run on numbers, random and adversarial ones, and where two runs go apart first.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
+use super::compare::{self, Colors, text};
+use super::inputs::{Inputs, Profile};
+use super::promise::Pair;
+use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
+use super::world::{self, Place, World};
+use crate::evaluate::{Stuck, Traced, Value};
+
+impl Pair<'_> {
+    /// On numbers.
+    pub(super) fn tried(&self, places: &[Place], colors: Colors) -> Verdict {
+        let module = self.original.vertex.module();
+        let (mut agreed, mut why) = (0, None);
+        for seed in self.effort.seed..self.effort.seed + self.effort.inputs {
+            let inputs = Inputs::new(module, self.variant.guard.as_ref(), seed);
+            if self.folds_floats() && inputs.profile != Profile::Ordinary {
+                continue;
+            }
+            // What a rounding may come to is said of ordinary numbers.
+            let is_rounded = matches!(colors, Colors::Within(_) | Colors::Numbers);
+            let colors = match is_rounded && inputs.profile != Profile::Ordinary {
+                true => Colors::Ignored,
+                false => colors,
+            };
+            let mut ended = true;
+            for place in places {
+                match self.try_one(&inputs, *place, colors) {
+                    Tried::Same => {}
+                    Tried::Differs(found) => return Verdict::Counterexample(found),
+                    Tried::Endless => ended = false,
+                    Tried::Stuck(stuck) => {
+                        // What cannot be run for one input may be for another: a branch leads past it.
+                        ended = false;
+                        why.get_or_insert(stuck.to_string());
+                    }
+                }
+            }
+            agreed += u64::from(ended);
+            // Something that is in the way of every input.
+            if agreed == 0 && why.is_some() && seed - self.effort.seed > 24 {
+                break;
+            }
+        }
+        match (agreed, why) {
+            (0, None) => not_evaluated("no input came to an end within the step limit"),
+            (0, Some(why)) => Verdict::NotEvaluable { why },
+            (inputs, _) => Verdict::Agreed { inputs },
+        }
+    }
+
+    fn try_one(&self, inputs: &Inputs, place: Place, colors: Colors) -> Tried {
+        let (rule, attached) = self.rule(place, colors, Some(inputs));
+        let world = world::concrete(inputs, &attached);
+        let original = match world.run(self.original, place, self.effort.steps, None) {
+            Ok(original) => original,
+            Err(Stuck::Steps) => return Tried::Endless,
+            Err(stuck) => return Tried::Stuck(stuck),
+        };
+        let found = match world.run(self.other, place, 4 * self.effort.steps, None) {
+            Ok(variant) => compare::difference(rule, &original, &variant),
+            // A vertex stage does more, where something was hoisted to it.
+            Err(Stuck::Steps) if place == Place::Vertex => return Tried::Endless,
+            // What has come to its end comes to it in the variant too.
+            Err(Stuck::Steps) => Some(compare::Difference {
+                output: "its end".to_owned(),
+                original: format!("reached within {} steps", self.effort.steps),
+                variant: format!("not within {}", 4 * self.effort.steps),
+            }),
+            Err(stuck) => return Tried::Stuck(stuck),
+        };
+        match found {
+            None => Tried::Same,
+            Some(found) => {
+                let first = self.first_diverging(&world, place);
+                Tried::Differs(Box::new(Counterexample {
+                    seed: inputs.seed,
+                    inputs: self.said(inputs, place),
+                    output: found.output,
+                    original: found.original,
+                    variant: found.variant,
+                    first,
+                }))
+            }
+        }
+    }
+
+    /// The inputs of the original's stages, in words.
+    fn said(&self, inputs: &Inputs, place: Place) -> Vec<(String, String)> {
+        let mut said = Vec::new();
+        let vertex = self.original.vertex;
+        for io in vertex.inputs() {
+            let corners: &[usize] = match place {
+                Place::Vertex => &[0],
+                Place::Corner(_) | Place::Inside => &[0, 1, 2],
+                Place::Anywhere => &[],
+            };
+            for corner in corners {
+                if let Some(value) = inputs.attribute(vertex.module(), &io, *corner) {
+                    let name = io.name.clone().unwrap_or_default();
+                    said.push((format!("{name} of vertex {corner}"), text(&value)));
+                }
+            }
+        }
+        if place == Place::Inside {
+            let weights = inputs.weights();
+            said.push(("weights of the corners".to_owned(), format!("{weights:?}")));
+        }
+        if let Some(fragment) = self.original.fragment.filter(|_| place != Place::Vertex) {
+            for io in fragment.inputs() {
+                let is_own = matches!(io.binding, Some(naga::Binding::BuiltIn(_)));
+                if !(is_own || place == Place::Anywhere) {
+                    continue;
+                }
+                if let Some(value) = inputs.fragment(fragment.module(), &io) {
+                    said.push((io.name.clone().unwrap_or_default(), text(&value)));
+                }
+            }
+        }
+        for (_, global) in vertex.module().global_variables.iter() {
+            let at = global.binding.as_ref().map(|b| (b.group, b.binding));
+            if let Some(value) = at.and_then(|at| inputs.resources.get(&at)) {
+                said.push((global.name.clone().unwrap_or_default(), text(value)));
+            }
+        }
+        said
+    }
+
+    /// The first value that both compute of one place in the source, and not to the same.
+    fn first_diverging(&self, world: &World<'_, f32>, place: Place) -> Option<Diverged> {
+        let traced = |stages| {
+            let trace = RefCell::new(Vec::new());
+            let _ = world.run(stages, place, 4 * self.effort.steps, Some(&trace));
+            trace.into_inner()
+        };
+        let mut of_original: BTreeMap<Key, Vec<Value>> = BTreeMap::new();
+        for traced in traced(self.original) {
+            if let Some(key) = key(&traced) {
+                of_original.entry(key).or_default().push(traced.value);
+            }
+        }
+        let mut seen: BTreeMap<Key, usize> = BTreeMap::new();
+        for traced in traced(self.other) {
+            let Some(key) = key(&traced) else { continue };
+            let Some(values) = of_original.get(&key) else {
+                continue;
+            };
+            let at = seen.entry(key).or_default();
+            let value = values.get(*at);
+            *at += 1;
+            let Some(value) = value else { continue };
+            if compare::same_bits(value, &traced.value) {
+                continue;
+            }
+            let sources = self.original.vertex.program.sources();
+            let file = sources.file_of(traced.span);
+            let range = traced.span.to_range();
+            let written = file.zip(range).and_then(|(file, range)| {
+                let base = file.base as usize;
+                file.text.get(range.start - base..range.end - base)
+            });
+            return Some(Diverged {
+                location: sources.locate(traced.span),
+                text: written.unwrap_or(traced.kind).to_owned(),
+                original: text(value),
+                variant: text(&traced.value),
+            });
+        }
+        None
+    }
+}
+
+/// A place in the source, and what kind of expression stands there.
+type Key = (usize, usize, &'static str);
+
+fn key(traced: &Traced) -> Option<Key> {
+    let range = traced.span.to_range()?;
+    Some((range.start, range.end, traced.kind))
+}
+
+enum Tried {
+    Same,
+    Differs(Box<Counterexample>),
+    /// It takes more steps than it may.
+    Endless,
+    Stuck(Stuck),
+}
