@@ -119,7 +119,7 @@ fn pairs_below(folder: &Path) -> Vec<Vec<PathBuf>> {
         let ending = file.extension().and_then(|e| e.to_str());
         if matches!(
             ending,
-            Some("vert" | "frag" | "vs" | "fs" | "gs" | "geom" | "tesc")
+            Some("vert" | "frag" | "vs" | "fs" | "gs" | "geom" | "tesc" | "tcs" | "tese" | "tes")
         ) {
             stems
                 .entry(file.with_extension(""))

@@ -85,40 +85,89 @@ fn what_is_missing_is_named() {
     );
 }
 
-/// Bevy's own material: `PRESHADE_BEVY` names a folder with the packages `bevy_pbr`, `bevy_render` and `bevy_core_pipeline` (and `bevy_light`, `bevy_image` and others that those
-/// import) as `cargo` unpacks them. They are not ours to keep here.
+/// As Bevy has it: a file for meshes, with a fragment stage for want of a better one and imports of other pipelines, and a file for the material.
+#[test]
+fn a_file_of_one_stage_goes_before_the_other_files_own() {
+    let files = ["oil/mesh.wgsl", "oil/shade.wgsl"].map(|f| ours(f).remove(0));
+    let mut reversed = files.clone();
+    reversed.reverse();
+    for files in [files, reversed] {
+        let text = wgsl(&files, &defined(&[("GROUP", "2")])).unwrap();
+        assert!(text.contains("fn lambert("), "{text}");
+        assert_eq!(text.matches("@fragment").count(), 1, "{text}");
+        assert!(!text.contains("previous"), "{text}");
+    }
+}
+
+#[test]
+fn wesls_own_errors_are_plain_text() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dialects/wesl/src/broken.wesl");
+    let source = Source::new(folder.display().to_string(), "fn (");
+    let error = front::parse(&[source], &Options::default()).unwrap_err();
+    assert!(error.message().contains("broken.wesl: error"), "{error}");
+    assert!(
+        !error.render(front::Color::Never).contains("[0m"),
+        "{error}"
+    );
+}
+
+#[test]
+fn two_versions_of_a_module_are_told() {
+    let error = wgsl(&ours("twice/material.wgsl"), &Options::default()).unwrap_err();
+    let said = error.render(front::Color::Never);
+    assert!(said.contains("are both `own::shared`"), "{said}");
+}
+
+/// Bevy's own material, the last in naga_oil's dialect: `PRESHADE_BEVY` names a folder with the packages `bevy_pbr` 0.19, `bevy_render` and `bevy_core_pipeline` (and `bevy_light`,
+/// `bevy_image` and others that those import) as `cargo` unpacks them. They are not ours to keep here. What is defined is what Bevy's pipeline defines for a mesh with normals, tangents and
+/// texture coordinates on an adapter with storage buffers and without arrays of bindings.
 #[test]
 #[ignore = "needs Bevy's packages: PRESHADE_BEVY"]
 fn bevys_material_is_read() {
     let folder = PathBuf::from(std::env::var_os("PRESHADE_BEVY").expect("PRESHADE_BEVY"));
-    let below = |ending: &str| {
-        let entries = std::fs::read_dir(&folder).unwrap();
-        let mut all = entries.map(|e| e.unwrap().path().join("src/render"));
-        all.find(|p| {
-            p.to_string_lossy().contains("bevy_pbr-") && p.join(format!("pbr.{ending}")).is_file()
-        })
-    };
-    let mut options = defined(&[
+    let entries = std::fs::read_dir(&folder).unwrap();
+    let mut packages: Vec<PathBuf> = entries.map(|e| e.unwrap().path()).collect();
+    packages.retain(|p| p.to_string_lossy().contains("-0.19."));
+    let render = packages.iter().map(|p| p.join("src/render"));
+    let render = render.clone().find(|p| p.join("pbr.wgsl").is_file());
+    let render = render.unwrap_or_else(|| panic!("no bevy_pbr 0.19 in {}", folder.display()));
+    let flags = [
+        "MESH_PIPELINE",
+        "VERTEX_OUTPUT_INSTANCE_INDEX",
+        "VERTEX_POSITIONS",
+        "VERTEX_NORMALS",
+        "VERTEX_UVS",
+        "VERTEX_UVS_A",
+        "VERTEX_TANGENTS",
+        "VIEW_PROJECTION_PERSPECTIVE",
+        "SHADOW_FILTER_METHOD_GAUSSIAN",
+        "STANDARD_MATERIAL_NORMAL_MAP",
+        "TONEMAP_IN_SHADER",
+        "TONEMAP_METHOD_ACES_FITTED",
+        "DEBAND_DITHER",
+    ];
+    let numbers = [
         ("MATERIAL_BIND_GROUP", "3"),
         ("MAX_CASCADES_PER_LIGHT", "4"),
         ("MAX_DIRECTIONAL_LIGHTS", "10"),
-        ("MAX_RECT_LIGHTS", "16"),
+        ("MAX_RECT_LIGHTS", "8"),
         ("AVAILABLE_STORAGE_BUFFER_BINDINGS", "8"),
-        ("VERTEX_POSITIONS", "true"),
-        ("VERTEX_NORMALS", "true"),
-        ("VERTEX_UVS_A", "true"),
-        ("VERTEX_UVS", "true"),
-        ("VERTEX_OUTPUT_INSTANCE_INDEX", "true"),
-        ("TONEMAPPING_LUT_TEXTURE_BINDING_INDEX", "20"),
-        ("TONEMAPPING_LUT_SAMPLER_BINDING_INDEX", "21"),
-    ]);
-    options.include = vec![folder.clone()];
-    for ending in ["wgsl", "wesl"] {
-        let render = below(ending).unwrap_or_else(|| panic!("no bevy_pbr with pbr.{ending}"));
-        let files = ["mesh", "pbr"].map(|n| render.join(format!("{n}.{ending}")));
-        match wgsl(&files, &options) {
-            Ok(text) => println!("{ending}: {} lines of WGSL", text.lines().count()),
-            Err(e) => panic!("{ending}: {}", e.render(front::Color::Never)),
-        }
-    }
+        ("SCREEN_SPACE_SPECULAR_TRANSMISSION_BLUR_TAPS", "8"),
+    ];
+    let mut all = flags.map(|f| (f, "true")).to_vec();
+    all.extend(numbers);
+    let mut options = defined(&all);
+    options.include = packages;
+    let files = ["mesh.wgsl", "pbr.wgsl"].map(|n| render.join(n));
+    let text =
+        wgsl(&files, &options).unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    println!("{} lines of WGSL", text.lines().count());
+    assert!(text.contains("fn apply_pbr_lighting("), "{text}");
+    assert_eq!(text.matches("@fragment").count(), 1, "{text}");
+    // Each of the author's choices changes the program.
+    all.retain(|(name, _)| *name != "TONEMAP_IN_SHADER");
+    options.defines = defined(&all).defines;
+    let without = wgsl(&files, &options).unwrap();
+    assert!(!without.contains("fn tone_mapping("), "{without}");
+    assert!(text.contains("fn tone_mapping("), "{text}");
 }

@@ -290,6 +290,43 @@ fn included_files_are_found_and_pointed_at() {
     std::fs::remove_dir_all(dir).unwrap();
 }
 
+/// C11 6.10.3.1 and 6.10.3.4, which GLSL's preprocessor follows: an argument is expanded before it is put in, and what a macro comes to is looked at together with what stands behind it.
+#[test]
+fn macros_are_expanded_within_their_own_arguments_and_by_another_name() {
+    let vertex = "attribute vec4 p; void main() { gl_Position = p; }";
+    let dir = std::env::temp_dir().join(format!("preshade-rescan-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).unwrap();
+    let shared = "#define quad four\n#define four(a, b) vec4(a, \\\n    b, a, b)\n#define twice(x) ((x) * 2.0)\nfloat shared_one = 1.0;\n";
+    std::fs::write(dir.join("shared.glsl"), shared).unwrap();
+    let options = Options {
+        include: vec![dir.clone()],
+        ..Options::default()
+    };
+    let fragment = |body: &str| {
+        let head = "precision mediump float;\n#include \"shared.glsl\"\n";
+        texts(vertex, &format!("{head}{body}"))
+    };
+    let given = |sources: &[Source]| {
+        let stages = normalised_glsl(sources, &options);
+        let stages = stages.unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+        stages[1].1.clone()
+    };
+    let called = given(&fragment(
+        "void main() { gl_FragColor = quad(twice(1.0 + twice(twice(0.5))), shared_one); }",
+    ));
+    let written = given(&fragment(
+        "void main() { gl_FragColor = vec4(((1.0 + ((((0.5) * 2.0)) * 2.0)) * 2.0), shared_one, ((1.0 + ((((0.5) * 2.0)) * 2.0)) * 2.0), shared_one); }",
+    ));
+    let plain = |text: &str| text.replace(['(', ')'], "");
+    assert_eq!(plain(&called), plain(&written));
+    // What stands behind macros that were written otherwise is still found.
+    let wrong = "void main() {\n    gl_FragColor = vec4(twice(twice(0.5)));\n    unheard(1.0);\n}";
+    let error = front::parse(&fragment(wrong), &options).unwrap_err();
+    let at = error.location().unwrap();
+    assert!(at.file.ends_with("a.frag") && at.line == 5, "{error}");
+    std::fs::remove_dir_all(dir).unwrap();
+}
+
 #[test]
 fn what_is_not_read_is_named() {
     let vertex = "attribute vec4 p; void main() { gl_Position = p; }";

@@ -214,3 +214,82 @@ fn names_that_cannot_stay_say_so() {
     insta::assert_snapshot!("words_es_frag", text(&files, "words.main.es.frag"));
     accept::accept(&[("words".to_owned(), files)]);
 }
+
+fn of_wgsl(name: &str, text: &str) -> Vec<File> {
+    let parsed = front::parse(
+        &[Source::new(format!("{name}.wgsl"), text)],
+        &front::Options::default(),
+    );
+    let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let fragment = parsed.fragment.as_deref();
+    let state = MaterialState::default();
+    let plan = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);
+    let targets = [Target::Glsl450, Target::GlslEs300];
+    let files = targets.map(|t| emit::emit(&plan, &[t], &emit::Options::default()));
+    let files = files.map(|f| f.unwrap_or_else(|e| panic!("{e}")));
+    files.concat()
+}
+
+/// GLSL combines a texture with one sampler, WGSL with as many as one likes: also over stages, which share a uniform by its name.
+#[test]
+fn a_texture_with_several_samplers_is_a_uniform_for_each() {
+    let wgsl = "
+@group(0) @binding(0) var map: texture_2d<f32>;
+@group(0) @binding(1) var nearest: sampler;
+@group(0) @binding(2) var linear: sampler;
+@group(0) @binding(3) var other: texture_2d<f32>;
+struct Varyings { @builtin(position) at: vec4<f32>, @location(0) uv: vec2<f32> }
+fn height(uv: vec2<f32>) -> f32 { return textureSampleLevel(map, linear, uv, 0.0).x; }
+@vertex fn vertex(@location(0) position: vec3<f32>) -> Varyings {
+    return Varyings(vec4(position.x, position.y + height(position.xz), position.z, 1.0), position.xy);
+}
+@fragment fn fragment(in: Varyings) -> @location(0) vec4<f32> {
+    var sum = textureSample(map, nearest, in.uv) + textureSample(other, linear, in.uv);
+    if sum.x > 0.5 {
+        sum += textureSampleLevel(map, linear, in.uv, 1.0);
+    }
+    return sum;
+}
+";
+    let files = of_wgsl("twins", wgsl);
+    let fragment = text(&files, "twins.main.frag");
+    insta::assert_snapshot!("twins_frag", fragment);
+    insta::assert_snapshot!("twins_es_vert", text(&files, "twins.main.es.vert"));
+    let plan: serde_json::Value = serde_json::from_str(text(&files, "twins.plan.json")).unwrap();
+    insta::assert_json_snapshot!("twins_files", plan["files"]);
+    // A function that is given both stays refused.
+    let given = wgsl
+        .replace(
+            "fn height(uv",
+            "fn height(map: texture_2d<f32>, linear: sampler, uv",
+        )
+        .replace("height(position", "height(map, linear, position");
+    let sources = [Source::new("given.wgsl", given)];
+    let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+    let fragment = parsed.fragment.as_deref();
+    let state = MaterialState::default();
+    let plan = Plan::original("given", parsed.program, &parsed.vertex, fragment, &state);
+    let error = emit::emit(&plan, &[Target::Glsl450], &emit::Options::default())
+        .err()
+        .unwrap();
+    assert!(error.to_string().contains("two samplers"), "{error}");
+    accept::accept(&[("twins".to_owned(), files)]);
+}
+
+/// Each file has the functions of its own stage.
+#[test]
+fn a_stage_has_its_own_functions() {
+    let vertex = "attribute vec3 p; uniform float t; float sway(float x) { return sin(x + t); } void main() { gl_Position = vec4(p + sway(p.x), 1.0); }";
+    let fragment = "precision mediump float; uniform vec3 c; vec3 shade(vec3 x) { return x * c; } void main() { gl_FragColor = vec4(shade(vec3(0.5)), 1.0); }";
+    let files = emitted("own", vertex, fragment);
+    for (file, own, other) in [
+        ("own.main.es.vert", "float sway(", "shade"),
+        ("own.main.es.frag", "vec3 shade(", "sway"),
+        ("own.main.vert", "float sway(", "shade"),
+        ("own.main.frag", "vec3 shade(", "sway"),
+    ] {
+        let text = text(&files, file);
+        assert!(text.contains(own) && !text.contains(other), "{text}");
+    }
+    accept::accept(&[("own".to_owned(), files)]);
+}

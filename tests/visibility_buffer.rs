@@ -14,7 +14,7 @@ use preshade::passes::contract::Assumption;
 use preshade::passes::draw_table::Entry;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role};
-use preshade::passes::rasterizer::{Neighbours, Rasterizer};
+use preshade::passes::rasterizer::{Corners, Neighbours, Rasterizer};
 use preshade::passes::state::{ColorTarget, CullMode, FrontFace};
 use preshade::recipe::Recipe;
 use preshade::render::{
@@ -244,6 +244,7 @@ fn the_adapter_is_looked_at() {
     let seen = seen().rasterizer.unwrap();
     if gpu().adapter().name.contains("llvmpipe") {
         let expected = Rasterizer {
+            corners: Corners::AsGiven,
             coarse: Neighbours::Own,
             cubes: Neighbours::Own,
             ..Rasterizer::default()
@@ -776,6 +777,129 @@ fn names_of_ours_may_be_the_authors() {
         (material.vertex, material.fragment) = (vertex.to_owned(), Some(fragment.to_owned()));
         material.state.primitive.cull = CullMode::None;
         assert_rounds(&floor(material));
+    }
+}
+
+/// What is not a stage has our names, or overrides those of our arguments and variables.
+#[test]
+fn names_of_ours_may_be_anything_of_the_authors() {
+    let ours = [
+        "vs_visible",
+        "fs_visible",
+        "cs_visible",
+        "vs_visible_ids",
+        "fs_visible_ids",
+        "visible_cross",
+        "visibility",
+    ];
+    for name in ours {
+        for declared in [
+            format!(
+                "fn {name}() -> f32 {{ return 0.25; }} fn shade() -> f32 {{ return {name}(); }}"
+            ),
+            format!("struct {name} {{ v: f32 }} fn shade() -> f32 {{ return {name}(0.25).v; }}"),
+            format!("const {name} = vec2(0.25, 0.5); fn shade() -> f32 {{ return {name}.x; }}"),
+        ] {
+            let body = "return vec4(shade() + 0.4 * sin(in.world), 1.0) * object.tint;";
+            assert_drawn(&floor(shader("named", &declared, "", "", body)), &declared);
+        }
+    }
+    for name in [
+        "a", "b", "c", "at", "id", "vertex", "instance", "triangle", "corner", "weights", "edges",
+        "pixel", "number",
+    ] {
+        let declared = format!("override {name}: f32 = 0.25;");
+        let body = format!("return vec4({name} + 0.4 * sin(in.world), 1.0) * object.tint;");
+        assert_drawn(&floor(shader("held", &declared, "", "", &body)), &declared);
+    }
+}
+
+/// Drawn in two forms, from the text that is shipped, as forward within a step.
+fn assert_drawn(scene: &Scene, what: &str) {
+    let plans = originals(scene);
+    let order = DrawOrder::AsGiven;
+    let forward = render_as(gpu(), scene, &plans, order, ShaderForm::Text);
+    for form in [
+        "visibility-buffer",
+        "visibility-buffer:form=compute,vertices=kept",
+    ] {
+        let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
+        let targets = [preshade::emit::Target::Wgsl];
+        preshade::emit::emit(&split[0], &targets, &preshade::emit::Options::default())
+            .unwrap_or_else(|e| panic!("{what}: {e}"));
+        let drawn = render_as(gpu(), scene, &split, order, ShaderForm::Text);
+        let found = difference(&forward, &drawn);
+        assert!(found.most <= 1, "{what}, {form}: {found:?}");
+    }
+}
+
+/// What is drawn that is no number is stored in no other way.
+#[test]
+fn what_is_no_number_is_stored_as_it_is_drawn() {
+    for format in ["rgba8unorm", "rgba8unorm-srgb"] {
+        for body in [
+            "return vec4(pow(in.world - 0.3, vec3(2.2)), 1.0) * object.tint;",
+            "return vec4(0.5, 0.2, 0.4, sqrt(in.world.x));",
+            "let far = in.world.x * 1e20 * 1e20; return vec4(far, -far, far - far, 1.0);",
+        ] {
+            let mut material = shader("none", "", "", "", body);
+            material.state.targets = vec![Some(ColorTarget::opaque(format))];
+            let scene = floor(material);
+            let plans = originals(&scene);
+            let order = DrawOrder::AsGiven;
+            let forward = render_as(gpu(), &scene, &plans, order, ShaderForm::Text);
+            for form in [
+                "visibility-buffer",
+                "visibility-buffer:form=compute",
+                "visibility-buffer:form=binned",
+            ] {
+                let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
+                let drawn = render_as(gpu(), &scene, &split, order, ShaderForm::Text);
+                let found = difference(&forward, &drawn);
+                // At the edge of what is a number a last bit decides.
+                let pixels = (scene.size[0] * scene.size[1]) as usize;
+                let far = |p: &[u8], q: &[u8]| p.iter().zip(q).any(|(p, q)| p.abs_diff(*q) > 1);
+                let [a, b] = [&forward, &drawn].map(|r| &r.colors[0].as_ref().unwrap().bytes);
+                let beyond = a
+                    .chunks_exact(4)
+                    .zip(b.chunks_exact(4))
+                    .filter(|(p, q)| far(p, q));
+                let beyond = beyond.count();
+                assert!(
+                    beyond * 1000 <= pixels,
+                    "{format}, {form}, {body}: {beyond}, {found:?}"
+                );
+            }
+        }
+    }
+}
+
+/// A colour that goes to no target, and one of half precision where the adapter has it.
+#[test]
+fn colours_are_stored_where_there_is_a_target() {
+    let text = shader("two", "", "", "", "return object.tint;");
+    let text = text.program.author_text().unwrap().to_owned();
+    let stage = "struct Two { @location(0) first: vec4<f32>, @location(1) second: vec4<f32> }
+@fragment fn fs(in: Out) -> Two { return Two(vec4(0.5 + 0.4 * sin(in.world), 1.0), vec4(in.uv, 0.0, 1.0)); }";
+    let text = format!("{}{stage}", &text[..text.find("@fragment").unwrap()]);
+    let mut two = material("two", &text);
+    two.state.primitive.cull = CullMode::None;
+    assert_rounds(&floor(two));
+    let half = shader("half", "", "", "", "return object.tint;");
+    let half = half.program.author_text().unwrap().to_owned();
+    let stage = "@fragment fn fs(in: Out) -> @location(0) vec4<f16> { return vec4<f16>(vec4(0.5 + 0.4 * sin(in.world), 1.0)); }";
+    let half = format!(
+        "enable f16;\n{}{stage}",
+        &half[..half.find("@fragment").unwrap()]
+    );
+    let half = floor(material("half", &half));
+    for form in [
+        "visibility-buffer:form=compute",
+        "visibility-buffer:form=binned",
+    ] {
+        let plan = split(&originals(&half)[0], form);
+        let targets = [preshade::emit::Target::Wgsl];
+        preshade::emit::emit(&plan, &targets, &preshade::emit::Options::default()).unwrap();
     }
 }
 

@@ -46,14 +46,14 @@ pub struct ShaderArgs {
     pub state: StateArgs,
 }
 
-/// How GLSL is read.
+/// How GLSL is read, and WGSL with imports.
 #[derive(Clone, Default, clap::Args)]
-#[command(next_help_heading = "GLSL")]
+#[command(next_help_heading = "GLSL, and WGSL with imports")]
 pub struct GlslArgs {
-    /// A folder for #include, after the including file's own; may be given several times.
+    /// A folder for #include, after the including file's own, or with the modules of #import and WESL; may be given several times.
     #[arg(long, value_name = "DIR")]
     pub include: Vec<PathBuf>,
-    /// Define a macro, as 1 where no value is given; may be given several times.
+    /// Define a macro, as 1 where no value is given, or what #ifdef and @if ask for; may be given several times.
     #[arg(long, value_name = "NAME[=VALUE]")]
     pub define: Vec<String>,
     /// Depth of clip space that positions are written for; default: OpenGL's, but for Vulkan's GLSL.

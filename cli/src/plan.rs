@@ -21,6 +21,7 @@ use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 use crate::limits::LimitArgs;
 use crate::many;
 use crate::output::{self, Progress};
+use crate::rewrite::check_name;
 use crate::verify::{OrderArg, guesses, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table};
@@ -149,6 +150,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .iter()
         .map(|path| scene(args, path))
         .collect::<Result<_, _>>()?;
+    if args.out.is_some() {
+        let mut materials = loaded.iter().flat_map(|s| &s.materials);
+        materials.try_for_each(|m| check_name(&m.name))?;
+    }
     let gpu = Gpu::new(&choice)?;
     let model = match args.time {
         TimeArg::No if args.model.is_none() => Model::nominal(),

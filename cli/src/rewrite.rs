@@ -587,7 +587,7 @@ fn texts(plan: &Plan) -> String {
 }
 
 /// A material's name begins its files' names, so it must not lead out of the folder.
-fn check_name(material: &str) -> Result<(), Failure> {
+pub fn check_name(material: &str) -> Result<(), Failure> {
     if material.is_empty() || material.contains(['/', '\\']) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"

@@ -498,26 +498,31 @@ fn reports_escape_every_name() {
         )
         .replace("eye =", &format!("name = \"{evil}\"\neye ="));
     let here = folder("names", &scene, "let drawn_by_script_tag = 1;");
-    let args = [
-        "explore",
-        "a.toml",
-        "--seconds",
-        "4",
-        "--size",
-        "32x24",
-        "--pass",
-        "depth-prepass",
-        "--out",
-        "out",
-    ];
-    let output = run(&here, &args);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let page = fs::read_to_string(here.join("out/report.html")).unwrap();
-    assert!(
-        !page.contains("<script>alert") && !page.contains("<img src=x"),
-        "a name is markup"
-    );
-    // Its own two: what it carries as data, and what draws it.
-    assert_eq!(page.matches("<script").count(), 2);
-    assert!(page.contains("alert(1)"));
+    // Where shaders are written too, a name may not lead out of the folder.
+    let output = run(&here, &["plan", "a.toml", "--time", "no", "--out", "plan"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("cannot begin a file name"));
+    fs::write(here.join("b.toml"), scene.replace("<\\\\/script>", "")).unwrap();
+    let explore: &[&str] = &["explore", "--seconds", "4", "--pass", "depth-prepass"];
+    let verify: &[&str] = &["verify", "--time", "no", "--pass", "depth-prepass"];
+    let plan: &[&str] = &["plan", "--time", "no"];
+    for command in [explore, verify, plan] {
+        let file = if command[0] == "plan" {
+            "b.toml"
+        } else {
+            "a.toml"
+        };
+        let rest = [file, "--size", "32x24", "--out", command[0]];
+        let output = run(&here, &[command, &rest].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let page = fs::read_to_string(here.join(command[0]).join("report.html")).unwrap();
+        assert!(
+            !page.contains("<script>alert") && !page.contains("<img src=x"),
+            "a name is markup in the page of {}",
+            command[0]
+        );
+        // Its own two: what it carries as data, and what draws it.
+        assert_eq!(page.matches("<script").count(), 2);
+        assert!(page.contains("alert(1)"));
+    }
 }

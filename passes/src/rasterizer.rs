@@ -7,9 +7,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Corners {
-    /// Where the vertex stage puts them: nearest to what the author means, and to rasterisers that interpolate from unsnapped positions.
-    #[default]
+    /// Where the vertex stage puts them, and beyond the triangle where a pixel's centre lies outside of it (coverage is of snapped corners): for rasterisers that interpolate by planes
+    /// through unsnapped positions.
     AsGiven,
+    /// The same, but a centre outside of the triangle takes its edge's value: for adapters that nobody has looked at. Nothing is made up far from the triangle, whichever they do.
+    #[default]
+    Held,
     /// On the nearest 1/256 of a pixel, where rasterisers put them (Direct3D asks for 8 bits; Vulkan reports `subPixelPrecisionBits`), if the triangle is not clipped and no
     /// corner is more than 131,072 pixels away: for those that interpolate from there.
     Snapped,
@@ -43,7 +46,7 @@ pub struct Rasterizer {
 impl Default for Rasterizer {
     fn default() -> Self {
         Self {
-            corners: Corners::AsGiven,
+            corners: Corners::Held,
             derivatives: Neighbours::Own,
             coarse: Neighbours::Quad,
             samples: Neighbours::Quad,

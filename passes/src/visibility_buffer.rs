@@ -36,6 +36,7 @@ mod jumps;
 mod kept;
 mod legal;
 mod lists;
+mod names;
 mod params;
 mod parts;
 mod resolve;
@@ -135,33 +136,16 @@ fn alone(plan: &Plan) -> Plan {
         .filter_map(|(stage, name)| Some((stage, name?)))
         .collect();
     let mut module = place::retain(program.module(), &kept);
-    for entry in &mut module.entry_points {
-        entry.name = named(&entry.name);
-    }
+    names::without_ours(&mut module);
     // A program that was valid is so with less in it.
     if let Ok(program) = program.with_module(module) {
         plan.programs.insert(pass.program, program);
         for pass in plan.passes.iter_mut().filter(|p| p.role == Role::Main) {
-            pass.vertex = named(&pass.vertex);
-            pass.fragment = pass.fragment.as_deref().map(named);
+            pass.vertex = names::given(&pass.vertex);
+            pass.fragment = pass.fragment.as_deref().map(names::given);
         }
     }
     plan
-}
-
-/// An author's entry point by a name that is none of ours.
-fn named(name: &str) -> String {
-    let ours = [
-        ids::VERTEX,
-        ids::FRAGMENT,
-        resolve::VERTEX,
-        resolve::FRAGMENT,
-        resolve::COMPUTE,
-    ];
-    match ours.contains(&name) {
-        true => format!("{name}_given"),
-        false => name.to_owned(),
-    }
 }
 
 fn refuse(code: &str, reason: impl Into<String>, remedy: &str) -> Refusal {
@@ -281,13 +265,24 @@ impl<'a> Material<'a> {
             Form::Fragment => self.resolve(&mut next, params, slots)?,
             Form::Compute | Form::Binned => self.compute(&mut next, params, slots)?,
         }
+        for program in next.programs.values_mut() {
+            let mut module = program.module().clone();
+            if module.overrides.is_empty() {
+                continue;
+            }
+            names::give_way_to_overrides(&mut module);
+            *program = program
+                .with_module(module)
+                .map_err(|e| bug(e.to_string()))?;
+        }
         let k = self.site(params).cost.slice.ceil() as u32;
         let reached = self.reached(params)?;
         let given = self.assumptions(params, &reached);
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
             site: self.depth.key(&self.opaque),
-            params: serde_json::to_value(params.of_taken(reached.taken)).unwrap_or_default(),
+            params: serde_json::to_value(params.of_taken(reached.interpolated, reached.taken))
+                .unwrap_or_default(),
             contract: match params.budget {
                 None => Contract::Rounding {
                     k,

@@ -39,6 +39,9 @@ pub struct Decision {
     pub plans: Vec<PlanReport>,
     /// The views they were weighed in.
     pub views: Vec<ViewReport>,
+    /// Why the pictures tell less than they seem to: one colour alone, attributes that are made up.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// What switching costs beside holding to one plan, by rule of the policy; `None` of one without a switch.
     pub switch_cost: Vec<Option<SwitchCost>>,
     /// What predicted.

@@ -16,10 +16,11 @@ use super::policy::{Hold, Measure, Rule, policy};
 use super::stage::{self, Subject};
 use super::work::{Counted, Drawn, drawn};
 use super::{Error, reasons};
+use crate::measure::telling::{self, Colours};
 use crate::measure::{self, Clock, Estimate, TimingSettings};
 use crate::recipe::Recipe;
 use crate::render::{Gpu, SceneInputs, ShaderForm};
-use crate::scene::{Frame, Scene};
+use crate::scene::{Frame, Scene, bind};
 
 /// Whether anything is timed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -116,6 +117,7 @@ struct Measured {
     clock: Option<Clock>,
     times: Vec<Vec<Option<Estimate>>>,
     table: Table,
+    colours: Colours,
 }
 
 /// Decides what each material of a scene is to become. `recipes` are those to weigh, whose choices are made; `progress` is told the part done, and what is being done.
@@ -223,7 +225,9 @@ fn measure_all(
     let views = &scouted.views;
     for (done, (view, frame)) in views.iter().enumerate() {
         progress(done as f64 / views.len() as f64, view.to_string());
-        stage::compare(inputs, subjects, view, frame)?;
+        if let Some(reference) = stage::compare(inputs, subjects, view, frame)? {
+            measured.colours.look(&reference);
+        }
         let of = (frame, view.order);
         let (clock, timings) = stage::time(gpu, inputs, subjects, of, &settings.timing)?;
         measured.clock = Some(clock);
@@ -355,6 +359,10 @@ fn report(
         materials: Vec::new(),
         plans,
         views,
+        warnings: telling::missing_attributes(&bind::guessed(scene))
+            .into_iter()
+            .chain(measured.colours.warning())
+            .collect(),
         switch_cost: Vec::new(),
         model: settings.model.clone(),
     };

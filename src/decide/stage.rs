@@ -96,7 +96,7 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// Draws one view with every subject and compares each with the first, which is the original. A picture that breaks a promise puts its subject out.
+/// Draws one view with every subject and compares each with the first, which is the original and whose picture is given back. A picture that breaks a promise puts its subject out.
 ///
 /// # Errors
 /// When the original cannot be drawn, or the adapter is lost.
@@ -105,13 +105,13 @@ pub fn compare(
     subjects: &mut [Subject<'_>],
     view: &View,
     frame: &Frame,
-) -> Result<(), Error> {
+) -> Result<Option<Rendered>, Error> {
     inputs.set_frame(frame)?;
     let [original, others @ ..] = subjects else {
-        return Ok(());
+        return Ok(None);
     };
     let Some(reference) = original.draw(frame, view.order)? else {
-        return Ok(());
+        return Ok(None);
     };
     original.verdict = Verdict::Holds;
     for subject in others.iter_mut().filter(|s| s.is_standing()) {
@@ -131,7 +131,7 @@ pub fn compare(
             },
         };
     }
-    Ok(())
+    Ok(Some(reference))
 }
 
 /// Times one view with every subject that stands; `None` for the others.

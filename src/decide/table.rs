@@ -25,6 +25,7 @@ pub fn render(decision: &Decision) -> String {
         String::new(),
     ];
     lines.extend(policy(decision));
+    lines.extend(decision.warnings.iter().map(|w| format!("Warning: {w}.")));
     for material in &decision.materials {
         let recipes: Vec<&str> = material
             .recipes

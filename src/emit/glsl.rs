@@ -6,6 +6,7 @@ mod loosen;
 mod read_back;
 mod std140;
 mod text;
+mod twins;
 mod words;
 
 use naga::back::glsl::{
@@ -27,7 +28,7 @@ use self::author::Authored;
 use self::text::Dialect;
 use super::overrides::{self, Settled};
 use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
-use super::{ClipSpace, Error, Options, Target};
+use super::{ClipSpace, Error, Options, Target, reduce};
 
 /// The program made ready to be written under its author's names.
 pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, Error> {
@@ -38,6 +39,9 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
             what: format!("{what}, which a block laid out by std140 has not"),
             remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
         },
+        author::Failed::Samplers => {
+            inexpressible(&glsl::Error::ImageMultipleSamplers, name, target)
+        }
         author::Failed::Names(what) => Error::Writer {
             file: name.to_owned(),
             target,
@@ -74,7 +78,13 @@ pub(super) fn write_named(
         false => *options,
     };
     let numbered = program.module();
-    let (mut text, said) = write(program, numbered, stage, entry, name, target, &options)?;
+    let (mut text, mut said) = write(program, numbered, stage, entry, name, target, &options)?;
+    for texture in &mut said.textures {
+        let [group, binding] = texture.texture;
+        if let Some(author) = authored.twins.get(&ResourceBinding { group, binding }) {
+            texture.texture = [author.group, author.binding];
+        }
+    }
     refuse_later_functions(&text, name, target)?;
     if turned {
         text = text.replace(TURNED, OWN_DEPTH);
@@ -143,6 +153,12 @@ pub(super) fn write(
     target: Target,
     options: &Options,
 ) -> Result<(String, StageFile), Error> {
+    // naga writes the functions of every stage into each.
+    let program = &reduce::to_stage(program, stage, entry).map_err(|invalid| Error::Writer {
+        file: name.to_owned(),
+        target,
+        message: invalid.to_string(),
+    })?;
     let settled = overrides::settle(program, stage, entry, name, target)?;
     let (module, info) = match &settled {
         Some(Settled { module, info }) => (module, info),
@@ -384,6 +400,10 @@ fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
             "one texture is sampled with two samplers, but GLSL combines a texture with one"
                 .to_owned(),
             "declare the texture twice",
+        ),
+        glsl::Error::UnsupportedExternal(function) if target == Target::GlslEs300 => (
+            format!("the function {function}"),
+            "emit GLSL 4.50, WGSL or SPIR-V",
         ),
         glsl::Error::FirstSamplingNotSupported => (
             "flat interpolation from the first vertex, said explicitly".to_owned(),

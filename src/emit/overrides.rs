@@ -56,6 +56,7 @@ impl Settled {
             let constant = constants.find(|c| c.name.is_some() && c.name == *name)?;
             match self.module.global_expressions[constant.init] {
                 Expression::Literal(literal) => number(literal),
+                Expression::ZeroValue(_) => Some(0.0),
                 _ => None,
             }
         };

@@ -1,8 +1,8 @@
 //! A program without what its passes do not use.
 
-use naga::{ShaderStage, compact};
+use naga::{Module, ShaderStage, compact};
 use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use preshade_passes::program::{Invalid, Program};
 
 use super::{Error, Stage};
 
@@ -26,10 +26,23 @@ pub(super) fn reduce(plan: &Plan, key: &str, stages: &[Stage]) -> Result<Program
     }
     let used =
         |stage: ShaderStage, name: &str| stages.iter().any(|s| s.stage == stage && s.entry == name);
+    program
+        .with_module(reduced(program, used))
+        .map_err(|invalid| broken(format!("its program `{key}` is invalid: {invalid}")))
+}
+
+/// The program with one entry point and what that needs, no more.
+pub(super) fn to_stage(
+    program: &Program,
+    stage: ShaderStage,
+    entry: &str,
+) -> Result<Program, Box<Invalid>> {
+    program.with_module(reduced(program, |s, name| s == stage && name == entry))
+}
+
+fn reduced(program: &Program, used: impl Fn(ShaderStage, &str) -> bool) -> Module {
     let mut module = program.module().clone();
     module.entry_points.retain(|e| used(e.stage, &e.name));
     compact::compact(&mut module, compact::KeepUnused::No);
-    program
-        .with_module(module)
-        .map_err(|invalid| broken(format!("its program `{key}` is invalid: {invalid}")))
+    module
 }

@@ -62,16 +62,27 @@ pub(super) fn not_built(source: &Source, language: &str, feature: &str) -> Error
     .note(format!("build preshade with the feature `{feature}`"))
 }
 
-/// Files below the folders given, with one of the endings, each with its path; the same order each time.
+/// Files below the folders given, with one of the endings, each once and with its path; the same order each time.
 #[cfg(feature = "naga-oil")]
 pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::PathBuf, String)> {
-    fn walk(folder: &Path, ending: &str, out: &mut Vec<(std::path::PathBuf, String)>) {
+    type Seen = std::collections::HashSet<std::path::PathBuf>;
+    fn walk(
+        folder: &Path,
+        ending: &str,
+        seen: &mut Seen,
+        out: &mut Vec<(std::path::PathBuf, String)>,
+    ) {
         let entries = std::fs::read_dir(folder).into_iter().flatten();
         let mut paths: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
         paths.sort();
         for path in paths {
+            // A link may lead back, and one folder given may lie in another.
+            let is_new = path.canonicalize().is_ok_and(|whole| seen.insert(whole));
+            if !is_new {
+                continue;
+            }
             if path.is_dir() {
-                walk(&path, ending, out);
+                walk(&path, ending, seen, out);
             } else if path.extension().is_some_and(|e| e == ending)
                 && let Ok(text) = std::fs::read_to_string(&path)
             {
@@ -79,17 +90,25 @@ pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::Pa
             }
         }
     }
+    let mut seen = Seen::new();
     let mut out = Vec::new();
     for folder in folders {
-        walk(folder, ending, &mut out);
+        walk(folder, ending, &mut seen, &mut out);
     }
     out
 }
 
+/// Where a file lies: names are relative to [`Options::root`], where there is one.
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+pub(super) fn path_of(source: &Source, options: &Options) -> std::path::PathBuf {
+    let root = options.root.as_deref().unwrap_or(Path::new(""));
+    root.join(&source.name)
+}
+
 /// The folder that a file is in.
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
-pub(super) fn beside(source: &Source) -> &Path {
-    match Path::new(&source.name).parent() {
+pub(super) fn beside(path: &Path) -> &Path {
+    match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }

@@ -1,6 +1,6 @@
 //! Which entry points draw the material, and whether the two stages fit.
 
-use naga::{Binding, Module, ShaderStage, Span};
+use naga::{Binding, Module, ShaderStage, Span, compact};
 use preshade_passes::program::SourceMap;
 use preshade_passes::reflect;
 
@@ -140,6 +140,26 @@ fn one(
                 .filter_map(|n| at(n))
                 .fold(error, |e, span| e.label(span, ""));
             Err(error.note(format!("choose one with --{stage} NAME")))
+        }
+    }
+}
+
+/// Of two files the one that has nothing but a fragment stage, or nothing but a vertex stage, was named for it: the other's entry points of that stage are left out, with what they alone need.
+/// Bevy's `mesh.wgsl` has a fragment stage that paints meshes pink.
+pub(super) fn give_up_the_others_stage(first: &mut Module, second: &mut Module) {
+    let only = |module: &Module, stage: ShaderStage| {
+        let mut stages = module.entry_points.iter().map(|e| e.stage).peekable();
+        stages.peek().is_some() && stages.all(|s| s == stage)
+    };
+    for stage in [ShaderStage::Vertex, ShaderStage::Fragment] {
+        let other = match (only(first, stage), only(second, stage)) {
+            (true, false) => &mut *second,
+            (false, true) => &mut *first,
+            _ => continue,
+        };
+        if other.entry_points.iter().any(|e| e.stage == stage) {
+            other.entry_points.retain(|e| e.stage != stage);
+            compact::compact(other, compact::KeepUnused::No);
         }
     }
 }

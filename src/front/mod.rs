@@ -259,7 +259,8 @@ fn assemble(
     let Some(mut module) = modules.next() else {
         return Err(Error::new(Code::Empty, "no source is given"));
     };
-    if let Some(second) = modules.next() {
+    if let Some(mut second) = modules.next() {
+        entry::give_up_the_others_stage(&mut module, &mut second);
         // GLSL's spans are the map's already.
         let base = match language {
             Language::Wgsl => bases.get(1).copied().unwrap_or(0),

@@ -1,21 +1,22 @@
 //! naga_oil's dialect, Bevy's until 0.19: modules that name themselves by `#define_import_path`, put together by the crate [`naga_oil`](https://docs.rs/naga_oil).
 //!
 //! Modules are looked for in the WGSL files below the folders of `Options::include`, and beside the file. What the composer makes is a module, which is written as WGSL and read
-//! as any other: places are those of that text. The composer's own errors have the author's.
+//! as any other: places are those of that text. The composer's own errors have the author's. What the file's entry points do not reach is left out: the composer brings each imported
+//! module whole, and a file's imports are not all of one pipeline (Bevy's `mesh.wgsl` imports bindings of the pre-pass and of the main pass, which have the same numbers).
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use naga::valid::Capabilities;
-use naga::{Module, TypeInner};
+use naga::{Module, TypeInner, compact};
 use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, ComposerError, NagaModuleDescriptor, ShaderDefValue,
     get_preprocessor_data,
 };
 use preshade_passes::program::{Language, Program};
 
-use super::dialect::{Defined, beside, definitions, files_below};
+use super::dialect::{Defined, beside, definitions, files_below, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
 use crate::emit::wgsl;
@@ -41,10 +42,12 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
             (name, value)
         })
         .collect();
-    let mut folders: Vec<&Path> = vec![beside(source)];
+    let path = path_of(source, options);
+    let mut folders: Vec<&Path> = vec![beside(&path)];
     folders.extend(options.include.iter().map(PathBuf::as_path));
     let mut library = Library {
         files: HashMap::new(),
+        twice: HashMap::new(),
         composer: Composer::non_validating().with_capabilities(Capabilities::all()),
     };
     for (path, text) in files_below(&folders, "wgsl") {
@@ -52,11 +55,19 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
         if let Some(name) = name {
             let imports = imports.into_iter().map(|i| i.import).collect();
             let path = path.display().to_string();
-            library.files.entry(name).or_insert(File {
-                path,
-                text,
-                imports,
-            });
+            match library.files.get(&name) {
+                None => {
+                    let file = File {
+                        path,
+                        text,
+                        imports,
+                    };
+                    library.files.insert(name, file);
+                }
+                // Files of other names are a package's choices (Bevy has one for want of meshlets): the first goes.
+                Some(first) if first.text == text || !same_file_name(&first.path, &path) => {}
+                Some(_) => drop(library.twice.entry(name).or_insert(path)),
+            }
         }
     }
     let (_, imports, _) = get_preprocessor_data(&source.text);
@@ -71,7 +82,12 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
     });
     let mut module = made.map_err(|e| library.error(&source.name, &e))?;
     plain_names(&mut module);
+    compact::compact(&mut module, compact::KeepUnused::No);
     Ok(module)
+}
+
+fn same_file_name(a: &str, b: &str) -> bool {
+    Path::new(a).file_name() == Path::new(b).file_name()
 }
 
 struct File {
@@ -81,7 +97,10 @@ struct File {
 }
 
 struct Library {
+    /// By the name that a module gives itself.
     files: HashMap<String, File>,
+    /// Another file with the same name, for a module and for itself, and another text, as two versions of a package have it.
+    twice: HashMap<String, String>,
     composer: Composer,
 }
 
@@ -91,6 +110,13 @@ impl Library {
         let Some(file) = self.files.remove(name) else {
             return Ok(());
         };
+        if let Some(other) = self.twice.get(name) {
+            return Err(Error::new(
+                Code::Sources,
+                format!("{} and {other} are both `{name}`", file.path),
+            )
+            .note("include the folder of the one that is meant, and not the other's"));
+        }
         for import in &file.imports {
             self.add(import)?;
         }
@@ -113,7 +139,7 @@ impl Library {
     }
 }
 
-/// Names without the mark of the module that they are from.
+/// Names without the mark of the module that they are from; those of variables that a host binds stay whatever else is called so.
 fn plain_names(module: &mut Module) {
     fn plain(name: &mut Option<String>) {
         if let Some(name) = name
@@ -148,5 +174,29 @@ fn plain_names(module: &mut Module) {
         .for_each(|(_, c)| plain(&mut c.name));
     for (_, function) in module.functions.iter_mut() {
         plain(&mut function.name);
+    }
+    // Modules have names apart, what comes of them has not, and naga's writer names variables of the module last: what a host sees keeps its name.
+    let globals = module.global_variables.iter();
+    let taken: HashSet<String> = globals.filter_map(|(_, g)| g.name.clone()).collect();
+    let give_way = |name: &mut String, ending: &str| {
+        if taken.contains(name) {
+            name.push_str(ending);
+        }
+    };
+    let functions = module.functions.iter_mut().map(|(_, f)| f);
+    for function in functions.chain(module.entry_points.iter_mut().map(|e| &mut e.function)) {
+        let arguments = function.arguments.iter_mut().map(|a| &mut a.name);
+        let locals = function
+            .local_variables
+            .iter_mut()
+            .map(|(_, l)| &mut l.name);
+        let inner = arguments.chain(locals).flatten();
+        for name in inner.chain(function.named_expressions.values_mut()) {
+            give_way(name, "_local");
+        }
+        function
+            .name
+            .iter_mut()
+            .for_each(|name| give_way(name, "_function"));
     }
 }

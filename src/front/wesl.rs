@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use wesl::syntax::PathOrigin;
 use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
 
-use super::dialect::{Defined, beside, definitions};
+use super::dialect::{Defined, beside, definitions, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
 
@@ -23,9 +23,9 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Erro
         let on = !matches!(value, Defined::Bool(false) | Defined::Int(0));
         features.flags.insert(name, Feature::from(on));
     }
-    let root = package(beside(source));
-    let file = Path::new(&source.name);
-    let below = file.strip_prefix(&root).unwrap_or(file).with_extension("");
+    let file = path_of(source, options);
+    let root = package(beside(&file));
+    let below = file.strip_prefix(&root).unwrap_or(&file).with_extension("");
     let components: Vec<String> = below
         .iter()
         .map(|c| c.to_string_lossy().into_owned())
@@ -42,10 +42,20 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Erro
     };
     let compiled = wesl::compile_sourcemap(&path, &resolver, &EscapeMangler, &compile);
     compiled.map(|c| c.to_string()).map_err(|e| {
-        let message = e.to_string();
+        let message = without_colors(&e.to_string());
         let first = message.lines().next().unwrap_or_default();
         Error::new(Code::Parse, format!("{}: {first}", source.name)).note(message.clone())
     })
+}
+
+/// Without the escape sequences that colour a terminal (ECMA-48 8.3.117), which the crate writes wherever its text goes.
+fn without_colors(text: &str) -> String {
+    let mut parts = text.split("\u{1b}[");
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        out.push_str(part.split_once('m').map_or(part, |(_, rest)| rest));
+    }
+    out
 }
 
 /// The folder of the package that a file in `folder` belongs to.

@@ -13,8 +13,8 @@ use crate::measure::{Error, Variant, estimate};
 use crate::render::{Prepared, Rendered};
 use crate::report::ORIGINAL;
 
-/// So many are timed whatever the time is.
-const LEAST_RACING: usize = 3;
+/// So many are drawn and timed, whatever the time is.
+pub(super) const LEAST_RACING: usize = 3;
 
 /// A candidate on its way.
 pub(super) struct Contender<'a> {
@@ -95,9 +95,7 @@ impl<'a> Arena<'a> {
         }
     }
 
-    /// Of those in a race as many as there is time to time, and with how many samples: fewer samples first, two at the least, then fewer of them, the slowest frames out. `None`: not one.
-    ///
-    /// A time that is up lets the fastest few through with two samples: without a time nothing can be said of any.
+    /// Of those in a race as many as there is time to time, and with how many samples ([`fitting`]). `None`: all have their times, and there is none left for another rung.
     pub(super) fn fitting(
         &mut self,
         mut racing: Vec<usize>,
@@ -106,30 +104,21 @@ impl<'a> Arena<'a> {
     ) -> Option<(Vec<usize>, usize)> {
         let submission = SUBMISSION.as_secs_f64() * 1e3;
         let once = |sight: f64| sight.max(submission) * 1e-3;
-        let original = once(self.first_sight);
-        let each: Vec<f64> = self.contenders.iter().map(|c| once(c.sight)).collect();
-        racing.sort_by(|a, b| each[*a].total_cmp(&each[*b]));
-        let left = left.as_secs_f64();
-        // Two frames each ahead of the samples.
-        let cost = |racing: &[usize], samples: usize| {
-            let all: f64 = racing.iter().map(|i| each[*i]).sum();
-            (original + all) * (samples + 2) as f64
+        let seconds = |i: usize| once(self.contenders[i].sight);
+        racing.sort_by(|a, b| seconds(*a).total_cmp(&seconds(*b)));
+        let each: Vec<f64> = racing.iter().map(|i| seconds(*i)).collect();
+        let fits = fitting(once(self.first_sight), &each, samples, left.as_secs_f64());
+        let has_time = |i: &usize| self.contenders[*i].point.speedup.is_some();
+        let (count, samples) = match fits {
+            Some(fits) => fits,
+            None if racing.iter().all(has_time) => return None,
+            // Without a time nothing can be said of any.
+            None => (LEAST_RACING.min(racing.len()), 2),
         };
-        let fewer = (1..=samples / 2).rev().map(|half| 2 * half);
-        let fits = fewer.clone().find(|n| cost(&racing, *n) <= left);
-        let samples = fits.unwrap_or(2);
-        let has_times = |i: &usize| self.contenders[*i].point.speedup.is_some();
-        if fits.is_none() {
-            // Another rung of what has its times already is not worth being late.
-            if racing.iter().all(has_times) {
-                return None;
-            }
-            while racing.len() > LEAST_RACING && cost(&racing, samples) > left {
-                let Some(slowest) = racing.pop() else { break };
-                if self.contenders[slowest].point.speedup.is_none() {
-                    let why = "there was no time left to time it".to_owned();
-                    self.contenders[slowest].out(Fate::NotMeasured { why });
-                }
+        for slow in racing.split_off(count) {
+            if self.contenders[slow].point.speedup.is_none() {
+                let why = "there was no time left to time it".to_owned();
+                self.contenders[slow].out(Fate::NotMeasured { why });
             }
         }
         racing.sort_unstable();
@@ -188,6 +177,23 @@ impl<'a> Arena<'a> {
     }
 }
 
+/// Of variants whose frame takes so many seconds, the fastest first, how many can be timed beside the original within `left` seconds, and with how many samples: all of them with at most `samples`, with
+/// fewer samples (an even number, two at the least), or else the fastest of them. `None`: not even [`LEAST_RACING`].
+fn fitting(original: f64, each: &[f64], samples: usize, left: f64) -> Option<(usize, usize)> {
+    // Two frames each ahead of the samples.
+    let cost = |count: usize, samples: usize| {
+        let all: f64 = each.iter().take(count).sum();
+        (original + all) * (samples + 2) as f64
+    };
+    let all = each.len();
+    let fewer = (1..=samples / 2).rev().map(|half| 2 * half);
+    if let Some(samples) = fewer.clone().find(|n| cost(all, *n) <= left) {
+        return Some((all, samples));
+    }
+    let some = (LEAST_RACING..all).rev().find(|n| cost(*n, 2) <= left);
+    some.map(|count| (count, 2))
+}
+
 impl Contender<'_> {
     /// Takes it out of the race.
     pub(super) fn out(&mut self, fate: Fate) {
@@ -204,5 +210,22 @@ impl Contender<'_> {
             self.point.speedup = Some(estimate(&self.ratios, seed));
             self.point.time_ms = Some(estimate(&self.times, seed));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fitting;
+
+    #[test]
+    fn fewer_samples_and_then_fewer_variants() {
+        let each = [0.01, 0.02, 0.03, 0.04, 0.1];
+        // (0.1 + 0.2) seconds a round, two rounds ahead.
+        assert_eq!(fitting(0.1, &each, 6, 2.5), Some((5, 6)));
+        assert_eq!(fitting(0.1, &each, 6, 2.3), Some((5, 4)));
+        assert_eq!(fitting(0.1, &each, 24, 1.3), Some((5, 2)));
+        // The slowest is out: 4 * (0.1 + 0.1) seconds.
+        assert_eq!(fitting(0.1, &each, 24, 0.9), Some((4, 2)));
+        assert_eq!(fitting(0.1, &each, 24, 0.5), None);
     }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 
-use super::arena::{Arena, Contender};
+use super::arena::{Arena, Contender, LEAST_RACING};
 use super::explore::{Fate, Point, Settings, Stage};
 use super::journal::{self, Entry, Journal};
 use super::predict::{Prediction, Predictor, hopeless};
@@ -126,10 +126,10 @@ impl<'a> Search<'a> {
         let mut kept = Vec::new();
         for (candidate, prediction) in candidates.into_iter().zip(predictions) {
             // Of shaders that take long to rewrite the rest is not thought of.
-            if watch.going_on(by).is_break() {
+            if watch.left(by).is_zero() && kept.len() >= LEAST_RACING {
+                watch.late = true;
                 break;
             }
-            watch.at(Stage::Drawing, format!("applying {}", candidate.recipe));
             // What stands on a refused one is refused for its reason, and not worth a line.
             if refused.iter().any(|r| candidate.stands_on(r)) {
                 continue;
@@ -192,7 +192,6 @@ impl<'a> Search<'a> {
             });
         }
         arena.contenders.extend(admitted);
-        watch.forgive();
     }
 
     /// The order to draw in: what nothing is predicted of first, then layer by layer of what is predicted to be beaten by nothing, by nothing left, and so on.
@@ -250,7 +249,9 @@ impl<'a> Search<'a> {
                     arena.contenders[i].point.name
                 ),
             );
-            if watch.going_on(by).is_break() {
+            // A few are drawn while there is any time: of none nothing can be said.
+            let few = arena.drawn < LEAST_RACING && !watch.left(1.0).is_zero();
+            if watch.going_on(by).is_break() && (!few || watch.over().is_some()) {
                 let why = watch.over().unwrap_or("there was no time left to draw it");
                 arena.contenders[i].out(Fate::NotMeasured {
                     why: why.to_owned(),

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::render::{ColorImage, DepthImage, Rendered};
 
-/// One step of 8 bits, and what comes of telling a step as a float.
-const STEP: f64 = 1.0 / 255.0 + 1e-6;
+/// One step of 8 bits.
+const STEP: f64 = 1.0 / 255.0;
 
 /// The difference between an original and a variant of one view.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -20,7 +20,10 @@ pub struct ErrorLadder {
     /// written as `null` in JSON then.
     #[serde(deserialize_with = "or_infinite")]
     pub max_abs: f64,
-    /// Pixels where a colour channel differs by more than one step of 8 bits: more than a rounding may, that nothing decides by.
+    /// Largest difference of a colour channel in steps: of 8 bits, or between neighbouring numbers of the target's format where they lie further apart.
+    #[serde(default, deserialize_with = "or_infinite")]
+    pub max_steps: f64,
+    /// Pixels where a colour channel differs by more than one step: more than a rounding may, that nothing decides by.
     #[serde(default)]
     pub beyond_step: u64,
     /// Pixels of the picture.
@@ -65,6 +68,7 @@ impl ErrorLadder {
             changed_alpha: self.changed_alpha.max(other.changed_alpha),
             changed_depth: self.changed_depth.max(other.changed_depth),
             max_abs: self.max_abs.max(other.max_abs),
+            max_steps: self.max_steps.max(other.max_steps),
             beyond_step: self.beyond_step.max(other.beyond_step),
             pixels: self.pixels.max(other.pixels),
             flip_mean: self.flip_mean.max(other.flip_mean),
@@ -128,7 +132,9 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
                     false => distance,
                 };
                 out.max_abs = out.max_abs.max(distance);
-                beyond[i] |= distance > STEP;
+                let step = step(a.format, p[c].abs().max(q[c].abs()));
+                out.max_steps = out.max_steps.max(distance / step);
+                beyond[i] |= distance > step + 1e-6;
             }
             let finite = |v: [f32; 4]| v.iter().all(|c| c.is_finite());
             non_finite[i] |= finite(p) && !finite(q);
@@ -159,6 +165,21 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
         (out.flip_mean, out.flip_p99) = flip(a, b);
     }
     Ok(out)
+}
+
+/// What a channel of that size may be off by for its last bit alone, and no less than a step of 8 bits.
+fn step(format: wgpu::TextureFormat, magnitude: f32) -> f64 {
+    use wgpu::TextureFormat::{R16Float, Rg11b10Ufloat, Rg16Float, Rgb9e5Ufloat, Rgba16Float};
+    // Bits of the significand after the first.
+    let bits = match format {
+        R16Float | Rg16Float | Rgba16Float => 10,
+        Rgb9e5Ufloat => 8,
+        // Of blue, the narrowest.
+        Rg11b10Ufloat => 5,
+        _ => return STEP,
+    };
+    let exponent = f64::from(magnitude.max(f32::MIN_POSITIVE)).log2().floor();
+    STEP.max((exponent - f64::from(bits)).exp2())
 }
 
 fn count(flags: &[bool]) -> u64 {

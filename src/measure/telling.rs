@@ -1,6 +1,6 @@
 //! Whether a scene's pictures can tell anything: of a picture of one colour nothing can be wrong but the outline.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::plan::Plan;
 use preshade_passes::state::CullMode;
@@ -47,19 +47,42 @@ impl Colours {
     }
 }
 
-/// What to say of attributes that a material reads and no mesh has.
-pub(crate) fn missing_attributes(guessed: &[Guessed]) -> Vec<String> {
+/// Beginnings of attributes that mean nothing where a mesh has none: it is not skinned, and not morphed.
+const WITHOUT: [&str; 5] = ["joint", "bone", "weight", "morph", "tangent"];
+
+/// Most materials that are named.
+const NAMED: usize = 3;
+
+/// What to say of attributes that materials read and their meshes do not have, where that is seen.
+pub(crate) fn missing_attributes(guessed: &[Guessed]) -> Option<String> {
+    let is_seen = |name: &str| {
+        let name = name.to_lowercase();
+        !WITHOUT.iter().any(|w| name.contains(w))
+    };
     let missing = guessed
         .iter()
-        .filter(|g| g.guess == Guess::AttributeSynthesised);
-    missing
-        .map(|g| {
-            format!(
-                "`{}` reads the vertex attribute `{}`, which its mesh does not have: it is the same made-up value at every vertex",
-                g.material, g.name
-            )
+        .filter(|g| g.guess == Guess::AttributeSynthesised && is_seen(&g.name));
+    let mut by_name: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for g in missing {
+        by_name.entry(&g.name).or_default().push(&g.material);
+    }
+    let each: Vec<String> = by_name
+        .iter()
+        .map(|(name, materials)| {
+            let named: Vec<&str> = materials.iter().copied().take(NAMED).collect();
+            let more = match materials.len().saturating_sub(NAMED) {
+                0 => String::new(),
+                n => format!(" and {n} more"),
+            };
+            format!("`{name}` of {}{more}", named.join(", "))
         })
-        .collect()
+        .collect();
+    (!each.is_empty()).then(|| {
+        format!(
+            "vertex attributes that a mesh does not have are one made-up value at every vertex: {}",
+            each.join("; ")
+        )
+    })
 }
 
 /// Whether something is seen once no face is dropped: every triangle faces away. `plans` are the original ones.
@@ -94,3 +117,28 @@ pub(crate) fn faces_away(
 
 /// What to say of a scene in which every triangle faces away.
 pub(crate) const FACES_AWAY: &str = "every triangle faces away and is culled: draw both sides (`--cull none`, or `state.primitive.cull = \"none\"` in a scene), or say which side is the front (`front_face`)";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attributes_that_are_seen_are_told_once() {
+        let of = |material: &str, name: &str| Guessed {
+            material: material.to_owned(),
+            name: name.to_owned(),
+            guess: Guess::AttributeSynthesised,
+        };
+        let all = [
+            of("a", "color"),
+            of("b", "color"),
+            of("c", "color"),
+            of("d", "color"),
+            of("a", "joints"),
+            of("a", "morph_offset_0"),
+        ];
+        let said = missing_attributes(&all).unwrap_or_default();
+        assert!(said.ends_with("`color` of a, b, c and 1 more"), "{said}");
+        assert_eq!(missing_attributes(&all[4..]), None);
+    }
+}

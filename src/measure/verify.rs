@@ -227,7 +227,7 @@ pub fn verify(
     }
     let assumed = bind::guessed(scene);
     let nothing = subjects.iter().all(|s| s.covered.unwrap_or(0) == 0);
-    let mut warnings = telling::missing_attributes(&assumed);
+    let mut warnings: Vec<String> = telling::missing_attributes(&assumed).into_iter().collect();
     // Of pictures with nothing in them the verdicts say more.
     warnings.extend(colours.warning().filter(|_| !nothing));
     let frames: Vec<_> = views.iter().map(|v| (v.frame, v.order)).collect();

@@ -78,9 +78,17 @@ impl Gallery {
     }
 }
 
+/// Widest picture of a page, in pixels. Larger ones are reduced by a whole factor: a page is read in a browser, and the pictures themselves lie beside it.
+const WIDEST: u32 = 1280;
+
 /// A picture as the text of a URL.
 fn data_uri(picture: &Picture) -> Result<String, Error> {
-    let bytes = sheet::opaque(picture.clone()).file("")?.bytes;
+    let opaque = sheet::opaque(picture.clone());
+    let shown = match picture.size[0].div_ceil(WIDEST) {
+        0 | 1 => opaque,
+        factor => sheet::reduce(&opaque, factor),
+    };
+    let bytes = shown.file("")?.bytes;
     let text = base64::engine::general_purpose::STANDARD.encode(bytes);
     Ok(format!("data:image/png;base64,{text}"))
 }

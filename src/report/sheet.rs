@@ -182,7 +182,7 @@ pub(super) fn opaque(mut picture: Picture) -> Picture {
 }
 
 /// Averages squares of `factor` pixels.
-fn reduce(picture: &Picture, factor: u32) -> Picture {
+pub(super) fn reduce(picture: &Picture, factor: u32) -> Picture {
     let [w, h] = picture.size;
     let size = [w / factor, h / factor];
     let mut rgba = Vec::with_capacity((size[0] * size[1] * 4) as usize);

@@ -225,6 +225,7 @@ fn meshes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
         ]
     };
     for mesh in &mut meshes {
+        paint(mesh);
         if wants.skin {
             Skin::default().apply(mesh);
         }
@@ -236,6 +237,33 @@ fn meshes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
         }
     }
     meshes
+}
+
+/// Gives a mesh colours that follow its positions: of a shader that shows them alone a white one would show nothing.
+fn paint(mesh: &mut Mesh) {
+    let Some(Stream::Float {
+        components: 3,
+        data,
+    }) = mesh.streams.get("position")
+    else {
+        return;
+    };
+    let smooth = |x: f32, phase: f32| 0.65 + 0.3 * (2.1 * x + phase).sin();
+    let of = |p: &[f32; 3]| {
+        let [x, y, z] = *p;
+        [
+            smooth(x, 0.0),
+            smooth(y, 1.0),
+            smooth(z + 0.5 * x, 2.0),
+            1.0,
+        ]
+    };
+    let data = data.as_chunks::<3>().0.iter().flat_map(of).collect();
+    let painted = Stream::Float {
+        components: 4,
+        data,
+    };
+    mesh.streams.insert("color".to_owned(), painted);
 }
 
 /// Which mesh stands where. A shader that places its own vertices is drawn in three places, should it look at a matrix.

@@ -282,7 +282,7 @@ impl Native {
                 let location = Some(&location);
                 if let Some(texture) = draw.textures.get(&name) {
                     let unit = draw.textures.keys().position(|k| *k == name).unwrap() as u32;
-                    self.bind_texture(unit, texture);
+                    self.bind_texture(unit, texture, uniform.utype);
                     gl.uniform_1_i32(location, unit as i32);
                     continue;
                 }
@@ -351,16 +351,16 @@ impl Native {
         Ok(())
     }
 
-    unsafe fn bind_texture(&self, unit: u32, texture: &Texture) {
+    unsafe fn bind_texture(&self, unit: u32, texture: &Texture, sampler: u32) {
         let gl = &self.gl;
         unsafe {
             let made = gl.create_texture().unwrap();
             gl.active_texture(glow::TEXTURE0 + unit);
             let cube = texture.layers == 6;
-            let target = if cube {
-                glow::TEXTURE_CUBE_MAP
-            } else {
-                glow::TEXTURE_2D
+            let target = match sampler {
+                glow::SAMPLER_2D_ARRAY => glow::TEXTURE_2D_ARRAY,
+                _ if cube => glow::TEXTURE_CUBE_MAP,
+                _ => glow::TEXTURE_2D,
             };
             gl.bind_texture(target, Some(made));
             gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 1);
@@ -371,6 +371,21 @@ impl Native {
             for (level, texels) in texture.levels.iter().enumerate() {
                 let [w, h] = texture.size.map(|n| (n >> level).max(1));
                 let layer = (4 * w * h) as usize;
+                if target == glow::TEXTURE_2D_ARRAY {
+                    gl.tex_image_3d(
+                        target,
+                        level as i32,
+                        format as i32,
+                        w,
+                        h,
+                        texture.layers as i32,
+                        0,
+                        glow::RGBA,
+                        glow::UNSIGNED_BYTE,
+                        glow::PixelUnpackData::Slice(Some(&texels[..texture.layers * layer])),
+                    );
+                    continue;
+                }
                 for i in 0..texture.layers {
                     let face = if cube {
                         glow::TEXTURE_CUBE_MAP_POSITIVE_X + i as u32

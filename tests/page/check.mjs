@@ -66,13 +66,18 @@ async function follow(page) {
     const target = await link.getAttribute('href');
     await link.focus();
     await page.keyboard.press('Enter');
-    await page.waitForFunction((hash) => location.hash === hash, target);
-    await page.waitForTimeout(100);
-    const there = await page.locator(target).evaluate((e) => {
-        const box = e.getBoundingClientRect();
-        return box.top >= 0 && box.top < innerHeight;
-    });
-    return there ? [] : [`${target} is not seen after its link was followed`];
+    const seen = page.waitForFunction(
+        (hash) => {
+            const box = document.querySelector(hash).getBoundingClientRect();
+            return location.hash === hash && box.top > -1 && box.top < innerHeight;
+        },
+        target,
+        { timeout: 5_000 },
+    );
+    return seen.then(
+        () => [],
+        () => [`${target} is not seen after its link was followed`],
+    );
 }
 
 for (const report of reports) {

@@ -152,6 +152,8 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             if of_position && is_place(expression) {
                 continue;
             }
+            // A depth, a w: made between the same corners.
+            out.interpolated |= of_position;
             out.samples |= matches!(expression, Expression::ImageSample { .. });
             // Of several, the one that stands first among the values: always the same.
             if let Some(name) = jumps(expression)

@@ -242,6 +242,13 @@ pub struct Stored {
     pub encoding: Encoding,
 }
 
+impl Stored {
+    /// Whether what is stored lies between 0 and 1.
+    pub fn is_normalized(&self) -> bool {
+        self.format == "rgba8unorm"
+    }
+}
+
 /// What is written of a colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {

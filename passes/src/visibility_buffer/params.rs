@@ -164,10 +164,11 @@ impl Params {
         })
     }
 
-    /// With nothing said of neighbours that the stage takes nothing of: what a plan says it rests on.
-    pub(super) fn of_taken(&self, taken: Taken) -> Self {
+    /// With nothing said of corners where nothing is interpolated between them, nor of neighbours that the stage takes nothing of: what a plan says it rests on.
+    pub(super) fn of_taken(&self, interpolated: bool, taken: Taken) -> Self {
         let kept = |is_taken: bool, said: Option<Neighbours>| said.filter(|_| is_taken);
         Self {
+            corners: self.corners.filter(|_| interpolated),
             derivatives: kept(taken.derivatives, self.derivatives),
             coarse: kept(taken.coarse, self.coarse),
             samples: kept(taken.samples, self.samples),
@@ -178,7 +179,10 @@ impl Params {
 
     /// What is said of the adapter that was seen to do otherwise, each as `parameter=choice` beside what was seen.
     pub(super) fn contradicting(&self, seen: &Rasterizer) -> Vec<[String; 2]> {
-        let corners = self.corners.filter(|said| *said != seen.corners);
+        let unseen = Corners::Held;
+        let corners = self
+            .corners
+            .filter(|said| *said != seen.corners && *said != unseen);
         let neighbours = [
             ("derivatives", self.derivatives, seen.derivatives),
             ("coarse", self.coarse, seen.coarse),

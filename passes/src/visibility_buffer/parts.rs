@@ -6,7 +6,12 @@ use crate::geometry::Formats;
 use crate::plan::{AttributeUse, BindingKind, BindingSource, BindingUse, GeometryPart, Visibility};
 use crate::program::Program;
 
-/// Behind all bindings of the last group that has any.
+/// Bindings that a group may have by WebGPU's own limit (`maxBindingsPerBindGroup`).
+const BINDINGS: u32 = 1000;
+/// More than a split ever binds of its own: an attribute has a stream, a colour a target.
+const OURS: u32 = 64;
+
+/// Behind all bindings of the last group that has any; where that is past what a group may have, in its first gap that is wide enough.
 pub fn slots(program: &Program) -> Slots {
     let bindings = || {
         let globals = program.module().global_variables.iter();
@@ -14,10 +19,22 @@ pub fn slots(program: &Program) -> Slots {
     };
     let group = bindings().map(|b| b.group).max().unwrap_or(0);
     let in_group = bindings().filter(|b| b.group == group);
-    Slots {
-        group,
-        first: in_group.map(|b| b.binding + 1).max().unwrap_or(0),
+    let mut taken: Vec<u32> = in_group.map(|b| b.binding).collect();
+    taken.sort_unstable();
+    let behind = taken.last().map_or(0, |last| last.saturating_add(1));
+    let mut free = 0;
+    let mut gap = None;
+    for binding in &taken {
+        if gap.is_none() && binding.saturating_sub(free) >= OURS {
+            gap = Some(free);
+        }
+        free = binding.saturating_add(1);
     }
+    let first = match behind.saturating_add(OURS) <= BINDINGS {
+        true => behind,
+        false => gap.unwrap_or(behind),
+    };
+    Slots { group, first }
 }
 
 /// Our own bindings, for [`reflect::fill`] to know where they come from.

@@ -10,6 +10,7 @@ use naga::{
 use super::Select;
 use super::gradients::{GRADIENTS, Level};
 use super::ids::Facing;
+use super::legal::Stored;
 use super::resolve::{Runs, VertexStage, width};
 use crate::place::Builder;
 use crate::rasterizer::Neighbours;
@@ -89,23 +90,34 @@ pub struct Stage<'a> {
 
 /// The colours in what the fragment stage gives.
 pub enum Colors {
-    /// It is the colour of that location.
-    One(u32),
-    /// They are members, of these locations.
-    Members(Vec<u32>),
+    /// It is one.
+    One(Colored),
+    /// They are members.
+    Members(Vec<Colored>),
+}
+
+/// A colour.
+#[derive(Clone, Copy)]
+pub struct Colored {
+    location: u32,
+    /// Bytes of a component.
+    width: u8,
 }
 
 /// Of the result of the author's fragment stage.
 pub fn colors(module: &Module, result: &FunctionResult) -> Colors {
-    let location = |b: &Option<Binding>| match b {
-        Some(Binding::Location { location, .. }) => *location,
-        _ => 0,
+    let color = |ty: Handle<Type>, b: &Option<Binding>| Colored {
+        location: match b {
+            Some(Binding::Location { location, .. }) => *location,
+            _ => 0,
+        },
+        width: module.types[ty].inner.scalar_width().unwrap_or(4),
     };
     match (&result.binding, &module.types[result.ty].inner) {
         (None, TypeInner::Struct { members, .. }) => {
-            Colors::Members(members.iter().map(|m| location(&m.binding)).collect())
+            Colors::Members(members.iter().map(|m| color(m.ty, &m.binding)).collect())
         }
-        (binding, _) => Colors::One(location(binding)),
+        (binding, _) => Colors::One(color(result.ty, binding)),
     }
 }
 
@@ -121,8 +133,8 @@ struct Triangle {
 /// What is known of where a pixel is.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
-    /// In the triangle: a weight that is not between 0 and 1 was rounded, and is put there.
-    Inside,
+    /// Covered by the triangle.
+    Covered,
     Anywhere,
 }
 
@@ -147,7 +159,7 @@ impl Stage<'_> {
     pub fn write(&self, build: &mut Builder<'_>, runs: &Runs) -> Option<String> {
         let written = match runs {
             Runs::Fragment => self.fragment(build),
-            Runs::Compute(_) => self.compute(build),
+            Runs::Compute(targets) => self.compute(build, targets),
         };
         written
             .is_none()
@@ -166,7 +178,7 @@ impl Stage<'_> {
         Some(())
     }
 
-    fn compute(&self, build: &mut Builder<'_>) -> Option<()> {
+    fn compute(&self, build: &mut Builder<'_>, targets: &[Stored]) -> Option<()> {
         let vec3 = build.ty(TypeInner::Vector {
             size: VectorSize::Tri,
             scalar: Scalar::U32,
@@ -185,18 +197,29 @@ impl Stage<'_> {
         let at = self.our(build, "visible_pixel", vec![number])?;
         build.name(at, "at");
         let value = self.color(build, at, leave)?;
-        let stores: Vec<(u32, Option<u32>)> = match &self.colors {
+        let stores: Vec<(Colored, Option<u32>)> = match &self.colors {
             Colors::One(location) => vec![(*location, None)],
             Colors::Members(locations) => {
                 let members = locations.iter().zip(0..);
                 members.map(|(l, index)| (*l, Some(index))).collect()
             }
         };
-        for (location, member) in stores {
-            let color = match member {
+        // What goes to no target is not written when it is drawn either.
+        let is_kept = |(location, _): &(Colored, Option<u32>)| {
+            targets.iter().any(|t| t.location == location.location)
+        };
+        for (Colored { location, width }, member) in stores.into_iter().filter(is_kept) {
+            let mut color = match member {
                 None => value,
                 Some(index) => build.expression(Expression::AccessIndex { base: value, index }),
             };
+            if width != Scalar::F32.width {
+                color = build.expression(Expression::As {
+                    expr: color,
+                    kind: ScalarKind::Float,
+                    convert: Some(Scalar::F32.width),
+                });
+            }
             let store = self.ours.get(&format!("visible_store_{location}_"))?;
             build.call(*store, vec![number, color]);
         }
@@ -217,7 +240,7 @@ impl Stage<'_> {
             pattern: XYZW,
         });
         build.name(pixel, "pixel");
-        let here = self.lane(build, &triangle, pixel, Place::Inside)?;
+        let here = self.lane(build, &triangle, pixel, Place::Covered)?;
         let mut gradients = BTreeMap::new();
         for (level, shader) in self.levels {
             self.differences(build, &triangle, &here, (level, shader), &mut gradients)?;
@@ -286,8 +309,8 @@ impl Stage<'_> {
     ) -> Option<Lane> {
         let [a, b, c] = triangle.positions;
         let mut edges = self.our(build, "visible_edges", vec![at, a, b, c])?;
-        if place == Place::Inside {
-            edges = self.our(build, "visible_inside", vec![edges])?;
+        if place == Place::Covered {
+            edges = self.our(build, "visible_covered", vec![edges])?;
         }
         let perspective = self.our(build, "visible_normalised", vec![edges])?;
         let is_linear = |o: &Io| travels(o.binding.as_ref(), ScalarKind::Float) == Travels::Linear;

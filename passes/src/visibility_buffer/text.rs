@@ -115,8 +115,12 @@ pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> S
     out.push_str(NUMBER);
     out.push_str(RESOLVE);
     out.push_str(match corners {
-        Corners::AsGiven => EDGES,
+        Corners::AsGiven | Corners::Held => EDGES,
         Corners::Snapped => EDGES_SNAPPED,
+    });
+    out.push_str(match corners {
+        Corners::AsGiven => COVERED_ANYWHERE,
+        Corners::Held | Corners::Snapped => COVERED_INSIDE,
     });
     for width in widths {
         let ty = match width {
@@ -151,6 +155,14 @@ const SRGB: &str = "fn visible_srgb(color: vec4<f32>) -> vec4<f32> {
 }
 ";
 
+/// What is drawn to a normalized target that is not a number becomes 0 (Direct3D 11.3, 3.2.3.6: NaN is converted to 0); what is stored in one becomes what the driver likes. By its bits, for a comparison with itself may be
+/// folded away.
+const NORMALIZED: &str = "fn visible_number_of(color: vec4<f32>) -> vec4<f32> {
+    let magnitude = bitcast<vec4<u32>>(color) & vec4<u32>(0x7fffffffu);
+    return select(color, vec4<f32>(), magnitude > vec4<u32>(0x7f800000u));
+}
+";
+
 /// What a compute resolve has beside: pixels, and the colours to write, bound from `first` on.
 pub fn compute(group: u32, first: u32, targets: &[Stored]) -> String {
     let mut out = "fn visible_outside(id: vec3<u32>) -> bool {
@@ -165,13 +177,17 @@ fn visible_pixel(id: vec3<u32>) -> vec4<f32> {
     if targets.iter().any(|t| t.encoding == Encoding::Srgb) {
         out.push_str(SRGB);
     }
+    if targets.iter().any(Stored::is_normalized) {
+        out.push_str(NORMALIZED);
+    }
     for (binding, target) in (first..).zip(targets) {
         let Stored {
             location, format, ..
         } = target;
-        let color = match target.encoding {
-            Encoding::Linear => "color",
-            Encoding::Srgb => "visible_srgb(color)",
+        let color = match (target.encoding, target.is_normalized()) {
+            (Encoding::Linear, false) => "color",
+            (Encoding::Linear, true) => "visible_number_of(color)",
+            (Encoding::Srgb, _) => "visible_srgb(visible_number_of(color))",
         };
         let _ = write!(
             out,
@@ -336,10 +352,6 @@ fn visible_homogeneous(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) 
     let r = fma(-clip, vec2<f32>(c.w), c.xy);
     return vec3<f32>(visible_cross(q, r), visible_cross(r, p), visible_cross(p, q));
 }
-fn visible_inside(edges: vec3<f32>) -> vec3<f32> {
-    let turned = select(edges, -edges, edges.x + edges.y + edges.z < 0.0);
-    return max(turned, vec3<f32>());
-}
 fn visible_normalised(edges: vec3<f32>) -> vec3<f32> {
     let sum = edges.x + edges.y + edges.z;
     return select(edges / sum, vec3<f32>(1.0 / 3.0), sum == 0.0);
@@ -365,6 +377,19 @@ fn visible_away(at: vec2<f32>) -> vec2<f32> {
 const EDGES: &str =
     "fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
     return visible_homogeneous(at, a, b, c);
+}
+";
+
+/// A covered pixel's centre lies in the triangle, or would but for rounding.
+const COVERED_INSIDE: &str = "fn visible_covered(edges: vec3<f32>) -> vec3<f32> {
+    let turned = select(edges, -edges, edges.x + edges.y + edges.z < 0.0);
+    return max(turned, vec3<f32>());
+}
+";
+
+/// It may lie beside the triangle of unsnapped corners, which the rasteriser then extrapolates.
+const COVERED_ANYWHERE: &str = "fn visible_covered(edges: vec3<f32>) -> vec3<f32> {
+    return edges;
 }
 ";
 

@@ -15,6 +15,7 @@ use preshade_passes::reflect;
 
 use super::loosen::{self, Loose};
 use super::std140;
+use super::twins::{self, Inseparable, Twins};
 use super::words;
 
 /// A program to be written, and the names to be put into its text.
@@ -37,6 +38,8 @@ pub(in crate::emit) struct Authored {
     pub(super) located: HashMap<String, Input>,
     /// Names that nothing else in a stage may have.
     pub(super) taken: Taken,
+    /// The author's texture of each that was added for a sampler more.
+    pub(super) twins: HashMap<ResourceBinding, ResourceBinding>,
 }
 
 /// What a word of naga's becomes.
@@ -173,6 +176,8 @@ fn identifier(name: &str) -> String {
 
 /// Why a program cannot be written.
 pub(super) enum Failed {
+    /// A texture that is read with several samplers, and given to functions.
+    Samplers,
     /// What GLSL has no block for.
     Layout(String),
     /// What could not be said under the author's names.
@@ -181,6 +186,11 @@ pub(super) enum Failed {
 
 /// Prepares `program` to be written under its author's names.
 pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
+    let split = twins::split(program).map_err(|Inseparable| Failed::Samplers)?;
+    let (program, twins) = match split {
+        Some(Twins { ref program, of }) => (program, of),
+        None => (program, HashMap::new()),
+    };
     let declared = program.declared();
     let (mut module, loose) = match loosen::loosen(program.module(), declared) {
         Ok(loosened) => (loosened.module, loosened.uniforms),
@@ -198,6 +208,7 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
         blocks: HashMap::new(),
         located: HashMap::new(),
         taken: Taken::default(),
+        twins,
     };
     let marks = Marks::of(&module);
     let mut names: HashMap<String, String> = HashMap::new();

@@ -68,8 +68,20 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
     let declared = authored.uniforms.iter();
     let types: BTreeMap<&str, &Declares> =
         declared.map(|u| (u.name.as_str(), &u.declares)).collect();
+    // What WebGPU has immediates for is a uniform to OpenGL, and no uniform of the author's.
+    let immediates: BTreeSet<&str> = ["vs", "fs", "cs"]
+        .iter()
+        .filter_map(
+            |stage| match authored.words.get(&format!("_immediates_binding_{stage}")) {
+                Some(Word::Path(name)) => Some(name.as_str()),
+                _ => None,
+            },
+        )
+        .collect();
     let found = read.uniforms.iter().map(|u| u.name.clone());
-    let found: BTreeSet<String> = found.filter(|n| n != FIRST_INSTANCE).collect();
+    let found: BTreeSet<String> = found
+        .filter(|n| n != FIRST_INSTANCE && !immediates.contains(n.as_str()))
+        .collect();
     // A storage image is read as what it is, no uniform of the author's.
     let wanted = names
         .into_iter()

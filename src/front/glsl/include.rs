@@ -11,6 +11,7 @@ use glsl_lang_pp::processor::fs::FileSystem;
 use naga::ShaderStage;
 
 use super::pasted::{UNENDED, ended};
+use super::rescan::{Macros, Rewritten};
 use crate::front::Options;
 
 /// Most times that files are included, one within another and one after another.
@@ -27,6 +28,10 @@ pub(super) struct Files {
     stage: ShaderStage,
     /// What was read, by the path asked for.
     pub read: Rc<RefCell<HashMap<PathBuf, String>>>,
+    /// The macros of all of it.
+    macros: Macros,
+    /// What the preprocessor was given in place of what was read.
+    pub rewritten: Rc<RefCell<HashMap<PathBuf, Rewritten>>>,
 }
 
 fn refused(message: String) -> io::Error {
@@ -44,15 +49,24 @@ impl Files {
             most: options.limits.source_bytes,
             stage,
             read: Rc::default(),
+            macros: Macros::default(),
+            rewritten: Rc::default(),
         }
     }
 
-    /// Whether what `text` includes comes to an end, whatever its conditions say: the preprocessor itself does not ask.
+    /// Checks that what `text` includes comes to an end, whatever its conditions say: the preprocessor itself does not ask. What is to be preprocessed in place of `text`.
     ///
     /// # Errors
     /// A file that includes itself without a guard, or too many inclusions. What is not there is the preprocessor's to tell, where it is not left out.
-    pub fn check(&self, text: &str, folder: &Path) -> io::Result<()> {
-        self.count(text, folder, &mut Counted::new()).map(drop)
+    pub fn check(&mut self, text: &str, folder: &Path) -> io::Result<Option<Rewritten>> {
+        let mut counted = Counted::new();
+        self.count(text, folder, &mut counted)?;
+        let mut texts = vec![Cow::Borrowed(text)];
+        for found in counted.keys() {
+            texts.push(Cow::Owned(self.text(found)?));
+        }
+        self.macros = Macros::of(&texts);
+        Ok(self.macros.rewrite(text))
     }
 
     /// Inclusions below a text, its files' own among them.
@@ -210,14 +224,21 @@ impl FileSystem for Files {
     }
 
     fn read(&self, path: &Path) -> Result<Cow<'_, str>, io::Error> {
-        match self.read.borrow().get(path) {
-            Some(text) if super::has_stages(text) => {
-                let text = Cow::Owned(super::stage_of(text, self.stage));
-                ended(text).ok_or_else(|| refused(UNENDED.to_owned()))
+        let text = match self.read.borrow().get(path) {
+            Some(text) if super::has_stages(text) => super::stage_of(text, self.stage),
+            Some(text) => text.clone(),
+            None => self.text(path)?,
+        };
+        let text = match self.macros.rewrite(&text) {
+            None => text,
+            Some(rewritten) => {
+                let text = rewritten.text.clone();
+                let mut all = self.rewritten.borrow_mut();
+                all.insert(path.to_owned(), rewritten);
+                text
             }
-            Some(text) => Ok(Cow::Owned(text.clone())),
-            None => self.text(path).map(Cow::Owned),
-        }
+        };
+        ended(Cow::Owned(text)).ok_or_else(|| refused(UNENDED.to_owned()))
     }
 }
 

@@ -3,7 +3,7 @@
 //! naga's own front end reads one dialect, that of Vulkan with all bindings and locations said. What it reads as it is stays as it is. Anything else is parsed, understood and
 //! printed as that dialect, in the order of these files:
 //!
-//! `syntax` preprocesses and parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `declared` keeps what they were before; `lower` prints; `marks` know which
+//! `rescan` writes macros so that the preprocessor expands them; `syntax` preprocesses and parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `declared` keeps what they were before; `lower` prints; `marks` know which
 //! place of the author's each piece came from; `respan` moves the module's spans back there. `gather` puts in what the dialect cannot say.
 
 mod constant;
@@ -14,6 +14,7 @@ mod interface;
 mod lower;
 mod marks;
 mod pasted;
+mod rescan;
 mod respan;
 mod stage;
 mod syntax;

@@ -28,6 +28,7 @@ use preshade_passes::program::SourceMap;
 
 use super::include::Files;
 use super::pasted::{UNENDED, ended};
+use super::rescan::Rewritten;
 use crate::front::Options;
 use crate::front::error::{Code, Error};
 
@@ -169,15 +170,16 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         && input.text.contains("sampler")
         && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
     let folder = input.path.parent().unwrap_or(Path::new(""));
-    let files = Files::new(input.options, input.stage);
-    files
+    let mut files = Files::new(input.options, input.stage);
+    let own = files
         .check(input.text, folder)
         .map_err(|e| Error::new(Code::Parse, e.to_string()))?;
-    let read = Rc::clone(&files.read);
+    let (read, rewritten) = (Rc::clone(&files.read), Rc::clone(&files.rewritten));
+    let text = own.as_ref().map_or(input.text, |own| &own.text);
     // The lexer knows Vulkan's types from 4.60 on.
     let text = match vulkan {
-        true => Cow::Owned(as_version_460(input.text)),
-        false => Cow::Borrowed(input.text),
+        true => Cow::Owned(as_version_460(text)),
+        false => Cow::Borrowed(text),
     };
     let text = ended(text).ok_or_else(|| Error::new(Code::Parse, UNENDED))?;
     let mut processor = Processor::new_with_fs(files);
@@ -192,7 +194,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     let context = ParseContext::default();
     let lexer = Lexer::new(file, &options).run(context.clone());
     let mut numbered = Numbered {
-        text: input.text,
+        text: &text,
         lexer,
         dialect,
         raw: Vec::new(),
@@ -218,21 +220,25 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     });
 
     // Only now are the files known that the text includes.
-    let mut bases: HashMap<FileId, u32> = HashMap::new();
-    let mut base_of = |id: FileId| -> u32 {
-        *bases.entry(id).or_insert_with(|| {
+    let mut files: HashMap<FileId, (u32, Option<Rewritten>)> = HashMap::new();
+    let mut span = |id: FileId, start: TextSize, end: TextSize| {
+        let (base, rewritten) = files.entry(id).or_insert_with(|| {
             let path = processor.resolve(id);
             let text = path.and_then(|p| read.borrow().get(p).cloned());
             match (path, text) {
-                (Some(path), Some(text)) => map.add(path.to_string_lossy(), text),
-                _ => input.base,
+                (Some(path), Some(text)) => (
+                    map.add(path.to_string_lossy(), text),
+                    rewritten.borrow().get(path).cloned(),
+                ),
+                _ => (input.base, own.clone()),
             }
-        })
-    };
-    let mut span = |id: FileId, start: TextSize, end: TextSize| {
-        let base = base_of(id);
-        let (start, end) = (u32::from(start), u32::from(end));
-        Span::new(base + start, base + end.max(start))
+        });
+        let back = |at: TextSize| {
+            let at = u32::from(at);
+            rewritten.as_ref().map_or(at, |r| r.back(at))
+        };
+        let (start, end) = (back(start), back(end));
+        Span::new(*base + start, *base + end.max(start))
     };
     let places: Vec<Span> = raw
         .iter()

@@ -5,8 +5,8 @@ use preshade_passes::plan::Plan;
 use preshade_passes::visibility_buffer;
 
 use super::Subject;
-use crate::measure::telling;
 use crate::measure::verdict::{advice, needs_invariant_original};
+use crate::measure::{rasterizer, telling};
 use crate::render::Gpu;
 use crate::report::{ORIGINAL, Pictures, VariantReport, path};
 
@@ -30,25 +30,22 @@ impl Subject<'_> {
         report
     }
 
-    /// What a picture outside of the contract says: of a variant made for another adapter, nothing.
-    fn broken_or_elsewhere(&self, gpu: &Gpu, r#where: String) -> Verdict {
-        let seen = crate::measure::rasterizer(gpu).ok();
-        let elsewhere = |plan: &Plan| visibility_buffer::contradicted(plan, seen.as_ref()?);
-        if let Some(otherwise) = self.plans.iter().find_map(elsewhere) {
-            return Verdict::NotMeasured {
-                why: format!(
-                    "its promise is about another adapter than this one, which it takes to do as {otherwise} (left out, the parameter is as was seen): {where}"
-                ),
-            };
-        }
-        let error = self.report.error.as_ref();
-        let advice = error.and_then(|error| advice(&self.report.contract, error));
+    /// That its pictures are outside of the contract, and what may be why.
+    fn broken(&self, gpu: &Gpu, r#where: String) -> Verdict {
+        let seen = rasterizer(gpu).ok();
+        let otherwise = |plan: &Plan| visibility_buffer::contradicted(plan, seen.as_ref()?);
+        let told = match self.plans.iter().find_map(otherwise) {
+            Some(otherwise) => Some(format!(
+                "it was made for an adapter that does as {otherwise}: leave that out, and see again"
+            )),
+            None => {
+                let error = self.report.error.as_ref();
+                error.and_then(|error| advice(&self.report.contract, error))
+            }
+        };
+        let parts = [Some(r#where), told];
         Verdict::Broken {
-            r#where: [Some(r#where), advice]
-                .into_iter()
-                .flatten()
-                .collect::<Vec<_>>()
-                .join("; "),
+            r#where: parts.into_iter().flatten().collect::<Vec<_>>().join("; "),
         }
     }
 
@@ -69,7 +66,7 @@ impl Subject<'_> {
                     ),
                 };
             }
-            (Some(r#where), _) => self.report.verdict = self.broken_or_elsewhere(gpu, r#where),
+            (Some(r#where), _) => self.report.verdict = self.broken(gpu, r#where),
             (None, Some(why)) => {
                 self.report.verdict = Verdict::NotMeasured {
                     why: why.to_owned(),

@@ -4,7 +4,7 @@ use askama::Template;
 use preshade_passes::pass::Frequency;
 
 use super::chart::{self, Chart};
-use super::section::{Section, section};
+use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
 use crate::frontier::explore::Found;
@@ -73,6 +73,7 @@ pub fn page(found: &Found, scene: &Scene, effects: &[EffectUse]) -> Result<Strin
                 vec![("standing", frontier::fate(point))],
                 variants.iter().find(|v| v.name == point.name),
                 found.pictures.iter().find(|p| p.name == point.name),
+                Cameras::First,
                 &mut gallery,
             )?
         });

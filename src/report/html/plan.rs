@@ -3,7 +3,7 @@
 use askama::Template;
 
 use super::range::{Scale, Strip};
-use super::section::{Section, section};
+use super::section::{Cameras, Section, section};
 use super::words::{self, DASH, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
 use crate::decide::decision::{Decision, MaterialDecision, PlanReport};
@@ -57,7 +57,8 @@ struct Material {
 struct Plan {
     name: String,
     notes: Vec<String>,
-    cells: [String; 6],
+    said: [String; 3],
+    cells: [String; 3],
 }
 
 /// What the plans of the policy look like: the plans of each material, and what drawing them once more says. Variants are named as the decision names its plans.
@@ -92,6 +93,7 @@ pub fn page(
                 Vec::new(),
                 report.and_then(|r| r.iter().find(|v| v.name == variant.name)),
                 pictures.and_then(|p| p.iter().find(|p| p.name == variant.name)),
+                Cameras::Every,
                 &mut gallery,
             )?
         });
@@ -106,7 +108,10 @@ pub fn page(
                 words::adapter(&decision.adapter),
                 words::clock(decision.clock)
             ),
-            said: table::policy(decision),
+            said: table::policy(decision)
+                .into_iter()
+                .chain(decision.warnings.iter().map(|w| format!("Warning: {w}.")))
+                .collect(),
             command: decision.command.clone(),
             file: "decision.json",
             data: data(decision)?,
@@ -202,12 +207,14 @@ fn plan(p: &PlanReport) -> Plan {
     Plan {
         name: p.name.clone(),
         notes: p.notes.clone(),
-        cells: [
+        said: [
             words::contract(&p.contract),
             words::verdict(&p.verdict),
             p.error
                 .as_ref()
                 .map_or_else(|| DASH.to_owned(), words::error),
+        ],
+        cells: [
             or_dash(cost, |c| c.pipelines.to_string()),
             or_dash(cost, |c| format!("{:.1}", c.creation_ms)),
             or_dash(cost, megabytes),

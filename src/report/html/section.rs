@@ -48,6 +48,15 @@ pub struct Shot {
     pub after: Option<String>,
 }
 
+/// Which cameras a variant is shown from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Cameras {
+    /// The first alone: of many variants a page gets heavy.
+    First,
+    /// Every one.
+    Every,
+}
+
 /// What is known of a variant, measured and drawn. `facts` come first among what is said.
 pub fn section(
     id: usize,
@@ -55,6 +64,7 @@ pub fn section(
     mut facts: Vec<(&'static str, String)>,
     variant: Option<&VariantReport>,
     pictures: Option<&Pictures>,
+    cameras: Cameras,
     gallery: &mut Gallery,
 ) -> Result<Section, Error> {
     facts.extend(variant.map_or_else(Vec::new, told));
@@ -68,7 +78,7 @@ pub fn section(
             kept.map(|k| (k.material.clone(), k.why.clone())).collect()
         }),
         shots: match pictures {
-            Some(pictures) => shots(variant, pictures, gallery)?,
+            Some(pictures) => shots(variant, pictures, cameras, gallery)?,
             None => Vec::new(),
         },
         views: variant.map_or_else(Vec::new, |v| v.by_view.iter().map(view).collect()),
@@ -159,6 +169,7 @@ fn view(view: &crate::report::ViewReport) -> [String; 7] {
 fn shots(
     variant: Option<&VariantReport>,
     pictures: &Pictures,
+    cameras: Cameras,
     gallery: &mut Gallery,
 ) -> Result<Vec<Shot>, Error> {
     let scale = pictures.overdraw_scale();
@@ -185,7 +196,11 @@ fn shots(
             gallery,
         )?
     }];
-    for there in &pictures.elsewhere {
+    let elsewhere = match cameras {
+        Cameras::First => &[][..],
+        Cameras::Every => &pictures.elsewhere,
+    };
+    for there in elsewhere {
         shots.push(shot(
             &there.view,
             Some(&there.error),

@@ -4,7 +4,7 @@ use askama::Template;
 use preshade_passes::contract::Verdict;
 
 use super::range::{Scale, Strip};
-use super::section::{Section, section};
+use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
 use crate::measure::{EffectUse, Variant};
@@ -71,6 +71,7 @@ pub fn page(
                 Vec::new(),
                 Some(v),
                 pictures.iter().find(|p| p.name == v.name),
+                Cameras::Every,
                 &mut gallery,
             )?
         });
@@ -93,7 +94,12 @@ pub fn page(
         }),
         rows: rows(report, &sections),
         by_view: by_view(report),
-        notes: table::notes(report).lines().map(str::to_owned).collect(),
+        // Warnings stand above.
+        notes: table::notes(report)
+            .lines()
+            .filter(|line| !line.starts_with("Warning: "))
+            .map(str::to_owned)
+            .collect(),
         sweeps: report
             .sweeps
             .iter()
@@ -149,6 +155,7 @@ fn said(report: &Report) -> Vec<String> {
     }
     let mut said = vec![parts.join(", ") + "."];
     said.extend(report.chosen.as_ref().map(Chosen::said));
+    said.extend(report.warnings.iter().map(|w| format!("Warning: {w}.")));
     said
 }
 

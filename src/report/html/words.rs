@@ -34,7 +34,7 @@ pub fn contract(contract: &Contract) -> String {
 pub fn marked(text: &str) -> String {
     let parts: Vec<String> = text.split('`').map(escaped).collect();
     // A backtick too many is a backtick.
-    if parts.len() % 2 == 0 {
+    if parts.len().is_multiple_of(2) {
         return parts.join("`");
     }
     let each = parts.iter().enumerate();

@@ -1,0 +1,166 @@
+//! A texture that is read with several samplers becomes several textures of one content: GLSL's combined samplers are of one texture and one sampler.
+
+use std::collections::{BTreeMap, HashMap};
+
+use naga::{
+    Arena, Block, Expression, Function, GlobalVariable, Handle, Module, Range, ResourceBinding,
+    Span, Statement,
+};
+use preshade_passes::program::Program;
+
+use crate::front::operands;
+
+/// A program whose textures have one sampler each.
+pub(super) struct Twins {
+    pub program: Program,
+    /// The texture that each one added is a twin of.
+    pub of: HashMap<ResourceBinding, ResourceBinding>,
+}
+
+/// A texture and what it is read with.
+type Pair = (Handle<GlobalVariable>, Handle<GlobalVariable>);
+
+/// A texture that is read with several samplers and cannot be told apart.
+pub(super) struct Inseparable;
+
+/// The program with a texture for each sampler that one is read with, in whichever stage: a name is one uniform for all of them. `None` where there is nothing to do. A function that is
+/// given the texture and its sampler reads whatever it is given, which stays as it is.
+pub(super) fn split(program: &Program) -> Result<Option<Twins>, Inseparable> {
+    let module = program.module();
+    let read_with = samplers(program);
+    let mut out = module.clone();
+    let mut twins: HashMap<Pair, Handle<GlobalVariable>> = HashMap::new();
+    let mut of = HashMap::new();
+    for (image, sampler) in read_with.values().flat_map(|s| s.values().skip(1)) {
+        let (texture, with) = (
+            &module.global_variables[*image],
+            &module.global_variables[*sampler],
+        );
+        let binding = texture.binding.ok_or(Inseparable)?;
+        let own = free(&out, binding.group);
+        let name = |g: &GlobalVariable| g.name.clone().unwrap_or_else(|| "unnamed".to_owned());
+        let twin = GlobalVariable {
+            name: Some(format!("{}_{}", name(texture), name(with))),
+            binding: Some(own),
+            ..texture.clone()
+        };
+        of.insert(own, binding);
+        let span = module.global_variables.get_span(*image);
+        twins.insert((*image, *sampler), out.global_variables.append(twin, span));
+    }
+    if twins.is_empty() {
+        return Ok(None);
+    }
+    let functions = out.functions.iter_mut().map(|(_, f)| f);
+    for function in functions.chain(out.entry_points.iter_mut().map(|e| &mut e.function)) {
+        read_twins(function, &twins);
+    }
+    let program = program.with_module(out).map_err(|_| Inseparable)?;
+    match samplers(&program).values().any(|all| all.len() > 1) {
+        true => Err(Inseparable),
+        false => Ok(Some(Twins { program, of })),
+    }
+}
+
+/// A binding, as it is ordered.
+type At = (u32, u32);
+
+/// What each texture is read with, in whichever stage.
+fn samplers(program: &Program) -> BTreeMap<At, BTreeMap<At, Pair>> {
+    let module = program.module();
+    let at = |handle: Handle<GlobalVariable>| {
+        let binding = module.global_variables[handle].binding?;
+        Some((binding.group, binding.binding))
+    };
+    let mut out: BTreeMap<At, BTreeMap<At, Pair>> = BTreeMap::new();
+    for index in 0..module.entry_points.len() {
+        for key in &program.info().get_entry_point(index).sampling_set {
+            if let (Some(image), Some(sampler)) = (at(key.image), at(key.sampler)) {
+                let pair = (key.image, key.sampler);
+                out.entry(image).or_default().insert(sampler, pair);
+            }
+        }
+    }
+    out
+}
+
+/// A binding of the group that nothing has.
+fn free(module: &Module, group: u32) -> ResourceBinding {
+    let bound = module
+        .global_variables
+        .iter()
+        .filter_map(|(_, g)| g.binding);
+    let last = bound.filter(|b| b.group == group).map(|b| b.binding).max();
+    ResourceBinding {
+        group,
+        binding: last.map_or(0, |last| last + 1),
+    }
+}
+
+/// The function with each sample of a pair taken of its twin.
+fn read_twins(function: &mut Function, twins: &HashMap<Pair, Handle<GlobalVariable>>) {
+    let global = |e: Handle<Expression>| match function.expressions[e] {
+        Expression::GlobalVariable(global) => Some(global),
+        _ => None,
+    };
+    let read: HashMap<Handle<Expression>, Handle<GlobalVariable>> = function
+        .expressions
+        .iter()
+        .filter_map(|(handle, e)| match e {
+            Expression::ImageSample { image, sampler, .. } => {
+                let pair = (global(*image)?, global(*sampler)?);
+                Some((handle, *twins.get(&pair)?))
+            }
+            _ => None,
+        })
+        .collect();
+    if read.is_empty() {
+        return;
+    }
+    let mut expressions = Arena::new();
+    let mut own = HashMap::new();
+    let mut new: HashMap<Handle<Expression>, Handle<Expression>> = HashMap::new();
+    let mut needed: Vec<_> = read.values().copied().collect();
+    needed.sort();
+    needed.dedup();
+    for twin in needed {
+        let handle = expressions.append(Expression::GlobalVariable(twin), Span::UNDEFINED);
+        own.insert(twin, handle);
+    }
+    for (handle, expression) in function.expressions.iter() {
+        let mut expression = expression.clone();
+        operands::of_expression(&mut expression, |e| *e = new.get(e).copied().unwrap_or(*e));
+        if let (Expression::ImageSample { image, .. }, Some(twin)) =
+            (&mut expression, read.get(&handle))
+        {
+            *image = own.get(twin).copied().unwrap_or(*image);
+        }
+        let span = function.expressions.get_span(handle);
+        new.insert(handle, expressions.append(expression, span));
+    }
+    let moved = |e: Handle<Expression>| new.get(&e).copied().unwrap_or(e);
+    for (_, local) in function.local_variables.iter_mut() {
+        local.init = local.init.map(moved);
+    }
+    function.named_expressions = function
+        .named_expressions
+        .iter()
+        .map(|(e, name)| (moved(*e), name.clone()))
+        .collect();
+    move_block(&mut function.body, &moved);
+    function.expressions = expressions;
+}
+
+fn move_block(block: &mut Block, moved: &impl Fn(Handle<Expression>) -> Handle<Expression>) {
+    for statement in block.iter_mut() {
+        if let Statement::Emit(range) = statement
+            && let Some((first, last)) = range.first_and_last()
+        {
+            *range = Range::new_from_bounds(moved(first), moved(last));
+        }
+        operands::of_statement(statement, |e| *e = moved(*e));
+        for inner in operands::blocks(statement) {
+            move_block(inner, moved);
+        }
+    }
+}

@@ -1,0 +1,3 @@
+#define_import_path own::shared
+
+const VERSION: f32 = 2.0;
