@@ -5,7 +5,10 @@
 
 use std::collections::{HashMap, HashSet};
 
-use naga::{AddressSpace, Binding, Handle, Module, ResourceBinding, ShaderStage, Type, TypeInner};
+use naga::{
+    AddressSpace, Binding, GlobalVariable, Handle, Module, ResourceBinding, ShaderStage, Type,
+    TypeInner,
+};
 use preshade_passes::declared::{Chosen, Declaration, Declared, Located, Type as Declares};
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -300,15 +303,38 @@ impl Authored {
                     self.taken.claim(name, Scope::All)
                 }
             };
-            self.resource(binding, &Word::Path(path));
+            self.resource(global, binding, &Word::Path(path));
         }
     }
 
-    /// What naga calls a resource, in each stage.
-    fn resource(&mut self, binding: ResourceBinding, word: &Word) {
-        for name in resource_names(binding) {
+    /// What naga calls a resource, in each stage that has it.
+    fn resource(&mut self, global: &GlobalVariable, binding: ResourceBinding, word: &Word) {
+        for name in self.resource_names(global, binding) {
             self.words.insert(name, word.clone());
         }
+    }
+
+    /// naga's names for a resource: of the stages that use it, for another stage may have another resource at its binding. Of all stages where it is none of the program's own.
+    fn resource_names(&self, global: &GlobalVariable, binding: ResourceBinding) -> Vec<String> {
+        let module = self.program.module();
+        let mut own = module.global_variables.iter();
+        let own = own.find(|(_, g)| g.binding == global.binding && g.name == global.name);
+        let uses = |stage: ShaderStage| {
+            let entries = module.entry_points.iter().enumerate();
+            let mut entries = entries.filter(|(_, e)| e.stage == stage);
+            own.is_none_or(|(handle, _)| {
+                entries.any(|(i, _)| !self.program.info().get_entry_point(i)[handle].is_empty())
+            })
+        };
+        let stages = [
+            (ShaderStage::Vertex, "vs"),
+            (ShaderStage::Fragment, "fs"),
+            (ShaderStage::Compute, "cs"),
+        ];
+        let ResourceBinding { group, binding } = binding;
+        let of = stages.iter().filter(|(stage, _)| uses(*stage));
+        of.map(|(_, end)| format!("_group_{group}_binding_{binding}_{end}"))
+            .collect()
     }
 
     fn blocks(&mut self, module: &Module, declared: &Declared, marks: &Marks) {
@@ -372,13 +398,13 @@ impl Authored {
                 Some(instance) => Word::Path(instance.clone()),
                 None => Word::Nothing,
             };
-            self.resource(binding, &word);
+            self.resource(global, binding, &word);
             let block = Block {
                 name,
                 instance,
                 opened,
             };
-            for variable in resource_names(binding) {
+            for variable in self.resource_names(global, binding) {
                 self.blocks.insert(variable, block.clone());
             }
         }
@@ -660,11 +686,6 @@ impl Authored {
         self.structs.push((name.clone(), members));
         name
     }
-}
-
-fn resource_names(binding: ResourceBinding) -> [String; 3] {
-    let ResourceBinding { group, binding } = binding;
-    ["vs", "fs", "cs"].map(|stage| format!("_group_{group}_binding_{binding}_{stage}"))
 }
 
 /// How the parts of an input are reached that has several locations: a matrix's columns, an array's elements.

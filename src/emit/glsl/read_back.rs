@@ -4,7 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use naga::{AddressSpace, Binding, Function, Handle, Module, ShaderStage, Type, TypeInner};
+use naga::{
+    AddressSpace, Binding, Function, GlobalVariable, Handle, Module, ShaderStage, Type, TypeInner,
+};
 use preshade_passes::declared::{Declared, Type as Declares};
 use preshade_passes::reflect::{self, Io};
 
@@ -32,7 +34,7 @@ pub(super) fn difference(
         return Some(format!("it is not valid: {invalid}"));
     }
     uniforms(authored, said, &declared)
-        .or_else(|| blocks(authored, said, &module, &declared))
+        .or_else(|| blocks(authored, said, &module, &declared, stage, entry))
         .or_else(|| interface(authored, said, &module, &declared, stage, entry))
 }
 
@@ -134,22 +136,34 @@ fn blocks(
     said: &StageFile,
     read: &Module,
     declared: &Declared,
+    stage: ShaderStage,
+    entry: &str,
 ) -> Option<String> {
     let module = authored.program.module();
+    let used = authored.program.entry_point(stage, entry);
+    let used = used.map(|(index, _)| authored.program.info().get_entry_point(index));
     for block in &said.blocks {
         let Some(found) = declared.blocks.iter().find(|b| b.name == block.block) else {
             return Some(format!("the block `{}` is lost", block.block));
         };
-        let own = |m: &Module, at: [u32; 2]| {
-            let mut all = m.global_variables.iter().map(|(_, g)| g);
-            let global = all.find(|g| g.binding.is_some_and(|b| [b.group, b.binding] == at))?;
-            (global.space == AddressSpace::Uniform).then_some(global.ty)
+        let is_at = |global: &GlobalVariable, at: [u32; 2]| {
+            let binding = global.binding.as_ref();
+            binding.is_some_and(|b| [b.group, b.binding] == at)
         };
-        let Some(wanted) = own(module, block.binding) else {
+        let uniform = |g: &GlobalVariable| (g.space == AddressSpace::Uniform).then_some(g.ty);
+        // Another stage may have another variable there.
+        let mut own = module
+            .global_variables
+            .iter()
+            .filter(|(handle, _)| used.is_none_or(|used| !used[*handle].is_empty()));
+        let own = own.find(|(_, g)| is_at(g, block.binding));
+        let Some(wanted) = own.and_then(|(_, g)| uniform(g)) else {
             continue;
         };
         // A block that the stage does not read is not kept.
-        let Some(mut found) = own(read, [found.binding.group, found.binding.binding]) else {
+        let at = [found.binding.group, found.binding.binding];
+        let mut own = read.global_variables.iter().map(|(_, g)| g);
+        let Some(mut found) = own.find(|g| is_at(g, at)).and_then(uniform) else {
             continue;
         };
         let mut rest = String::new();

