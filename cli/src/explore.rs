@@ -105,6 +105,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 .to_owned(),
         ));
     }
+    if args.out.is_some() {
+        many::told_apart(&scenes)?;
+    }
     let mut outcome = Outcome::Fine;
     for scene in scenes {
         let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));

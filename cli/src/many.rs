@@ -1,6 +1,7 @@
 //! Many materials in one process: which of the files given make one, and where below `--out-dir` it goes.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
 use preshade::passes::pass::Refusal;
@@ -199,6 +200,23 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         all.extend(found);
     }
     Ok(all)
+}
+
+/// Refuses scenes whose folders below one `--out` would be the same.
+pub fn told_apart(scenes: &[PathBuf]) -> Result<(), Failure> {
+    let mut seen: BTreeMap<&OsStr, &PathBuf> = BTreeMap::new();
+    for scene in scenes {
+        let stem = scene.file_stem().unwrap_or_default();
+        if let Some(other) = seen.insert(stem, scene) {
+            return Err(Failure(format!(
+                "error: {} and {} would both be written to the folder `{}` of --out; run them one after the other, each with its own --out",
+                other.display(),
+                scene.display(),
+                stem.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Where below `out` one of several scenes goes.

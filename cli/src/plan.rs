@@ -131,6 +131,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 .to_owned(),
         ));
     }
+    if args.out.is_some() {
+        many::told_apart(&scenes)?;
+    }
+    if args.lock && scenes.len() > 1 {
+        return Err(Failure(
+            "error: --lock keeps one choice beside each material's shader, which scenes that share it would overwrite: plan them one after the other".to_owned(),
+        ));
+    }
     if args.lock && args.time == TimeArg::No {
         return Err(Failure(
             "error: a prediction is not kept: --lock goes without --time no".to_owned(),

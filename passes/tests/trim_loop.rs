@@ -215,6 +215,19 @@ fn a_loop_over_the_scene_stays_unless_its_turns_ebb_away() {
             "sum += textureSampleLevel(layers, s, vec2(x), i, 0.0).x;",
             "layers",
         ),
+        // What shrinks begins anew in each turn, or ebbs away within one.
+        (
+            "var d = x + f32(i); d *= 0.5; sum += d * scene.lights[i].color.x;",
+            "scene",
+        ),
+        (
+            "weight = 1.0; for (var k = 0; k < 3; k++) { weight *= 0.5; sum += weight * sin(x * f32(k)); } sum += scene.lights[i].color.x;",
+            "scene",
+        ),
+        (
+            "for (var k = 0; k < 3; k++) { weight *= 0.5; } sum += weight * scene.lights[i].color.x;",
+            "scene",
+        ),
     ] {
         let why = reason(&body(term));
         assert!(

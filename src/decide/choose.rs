@@ -22,7 +22,7 @@ impl Table {
     }
 
     /// Whether a plan is faster than the original in some of `views`, beyond noise and worth it, and slower in none beyond noise. So is the original.
-    fn is_sound(&self, plan: usize, views: &[usize]) -> bool {
+    pub(super) fn is_sound(&self, plan: usize, views: &[usize]) -> bool {
         let speedups: Option<Vec<Speedup>> = views.iter().map(|v| self.at(plan, *v)).collect();
         speedups.is_some_and(|speedups| {
             plan == 0

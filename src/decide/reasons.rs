@@ -130,10 +130,18 @@ fn left(
             ratio(loss)
         ),
         _ => format!(
-            "as written: nothing pays{}. The best tried, `{}`, is {} at {gained}{}",
+            "as written: nothing {}pays{}. The best {}, `{}`, is {} at {gained}{}",
+            match decision.clock {
+                Some(_) => "",
+                None => "is predicted that ",
+            },
             match original.is_some() && drawn.len() > 1 {
                 true => " there",
                 false => "",
+            },
+            match decision.clock {
+                Some(_) => "tried",
+                None => "by prediction",
             },
             plan.name,
             ratio(gain),

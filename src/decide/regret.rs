@@ -17,6 +17,7 @@ use super::policy::{Hold, Measure, Policy, policy};
 use super::scene::Settings;
 use crate::measure::{Clock, Estimate};
 use crate::render::AdapterReport;
+use crate::report::csv::quoted;
 
 /// Version of the JSON that [`RegretReport`] serialises to.
 pub const SCHEMA: &str = "preshade.regret.v2";
@@ -385,7 +386,6 @@ impl RegretReport {
     pub fn csv(&self) -> String {
         let mut out = "scene,held_out,view,shaded_per_pixel,best,alone,alone_regret,alone_speedup,policy,policy_regret,policy_speedup\n".to_owned();
         for scene in &self.scenes {
-            let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
             for view in &scene.views {
                 let judged = |j: &Judged| {
                     let plan = quoted(&scene.plans[j.plan]);

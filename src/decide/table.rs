@@ -105,6 +105,10 @@ fn rule(decision: &Decision, rule: &Rule) -> Vec<String> {
         let found = decision.plans.get(plan);
         found.map_or(String::new(), |p| p.name.clone())
     };
+    let predicted = match decision.clock {
+        Some(_) => "",
+        None => "predicted, not measured: ",
+    };
     match rule {
         Rule::One { plan: 0 } if decision.clock.is_none() => {
             vec!["nothing is predicted to pay: draw every material as it is written".to_owned()]
@@ -112,9 +116,9 @@ fn rule(decision: &Decision, rule: &Rule) -> Vec<String> {
         Rule::One { plan: 0 } => {
             vec!["nothing pays: draw every material as it is written".to_owned()]
         }
-        Rule::One { plan } => vec![format!("draw with: {}", name(*plan))],
+        Rule::One { plan } => vec![format!("{predicted}draw with: {}", name(*plan))],
         Rule::Switch(switch) => vec![
-            format!("below: {}", name(switch.below)),
+            format!("{predicted}below: {}", name(switch.below)),
             format!("above: {}", name(switch.above)),
             format!(
                 "switch up where more than {:.3} fragments a pixel are shaded, and back under {:.3}",

@@ -9,7 +9,7 @@ use super::pareto::{Standing, dominators};
 use super::pick::{instead, pick};
 use super::race::{FIRST_RUNG, MOST_CROSSED, SUBMISSION, Search};
 use super::space::{self, Candidate};
-use crate::measure::{Error, Variant, estimate};
+use crate::measure::{Error, FEWEST_SAMPLES, Variant, estimate};
 use crate::render::{Prepared, Rendered};
 use crate::report::ORIGINAL;
 
@@ -113,7 +113,7 @@ impl<'a> Arena<'a> {
             Some(fits) => fits,
             None if racing.iter().all(has_time) => return None,
             // Without a time nothing can be said of any.
-            None => (LEAST_RACING.min(racing.len()), 2),
+            None => (LEAST_RACING.min(racing.len()), FEWEST_SAMPLES),
         };
         for slow in racing.split_off(count) {
             if self.contenders[slow].point.speedup.is_none() {
@@ -178,7 +178,7 @@ impl<'a> Arena<'a> {
 }
 
 /// Of variants whose frame takes so many seconds, the fastest first, how many can be timed beside the original within `left` seconds, and with how many samples: all of them with at most `samples`, with
-/// fewer samples (an even number, two at the least), or else the fastest of them. `None`: not even [`LEAST_RACING`].
+/// fewer samples (an even number, [`FEWEST_SAMPLES`] at the least), or else the fastest of them. `None`: not even [`LEAST_RACING`].
 fn fitting(original: f64, each: &[f64], samples: usize, left: f64) -> Option<(usize, usize)> {
     // Two frames each ahead of the samples.
     let cost = |count: usize, samples: usize| {
@@ -186,12 +186,16 @@ fn fitting(original: f64, each: &[f64], samples: usize, left: f64) -> Option<(us
         (original + all) * (samples + 2) as f64
     };
     let all = each.len();
-    let fewer = (1..=samples / 2).rev().map(|half| 2 * half);
+    let fewer = (FEWEST_SAMPLES / 2..=samples / 2)
+        .rev()
+        .map(|half| 2 * half);
     if let Some(samples) = fewer.clone().find(|n| cost(all, *n) <= left) {
         return Some((all, samples));
     }
-    let some = (LEAST_RACING..all).rev().find(|n| cost(*n, 2) <= left);
-    some.map(|count| (count, 2))
+    let some = (LEAST_RACING..all)
+        .rev()
+        .find(|n| cost(*n, FEWEST_SAMPLES) <= left);
+    some.map(|count| (count, FEWEST_SAMPLES))
 }
 
 impl Contender<'_> {
@@ -221,11 +225,12 @@ mod tests {
     fn fewer_samples_and_then_fewer_variants() {
         let each = [0.01, 0.02, 0.03, 0.04, 0.1];
         // (0.1 + 0.2) seconds a round, two rounds ahead.
-        assert_eq!(fitting(0.1, &each, 6, 2.5), Some((5, 6)));
-        assert_eq!(fitting(0.1, &each, 6, 2.3), Some((5, 4)));
-        assert_eq!(fitting(0.1, &each, 24, 1.3), Some((5, 2)));
-        // The slowest is out: 4 * (0.1 + 0.1) seconds.
-        assert_eq!(fitting(0.1, &each, 24, 0.9), Some((4, 2)));
+        assert_eq!(fitting(0.1, &each, 12, 4.3), Some((5, 12)));
+        assert_eq!(fitting(0.1, &each, 12, 3.1), Some((5, 8)));
+        assert_eq!(fitting(0.1, &each, 24, 2.5), Some((5, 6)));
+        // The slowest is out: 8 * (0.1 + 0.1) seconds. Fewer samples have no interval.
+        assert_eq!(fitting(0.1, &each, 24, 1.7), Some((4, 6)));
+        assert_eq!(fitting(0.1, &each, 24, 1.3), Some((3, 6)));
         assert_eq!(fitting(0.1, &each, 24, 0.5), None);
     }
 }

@@ -124,11 +124,13 @@ impl<'a> Search<'a> {
         let is_refused = |v: &Variant| !v.plans.is_empty() && v.kept.len() == v.plans.len();
         let mut refused: Vec<Candidate> = Vec::new();
         let mut kept = Vec::new();
+        let mut late = Vec::new();
         for (candidate, prediction) in candidates.into_iter().zip(predictions) {
             // Of shaders that take long to rewrite the rest is not thought of.
             if watch.left(by).is_zero() && kept.len() >= LEAST_RACING {
                 watch.late = true;
-                break;
+                late.push((candidate, prediction));
+                continue;
             }
             // What stands on a refused one is refused for its reason, and not worth a line.
             if refused.iter().any(|r| candidate.stands_on(r)) {
@@ -192,6 +194,33 @@ impl<'a> Search<'a> {
             });
         }
         arena.contenders.extend(admitted);
+        let unwritten = late.into_iter().map(|(candidate, prediction)| {
+            let variant = measure::unwritten(&candidate.recipe);
+            Contender {
+                point: Point {
+                    name: variant.name.clone(),
+                    recipe: variant.recipe.clone(),
+                    prediction,
+                    error: None,
+                    time_ms: None,
+                    speedup: None,
+                    path: None,
+                    fate: Fate::NotMeasured {
+                        why: "there was no time left to rewrite it".to_owned(),
+                    },
+                },
+                candidate,
+                variant,
+                key: None,
+                prepared: None,
+                ratios: Vec::new(),
+                times: Vec::new(),
+                sight: 0.0,
+                spent: Duration::ZERO,
+                alive: false,
+            }
+        });
+        arena.contenders.extend(unwritten);
     }
 
     /// The order to draw in: what nothing is predicted of first, then layer by layer of what is predicted to be beaten by nothing, by nothing left, and so on.

@@ -43,7 +43,10 @@ pub use ranges::ranges;
 pub use rasterizer::rasterizer;
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
-pub use timing::{Clock, Estimate, FrameTime, Timing, TimingSettings, estimate, time};
+pub use timing::{
+    Clock, Estimate, FEWEST_SAMPLES, FrameTime, Timing, TimingSettings, estimate, time,
+};
+pub(crate) use variant::unwritten;
 pub use variant::{counting, variant};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
 

@@ -17,6 +17,9 @@ pub enum Clock {
     WallClock,
 }
 
+/// Samples below which there is no interval to speak of: from 6 on the least and the greatest of them hold the median between them in 97 of 100 cases, and what a bootstrap makes of fewer is no more than they are.
+pub const FEWEST_SAMPLES: usize = 6;
+
 /// How long and how often to measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimingSettings {
@@ -133,6 +136,7 @@ pub fn time(
         // Rounds come in pairs, A B then B A, so that a drift of the clock falls on both alike.
         let enough = round >= settings.min_samples && spent >= settings.budget;
         let late = settings.deadline.is_some_and(|d| Instant::now() >= d);
+        let late = late && round >= FEWEST_SAMPLES.min(settings.min_samples);
         if round % 2 == 0 && (enough || late || round >= settings.max_samples) {
             break;
         }

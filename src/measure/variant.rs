@@ -48,6 +48,16 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
     }
 }
 
+/// A recipe that there was no time to apply: a name, and no plans.
+pub(crate) fn unwritten(recipe: &Recipe) -> Variant {
+    Variant {
+        recipe: recipe.to_string(),
+        name: recipe.to_string(),
+        plans: Vec::new(),
+        kept: Vec::new(),
+    }
+}
+
 /// A refusal, and what would lift it.
 fn with_remedy(refusal: &Refusal) -> String {
     format!("{refusal}; to make it legal: {}", refusal.remedy)

@@ -8,7 +8,7 @@ use crate::measure::crossover::Series;
 use crate::measure::{ErrorLadder, Estimate};
 
 /// Columns of [`verify`].
-const COLUMNS: [&str; 17] = [
+const COLUMNS: [&str; 19] = [
     "variant",
     "recipe",
     "verdict",
@@ -16,6 +16,8 @@ const COLUMNS: [&str; 17] = [
     "frame",
     "order",
     "changed_pixels",
+    "changed_depth",
+    "nan_pixels",
     "max_abs",
     "flip_mean",
     "flip_p99",
@@ -77,7 +79,7 @@ fn rows(report: &Report, first: &str) -> String {
 
 /// Each plan of a decision in each view.
 pub fn decision(decision: &Decision) -> String {
-    let mut out = "plan,verdict,camera,frame,order,shaded_per_pixel,overdraw,drawn_with,predicted_ms,time_ms,time_low,time_high,speedup,speedup_low,speedup_high,changed_pixels,max_abs,flip_mean,flip_p99,pipelines,creation_ms\n".to_owned();
+    let mut out = "plan,verdict,camera,frame,order,shaded_per_pixel,overdraw,drawn_with,predicted_ms,time_ms,time_low,time_high,speedup,speedup_low,speedup_high,worst_changed_pixels,worst_changed_depth,worst_nan_pixels,worst_max_abs,worst_flip_mean,worst_flip_p99,pipelines,creation_ms\n".to_owned();
     for (number_of, plan) in decision.plans.iter().enumerate() {
         for (view, at) in decision.views.iter().zip(&plan.by_view) {
             let mut cells = vec![
@@ -120,9 +122,12 @@ fn verdict(verdict: &Verdict) -> String {
     }
 }
 
-fn error(error: Option<&ErrorLadder>) -> [String; 4] {
+fn error(error: Option<&ErrorLadder>) -> [String; 6] {
+    let count = |of: fn(&ErrorLadder) -> u64| error.map_or_else(String::new, |e| of(e).to_string());
     [
-        error.map_or_else(String::new, |e| e.changed_pixels.to_string()),
+        count(|e| e.changed_pixels),
+        count(|e| e.changed_depth),
+        count(|e| e.nan_pixels),
         number(error.map(|e| e.max_abs)),
         number(error.map(|e| e.flip_mean)),
         number(error.map(|e| e.flip_p99)),
@@ -138,7 +143,24 @@ pub(super) fn number(of: Option<f64>) -> String {
     of.map_or_else(String::new, |n| n.to_string())
 }
 
-/// A field as RFC 4180 quotes it.
-pub(super) fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\""))
+/// A field as RFC 4180 quotes it. Text that a spreadsheet would take for a formula has an apostrophe ahead, quoted or not: names come from strangers (OWASP, "CSV Injection").
+pub(crate) fn quoted(text: &str) -> String {
+    let is_formula = text
+        .trim_start_matches(' ')
+        .starts_with(['=', '+', '-', '@', '\t', '\r']);
+    let guard = if is_formula { "'" } else { "" };
+    format!("\"{guard}{}\"", text.replace('"', "\"\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn text_is_no_formula() {
+        assert_eq!(quoted("say \"a\""), "\"say \"\"a\"\"\"");
+        assert_eq!(quoted("=1+1"), "\"'=1+1\"");
+        assert_eq!(quoted("  @SUM(a)"), "\"'  @SUM(a)\"");
+        assert_eq!(quoted("a-b"), "\"a-b\"");
+    }
 }

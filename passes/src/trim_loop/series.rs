@@ -164,14 +164,39 @@ fn global(function: &Function, of: Handle<Expression>) -> Option<Handle<GlobalVa
     }
 }
 
-/// Whether a local of the loop is multiplied each turn by a number nearer to 0 than 1, or divided by one further from it: the weight of a series that ebbs away.
+/// Whether a local that is carried from turn to turn is multiplied in each by a number nearer to 0 than 1, or divided by one further from it: the weight of a series that ebbs away. One that is stored to
+/// otherwise within the loop begins anew there, and one of a loop within ebbs in that one.
 pub fn ebbs(module: &Module, f: &FunctionGraph<'_>, at: StmtId) -> bool {
     let end = f.statements.get(at).end;
-    let within = f.statements.iter().filter(|(id, _)| (at..end).contains(id));
-    within.into_iter().any(|(_, node)| {
+    let inner: Vec<(StmtId, StmtId)> = f
+        .statements
+        .iter()
+        .filter(|(id, node)| {
+            *id > at && *id < end && matches!(node.statement, Statement::Loop { .. })
+        })
+        .map(|(id, node)| (id, node.end))
+        .collect();
+    let is_inner = |id: StmtId| inner.iter().any(|(from, to)| (*from..*to).contains(&id));
+    let within = || f.statements.iter().filter(|(id, _)| (at..end).contains(id));
+    let stores_to = |to: Handle<LocalVariable>| {
+        let stores = within().filter(|(_, node)| match node.statement {
+            Statement::Store { pointer, .. } => local(f.function, *pointer) == Some(to),
+            Statement::Call { arguments, .. } => {
+                arguments.iter().any(|a| local(f.function, *a) == Some(to))
+            }
+            _ => false,
+        });
+        stores.count()
+    };
+    within().any(|(id, node)| {
         let Statement::Store { pointer, value } = node.statement else {
             return false;
         };
+        let is_carried =
+            local(f.function, *pointer).is_some_and(|to| stores_to(to) == 1) && !is_inner(id);
+        if !is_carried {
+            return false;
+        }
         let Expression::Binary { op, left, right } = f.function.expressions[*value] else {
             return false;
         };

@@ -16,6 +16,8 @@ use crate::scene::Scene;
 #[template(path = "html/plan.html")]
 struct Page<'a> {
     shell: Shell,
+    /// What the choice rests on.
+    rests: &'static str,
     views: Vec<View>,
     materials: Vec<Material>,
     plans: Vec<Plan>,
@@ -116,6 +118,12 @@ pub fn page(
             file: "decision.json",
             data: data(decision)?,
             gallery,
+        },
+        rests: match decision.clock {
+            Some(_) => {
+                "What is decided rests on what was measured; a prediction only says what is."
+            }
+            None => "Nothing was measured: what is decided is a prediction.",
         },
         views: views(decision, &sections),
         materials: decision.materials.iter().map(material).collect(),

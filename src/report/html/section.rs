@@ -38,7 +38,9 @@ pub struct Shot {
     pub error: String,
     /// Number of the original's picture in the gallery.
     pub original: usize,
-    /// The variant's; `None`: the same bits.
+    /// What is said where there is no picture of the variant's own.
+    pub same: &'static str,
+    /// The variant's; `None`: it looks the same.
     pub variant: Option<String>,
     /// Their FLIP map; `None`: it would be black.
     pub flip: Option<String>,
@@ -220,7 +222,12 @@ fn shot(
     gallery: &mut Gallery,
 ) -> Result<Shot, Error> {
     let variant = variant.filter(|v| *v != original);
+    let is_same = error.is_none_or(ErrorLadder::is_exact);
     Ok(Shot {
+        same: match is_same {
+            true => "the same bits",
+            false => "the same in 8 bits of the first target",
+        },
         view: view.to_owned(),
         error: error.map_or_else(String::new, words::error),
         original: gallery.number(original)?,

@@ -113,13 +113,22 @@ pub fn ms(time: &Estimate) -> String {
 
 /// A difference in a few words.
 pub fn error(error: &ErrorLadder) -> String {
-    match error.changed_pixels {
+    let mut told = match error.changed_pixels {
         0 => "no pixel differs".to_owned(),
         n => format!(
             "{n} pixels differ, by {:.4} at most, mean FLIP {:.5}",
             error.max_abs, error.flip_mean
         ),
+    };
+    for (n, what) in [
+        (error.changed_depth, "depths differ"),
+        (error.nan_pixels, "pixels are not finite"),
+    ] {
+        if n > 0 {
+            told.push_str(&format!(", {n} {what}"));
+        }
     }
+    told
 }
 
 /// The text of an option, or a dash.
