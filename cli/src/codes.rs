@@ -1,6 +1,7 @@
 //! What each code in brackets means: `preshade --explain CODE`.
 
 use preshade::nearest::nearest;
+use preshade::passes::contract::Assumption;
 use preshade::passes::{PASSES, pass_named};
 
 use crate::Failure;
@@ -34,8 +35,16 @@ pub fn explain(code: &str) -> Result<String, Failure> {
             info.hurts.trim_end_matches('.')
         ));
     }
+    let assumptions = Assumption::all();
+    if let Some((name, text)) = assumptions.iter().find(|(name, _)| name == bare) {
+        return Ok(format!(
+            "{name} is something that a contract takes as given.\n\n{text}\n\ndocs/plan.md says what each asks of a host.\n"
+        ));
+    }
     let codes = all().map(|(code, _)| code);
-    let known: Vec<&str> = codes.chain(PASSES.iter().map(|p| p.info().name)).collect();
+    let passes = PASSES.iter().map(|p| p.info().name);
+    let given = assumptions.iter().map(|(name, _)| name.as_str());
+    let known: Vec<&str> = codes.chain(passes).chain(given).collect();
     match &near(bare, &known)[..] {
         [] => Err(Failure::unknown("code", bare, &known)),
         near => Err(Failure(format!(

@@ -12,7 +12,8 @@ pub enum Assumption {
     /// Both passes rasterise the same position bits from the same inputs.
     InvariantPosition,
     /// No other opaque material of the frame moves depth away from the viewer or leaves traces of hidden fragments (stencil, stores), and none that writes depth
-    /// leaves colour channels as they are that others write. Beside what is shaded from ids each of them writes its depth.
+    /// leaves colour channels as they are that others write. Beside what is shaded from ids each of them writes its depth, and has
+    /// none in common with it: it is drawn after it, whatever their order.
     OrdinaryNeighbours,
     /// No other opaque material of the frame writes the colour channels, or targets, that this one leaves as they are: what lies hidden would show there.
     LeftChannelsUnwritten,
@@ -57,6 +58,19 @@ pub enum Assumption {
     FiniteTaps,
     /// The values that a draw is made with lie where the plan's guard says ([`crate::guard`]).
     ValuesOfTheGuard,
+}
+
+impl Assumption {
+    /// Each one's name as the JSON spells it, and what it says.
+    pub fn all() -> Vec<(String, String)> {
+        let schema = schemars::schema_for!(Assumption).to_value();
+        let each = schema["oneOf"].as_array().into_iter().flatten();
+        each.filter_map(|a| {
+            let text = |key: &str| Some(a[key].as_str()?.to_owned());
+            Some((text("const")?, text("description")?))
+        })
+        .collect()
+    }
 }
 
 /// What a transform promises. Ordered from strongest to weakest; the contract of a plan is the weakest of its steps'.
@@ -283,6 +297,18 @@ pub enum Verdict {
 #[cfg(test)]
 mod tests {
     use super::{Assumption, Contract};
+
+    #[test]
+    fn every_assumption_says_what_it_is() {
+        let all = Assumption::all();
+        let ties = all.iter().find(|(name, _)| name == "no-depth-ties");
+        assert!(
+            ties.is_some_and(|(_, text)| text.contains("same depth")),
+            "{all:?}"
+        );
+        let last = serde_json::to_value(Assumption::ValuesOfTheGuard).unwrap_or_default();
+        assert!(all.iter().any(|(name, _)| *name == last), "{all:?}");
+    }
 
     fn approximate(metric: &str, budget: f64) -> Contract {
         Contract::Approximate {

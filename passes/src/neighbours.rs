@@ -80,6 +80,29 @@ pub fn conflict<'a>(
         .or_else(|| shows_through(plan, &neighbours, &step.pass))
 }
 
+/// Why `plan`, which is shaded from ids, may not stand beside `others` as they are drawn in one frame with `ties` pixels in which two surfaces share the winning depth: whatever is not shaded from ids is
+/// drawn after it, and the order of draws that decides a tie is another one. `None` where all opaque materials are shaded from ids, which keeps their order, where nothing ties, and for other plans.
+pub fn tied<'a>(
+    plan: &Plan,
+    others: impl IntoIterator<Item = &'a Plan>,
+    ties: Option<u64>,
+) -> Option<Refusal> {
+    let ties = ties.filter(|n| *n > 0)?;
+    let has_ids = |p: &Plan| p.passes.iter().any(|p| p.role == Role::Ids);
+    let step = plan.steps.last().filter(|_| has_ids(plan))?;
+    let is_drawn = |p: &&Plan| !has_ids(p) && p.main().is_some_and(|m| m.phase == Phase::Opaque);
+    let drawn = others.into_iter().find(is_drawn)?;
+    Some(Refusal::new(
+        &step.pass,
+        "depth-ties",
+        format!(
+            "material `{}` is not shaded from ids and so is drawn after what is, and where two surfaces share the winning depth (pixels: {ties}, over all views) the order of draws decides which is seen",
+            drawn.material
+        ),
+        "split all opaque materials of the frame or none of them, or set their surfaces apart (a depth bias, an offset)",
+    ))
+}
+
 /// The refusal of a frame in which a fragment that some pre-pass drops may show in the end.
 ///
 /// What a pre-pass drops lies behind a fragment of its material. As written it was drawn, and then covered: by that fragment, or by one still nearer which made

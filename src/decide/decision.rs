@@ -186,10 +186,11 @@ impl Decision {
         }
     }
 
-    /// Whether a plan broke its contract.
+    /// Whether a plan that is drawn with broke its contract. Of those that were weighed and broke theirs none is.
     pub fn is_broken(&self) -> bool {
         let broken = |p: &PlanReport| matches!(p.verdict, Verdict::Broken { .. });
-        self.plans.iter().any(broken)
+        let drawn = self.policy.plans();
+        drawn.iter().filter_map(|p| self.plans.get(*p)).any(broken)
     }
 
     /// The JSON of record, indented, with a newline at its end.

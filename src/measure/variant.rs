@@ -38,6 +38,20 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
             *plan = original.clone();
         }
     }
+    // What is shaded from ids comes before what is not: where those tie, no order is kept.
+    let ties: Vec<_> = plans
+        .iter()
+        .map(|plan| neighbours::tied(plan, &plans, facts.depth_ties))
+        .collect();
+    for ((plan, original), refusal) in plans.iter_mut().zip(originals).zip(ties) {
+        if let Some(refusal) = refusal {
+            kept.push(Kept {
+                material: original.material.clone(),
+                why: with_remedy(&refusal),
+            });
+            *plan = original.clone();
+        }
+    }
     // A choice that rests on measurement is kept as what it chose.
     let written = super::written_out(recipe, facts);
     Variant {

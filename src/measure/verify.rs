@@ -590,6 +590,8 @@ impl<'a> Subject<'a> {
             };
             let worst = pictures.map(|p| Worst {
                 view: view.to_string(),
+                error: error.clone(),
+                original: p.original,
                 variant: p.variant,
                 difference: p.difference,
             });

@@ -50,6 +50,10 @@ pub struct Pictures {
 pub struct Worst {
     /// Camera, frame and order in words.
     pub view: String,
+    /// Against the original.
+    pub error: ErrorLadder,
+    /// Colour target 0 of the original.
+    pub original: Picture,
     /// Colour target 0 of the variant.
     pub variant: Picture,
     /// Its difference from the original, amplified as that of the headline view.

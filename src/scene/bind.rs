@@ -483,6 +483,10 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
             () if name == "constant" || name.contains("attenuationconstant") => 1.0,
             () if name == "linear" => 0.09,
             () if name == "quadratic" => 0.032,
+            // What is drawn at all is what is looked at: nothing see-through, nothing below an alpha test.
+            () if name.contains("opacity") || name == "alpha" => 1.0,
+            () if name.contains("alphatest") => 0.5,
+            () if name.contains("displacement") => 0.02,
             () if name.contains("range") || name.contains("radius") => 10.0,
             () if name.contains("density") => 0.05,
             () if name.contains("intensity") || name.contains("power") => 1.0 + 2.0 * h(c),

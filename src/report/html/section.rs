@@ -5,7 +5,7 @@ use super::words::{self, or_dash};
 use super::{Error, Gallery, data_uri};
 use crate::measure::{ErrorLadder, Shading};
 use crate::report::picture::{Picture, flip};
-use crate::report::{Pictures, VariantReport, frontier, sheet};
+use crate::report::{Pictures, VariantReport, Worst, frontier, sheet};
 
 /// A variant, as `variant.html` tells of it.
 #[derive(Default)]
@@ -198,6 +198,17 @@ fn shots(
             gallery,
         )?
     }];
+    // Of the headline's own camera, in another order or frame.
+    let seen = |worst: &&Worst| pictures.elsewhere.iter().any(|e| e.view == worst.view);
+    if let Some(worst) = pictures.worst.as_ref().filter(|w| !seen(w)) {
+        shots.push(shot(
+            &format!("{}, where it is most off", worst.view),
+            Some(&worst.error),
+            &worst.original,
+            Some(&worst.variant),
+            gallery,
+        )?);
+    }
     let elsewhere = match cameras {
         Cameras::First => &[][..],
         Cameras::Every => &pictures.elsewhere,
