@@ -342,6 +342,7 @@ fn contracts_are_held_to_their_own_terms() {
     let mut error = measure::ErrorLadder {
         changed_pixels: 4,
         max_abs: 1.0 / 255.0,
+        max_steps: 1.0,
         flip_mean: 0.002,
         ..Default::default()
     };
@@ -378,12 +379,14 @@ fn contracts_are_held_to_their_own_terms() {
         }),
         given: Vec::new(),
     };
-    (error.pixels, error.beyond_step, error.max_abs) = (10_000, 10, 0.5);
+    (error.pixels, error.beyond_step) = (10_000, 10);
+    (error.max_abs, error.max_steps) = (0.5, 127.5);
     assert!(broken(&rounding, &error));
     assert!(!broken(&turning(Surface::Kept), &error));
     error.beyond_step = 11;
     assert!(broken(&turning(Surface::Rounded), &error));
-    (error.beyond_step, error.max_abs) = (0, 1.0 / 255.0);
+    error.beyond_step = 0;
+    (error.max_abs, error.max_steps) = (1.0 / 255.0, 1.0);
     error.changed_depth = 1;
     assert!(broken(&rounding, &error));
     assert!(broken(&turning(Surface::Kept), &error));

@@ -100,7 +100,7 @@ pub struct Params {
     pub select: Option<Select>,
     /// Formats that the attributes of vertices may be stored in.
     pub formats: Formats,
-    /// Where the corners of a triangle lie when the resolve interpolates between them. Default: as the adapter was seen to do, else `as-given`.
+    /// Where the corners of a triangle lie when the resolve interpolates between them. Default: as the adapter was seen to do, else `held`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub corners: Option<Corners>,
     /// Which neighbours `dpdx`, `dpdy` and `fwidth` are taken of. Default: as the adapter was seen to do, else the pixel's `own`.
