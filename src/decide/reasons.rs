@@ -130,10 +130,10 @@ fn left(
             ratio(loss)
         ),
         _ => format!(
-            "as written: nothing {}pays{}. The best {}, `{}`, is {} at {gained}{}",
+            "as written: nothing {}{}. The best {}, `{}`, is {} at {gained}{}",
             match decision.clock {
-                Some(_) => "",
-                None => "is predicted that ",
+                Some(_) => "pays",
+                None => "is predicted to pay",
             },
             match original.is_some() && drawn.len() > 1 {
                 true => " there",
