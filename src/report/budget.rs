@@ -196,7 +196,9 @@ impl Chosen {
                 "No variant is within {name}={most}: the best error is {error:.5}, of {variant}, {}.",
                 times(*speedup)
             ),
-            Choice::None { .. } => format!("No variant is within {name}={most}: none was drawn."),
+            Choice::None { .. } => format!(
+                "No variant within {name}={most} stood beside the original: each that was drawn is slower, further off, or was not verified."
+            ),
         }
     }
 }
