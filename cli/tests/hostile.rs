@@ -335,33 +335,28 @@ fn kill(process: u32) {
     assert!(killed.unwrap().success());
 }
 
+/// `verify` of the scene in `here` by three passes, each in a process of its own, with a report in `out`.
 #[cfg(target_os = "linux")]
-#[test]
-fn a_variant_that_is_killed_leaves_the_others() {
-    let here = folder("killed-variant", SCENE, "");
-    let args = [
-        "verify",
-        "a.toml",
-        "--time",
-        "no",
-        "--format",
-        "json",
-        "--limits",
-        "seconds=300",
-        "--out",
-        "out",
-    ];
-    let passes = [
+fn measured_apart(here: &Path) -> Command {
+    let mut command = preshade(here);
+    command.args(["verify", "a.toml", "--time", "no"]);
+    command.args(["--limits", "seconds=300", "--out", "out"]);
+    command.args([
         "--pass",
         "depth-prepass",
         "--pass",
         "depth-prepass:form=equal",
-        "--pass",
-        "early-discard",
-    ];
-    let mut child = preshade(&here)
-        .args(args)
-        .args(passes)
+    ]);
+    command.args(["--pass", "early-discard"]);
+    command
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_variant_that_is_killed_leaves_the_others() {
+    let here = folder("killed-variant", SCENE, "");
+    let mut child = measured_apart(&here)
+        .args(["--format", "json"])
         .stdout(Stdio::piped())
         .spawn()
         .unwrap();
@@ -392,27 +387,7 @@ fn a_variant_that_is_killed_leaves_the_others() {
 #[test]
 fn a_run_that_is_killed_leaves_what_it_measured_and_says_what_is_missing() {
     let here = folder("killed", SCENE, "");
-    let args = [
-        "verify",
-        "a.toml",
-        "--time",
-        "no",
-        "--limits",
-        "seconds=300",
-        "--out",
-        "out",
-    ];
-    let passes = [
-        "--pass",
-        "depth-prepass",
-        "--pass",
-        "depth-prepass:form=equal",
-        "--pass",
-        "early-discard",
-    ];
-    let mut child = preshade(&here)
-        .args(args)
-        .args(passes)
+    let mut child = measured_apart(&here)
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()

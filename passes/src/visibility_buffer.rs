@@ -266,10 +266,10 @@ impl<'a> Material<'a> {
             Form::Compute | Form::Binned => self.compute(&mut next, params, slots)?,
         }
         for program in next.programs.values_mut() {
-            let mut module = program.module().clone();
-            if module.overrides.is_empty() {
+            if program.module().overrides.is_empty() {
                 continue;
             }
+            let mut module = program.module().clone();
             names::give_way_to_overrides(&mut module);
             *program = program
                 .with_module(module)

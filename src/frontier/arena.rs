@@ -7,6 +7,7 @@ use preshade_passes::hoist::Metric;
 use super::explore::{Fate, Point, of};
 use super::pareto::{Standing, dominators};
 use super::pick::{instead, pick};
+use super::predict::Prediction;
 use super::race::{FIRST_RUNG, MOST_CROSSED, SUBMISSION, Search};
 use super::space::{self, Candidate};
 use crate::measure::{Error, FEWEST_SAMPLES, Variant, estimate};
@@ -198,7 +199,41 @@ fn fitting(original: f64, each: &[f64], samples: usize, left: f64) -> Option<(us
     some.map(|count| (count, FEWEST_SAMPLES))
 }
 
-impl Contender<'_> {
+impl<'a> Contender<'a> {
+    /// At the start: in the race, unless its fate is known.
+    pub(super) fn new(
+        candidate: Candidate,
+        prediction: Option<Prediction>,
+        variant: Variant,
+        key: Option<String>,
+        fate: Option<Fate>,
+    ) -> Self {
+        let alive = fate.is_none();
+        Self {
+            point: Point {
+                name: variant.name.clone(),
+                recipe: variant.recipe.clone(),
+                prediction,
+                error: None,
+                time_ms: None,
+                speedup: None,
+                path: None,
+                fate: fate.unwrap_or(Fate::NotMeasured {
+                    why: "it was not reached".to_owned(),
+                }),
+            },
+            candidate,
+            variant,
+            key,
+            prepared: None,
+            ratios: Vec::new(),
+            times: Vec::new(),
+            sight: 0.0,
+            spent: Duration::ZERO,
+            alive,
+        }
+    }
+
     /// Takes it out of the race.
     pub(super) fn out(&mut self, fate: Fate) {
         self.point.fate = fate;

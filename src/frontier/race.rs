@@ -7,7 +7,7 @@ use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 
 use super::arena::{Arena, Contender, LEAST_RACING};
-use super::explore::{Fate, Point, Settings, Stage};
+use super::explore::{Fate, Settings, Stage};
 use super::journal::{self, Entry, Journal};
 use super::predict::{Prediction, Predictor, hopeless};
 use super::space::Candidate;
@@ -168,57 +168,14 @@ impl<'a> Search<'a> {
             if let (None, Some(key)) = (&fate, &key) {
                 keys.insert(key.clone(), variant.name.clone());
             }
-            let point = Point {
-                name: variant.name.clone(),
-                recipe: variant.recipe.clone(),
-                prediction,
-                error: None,
-                time_ms: None,
-                speedup: None,
-                path: None,
-                fate: fate.clone().unwrap_or(Fate::NotMeasured {
-                    why: "it was not reached".to_owned(),
-                }),
-            };
-            admitted.push(Contender {
-                candidate,
-                variant,
-                key,
-                point,
-                prepared: None,
-                ratios: Vec::new(),
-                times: Vec::new(),
-                sight: 0.0,
-                spent: Duration::ZERO,
-                alive: fate.is_none(),
-            });
+            admitted.push(Contender::new(candidate, prediction, variant, key, fate));
         }
         arena.contenders.extend(admitted);
         let unwritten = late.into_iter().map(|(candidate, prediction)| {
             let variant = measure::unwritten(&candidate.recipe);
-            Contender {
-                point: Point {
-                    name: variant.name.clone(),
-                    recipe: variant.recipe.clone(),
-                    prediction,
-                    error: None,
-                    time_ms: None,
-                    speedup: None,
-                    path: None,
-                    fate: Fate::NotMeasured {
-                        why: "there was no time left to rewrite it".to_owned(),
-                    },
-                },
-                candidate,
-                variant,
-                key: None,
-                prepared: None,
-                ratios: Vec::new(),
-                times: Vec::new(),
-                sight: 0.0,
-                spent: Duration::ZERO,
-                alive: false,
-            }
+            let why = "there was no time left to rewrite it".to_owned();
+            let fate = Some(Fate::NotMeasured { why });
+            Contender::new(candidate, prediction, variant, None, fate)
         });
         arena.contenders.extend(unwritten);
     }

@@ -24,34 +24,27 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
             })
         })
         .collect();
+    let mut leave = |plans: &mut [Plan], refusals: Vec<Option<Refusal>>| {
+        for ((plan, original), refusal) in plans.iter_mut().zip(originals).zip(refusals) {
+            if let Some(refusal) = refusal {
+                kept.push(Kept {
+                    material: original.material.clone(),
+                    why: with_remedy(&refusal),
+                });
+                *plan = original.clone();
+            }
+        }
+    };
     // What stands alone may not stand beside the others.
-    let conflicts: Vec<_> = plans
-        .iter()
-        .map(|plan| neighbours::conflict(plan, originals))
-        .collect();
-    for ((plan, original), refusal) in plans.iter_mut().zip(originals).zip(conflicts) {
-        if let Some(refusal) = refusal {
-            kept.push(Kept {
-                material: original.material.clone(),
-                why: with_remedy(&refusal),
-            });
-            *plan = original.clone();
-        }
-    }
+    let conflicts = plans.iter().map(|p| neighbours::conflict(p, originals));
+    let conflicts = conflicts.collect();
+    leave(&mut plans, conflicts);
     // What is shaded from ids comes before what is not: where those tie, no order is kept.
-    let ties: Vec<_> = plans
+    let ties = plans
         .iter()
-        .map(|plan| neighbours::tied(plan, &plans, facts.depth_ties))
-        .collect();
-    for ((plan, original), refusal) in plans.iter_mut().zip(originals).zip(ties) {
-        if let Some(refusal) = refusal {
-            kept.push(Kept {
-                material: original.material.clone(),
-                why: with_remedy(&refusal),
-            });
-            *plan = original.clone();
-        }
-    }
+        .map(|p| neighbours::tied(p, &plans, facts.depth_ties));
+    let ties = ties.collect();
+    leave(&mut plans, ties);
     // A choice that rests on measurement is kept as what it chose.
     let written = super::written_out(recipe, facts);
     Variant {

@@ -60,9 +60,6 @@ pub fn without_ours(module: &mut Module) {
 pub fn give_way_to_overrides(module: &mut Module) {
     let overrides = module.overrides.iter();
     let held: BTreeSet<String> = overrides.filter_map(|(_, o)| o.name.clone()).collect();
-    if held.is_empty() {
-        return;
-    }
     for (_, function) in module.functions.iter_mut() {
         give_way(function, &held);
     }
