@@ -174,7 +174,9 @@ fn comment(name: &str) -> String {
     while let Some(at) = rest.find(" ([`") {
         let end = at + rest[at..].find(')').unwrap() + 1;
         let inner = &rest[at + 2..end - 1];
-        let links = inner.split(", ").all(|l| l.starts_with("[`") && l.ends_with("`]"));
+        let links = inner
+            .split(", ")
+            .all(|l| l.starts_with("[`") && l.ends_with("`]"));
         read.push_str(&rest[..if links { at } else { end }]);
         rest = &rest[end..];
     }
