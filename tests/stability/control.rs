@@ -57,6 +57,32 @@ pub const CASES: &[Case] = &[
         ),
     },
     Case {
+        name: "helper invocations",
+        scene: "helpers",
+        guards: "lanes that are no fragments, or are none any more, and whose values their neighbours' derivatives are made of",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+            ("visibility-buffer:budget=0.05", Holds),
+        ],
+        mutation: (
+            "lanes leave each for itself, and a driver that ends them: what they would compute is 0",
+            Mutation::Text(
+                EARLY,
+                &[
+                    ("return quad > 0.5f;", "return lane > 0.5f;"),
+                    (
+                        "let bent = (in.uv * in.uv)",
+                        "let bent = select(in.uv * in.uv, vec2<f32>(), hidden)",
+                    ),
+                ],
+            ),
+        ),
+    },
+    Case {
         name: "early returns",
         scene: "returns",
         guards: "a slice that forgets a return ahead of the discard",

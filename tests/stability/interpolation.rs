@@ -3,13 +3,25 @@
 use preshade::passes::contract::Contract;
 
 use super::case::Expect::{Holds, Untied};
-use super::case::{ALL, Case, DIRECTIONS, FLOAT, REVERSED, SAMPLED};
+use super::case::{ALL, Case, DIRECTIONS, Expect, FLOAT, REVERSED, SAMPLED};
 use super::mutate::Mutation;
 
 const BIASED: &str = "depth-prepass";
 const EQUAL: &str = "depth-prepass:form=equal";
 const EARLY: &str = "early-discard";
 const VISIBLE: &str = "visibility-buffer";
+const EDGES: &str =
+    "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8";
+
+/// What is drawn of values that are none at vertices which no fragment sees, and the guard taken away.
+const HIDDEN: &[(&str, Expect)] = &[
+    (BIASED, Holds),
+    (EARLY, Holds),
+    ("hoist", Holds),
+    ("hoist:budget=0.05", Holds),
+];
+const ASSUMED: &str = "all values taken to be finite";
+const FINITE: Mutation = Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05");
 
 pub const CASES: &[Case] = &[
     Case {
@@ -81,6 +93,63 @@ pub const CASES: &[Case] = &[
         ),
     },
     Case {
+        name: "slivers",
+        scene: "slivers",
+        guards: "triangles of a sixth of a pixel, whose area is what is left of large products",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=compute", Holds),
+        ],
+        mutation: (
+            "an area to divide by of 0.5 in clip space at least, as if for triangles of none",
+            Mutation::Text(
+                VISIBLE,
+                &[(
+                    "select(edges / vec3(sum), vec3(0.33333334f), sum == 0f)",
+                    "edges / vec3(sign(sum) * max(abs(sum), 0.5f))",
+                )],
+            ),
+        ),
+    },
+    Case {
+        name: "triangles of no area",
+        scene: "zero-area",
+        guards: "an area of 0 to divide by, where a rasteriser's snapping of corners makes some of none",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=compute", Holds),
+        ],
+        mutation: (
+            "weights of the corners as they are, of no area",
+            Mutation::Recipe("visibility-buffer:corners=as-given", VISIBLE),
+        ),
+    },
+    Case {
+        name: "T-junctions",
+        scene: "junctions",
+        guards: "cracks that are the author's, of which a variant must leave each pixel as it is",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=compute", Holds),
+        ],
+        mutation: (
+            "subdivided: the two sides of the edge are divided each for itself",
+            Mutation::Recipe(EDGES, EDGES),
+        ),
+    },
+    Case {
         name: "centroids at edges",
         scene: "centroid",
         guards: "a value carried without the way it is interpolated: outside of its triangle at every edge",
@@ -132,6 +201,38 @@ pub const CASES: &[Case] = &[
             "all values taken to be finite",
             Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
         ),
+    },
+    Case {
+        name: "a direction of no length at a hidden vertex",
+        scene: "hidden-normalize",
+        guards: "normalize(0), which spreads over every triangle that the vertex is a corner of",
+        setups: DIRECTIONS,
+        recipes: HIDDEN,
+        mutation: (ASSUMED, FINITE),
+    },
+    Case {
+        name: "a power of a negative at hidden vertices",
+        scene: "hidden-power",
+        guards: "pow of a negative: NaN, or with some drivers a number",
+        setups: DIRECTIONS,
+        recipes: HIDDEN,
+        mutation: (ASSUMED, FINITE),
+    },
+    Case {
+        name: "a division by 0 at a hidden vertex",
+        scene: "hidden-division",
+        guards: "an infinity, which interpolation makes NaN beside any other",
+        setups: DIRECTIONS,
+        recipes: HIDDEN,
+        mutation: (ASSUMED, FINITE),
+    },
+    Case {
+        name: "a root of 1 - abs(dot) below 0 at hidden vertices",
+        scene: "hidden-root",
+        guards: "a direction that is no unit vector there: sqrt of a negative",
+        setups: DIRECTIONS,
+        recipes: HIDDEN,
+        mutation: (ASSUMED, FINITE),
     },
     Case {
         name: "cracks at every level",

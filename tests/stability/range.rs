@@ -49,6 +49,32 @@ pub const CASES: &[Case] = &[
         mutation: (WITHOUT, UNBIASED),
     },
     Case {
+        name: "the world at 1,000,000",
+        scene: "moved-1000000",
+        guards: MOVED,
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+        ],
+        mutation: (WITHOUT, UNBIASED),
+    },
+    Case {
+        name: "the world at 10,000,000",
+        scene: "moved-10000000",
+        guards: MOVED,
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+        ],
+        mutation: (WITHOUT, UNBIASED),
+    },
+    Case {
         name: "hash noise far out",
         scene: "hash",
         guards: "a value that jumps between one float and the next, interpolated",
