@@ -8,7 +8,7 @@
 
 use naga::{
     AddressSpace, Binding, Block, BuiltIn, Expression, Function, Handle, ImageClass, Module,
-    SampleLevel, Span, Statement, StorageAccess, TypeInner,
+    SampleLevel, ShaderStage, Span, Statement, StorageAccess, TypeInner,
 };
 
 use crate::graph::{FunctionId, operands};
@@ -160,9 +160,9 @@ impl<'a> Walk<'a> {
                 walk.values[e.index()] = argument(*n as usize)[0];
             }
         }
-        if let FunctionId::EntryPoint(_) = id {
+        if let FunctionId::EntryPoint(point) = id {
             for (n, input) in function.arguments.iter().enumerate() {
-                if !is_uniform_input(module, input) {
+                if !is_uniform_input(module, input, module.entry_points[point].stage) {
                     walk.edges[argument(n)[0]].push(MAYBE);
                 }
             }
@@ -659,14 +659,14 @@ fn in_space(space: AddressSpace) -> Root {
 }
 
 /// Whether an input of an entry point is the same for all invocations. A struct is as its members are together.
-fn is_uniform_input(module: &Module, input: &naga::FunctionArgument) -> bool {
-    let is_uniform = |binding: Option<&Binding>| {
-        matches!(
-            binding,
-            Some(Binding::BuiltIn(
-                BuiltIn::WorkGroupId | BuiltIn::NumWorkGroups | BuiltIn::WorkGroupSize
-            ))
-        )
+fn is_uniform_input(module: &Module, input: &naga::FunctionArgument, stage: ShaderStage) -> bool {
+    let is_uniform = |binding: Option<&Binding>| match binding {
+        Some(Binding::BuiltIn(builtin)) => match builtin {
+            BuiltIn::WorkGroupId | BuiltIn::NumWorkGroups | BuiltIn::WorkGroupSize => true,
+            BuiltIn::NumSubgroups | BuiltIn::SubgroupSize => stage == ShaderStage::Compute,
+            _ => false,
+        },
+        _ => false,
     };
     match (&input.binding, &module.types[input.ty].inner) {
         (None, TypeInner::Struct { members, .. }) => {

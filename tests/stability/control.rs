@@ -1,5 +1,7 @@
 //! Control: lanes that leave, and what their neighbours still need of them.
 
+use preshade::passes::contract::Contract;
+
 use super::case::Expect::{Holds, Refused, Untied};
 use super::case::{ALL, Case, DIRECTIONS, Red, SAMPLED, Stage};
 use super::mutate::Mutation;
@@ -46,14 +48,8 @@ pub const CASES: &[Case] = &[
             ("hoist", Refused("nothing-pays")),
         ],
         mutation: (
-            "a quad leaves when one of its lanes is behind",
-            Mutation::Text(
-                EARLY,
-                &[(
-                    "return quad > 0.5f;",
-                    "return fwidthFine(lane) + lane > 0.5f;",
-                )],
-            ),
+            "gradients taken ahead of the branches, by hand",
+            Mutation::Shader("branches-naive.wgsl", Contract::exact),
         ),
     },
     Case {

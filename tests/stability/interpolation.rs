@@ -1,10 +1,11 @@
 //! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away, or without a value.
 
 use preshade::passes::contract::Contract;
+use preshade::passes::plan::Role;
 
-use super::case::Expect::{Holds, Untied};
+use super::case::Expect::{Holds, Open, Untied};
 use super::case::{ALL, Case, DIRECTIONS, Expect, FLOAT, REVERSED, SAMPLED};
-use super::mutate::Mutation;
+use super::mutate::{Moved, Mutation, moved};
 
 const BIASED: &str = "depth-prepass";
 const EQUAL: &str = "depth-prepass:form=equal";
@@ -12,6 +13,11 @@ const EARLY: &str = "early-discard";
 const VISIBLE: &str = "visibility-buffer";
 const EDGES: &str =
     "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8";
+
+/// The difference of a corner and the pixel by way of an origin far from both.
+const AFAR_A: &str = "((a.xy + vec2(4096f * a.w)) - (clip + vec2(4096f)) * a.w)";
+const AFAR_B: &str = "((b.xy + vec2(4096f * b.w)) - (clip + vec2(4096f)) * b.w)";
+const AFAR_C: &str = "((c.xy + vec2(4096f * c.w)) - (clip + vec2(4096f)) * c.w)";
 
 /// What is drawn of values that are none at vertices which no fragment sees, and the guard taken away.
 const HIDDEN: &[(&str, Expect)] = &[
@@ -78,17 +84,18 @@ pub const CASES: &[Case] = &[
     Case {
         name: "triangles larger than the screen",
         scene: "huge",
-        guards: "what is left of the differences of large products, a few parts in a million of them",
+        guards: "differences of large products, of which little is left: corners are told from the pixel before they are multiplied",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds)],
+        recipes: &[(BIASED, Holds), (EARLY, Holds), (VISIBLE, Holds)],
         mutation: (
-            "the resolve's cross products without what their rounding lost",
+            "the resolve tells corners from an origin far from the pixel",
             Mutation::Text(
-                "visibility-buffer:budget=0.02",
-                &[(
-                    "return fma(a.x, b.y, -(second)) + lost;",
-                    "return a.x * b.y - second;",
-                )],
+                VISIBLE,
+                &[
+                    ("fma(-(clip), vec2(a.w), a.xy)", AFAR_A),
+                    ("fma(-(clip), vec2(b.w), b.xy)", AFAR_B),
+                    ("fma(-(clip), vec2(c.w), c.xy)", AFAR_C),
+                ],
             ),
         ),
     },
@@ -118,18 +125,19 @@ pub const CASES: &[Case] = &[
     Case {
         name: "triangles of no area",
         scene: "zero-area",
-        guards: "an area of 0 to divide by, where a rasteriser's snapping of corners makes some of none",
+        guards: "no area to divide by, where a rasteriser's snapping of corners gives some triangles pixels all the same",
         setups: ALL,
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
             (EARLY, Holds),
-            (VISIBLE, Holds),
-            ("visibility-buffer:form=compute", Holds),
+            (VISIBLE, Open),
         ],
         mutation: (
-            "weights of the corners as they are, of no area",
-            Mutation::Recipe("visibility-buffer:corners=as-given", VISIBLE),
+            "the pre-pass 1/128 pixel up: it snaps others into view",
+            Mutation::Plans(BIASED, |plans| {
+                moved(plans, Role::Prepass, Moved::Up(1.0 / 128.0));
+            }),
         ),
     },
     Case {

@@ -647,13 +647,13 @@ pub const CASES: &[Case] = &[
     case(
         Uniform,
         "pointers: one to another",
-        "fn copy(to: ptr<function, f32>, from: ptr<function, f32>) { *to = *from; }",
+        "fn copy(to: ptr<function, f32>, other: ptr<function, f32>) { *to = *other; }",
         "var x = v; var y = u.x; copy(&x, &y); if x > 0.5 { out += dpdx(v); }",
     ),
     case(
         MayBeNonUniform,
         "pointers: the other to the one",
-        "fn copy(to: ptr<function, f32>, from: ptr<function, f32>) { *to = *from; }",
+        "fn copy(to: ptr<function, f32>, other: ptr<function, f32>) { *to = *other; }",
         "var x = v; var y = u.x; copy(&y, &x); if y > 0.5 { out += dpdx(v); }",
     ),
     case(
