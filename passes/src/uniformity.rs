@@ -7,8 +7,8 @@
 //! A `discard` is a demotion, after which lanes go on as helpers: control flow stays uniform. `diagnostic` filters are not looked at.
 
 use naga::{
-    AddressSpace, Binding, Block, BuiltIn, Expression, Function, Handle, ImageClass, Module,
-    SampleLevel, ShaderStage, Span, Statement, StorageAccess, TypeInner,
+    AddressSpace, Binding, Block, BuiltIn, Expression, Function, GatherMode, Handle, ImageClass,
+    Module, SampleLevel, ShaderStage, Span, Statement, StorageAccess, TypeInner,
 };
 
 use crate::graph::{FunctionId, operands};
@@ -415,8 +415,18 @@ impl<'a> Walk<'a> {
                 self.need(pointer, Need::UniformLoad, span);
                 self.values[result.index()] = self.node([flow.control, pointer]);
             }
+            Statement::SubgroupGather { mode, .. } => {
+                self.need(flow.control, Need::Subgroup, span);
+                if let GatherMode::ShuffleDown(by)
+                | GatherMode::ShuffleUp(by)
+                | GatherMode::ShuffleXor(by) = mode
+                {
+                    let by = self.value(*by);
+                    self.need(by, Need::Subgroup, span);
+                }
+                self.unknown(statement);
+            }
             Statement::SubgroupBallot { .. }
-            | Statement::SubgroupGather { .. }
             | Statement::SubgroupCollectiveOperation { .. }
             | Statement::CooperativeStore { .. } => {
                 self.need(flow.control, Need::Subgroup, span);
