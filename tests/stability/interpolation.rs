@@ -3,7 +3,7 @@
 use preshade::passes::contract::Contract;
 use preshade::passes::plan::Role;
 
-use super::case::Expect::{Holds, Open, Untied};
+use super::case::Expect::{Holds, Open, Unclamped, Untied};
 use super::case::{ALL, Case, DIRECTIONS, Expect, FLOAT, REVERSED, SAMPLED};
 use super::mutate::{Moved, Mutation, moved};
 
@@ -128,7 +128,7 @@ pub const CASES: &[Case] = &[
         guards: "no area to divide by, where a rasteriser's snapping of corners gives some triangles pixels all the same",
         setups: ALL,
         recipes: &[
-            (BIASED, Holds),
+            (BIASED, Unclamped),
             (EQUAL, Untied),
             (EARLY, Holds),
             (VISIBLE, Open),
