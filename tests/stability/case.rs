@@ -44,8 +44,6 @@ pub enum Expect {
     Shades(f64),
     /// That, or some materials refuse it for ties that were measured: which depths tie depends on the format and the adapter.
     Untied,
-    /// The same of surfaces that were measured to lie on the near plane.
-    Unclamped,
     /// [`Expect::Holds`], also where the pre-pass computes its depth so many neighbouring floats apart, either way.
     Withstands(i32),
     /// [`Expect::Holds`], but on adapters where what its contract assumes, by this name, is not so.
@@ -321,14 +319,8 @@ fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
         };
         return run;
     }
-    let measured = match expect {
-        Expect::Untied => "depth-ties",
-        Expect::Unclamped => "near-plane",
-        _ => "",
-    };
-    let is_it = |why: &&str| !measured.is_empty() && why.contains(&format!("[{measured}]"));
-    if all_kept && kept.iter().all(is_it) {
-        run.contract = measured.to_owned();
+    if expect == Expect::Untied && all_kept && kept.iter().all(|why| why.contains("[depth-ties]")) {
+        run.contract = "depth-ties".to_owned();
         run.result = "refused".to_owned();
         return run;
     }

@@ -3,7 +3,7 @@
 use preshade::passes::contract::Contract;
 use preshade::passes::plan::Role;
 
-use super::case::Expect::{Holds, Open, Unclamped, Untied};
+use super::case::Expect::{Holds, Open, Untied};
 use super::case::{ALL, Case, DIRECTIONS, Expect, FLOAT, REVERSED, SAMPLED};
 use super::mutate::{Moved, Mutation, moved};
 
@@ -128,16 +128,14 @@ pub const CASES: &[Case] = &[
         guards: "no area to divide by, where a rasteriser's snapping of corners gives some triangles pixels all the same",
         setups: ALL,
         recipes: &[
-            (BIASED, Unclamped),
+            (BIASED, Open),
             (EQUAL, Untied),
             (EARLY, Holds),
             (VISIBLE, Open),
         ],
         mutation: (
-            "the pre-pass 1/128 pixel up: it snaps others into view",
-            Mutation::Plans(BIASED, |plans| {
-                moved(plans, Role::Prepass, Moved::Up(1.0 / 128.0));
-            }),
+            "the pre-pass's z one float farther, under EQUAL",
+            Mutation::Plans(EQUAL, |plans| moved(plans, Role::Prepass, Moved::Depth(1))),
         ),
     },
     Case {
