@@ -32,7 +32,7 @@ const RECIPES: [&str; 7] = [
     "hoist:allow=rounding",
     "hoist:budget=0.01,finite=assumed",
     "trim-loop:budget=0.1",
-    "skip-taps:budget=0.1",
+    "skip-taps:budget=0.1,threshold=0.02",
 ];
 
 fn main() {

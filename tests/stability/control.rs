@@ -27,13 +27,16 @@ pub const CASES: &[Case] = &[
             ("visibility-buffer:budget=0.05", Holds),
         ],
         mutation: (
-            "a quad leaves when one of its lanes is behind",
+            "lanes leave each for itself, and a driver that ends them: what they would sample at is elsewhere",
             Mutation::Text(
                 EARLY,
-                &[(
-                    "return quad > 0.5f;",
-                    "return fwidthFine(lane) + lane > 0.5f;",
-                )],
+                &[
+                    ("return quad > 0.5f;", "return lane > 0.5f;"),
+                    (
+                        "let bent = in.uv +",
+                        "let bent = select(in.uv, vec2<f32>(), hidden) +",
+                    ),
+                ],
             ),
         ),
     },

@@ -107,7 +107,7 @@ fn page(groups: &[(&str, &[Case])], adapters: &[Results]) -> String {
 
 Each case is a scene that a transform once broke, or could. It is drawn with the original and with each variant under every depth format and direction that matters, and the
 variant is held to its contract. Then the guard against the failure is taken away (*mutation*), in every set-up in which what is mutated is not refused, and the same judge, which found nothing before, has to find the failure: a case whose
-mutation is not seen proves nothing, and fails.
+mutation is not seen proves nothing, and fails. Cases about colours alone are drawn in both directions of one depth format: no other format comes into them.
 
 The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. A test binary that was built here runs on another machine as well
 (`STABILITY_OUT=FILE`, from the root of a checkout); its file, put into `docs/stability`, is another column.
