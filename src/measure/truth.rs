@@ -21,8 +21,8 @@ use preshade_passes::validate::stage::{At, POSITION, Ran, Slot, Stage, interpola
 use serde::Serialize;
 
 use super::vertices::{self, STEPS, Vertices};
-use crate::scene::{Draw, Scene};
 use crate::scene::bind::{self, DrawBindings};
+use crate::scene::{Draw, Scene};
 
 /// What to look at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -330,7 +330,8 @@ fn exact(
 /// How many pixels a clip position is from its truth.
 fn off(clip: &[Shadowed; 4], size: [u32; 2]) -> Option<f64> {
     let [x, y, _, w] = clip;
-    let is_seen = w.truth > 0.0 && w.value > 0.0 && x.truth.abs().max(y.truth.abs()) < 3.0 * w.truth;
+    let is_seen =
+        w.truth > 0.0 && w.value > 0.0 && x.truth.abs().max(y.truth.abs()) < 3.0 * w.truth;
     let along = |of: &Shadowed, pixels: u32| {
         let apart = f64::from(of.value) / f64::from(w.value) - of.truth / w.truth;
         0.5 * f64::from(pixels) * apart
@@ -383,9 +384,7 @@ impl Point<'_> {
             }
             Some(binding @ Binding::BuiltIn(builtin)) => match builtin {
                 _ if Slot::of(binding) == POSITION => Some(Value::composite(&self.pixel())),
-                BuiltIn::FrontFacing => {
-                    Some(Value::Scalar(Scalar::Bool(true)))
-                }
+                BuiltIn::FrontFacing => Some(Value::Scalar(Scalar::Bool(true))),
                 BuiltIn::SampleIndex => Some(Value::u32(0)),
                 BuiltIn::SampleMask => Some(Value::u32(1)),
                 _ => None,
