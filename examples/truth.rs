@@ -1,41 +1,50 @@
 //! Error against truth on the fixture scenes, as a table: what is hoisted, folded or left out, beside the original, both held against `f64`.
 //!
 //! ```text
-//! cargo run --release --features verify --example truth -- [--points 2000] [--seed 1] [SCENE..]
+//! cargo run --release --features verify --example truth -- [--points 2000] [--seed 1] [--write docs/truth.md] [SCENE..]
 //! ```
 //!
-//! Needs no GPU. Without SCENE every scene of the fixtures is looked at; a recipe that a material refuses has no row.
+//! Needs no GPU. Without SCENE every scene of the fixtures is looked at; a recipe that a material refuses has no row. `--write` puts the tables into a page, between its two comments that say so.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
     reason = "a tool that ends with a message"
 )]
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use preshade::measure;
 use preshade::measure::truth::{Nearer, Points, Spread, truth};
 use preshade::recipe::Recipe;
 
-/// What moves or folds floats.
-const RECIPES: [&str; 6] = [
+/// The comments that the tables stand between.
+const MARKS: [&str; 2] = [
+    "<!-- made by `--write`; edits will be lost -->",
+    "<!-- to here -->",
+];
+
+/// What moves or folds floats, or leaves some out.
+const RECIPES: [&str; 7] = [
     "specialize",
     "specialize:fold=rounding",
     "hoist:allow=exact",
     "hoist:allow=rounding",
     "hoist:budget=0.01,finite=assumed",
     "trim-loop:budget=0.1",
+    "skip-taps:budget=0.1,threshold=0.02",
 ];
 
 fn main() {
     let mut points = Points::default();
     let mut paths = Vec::new();
+    let mut page = None;
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
-        let mut number = || arguments.next().and_then(|n| n.parse().ok());
         match argument.as_str() {
-            "--points" => points.count = number().expect("a number of points"),
-            "--seed" => points.seed = number().expect("a seed"),
+            "--points" => points.count = number(arguments.next()),
+            "--seed" => points.seed = number(arguments.next()),
+            "--write" => page = Some(PathBuf::from(arguments.next().expect("a page"))),
             _ => paths.push(PathBuf::from(argument)),
         }
     }
@@ -48,17 +57,20 @@ fn main() {
             .collect();
         paths.sort();
     }
-    println!(
+    let mut rows = String::new();
+    let mut counts = [[0; 4]; RECIPES.len()];
+    let _ = writeln!(
+        rows,
         "| scene | material | recipe | points | flips | original, ULP | variant, ULP | original, steps | variant, steps | the variant is |"
     );
-    println!("|---|---|---|--:|--:|--:|--:|--:|--:|---|");
+    let _ = writeln!(rows, "|---|---|---|--:|--:|--:|--:|--:|--:|---|");
     let mut not = Vec::new();
     for path in paths {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
         let scene = preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
         let facts = measure::known(&scene);
         let originals = measure::originals(&scene);
-        for recipe in RECIPES {
+        for (recipe, counted) in RECIPES.iter().zip(&mut counts) {
             let parsed = Recipe::parse_list(recipe).unwrap();
             for (index, original) in originals.iter().enumerate() {
                 let Ok(variant) = parsed.apply(original, &facts) else {
@@ -69,9 +81,17 @@ fn main() {
                         "- {name}, {}, `{recipe}`: {why}",
                         original.material
                     )),
-                    Ok(rows) => {
-                        for row in rows {
-                            println!(
+                    Ok(told) => {
+                        for row in told {
+                            let (place, nearer) = match row.nearer {
+                                Nearer::SameBits => (0, "the same bits"),
+                                Nearer::Better => (1, "better"),
+                                Nearer::AsGood => (2, "as good"),
+                                Nearer::Worse => (3, "worse"),
+                            };
+                            counted[place] += 1;
+                            let _ = writeln!(
+                                rows,
                                 "| {name} | {} | `{recipe}` | {} | {} + {} | {} | {} | {} | {} | {} |",
                                 row.material,
                                 row.points,
@@ -81,12 +101,7 @@ fn main() {
                                 spread(row.variant.ulps),
                                 spread(row.original.steps),
                                 spread(row.variant.steps),
-                                match row.nearer {
-                                    Nearer::SameBits => "the same bits",
-                                    Nearer::Better => "better",
-                                    Nearer::AsGood => "as good",
-                                    Nearer::Worse => "worse",
-                                }
+                                nearer
                             );
                         }
                     }
@@ -94,7 +109,30 @@ fn main() {
             }
         }
     }
-    println!("\nNot evaluated:\n\n{}", not.join("\n"));
+    let mut out =
+        "| recipe | the same bits | better | as good | worse |\n|---|--:|--:|--:|--:|\n".to_owned();
+    for (recipe, [same, better, good, worse]) in RECIPES.iter().zip(counts) {
+        let _ = writeln!(out, "| `{recipe}` | {same} | {better} | {good} | {worse} |");
+    }
+    let _ = writeln!(out, "\n{rows}");
+    if !not.is_empty() {
+        let _ = writeln!(out, "Not evaluated:\n\n{}", not.join("\n"));
+    }
+    let Some(page) = page else {
+        println!("{out}");
+        return;
+    };
+    let text = std::fs::read_to_string(&page).unwrap();
+    let [from, to] = MARKS.map(|m| {
+        text.find(m)
+            .unwrap_or_else(|| panic!("the page has no {m}"))
+    });
+    let [before, after] = [&text[..from + MARKS[0].len()], &text[to..]];
+    std::fs::write(page, format!("{before}\n\n{out}\n{after}")).unwrap();
+}
+
+fn number(argument: Option<String>) -> u64 {
+    argument.and_then(|n| n.parse().ok()).expect("a number")
 }
 
 /// Median, 99th percentile and largest.

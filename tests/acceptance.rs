@@ -6,11 +6,15 @@ use std::path::{Path, PathBuf};
 
 use preshade::emit::{self, File, Target};
 use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::passes::uniformity::non_uniform;
 use preshade::recipe::Recipe;
 use rayon::prelude::*;
 
 mod accept;
 mod fixtures_support;
+#[path = "../passes/tests/uniformity/cases.rs"]
+mod uniformity_cases;
 
 #[test]
 fn other_compilers_take_every_variant_of_every_fixture() {
@@ -36,6 +40,21 @@ fn other_compilers_take_every_variant_of_every_fixture() {
     assert!(unknown.is_empty(), "{unknown:#?}");
 }
 
+#[test]
+fn tint_says_of_uniformity_what_the_cases_say() {
+    use uniformity_cases::{CASES, Verdict, text};
+    let texts: Vec<String> = CASES.iter().map(text).collect();
+    let mut wrong = Vec::new();
+    for (case, errors) in CASES.iter().zip(accept::tint_says(&texts)) {
+        let is_rejected = errors.iter().any(|e| e.contains("uniform control flow"));
+        let other = errors.iter().find(|e| !e.contains("uniform control flow"));
+        if is_rejected != (case.verdict == Verdict::MayBeNonUniform) || other.is_some() {
+            wrong.push(format!("{}: {errors:?}", case.name));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
 /// What was emitted, by what it is.
 type Sets = Vec<(String, Vec<File>)>;
 
@@ -54,8 +73,18 @@ fn variants(files: &[PathBuf]) -> (Sets, Vec<String>) {
             variants.push((recipe, plan));
         }
     }
+    let is_uniform = |plan: &Plan| {
+        plan.programs
+            .values()
+            .all(|p| non_uniform(p.module()).is_empty())
+    };
+    let was_uniform = is_uniform(&original);
     for (recipe, plan) in variants {
         let label = format!("{} {recipe}", plan.material);
+        assert!(
+            !was_uniform || is_uniform(&plan),
+            "{label}: what needs uniform control flow no longer has it"
+        );
         let mut set = Vec::new();
         // Tessellation stages are for what was hoisted, and nothing behind that.
         let last = plan.steps.last().map(|s| s.pass.as_str());

@@ -51,6 +51,7 @@ pub mod specialize;
 pub mod state;
 pub mod tessellate;
 pub mod trim_loop;
+pub mod uniformity;
 pub mod validate;
 pub mod visibility_buffer;
 

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use naga::{Binding, BuiltIn, ShaderStage};
 use preshade_passes::bound::exactly;
 use preshade_passes::evaluate::{
-    Derivative, Environment, Lookup, Number, Shadowed, Stuck, Value, from_bytes, ulps,
+    Derivative, Environment, Lookup, Number, Scalar, Shadowed, Stuck, Value, from_bytes, ulps,
 };
 use preshade_passes::plan::Plan;
 use preshade_passes::reflect::Io;
@@ -21,8 +21,8 @@ use preshade_passes::validate::stage::{At, POSITION, Ran, Slot, Stage, interpola
 use serde::Serialize;
 
 use super::vertices::{self, STEPS, Vertices};
-use crate::scene::Scene;
 use crate::scene::bind::{self, DrawBindings};
+use crate::scene::{Draw, Scene};
 
 /// What to look at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,6 +95,19 @@ pub enum Nearer {
     Worse,
 }
 
+/// What a host knows more exactly than the `f32` that it hands over: the numbers of a draw's uniforms by group and binding, in the order in which their types declare them. What is not
+/// named is taken to be exact.
+pub type Exactly<'a> = &'a dyn Fn(&Draw) -> BTreeMap<(u32, u32), Vec<f64>>;
+
+/// How far the corners of triangles are from where they belong, in pixels of the scene's size. Corners behind the viewer, or farther out than the picture is wide, do not count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Positions {
+    /// Of the original.
+    pub original: Spread,
+    /// Of the variant.
+    pub variant: Spread,
+}
+
 /// An output of a material's fragment stage, as two programs compute it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Truth {
@@ -116,6 +129,8 @@ pub struct Truth {
     pub variant: Errors,
     /// Which is nearer.
     pub nearer: Nearer,
+    /// Where the corners are, of the points that count.
+    pub positions: Positions,
 }
 
 /// A point of a triangle, and what both stages find there.
@@ -138,6 +153,23 @@ pub fn truth(
     original: &Plan,
     variant: &Plan,
     points: Points,
+) -> Result<Vec<Truth>, String> {
+    truth_beyond(scene, material, original, variant, points, &|_| {
+        BTreeMap::new()
+    })
+}
+
+/// The same against a truth that begins at the host: what rounding its numbers to `f32` did is an error, too.
+///
+/// # Errors
+/// Why it is not known, in a user's words.
+pub fn truth_beyond(
+    scene: &Scene,
+    material: usize,
+    original: &Plan,
+    variant: &Plan,
+    points: Points,
+    exactly: Exactly<'_>,
 ) -> Result<Vec<Truth>, String> {
     let pass = original.main().ok_or("the material has no main pass")?;
     let other = variant.main().ok_or("the variant has no main pass")?;
@@ -173,6 +205,12 @@ pub fn truth(
             .map_err(|e| e.to_string())?;
         let mut resources = vertices::resources(module, &bound);
         resources.extend(of_any_length(module, &bound));
+        for (at, numbers) in exactly(draw) {
+            let resource = resources.get_mut(&at);
+            let resource = resource.ok_or("a uniform is named that there is not")?;
+            let mut numbers = numbers.into_iter();
+            *resource = exact(resource, &mut numbers).ok_or("there are too few numbers")?;
+        }
         draws.push(Vertices {
             environment: Environment {
                 resources,
@@ -212,8 +250,8 @@ pub fn truth(
             weights: [1.0 - u - v, u, v],
             seed: points.seed.wrapping_add(n),
         };
-        let of_original = point.run(own).map_err(vertices::said)?;
-        let of_variant = point.run(new).map_err(vertices::said)?;
+        let (own_corners, of_original) = point.run(own).map_err(vertices::said)?;
+        let (new_corners, of_variant) = point.run(new).map_err(vertices::said)?;
         for (slot, value) in &of_original.outputs {
             let Slot::Location(location, None) = slot else {
                 continue;
@@ -224,11 +262,16 @@ pub fn truth(
                 .and_then(|t| t.as_ref())
                 .map_or("", |t| t.format.as_str());
             let seen = found.entry(*location).or_default();
-            seen.add(
+            let counts = seen.add(
                 (&of_original, value),
                 (&of_variant, of_variant.outputs.get(slot)),
                 format.contains("unorm"),
             );
+            if counts {
+                for (pixels, corners) in [(0, &own_corners), (1, &new_corners)] {
+                    seen.pixels[pixels].extend(corners.iter().filter_map(|c| off(c, scene.size)));
+                }
+            }
         }
     }
     let name = &original.material;
@@ -266,8 +309,42 @@ fn of_any_length(
         .collect()
 }
 
+/// A value with the truths of its floats put in their place; `None`: there are not enough.
+fn exact(
+    value: &Value<Shadowed>,
+    numbers: &mut impl Iterator<Item = f64>,
+) -> Option<Value<Shadowed>> {
+    Some(match value {
+        Value::Scalar(Scalar::F32(float)) => Value::Scalar(Scalar::F32(Shadowed {
+            truth: numbers.next()?,
+            ..*float
+        })),
+        Value::Composite(parts) => {
+            let parts = parts.iter().map(|p| exact(p, &mut *numbers));
+            Value::Composite(parts.collect::<Option<_>>()?)
+        }
+        other => other.clone(),
+    })
+}
+
+/// How many pixels a clip position is from its truth.
+fn off(clip: &[Shadowed; 4], size: [u32; 2]) -> Option<f64> {
+    let [x, y, _, w] = clip;
+    let is_seen =
+        w.truth > 0.0 && w.value > 0.0 && x.truth.abs().max(y.truth.abs()) < 3.0 * w.truth;
+    let along = |of: &Shadowed, pixels: u32| {
+        let apart = f64::from(of.value) / f64::from(w.value) - of.truth / w.truth;
+        0.5 * f64::from(pixels) * apart
+    };
+    is_seen.then(|| along(x, size[0]).hypot(along(y, size[1])))
+}
+
 impl Point<'_> {
-    fn run(&self, [vertex, fragment]: [Stage<'_>; 2]) -> Result<Ran<Shadowed>, Stuck> {
+    /// The positions of the corners, and what the fragment stage does at the point.
+    fn run(
+        &self,
+        [vertex, fragment]: [Stage<'_>; 2],
+    ) -> Result<(Vec<[Shadowed; 4]>, Ran<Shadowed>), Stuck> {
         let texel = |lookup: &Lookup<'_, Shadowed>| {
             let mut random = Random::new(self.seed, &format!("texel {:?}", lookup.binding));
             // What a texture of 8 bits holds.
@@ -307,16 +384,18 @@ impl Point<'_> {
             }
             Some(binding @ Binding::BuiltIn(builtin)) => match builtin {
                 _ if Slot::of(binding) == POSITION => Some(Value::composite(&self.pixel())),
-                BuiltIn::FrontFacing => {
-                    Some(Value::Scalar(preshade_passes::evaluate::Scalar::Bool(true)))
-                }
+                BuiltIn::FrontFacing => Some(Value::Scalar(Scalar::Bool(true))),
                 BuiltIn::SampleIndex => Some(Value::u32(0)),
                 BuiltIn::SampleMask => Some(Value::u32(1)),
                 _ => None,
             },
             None => None,
         };
-        fragment.run(&input, &environment())
+        let clips = corners.iter().filter_map(|corner| {
+            let clip = corner.outputs.get(&POSITION)?.floats().ok()?;
+            <[Shadowed; 4]>::try_from(clip).ok()
+        });
+        Ok((clips.collect(), fragment.run(&input, &environment())?))
     }
 
     /// Weights that do not quite add up to 1, as a rasteriser's, and such as do.
@@ -353,33 +432,35 @@ struct Seen {
     differing: u64,
     original: [Vec<f64>; 2],
     variant: [Vec<f64>; 2],
+    pixels: [Vec<f64>; 2],
 }
 
 impl Seen {
+    /// Tells whether the point counts.
     fn add(
         &mut self,
         (original, own): (&Ran<Shadowed>, &Value<Shadowed>),
         (variant, new): (&Ran<Shadowed>, Option<&Value<Shadowed>>),
         is_clamped: bool,
-    ) {
+    ) -> bool {
         let numbers = |value: &Value<Shadowed>| value.floats().ok();
         let (Some(own), Some(new)) = (numbers(own), new.and_then(numbers)) else {
             self.left_out += 1;
-            return;
+            return false;
         };
         let is_finite = |x: &Shadowed| x.value.is_finite() && x.truth.is_finite();
         let is_seen = !original.discarded && !variant.discarded;
         if !is_seen || !own.iter().chain(&new).all(is_finite) {
             self.left_out += 1;
-            return;
+            return false;
         }
         if original.flips > 0 {
             self.flips += 1;
-            return;
+            return false;
         }
         if variant.flips > 0 {
             self.variant_flips += 1;
-            return;
+            return false;
         }
         self.points += 1;
         let is_same = |(a, b): (&Shadowed, &Shadowed)| a.value.to_bits() == b.value.to_bits();
@@ -395,6 +476,7 @@ impl Seen {
             errors[0].push(worst(values, &ulps));
             errors[1].push(worst(values, &steps));
         }
+        true
     }
 
     fn told(self, material: &str, output: u32) -> Truth {
@@ -403,6 +485,7 @@ impl Seen {
             steps: Spread::of(steps),
         };
         let (original, variant) = (errors(self.original), errors(self.variant));
+        let [of_original, of_variant] = self.pixels.map(Spread::of);
         let (before, after) = (original.ulps.p99, variant.ulps.p99);
         let nearer = match () {
             () if self.differing == 0 => Nearer::SameBits,
@@ -420,6 +503,10 @@ impl Seen {
             original,
             variant,
             nearer,
+            positions: Positions {
+                original: of_original,
+                variant: of_variant,
+            },
         }
     }
 }

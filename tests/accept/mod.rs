@@ -112,8 +112,8 @@ fn scratch() -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("accept-{}-{n}", std::process::id()))
 }
 
-/// All files in one node process.
-fn tint(files: &[&(&str, PathBuf)]) -> Vec<String> {
+/// Tint's errors of each file, all in one node process.
+fn tint_errors(files: &[&Path]) -> Vec<Vec<serde_json::Value>> {
     if files.is_empty() {
         return Vec::new();
     }
@@ -129,7 +129,7 @@ fn tint(files: &[&(&str, PathBuf)]) -> Vec<String> {
         .unwrap_or_else(|e| panic!("node does not start ({e}): install node 18 or later"));
     let list: String = files
         .iter()
-        .map(|(_, path)| format!("{}\n", path.display()))
+        .map(|path| format!("{}\n", path.display()))
         .collect();
     node.stdin
         .take()
@@ -145,11 +145,37 @@ fn tint(files: &[&(&str, PathBuf)]) -> Vec<String> {
     let printed = String::from_utf8_lossy(&output.stdout);
     let verdicts: serde_json::Value =
         serde_json::from_str(printed.lines().last().unwrap()).unwrap();
-    let verdicts = verdicts.as_array().unwrap();
+    let verdicts = verdicts.as_array().unwrap().clone();
     assert_eq!(verdicts.len(), files.len(), "tint.mjs judged every file");
+    let errors = |v: serde_json::Value| v["errors"].as_array().unwrap().clone();
+    verdicts.into_iter().map(errors).collect()
+}
+
+/// Tint's errors of each text, the message of each.
+#[allow(dead_code, reason = "not every test that emits asks for it")]
+pub fn tint_says(texts: &[String]) -> Vec<Vec<String>> {
+    let dir = scratch();
+    std::fs::create_dir_all(&dir).unwrap();
+    let paths: Vec<PathBuf> = (0..texts.len())
+        .map(|n| dir.join(format!("{n}.wgsl")))
+        .collect();
+    for (path, text) in paths.iter().zip(texts) {
+        std::fs::write(path, text).unwrap();
+    }
+    let borrowed: Vec<&Path> = paths.iter().map(PathBuf::as_path).collect();
+    let errors = tint_errors(&borrowed);
+    std::fs::remove_dir_all(&dir).unwrap();
+    let message = |e: &serde_json::Value| e["message"].as_str().unwrap_or_default().to_owned();
+    errors
+        .iter()
+        .map(|of| of.iter().map(message).collect())
+        .collect()
+}
+
+fn tint(files: &[&(&str, PathBuf)]) -> Vec<String> {
+    let paths: Vec<&Path> = files.iter().map(|(_, path)| path.as_path()).collect();
     let mut rejections = Vec::new();
-    for ((label, path), verdict) in files.iter().zip(verdicts) {
-        let errors = verdict["errors"].as_array().unwrap();
+    for ((label, path), errors) in files.iter().zip(tint_errors(&paths)) {
         if !errors.is_empty() {
             let text = std::fs::read_to_string(path).unwrap();
             rejections.push(format!("Tint on {label}: {errors:#?}\n{}", numbered(&text)));

@@ -1,5 +1,7 @@
 //! Control: lanes that leave, and what their neighbours still need of them.
 
+use preshade::passes::contract::Contract;
+
 use super::case::Expect::{Holds, Refused, Untied};
 use super::case::{ALL, Case, DIRECTIONS, Red, SAMPLED, Stage};
 use super::mutate::Mutation;
@@ -25,13 +27,16 @@ pub const CASES: &[Case] = &[
             ("visibility-buffer:budget=0.05", Holds),
         ],
         mutation: (
-            "a quad leaves when one of its lanes is behind",
+            "lanes leave each for itself, and a driver that ends them: what they would sample at is elsewhere",
             Mutation::Text(
                 EARLY,
-                &[(
-                    "return quad > 0.5f;",
-                    "return fwidthFine(lane) + lane > 0.5f;",
-                )],
+                &[
+                    ("return quad > 0.5f;", "return lane > 0.5f;"),
+                    (
+                        "let bent = in.uv +",
+                        "let bent = select(in.uv, vec2<f32>(), hidden) +",
+                    ),
+                ],
             ),
         ),
     },
@@ -46,13 +51,33 @@ pub const CASES: &[Case] = &[
             ("hoist", Refused("nothing-pays")),
         ],
         mutation: (
-            "a quad leaves when one of its lanes is behind",
+            "gradients taken ahead of the branches, by hand",
+            Mutation::Shader("branches-naive.wgsl", Contract::exact),
+        ),
+    },
+    Case {
+        name: "helper invocations",
+        scene: "helpers",
+        guards: "lanes that are no fragments, or are none any more, and whose values their neighbours' derivatives are made of",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (READ_ONLY, Untied),
+            ("visibility-buffer:budget=0.05", Holds),
+        ],
+        mutation: (
+            "lanes leave each for itself, and a driver that ends them: what they would compute is 0",
             Mutation::Text(
                 EARLY,
-                &[(
-                    "return quad > 0.5f;",
-                    "return fwidthFine(lane) + lane > 0.5f;",
-                )],
+                &[
+                    ("return quad > 0.5f;", "return lane > 0.5f;"),
+                    (
+                        "let bent = (in.uv * in.uv)",
+                        "let bent = select(in.uv * in.uv, vec2<f32>(), hidden)",
+                    ),
+                ],
             ),
         ),
     },

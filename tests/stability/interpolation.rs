@@ -1,15 +1,33 @@
 //! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away, or without a value.
 
 use preshade::passes::contract::Contract;
+use preshade::passes::plan::Role;
 
-use super::case::Expect::{Holds, Untied};
-use super::case::{ALL, Case, DIRECTIONS, FLOAT, REVERSED, SAMPLED};
-use super::mutate::Mutation;
+use super::case::Expect::{Holds, Open, Untied};
+use super::case::{ALL, Case, DIRECTIONS, Expect, FLOAT, REVERSED, SAMPLED};
+use super::mutate::{Moved, Mutation, moved};
 
 const BIASED: &str = "depth-prepass";
 const EQUAL: &str = "depth-prepass:form=equal";
 const EARLY: &str = "early-discard";
 const VISIBLE: &str = "visibility-buffer";
+const EDGES: &str =
+    "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8";
+
+/// The difference of a corner and the pixel by way of an origin far from both.
+const AFAR_A: &str = "((a.xy + vec2(4096f * a.w)) - (clip + vec2(4096f)) * a.w)";
+const AFAR_B: &str = "((b.xy + vec2(4096f * b.w)) - (clip + vec2(4096f)) * b.w)";
+const AFAR_C: &str = "((c.xy + vec2(4096f * c.w)) - (clip + vec2(4096f)) * c.w)";
+
+/// What is drawn of values that are none at vertices which no fragment sees, and the guard taken away.
+const HIDDEN: &[(&str, Expect)] = &[
+    (BIASED, Holds),
+    (EARLY, Holds),
+    ("hoist", Holds),
+    ("hoist:budget=0.05", Holds),
+];
+const ASSUMED: &str = "all values taken to be finite";
+const FINITE: Mutation = Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05");
 
 pub const CASES: &[Case] = &[
     Case {
@@ -66,18 +84,75 @@ pub const CASES: &[Case] = &[
     Case {
         name: "triangles larger than the screen",
         scene: "huge",
-        guards: "what is left of the differences of large products, a few parts in a million of them",
+        guards: "differences of large products, of which little is left: corners are told from the pixel before they are multiplied",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds)],
+        recipes: &[(BIASED, Holds), (EARLY, Holds), (VISIBLE, Holds)],
         mutation: (
-            "the resolve's cross products without what their rounding lost",
+            "the resolve tells corners from an origin far from the pixel",
             Mutation::Text(
-                "visibility-buffer:budget=0.02",
+                VISIBLE,
+                &[
+                    ("fma(-(clip), vec2(a.w), a.xy)", AFAR_A),
+                    ("fma(-(clip), vec2(b.w), b.xy)", AFAR_B),
+                    ("fma(-(clip), vec2(c.w), c.xy)", AFAR_C),
+                ],
+            ),
+        ),
+    },
+    Case {
+        name: "slivers",
+        scene: "slivers",
+        guards: "triangles of a sixth of a pixel, whose area is what is left of large products",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=compute", Holds),
+        ],
+        mutation: (
+            "an area to divide by of 0.5 in clip space at least, as if for triangles of none",
+            Mutation::Text(
+                VISIBLE,
                 &[(
-                    "return fma(a.x, b.y, -(second)) + lost;",
-                    "return a.x * b.y - second;",
+                    "select(edges / vec3(sum), vec3(0.33333334f), sum == 0f)",
+                    "edges / vec3(sign(sum) * max(abs(sum), 0.5f))",
                 )],
             ),
+        ),
+    },
+    Case {
+        name: "triangles of no area",
+        scene: "zero-area",
+        guards: "no area to divide by, where a rasteriser's snapping of corners gives some triangles pixels all the same",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Open),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Open),
+        ],
+        mutation: (
+            "the pre-pass's z one float farther, under EQUAL",
+            Mutation::Plans(EQUAL, |plans| moved(plans, Role::Prepass, Moved::Depth(1))),
+        ),
+    },
+    Case {
+        name: "T-junctions",
+        scene: "junctions",
+        guards: "cracks that are the author's, of which a variant must leave each pixel as it is",
+        setups: ALL,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            (VISIBLE, Holds),
+            ("visibility-buffer:form=compute", Holds),
+        ],
+        mutation: (
+            "subdivided: the two sides of the edge are divided each for itself",
+            Mutation::Recipe(EDGES, EDGES),
         ),
     },
     Case {
@@ -132,6 +207,38 @@ pub const CASES: &[Case] = &[
             "all values taken to be finite",
             Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
         ),
+    },
+    Case {
+        name: "a direction of no length at a hidden vertex",
+        scene: "hidden-normalize",
+        guards: "normalize(0), which spreads over every triangle that the vertex is a corner of",
+        setups: DIRECTIONS,
+        recipes: HIDDEN,
+        mutation: (ASSUMED, FINITE),
+    },
+    Case {
+        name: "a power of a negative at hidden vertices",
+        scene: "hidden-power",
+        guards: "pow of a negative: NaN, or with some drivers a number",
+        setups: DIRECTIONS,
+        recipes: HIDDEN,
+        mutation: (ASSUMED, FINITE),
+    },
+    Case {
+        name: "a division by 0 at a hidden vertex",
+        scene: "hidden-division",
+        guards: "an infinity, which interpolation makes NaN beside any other",
+        setups: DIRECTIONS,
+        recipes: HIDDEN,
+        mutation: (ASSUMED, FINITE),
+    },
+    Case {
+        name: "a root of 1 - abs(dot) below 0 at hidden vertices",
+        scene: "hidden-root",
+        guards: "a direction that is no unit vector there: sqrt of a negative",
+        setups: DIRECTIONS,
+        recipes: HIDDEN,
+        mutation: (ASSUMED, FINITE),
     },
     Case {
         name: "cracks at every level",

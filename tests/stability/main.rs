@@ -12,6 +12,7 @@ mod render_support;
 mod case;
 mod control;
 mod depth;
+mod far;
 mod interpolation;
 mod mutate;
 mod page;

@@ -35,7 +35,37 @@ pub enum Mutation {
     Own(fn(&Stage<'_>) -> Red),
 }
 
+/// What a mutation is made of.
+pub enum Plain {
+    /// The original, or what was made by hand.
+    Original,
+    /// Nothing: every material refuses it here.
+    Refused,
+    /// These plans, which promise that.
+    Drawn(Vec<Plan>, Contract),
+}
+
 impl Mutation {
+    /// What is mutated, as it is.
+    pub fn plain(&self, stage: &Stage<'_>) -> Plain {
+        let recipe = match self {
+            Self::Plans(recipe, _) | Self::Text(recipe, _) | Self::Recipe(_, recipe) => *recipe,
+            Self::Untied(_) | Self::Shader(..) | Self::Shades(..) | Self::Own(_) => "",
+        };
+        if recipe.is_empty() {
+            return Plain::Original;
+        }
+        let (recipe, facts) = stage.chosen(recipe);
+        let variant = measure::variant(&stage.originals, &recipe, &facts);
+        match variant.kept.len() == variant.plans.len() {
+            true if !matches!(self, Self::Recipe(..)) => Plain::Refused,
+            _ => {
+                let contract = contract(&variant.plans);
+                Plain::Drawn(variant.plans, contract)
+            }
+        }
+    }
+
     /// Whether the judge sees what the guard is for.
     pub fn red(&self, stage: &Stage<'_>) -> Red {
         let applied = |recipe: &str| {

@@ -15,11 +15,23 @@ const EQUAL: &str = "depth-prepass:form=equal";
 const SLICED: &str = "depth-prepass:form=equal,vertex=sliced";
 const EARLY: &str = "early-discard";
 
-/// Hidden by what its own pre-pass wrote, wherever the world is.
-const UNBIASED: Mutation = Mutation::Plans(BIASED, |plans| biased(plans, |_| DepthBias::default()));
+/// The same position in real numbers. Near the origin the bias is more than what they differ by.
+const MULTIPLIED: Mutation = Mutation::Text(
+    BIASED,
+    &[
+        (
+            "let world = object.model * vec4<f32>(position, 1f);",
+            "let world = vec4<f32>(position, 1f);",
+        ),
+        (
+            "return camera.view_proj * world;",
+            "return (camera.view_proj * object.model) * world;",
+        ),
+    ],
+);
 
 const MOVED: &str = "positions whose roundings grow with the distance from the origin";
-const WITHOUT: &str = "the bias taken away";
+const WITHOUT: &str = "the pre-pass multiplies its matrices first";
 
 pub const CASES: &[Case] = &[
     Case {
@@ -33,7 +45,10 @@ pub const CASES: &[Case] = &[
             (SLICED, Untied),
             (EARLY, Holds),
         ],
-        mutation: (WITHOUT, UNBIASED),
+        mutation: (
+            "the bias taken away (with it the pre-pass may multiply its matrices first)",
+            Mutation::Own(unbiased),
+        ),
     },
     Case {
         name: "the world at 100,000",
@@ -46,7 +61,49 @@ pub const CASES: &[Case] = &[
             (SLICED, Untied),
             (EARLY, Holds),
         ],
-        mutation: (WITHOUT, UNBIASED),
+        mutation: (WITHOUT, MULTIPLIED),
+    },
+    Case {
+        name: "the world at 1,000,000",
+        scene: "moved-1000000",
+        guards: MOVED,
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+        ],
+        mutation: (WITHOUT, MULTIPLIED),
+    },
+    Case {
+        name: "the world at 10,000,000",
+        scene: "moved-10000000",
+        guards: MOVED,
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (SLICED, Untied),
+            (EARLY, Holds),
+        ],
+        mutation: (WITHOUT, MULTIPLIED),
+    },
+    Case {
+        name: "positions relative to the eye",
+        scene: "far",
+        guards: "a world of which little is left in differences of large numbers: the host takes the eye off in f64",
+        setups: DIRECTIONS,
+        recipes: &[
+            (BIASED, Holds),
+            (EQUAL, Untied),
+            (EARLY, Holds),
+            ("hoist:budget=0.05,finite=assumed", Holds),
+        ],
+        mutation: (
+            "positions in the world, all moved by 10,000,000",
+            Mutation::Own(super::far::jitters),
+        ),
     },
     Case {
         name: "hash noise far out",
@@ -119,6 +176,14 @@ pub const CASES: &[Case] = &[
         mutation: ("the product folded, by hand", Mutation::Own(folded)),
     },
 ];
+
+/// Not far out the bias is enough for what another order of products does; without it the pre-pass hides what it drew.
+fn unbiased(stage: &super::case::Stage<'_>) -> Red {
+    if let Red::Seen { how } = MULTIPLIED.red(stage) {
+        panic!("the bias is not enough for another order of products: {how}");
+    }
+    Mutation::Plans(BIASED, |plans| biased(plans, |_| DepthBias::default())).red(stage)
+}
 
 /// On an adapter that keeps denormals folding changes nothing.
 fn folded(stage: &super::case::Stage<'_>) -> Red {
