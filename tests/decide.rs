@@ -246,7 +246,7 @@ fn nothing_is_chosen_but_what_was_measured_to_be_faster() {
         &list,
         &facts,
         &settings(&model, Timed::Yes),
-        &mut |_, _| {},
+        &mut |_| {},
     )
     .unwrap();
     assert_eq!(decision.plans[0].name, "original");

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -25,6 +26,31 @@ pub fn data(text: &str) -> Result<(), Failure> {
 /// Prints `value` to stdout as JSON.
 pub fn json(value: &impl serde::Serialize) -> Result<(), Failure> {
     data(&serde_json::to_string_pretty(value)?)
+}
+
+/// What is told twice, on stdout and in a folder: where one of them fails the other stands, and is named.
+///
+/// # Errors
+/// Those of either.
+pub fn both(
+    printed: Result<(), Failure>,
+    written: Result<(), Failure>,
+    folder: Option<&Path>,
+) -> Result<(), Failure> {
+    match (printed, written) {
+        (Ok(()), Ok(())) => Ok(()),
+        (Ok(()), Err(Failure(why))) => Err(Failure(format!(
+            "{}\n = what was measured is on stdout",
+            why.trim_end()
+        ))),
+        (Err(Failure(why)), Ok(())) => Err(Failure(match folder {
+            Some(folder) => format!("{why}\n = what was measured is in {}", folder.display()),
+            None => why,
+        })),
+        (Err(Failure(first)), Err(Failure(second))) => {
+            Err(Failure(format!("{}\n{second}", first.trim_end())))
+        }
+    }
 }
 
 /// Prints a message to stderr; one that nobody reads is dropped.

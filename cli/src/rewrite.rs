@@ -290,14 +290,18 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             let read = read.into_iter().chain(config.map(Path::to_path_buf));
             rules.push((paths.collect(), read.collect()));
             let all = files.len();
-            let written = write(
-                folder,
-                files.into_iter().cloned().collect(),
-                args.format,
-                jobs.len(),
-            )?;
-            sum.written += written;
-            sum.up_to_date += all - written;
+            let files = files.into_iter().cloned().collect();
+            match write(folder, files, args.format, jobs.len()) {
+                Ok(written) => {
+                    sum.written += written;
+                    sum.up_to_date += all - written;
+                }
+                // The files of a job are all there or none, so what other jobs wrote stands.
+                Err(Failure(why)) => {
+                    sum.failed += 1;
+                    errors.push(told(&why, job));
+                }
+            }
         } else if args.format == Format::Human {
             for file in files {
                 let text = String::from_utf8_lossy(&file.bytes);
@@ -308,7 +312,7 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         report.extend(materials.into_iter().map(|(rewritten, _)| rewritten));
     }
     if let Some(path) = &args.depfile {
-        depfile(path, &rules)?;
+        errors.extend(depfile(path, &rules).err().map(|Failure(why)| why));
     }
     let is_broken = report.iter().any(Rewritten::is_broken);
     if args.format == Format::Json {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::inputs::{self, Inputs, Random};
-use super::stage::{At, POSITION, Ran, Slot, Stage, interpolated};
+use super::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
 use super::term::Term;
 use crate::evaluate::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value};
 use crate::reflect::Io;
@@ -47,7 +47,7 @@ pub struct World<'a, F: 'a> {
     fragment: Input<'a, F>,
     texel: Texel<'a, F>,
     derivative: Box<dyn Fn(Derivative<F>) -> F + 'a>,
-    inside: Box<dyn Fn([F; 3]) -> F + 'a>,
+    inside: Box<dyn Fn(Kind, [F; 3]) -> F + 'a>,
 }
 
 impl<F: Number> World<'_, F> {
@@ -115,7 +115,6 @@ pub fn concrete<'a>(
     inputs: &'a Inputs,
     attachments: &'a BTreeMap<(u32, u32), [f32; 4]>,
 ) -> World<'a, f32> {
-    let weights = inputs.weights();
     World {
         resources: inputs.resources.clone(),
         attribute: Box::new(|module, io, corner| inputs.attribute(module, io, corner)),
@@ -136,8 +135,8 @@ pub fn concrete<'a>(
                 naga::DerivativeAxis::Width => slopes[0].abs() + slopes[1].abs(),
             }
         }),
-        inside: Box::new(move |corners: [f32; 3]| {
-            let parts = corners.iter().zip(weights);
+        inside: Box::new(|kind, corners: [f32; 3]| {
+            let parts = corners.iter().zip(inputs.weights(kind));
             parts.fold(0.0, |sum, (corner, weight)| sum + corner * weight)
         }),
     }
@@ -218,7 +217,12 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
         }),
         texel: Box::new(|lookup| {
             let of = [lookup.coordinates, lookup.footprint].concat();
-            let name = format!("texel {:?} {}", lookup.binding, lookup.coordinates.len());
+            let name = format!(
+                "texel {:?} {} {:?}",
+                lookup.binding,
+                lookup.coordinates.len(),
+                lookup.sampling
+            );
             [0, 1, 2, 3].map(
                 |channel| match inputs.fixed_texel(lookup.binding, channel) {
                     Some(number) => Term::of(number),
@@ -229,7 +233,7 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
         derivative: Box::new(|d| {
             Term::given(&format!("derivative {:?} {:?}", d.axis, d.control), &[d.of])
         }),
-        inside: Box::new(|corners| Term::given("interpolated", &corners)),
+        inside: Box::new(|kind, corners| Term::given(&format!("interpolated {kind:?}"), &corners)),
     }
 }
 
