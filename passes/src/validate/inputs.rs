@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::stage::{Kind, POSITION, Slot};
+use super::world::{plus, times};
 use crate::evaluate::{Lookup, Number, Sampling, Scalar, Value};
 use crate::guard::{Assumed, Guard, Place, ScalarType};
 use crate::reflect::Io;
 
 /// Elements that a buffer of no given length has.
-const RUNTIME_ELEMENTS: u32 = 16;
+pub const RUNTIME_ELEMENTS: u32 = 16;
 /// Scalars of a buffer that is filled: where there are more, it stays 0.
 const MOST_SCALARS: u32 = 1 << 14;
 
@@ -281,6 +282,39 @@ impl Inputs {
         })
     }
 
+    /// A texel as sums and products alone, of which every adapter comes to nearly the same: [`Self::bases`] and beside them half of a sum over where it is looked up, as far as that lies from 0 to 1.
+    pub fn plain_texel<F: Number>(&self, lookup: &Lookup<'_, F>) -> [F; 4] {
+        let sum = lookup.coordinates.iter().enumerate().fold(
+            F::of(plain_start(lookup.sampling)),
+            |sum, (i, c)| {
+                let bounded = F::call(
+                    naga::MathFunction::Clamp,
+                    &[*c, F::of(-PLAIN_MOST), F::of(PLAIN_MOST)],
+                );
+                plus(sum, times(bounded.unwrap_or(*c), plain_weight(i)))
+            },
+        );
+        let sum = F::call(naga::MathFunction::Saturate, &[sum]).unwrap_or(sum);
+        let [bases, scales] = self.bases(lookup.binding);
+        [0, 1, 2, 3].map(|channel: usize| plus(times(sum, scales[channel]), F::of(bases[channel])))
+    }
+
+    /// Of each channel of a texture: what its texels have wherever they are looked up, and how much of the sum is added to that: nothing where a guard fixes them.
+    pub fn bases(&self, texture: Option<(u32, u32)>) -> [[f32; 4]; 2] {
+        let own = texture.map_or(0, |(group, binding)| group * 5 + binding);
+        let channels = [0_u32, 1, 2, 3].map(|channel| {
+            let part = channel as f32;
+            match self.fixed_texel(texture, channel) {
+                Some(fixed) => (fixed, 0.0),
+                None => (
+                    (own % 7) as f32 * 0.05 + part * 0.03125,
+                    0.5 - part * 0.0625,
+                ),
+            }
+        });
+        [channels.map(|c| c.0), channels.map(|c| c.1)]
+    }
+
     /// A number that a guard fixes of a texture.
     pub fn fixed_texel(&self, binding: Option<(u32, u32)>, channel: u32) -> Option<f32> {
         let (group, binding) = binding?;
@@ -303,6 +337,19 @@ impl Inputs {
         };
         [1.0 - u - v, u, v]
     }
+}
+
+/// The largest number of a coordinate that a plain texel looks at.
+pub const PLAIN_MOST: f32 = 1024.0;
+
+/// What the sum of a plain texel begins with.
+pub fn plain_start(sampling: Sampling) -> f32 {
+    0.25 + start(None, sampling) * 0.0625
+}
+
+/// What the i-th coordinate counts for in it.
+pub fn plain_weight(i: usize) -> f32 {
+    [0.25, 0.1875, 0.140_625, 0.109_375][i.min(3)]
 }
 
 /// What a texel begins with, by all that tells one lookup from another but for where it is.

@@ -8,7 +8,7 @@ use super::inputs::{Inputs, Profile};
 use super::promise::Pair;
 use super::stage;
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
-use super::world::{self, Place, World};
+use super::world::{self, Place, Texels, World};
 use crate::evaluate::{Stuck, Traced, Value};
 
 /// One input in so many has to come to an end.
@@ -68,7 +68,7 @@ impl Pair<'_> {
     }
 
     /// Why numbers would tell nothing: a stage reads a buffer that is too long to be filled.
-    fn unfilled(&self, places: &[Place]) -> Option<String> {
+    pub(super) fn unfilled(&self, places: &[Place]) -> Option<String> {
         let module = self.original.vertex.module();
         let guard = self.variant.guard.as_ref();
         let left_out = Inputs::new(module, guard, self.effort.seed).left_out;
@@ -91,7 +91,7 @@ impl Pair<'_> {
 
     fn try_one(&self, inputs: &Inputs, place: Place, colors: Colors) -> Tried {
         let (rule, attached) = self.rule(place, colors, Some(inputs));
-        let world = world::concrete(inputs, &attached);
+        let world = world::concrete(inputs, &attached, Texels::Waves);
         let original = match world.run(self.original, place, self.effort.steps, None) {
             Ok(original) => original,
             Err(Stuck::Steps) => return Tried::Endless,
@@ -126,7 +126,7 @@ impl Pair<'_> {
     }
 
     /// The inputs of the original's stages, in words.
-    fn said(&self, inputs: &Inputs, place: Place) -> Vec<(String, String)> {
+    pub(super) fn said(&self, inputs: &Inputs, place: Place) -> Vec<(String, String)> {
         let mut said = Vec::new();
         let vertex = self.original.vertex;
         for io in vertex.inputs() {
@@ -176,7 +176,7 @@ impl Pair<'_> {
     }
 
     /// The first value that both compute of one place in the source, and not to the same.
-    fn first_diverging(&self, world: &World<'_, f32>, place: Place) -> Option<Diverged> {
+    pub(super) fn first_diverging(&self, world: &World<'_, f32>, place: Place) -> Option<Diverged> {
         let traced = |stages| {
             let trace = RefCell::new(Vec::new());
             let _ = world.run(stages, place, 4 * self.effort.steps, Some(&trace));
