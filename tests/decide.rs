@@ -286,7 +286,7 @@ fn without_a_clock_the_choice_is_a_prediction() {
             hold,
             ..settings(&model, Timed::No)
         };
-        decide(gpu(), &scene, &list, &facts, &settings, &mut |_, _| {}).unwrap()
+        decide(gpu(), &scene, &list, &facts, &settings, &mut |_| {}).unwrap()
     };
     let decision = of(Hold::Switching);
     assert_eq!(decision.clock, None);

@@ -227,11 +227,11 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
     let json = serde_json::to_string_pretty(exploration)? + "\n";
     let csv = report::frontier::csv(exploration);
     let table = report::frontier::table(exploration);
-    let printed = output::data(match args.format {
-        Table::Human => &table,
-        Table::Json => &json,
-        Table::Csv => &csv,
-    });
+    let printed = match args.format {
+        Table::Human => output::table(&table),
+        Table::Json => output::data(&json),
+        Table::Csv => output::data(&csv),
+    };
     let written = || -> Result<(), Failure> {
         let Some(dir) = out else { return Ok(()) };
         let html = report::html::explore::page(&found, &scene, &effects)?;

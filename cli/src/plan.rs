@@ -237,7 +237,7 @@ fn one(
     bar.finish_and_clear();
     let json = decision.to_json()?;
     let printed = match args.format {
-        Table::Human => output::data(&decide::table::render(&decision)),
+        Table::Human => output::table(&decide::table::render(&decision)),
         Table::Json => output::data(&json),
         Table::Csv => output::data(&report::csv::decision(&decision)),
     };
@@ -319,7 +319,7 @@ fn exhaustive(
     };
     let (json, csv) = (report.to_json()?, report.csv());
     let printed = match args.format {
-        Table::Human => output::data(&report.render()),
+        Table::Human => output::table(&report.render()),
         Table::Json => output::data(&json),
         Table::Csv => output::data(&csv),
     };

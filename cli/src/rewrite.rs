@@ -636,7 +636,7 @@ fn texts(plan: &Plan) -> String {
 
 /// A material's name begins its files' names, so it must not lead out of the folder.
 pub fn check_name(material: &str) -> Result<(), Failure> {
-    if material.is_empty() || material.contains(['/', '\\']) {
+    if material.is_empty() || material.contains(|c: char| c.is_control() || "/\\".contains(c)) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"
         )));

@@ -293,7 +293,7 @@ fn swept(
     let series = Series::new(&axis.variable, points);
     let json = series.to_json()?;
     let printed = match args.format {
-        Table::Human => output::data(&report::crossover::render(&series)),
+        Table::Human => output::table(&report::crossover::render(&series)),
         Table::Json => output::data(&json),
         Table::Csv => output::data(&report::csv::series(&series)),
     };
@@ -324,7 +324,7 @@ fn told(
     let is_worker = worker::mine().is_some();
     let printed = match args.format {
         _ if is_worker => output::data(&json),
-        Table::Human => output::data(&report::table::render(&outcome.report)),
+        Table::Human => output::table(&report::table::render(&outcome.report)),
         Table::Json => output::data(&json),
         Table::Csv => output::data(&report::csv::verify(&outcome.report)),
     };
