@@ -182,7 +182,7 @@ fn a_full_disk_is_told_and_what_was_printed_stands() {
         ),
         (
             "explore a.toml --seconds 3 --pass depth-prepass --out out",
-            "depth-prepass",
+            "original",
         ),
     ] {
         let output = shell(&here, FULL, args);
