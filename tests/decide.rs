@@ -246,7 +246,7 @@ fn nothing_is_chosen_but_what_was_measured_to_be_faster() {
         &list,
         &facts,
         &settings(&model, Timed::Yes),
-        &mut |_, _| {},
+        &mut |_| {},
     )
     .unwrap();
     assert_eq!(decision.plans[0].name, "original");
@@ -286,7 +286,7 @@ fn without_a_clock_the_choice_is_a_prediction() {
             hold,
             ..settings(&model, Timed::No)
         };
-        decide(gpu(), &scene, &list, &facts, &settings, &mut |_, _| {}).unwrap()
+        decide(gpu(), &scene, &list, &facts, &settings, &mut |_| {}).unwrap()
     };
     let decision = of(Hold::Switching);
     assert_eq!(decision.clock, None);

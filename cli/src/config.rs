@@ -20,6 +20,9 @@ const FILE: &str = "preshade.toml";
 /// Flags that say how the command line itself is read.
 const NOT_KEYS: [&str; 5] = ["config", "print-config", "explain", "help", "version"];
 
+/// Flags that lift a protection: a file that nobody named does not.
+const NOT_FOUND: [&str; 1] = ["allow-outside"];
+
 /// Values by command and flag.
 #[derive(Debug, Default)]
 pub struct Config {
@@ -35,6 +38,7 @@ impl Config {
     pub fn read(arguments: &[OsString], command: &Command) -> Result<Self, Failure> {
         let path =
             named(arguments).or_else(|| std::env::var_os("PRESHADE_CONFIG").map(PathBuf::from));
+        let is_named = path.is_some();
         let path = match path {
             Some(path) => path,
             None if Path::new(FILE).is_file() => PathBuf::from(FILE),
@@ -46,6 +50,13 @@ impl Config {
             .parse()
             .map_err(|e: toml::de::Error| failed(e.to_string()))?;
         let values = values(&table, command).map_err(failed)?;
+        // The file of a folder may be a stranger's, as its scenes may.
+        let mut keys = values.keys().map(|(_, key)| key);
+        if let Some(key) = keys.find(|key| !is_named && NOT_FOUND.contains(&key.as_str())) {
+            return Err(failed(format!(
+                "`{key}` is not taken from a file that only lies here: give the flag, or name the file with --config"
+            )));
+        }
         Ok(Self {
             path: Some(path),
             values,

@@ -108,21 +108,37 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.out.is_some() {
         many::told_apart(&scenes)?;
     }
-    let mut outcome = Outcome::Fine;
+    let (mut outcome, mut failed) = (Outcome::Fine, Vec::new());
+    let count = scenes.len();
     for scene in scenes {
+        let name = scene.display().to_string();
         let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));
         let shader = ShaderArgs {
             files: vec![scene],
             ..args.shader.clone()
         };
-        if let Outcome::ContractBroken = one(args, &shader, out.as_deref())? {
-            outcome = Outcome::ContractBroken;
+        match one(args, &shader, out.as_deref()) {
+            Ok(Outcome::Fine) => {}
+            Ok(Outcome::ContractBroken) => outcome = Outcome::ContractBroken,
+            // It is told, and no reason to leave the others.
+            Err(Failure(why)) => {
+                let why = why.strip_prefix("error: ").unwrap_or(&why);
+                output::message(&format!("error: {name}: {why}"));
+                failed.push(name);
+            }
         }
         if INTERRUPTS.load(Ordering::Relaxed) > 0 {
             break;
         }
     }
-    Ok(outcome)
+    match failed.is_empty() {
+        true => Ok(outcome),
+        false => Err(Failure(format!(
+            "error: {} of {count} scenes were not explored: {}",
+            failed.len(),
+            failed.join(", ")
+        ))),
+    }
 }
 
 /// Explores one scene or shader.
@@ -211,12 +227,13 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
     let json = serde_json::to_string_pretty(exploration)? + "\n";
     let csv = report::frontier::csv(exploration);
     let table = report::frontier::table(exploration);
-    output::data(match args.format {
-        Table::Human => &table,
-        Table::Json => &json,
-        Table::Csv => &csv,
-    })?;
-    if let Some(dir) = out {
+    let printed = match args.format {
+        Table::Human => output::table(&table),
+        Table::Json => output::data(&json),
+        Table::Csv => output::data(&csv),
+    };
+    let written = || -> Result<(), Failure> {
+        let Some(dir) = out else { return Ok(()) };
         let html = report::html::explore::page(&found, &scene, &effects)?;
         let file = |name: &str, text: String| File {
             name: name.to_owned(),
@@ -229,7 +246,9 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
         ];
         preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", dir.join("report.html").display()));
-    }
+        Ok(())
+    };
+    output::both(printed, written(), out)?;
     let broken = exploration.report.as_ref().is_some_and(|r| {
         r.variants
             .iter()

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use preshade::decide::so_far;
 use preshade::emit::{self, File};
 use preshade::report::{Unfinished, unfinished};
 
-use crate::output;
+use crate::{Failure, output};
 
 /// Writes into a folder, if there is one.
 pub struct Keeper {
@@ -52,11 +53,27 @@ impl Keeper {
         }
     }
 
+    /// A failure, with the files that have what was measured before it.
+    pub fn named(&self, Failure(mut why): Failure) -> Failure {
+        let Some(folder) = &self.folder else {
+            return Failure(why);
+        };
+        let files = self.written.iter().map(|name| folder.join(name));
+        for file in files.filter(|f| f.is_file()) {
+            why = format!(
+                "{}\n = what was measured is in {}",
+                why.trim_end(),
+                file.display()
+            );
+        }
+        Failure(why)
+    }
+
     /// The report is written: nothing is unfinished any more, nor what an earlier run left.
     pub fn done(&self) {
         let Some(folder) = &self.folder else { return };
         let names = self.written.iter().map(String::as_str);
-        for name in names.chain([unfinished::FILE]) {
+        for name in names.chain([unfinished::FILE, so_far::FILE]) {
             let _ = std::fs::remove_file(folder.join(name));
         }
     }

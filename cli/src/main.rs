@@ -22,6 +22,7 @@ mod explore;
 mod graph;
 mod input;
 mod keeper;
+mod kept;
 mod limits;
 mod lock;
 mod man;

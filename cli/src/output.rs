@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,14 +23,69 @@ pub fn data(text: &str) -> Result<(), Failure> {
     }
 }
 
+/// Prints a table, in which names of others may stand, as [`data`].
+pub fn table(text: &str) -> Result<(), Failure> {
+    data(&plain(text))
+}
+
+/// The text with what a terminal would obey told as a number: control characters, and those that turn the direction of writing. Lines, tabs and our own colours stay.
+fn plain(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(c) = rest.chars().next() {
+        // ESC [ digits m
+        let color = rest.strip_prefix("\u{1b}[").and_then(|tail| {
+            let end = tail.find(|c: char| !(c.is_ascii_digit() || c == ';'))?;
+            tail[end..].starts_with('m').then_some(2 + end + 1)
+        });
+        let length = match color {
+            Some(length) => length,
+            None => c.len_utf8(),
+        };
+        let is_turning = matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        let is_obeyed = (c.is_control() && !matches!(c, '\n' | '\t')) || is_turning;
+        match is_obeyed && color.is_none() {
+            true => out.push_str(&format!("\\u{{{:x}}}", u32::from(c))),
+            false => out.push_str(&rest[..length]),
+        }
+        rest = &rest[length..];
+    }
+    out
+}
+
 /// Prints `value` to stdout as JSON.
 pub fn json(value: &impl serde::Serialize) -> Result<(), Failure> {
     data(&serde_json::to_string_pretty(value)?)
 }
 
+/// What is told twice, on stdout and in a folder: where one of them fails the other stands, and is named.
+///
+/// # Errors
+/// Those of either.
+pub fn both(
+    printed: Result<(), Failure>,
+    written: Result<(), Failure>,
+    folder: Option<&Path>,
+) -> Result<(), Failure> {
+    match (printed, written) {
+        (Ok(()), Ok(())) => Ok(()),
+        (Ok(()), Err(Failure(why))) => Err(Failure(format!(
+            "{}\n = what was measured is on stdout",
+            why.trim_end()
+        ))),
+        (Err(Failure(why)), Ok(())) => Err(Failure(match folder {
+            Some(folder) => format!("{why}\n = what was measured is in {}", folder.display()),
+            None => why,
+        })),
+        (Err(Failure(first)), Err(Failure(second))) => {
+            Err(Failure(format!("{}\n{second}", first.trim_end())))
+        }
+    }
+}
+
 /// Prints a message to stderr; one that nobody reads is dropped.
 pub fn message(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "{}", text.trim_end());
+    let _ = writeln!(io::stderr().lock(), "{}", plain(text.trim_end()));
 }
 
 /// How long a command that draws no bar is silent.
@@ -118,5 +174,22 @@ impl Progress {
         self.told.set(Instant::now());
         let (seconds, percent) = (self.began.elapsed().as_secs(), self.done.get() / 10);
         message(&format!("{seconds} s: {}, {percent} %", self.what.borrow()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_terminal_is_told_nothing_by_a_name() {
+        let name = "a\u{1b}]0;owned\u{7}\u{1b}[2J\u{202e}b\u{9b}1A\r";
+        let told = plain(name);
+        assert_eq!(
+            told,
+            "a\\u{1b}]0;owned\\u{7}\\u{1b}[2J\\u{202e}b\\u{9b}1A\\u{d}"
+        );
+        let ours = "\u{1b}[1;31merror\u{1b}[0m: x\n\ty é";
+        assert_eq!(plain(ours), ours);
     }
 }

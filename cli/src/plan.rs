@@ -4,7 +4,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use preshade::decide::{self, Decision, Exhausted, Hold, Model, RegretReport, Settings, Timed};
+use preshade::decide::{
+    self, Decision, Exhausted, Hold, Model, RegretReport, SceneSoFar, Settings, Timed,
+};
 use preshade::emit;
 use preshade::front::{self, Source};
 use preshade::measure::{self, EffectUse, TimingSettings, Variant};
@@ -18,11 +20,12 @@ use preshade::report::html::plan::Drawn;
 use preshade::report::{self, Budget};
 use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
+use crate::kept::{Kept, reopened};
 use crate::limits::LimitArgs;
 use crate::many;
 use crate::output::{self, Progress};
 use crate::rewrite::check_name;
-use crate::verify::{OrderArg, guesses, parse_frames, parse_seconds};
+use crate::verify::{OrderArg, check_folder, guesses, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table};
 
@@ -37,11 +40,13 @@ Examples:
   preshade plan scene.toml --model adapter.json      fitted once, read afterwards
   preshade plan scene.toml --time no                 predictions of a nominal model, no clock
   preshade plan scenes/ --out chosen/                a folder each
-  preshade plan scenes/*.toml --exhaustive --format json > regret.json
+  preshade plan scenes/*.toml --exhaustive --out regret/
 
 A recipe is taken where it was measured to be faster than the original beyond noise, and by 1 % at
-least; where none is, nothing is, and the reasons are told. docs/deciding.md says how.
-Exit status 1: a plan broke its contract (it is not taken).")]
+least; where none is, nothing is, and the reasons are told. docs/deciding.md says how. With --out what is
+measured is kept on the way, in plan.unfinished.json, until all of it is told.
+Of several scenes one that cannot be read or drawn is told, and the others are planned.
+Exit status 1: a plan broke its contract (it is not taken); 2: a scene came to no end.")]
 pub struct Args {
     /// Scenes (.toml), folders of them, or bare WGSL shaders. Of several each has a folder of its own below --out.
     #[arg(required = true, value_name = "SCENE")]
@@ -84,7 +89,7 @@ pub struct Args {
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
     adapter: Option<String>,
-    /// Folder for the chosen plans' shaders, a `plan.json` each, `decision.json`, `report.html` and `report.csv`.
+    /// Folder for the chosen plans' shaders, a `plan.json` each, `decision.json`, `report.html` and `report.csv`; with --exhaustive for `regret.json` and `regret.csv`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of a policy with a switch, the plan below it.
@@ -125,13 +130,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 .to_owned(),
         ));
     }
-    if args.exhaustive && (args.out.is_some() || args.lock || args.time == TimeArg::No) {
+    if args.exhaustive && (args.lock || args.time == TimeArg::No) {
         return Err(Failure(
-            "error: --exhaustive measures, and writes nothing: it goes without --out, --lock and --time no"
+            "error: --exhaustive measures, and chooses nothing: it goes without --lock and --time no"
                 .to_owned(),
         ));
     }
-    if args.out.is_some() {
+    if let Some(out) = &args.out {
+        check_folder(out)?;
         many::told_apart(&scenes)?;
     }
     if args.lock && scenes.len() > 1 {
@@ -149,35 +155,64 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let bar = output::bar();
+    let names = scenes.iter().map(|path| path.display().to_string());
     if args.exhaustive {
         let gpu = Gpu::new(&choice)?;
-        return exhaustive(args, &scenes, &gpu, &bar);
+        let kept = Kept::new(args.out.as_deref(), &gpu, names.collect());
+        return exhaustive(args, &scenes, (gpu, &choice), kept, &bar);
     }
-    // What cannot be read is told before anything is drawn.
-    let loaded: Vec<Scene> = scenes
-        .iter()
-        .map(|path| scene(args, path))
-        .collect::<Result<_, _>>()?;
-    if args.out.is_some() {
-        let mut materials = loaded.iter().flat_map(|s| &s.materials);
-        materials.try_for_each(|m| check_name(&m.name))?;
+    // What cannot be read is told before anything is drawn; of several scenes the others are planned.
+    let read = |path: &PathBuf| {
+        let scene = scene(args, path)?;
+        let mut written = scene.materials.iter().filter(|_| args.out.is_some());
+        written.try_for_each(|m| check_name(&m.name))?;
+        Ok(scene)
+    };
+    let mut loaded: Vec<(&PathBuf, Result<Scene, Failure>)> =
+        scenes.iter().map(|path| (path, read(path))).collect();
+    if let [(_, Err(Failure(why)))] = &mut loaded[..] {
+        return Err(Failure(std::mem::take(why)));
     }
     let gpu = Gpu::new(&choice)?;
+    let kept = Kept::new(args.out.as_deref(), &gpu, names.collect());
+    each(args, loaded, (gpu, &choice), kept, &bar)
+}
+
+/// Plans each scene, of those that could be read.
+fn each(
+    args: &Args,
+    scenes: Vec<(&PathBuf, Result<Scene, Failure>)>,
+    (mut gpu, choice): (Gpu, &AdapterChoice),
+    mut kept: Kept,
+    bar: &Progress,
+) -> Result<Outcome, Failure> {
     let model = match args.time {
         TimeArg::No if args.model.is_none() => Model::nominal(),
-        _ => model(args, &gpu, &bar)?.0,
+        _ => model(args, &gpu, bar)?.0,
     };
-    let mut outcome = Outcome::Fine;
-    for (path, scene) in scenes.iter().zip(loaded) {
+    let (mut outcome, count) = (Outcome::Fine, scenes.len());
+    for (path, scene) in scenes {
         bar.reset();
-        let out = match (&args.out, scenes.len()) {
+        let name = path.display().to_string();
+        let out = match (&args.out, count) {
             (Some(out), 2..) => Some(many::folder_of(out, path)),
             (out, _) => out.clone(),
         };
-        if let Outcome::ContractBroken = one(args, scene, out.as_deref(), &gpu, &model, &bar)? {
-            outcome = Outcome::ContractBroken;
+        let planned = scene.and_then(|scene| {
+            let mut keep = |so_far: &SceneSoFar| kept.keep(&name, so_far);
+            one(args, scene, out.as_deref(), (&gpu, &model), bar, &mut keep)
+        });
+        match planned {
+            Ok(Outcome::Fine) => {}
+            Ok(Outcome::ContractBroken) => outcome = Outcome::ContractBroken,
+            Err(failure) if count == 1 => return Err(kept.named(failure)),
+            Err(failure) => {
+                bar.suspend(|| kept.fail(&name, failure));
+                reopened(&mut gpu, choice)?;
+            }
         }
     }
+    kept.end()?;
     Ok(outcome)
 }
 
@@ -186,41 +221,37 @@ fn one(
     args: &Args,
     scene: Scene,
     out: Option<&Path>,
-    gpu: &Gpu,
-    model: &Model,
+    (gpu, model): (&Gpu, &Model),
     bar: &Progress,
+    keep: &mut dyn FnMut(&SceneSoFar),
 ) -> Result<Outcome, Failure> {
     let effects = measure::effects(&scene).unwrap_or_default();
     let scene = grouped(args, scene)?;
     let settings = settings(args, model);
     let (recipes, facts) = prepare(args, gpu, &scene, bar)?;
-    let decision = decide::decide(
-        gpu,
-        &scene,
-        &recipes,
-        &facts,
-        &settings,
-        &mut |done, what| {
-            bar.set_position((done * 1000.0) as u64);
-            bar.set_message(what);
-        },
-    )?;
+    let decision = decide::decide(gpu, &scene, &recipes, &facts, &settings, &mut |p| {
+        bar.set_position((p.done * 1000.0) as u64);
+        bar.set_message(p.what);
+        p.so_far.into_iter().for_each(&mut *keep);
+    })?;
     bar.finish_and_clear();
     let json = decision.to_json()?;
-    match args.format {
-        Table::Human => output::data(&decide::table::render(&decision))?,
-        Table::Json => output::data(&json)?,
-        Table::Csv => output::data(&report::csv::decision(&decision))?,
-    }
-    if let Some(dir) = out {
+    let printed = match args.format {
+        Table::Human => output::table(&decide::table::render(&decision)),
+        Table::Json => output::data(&json),
+        Table::Csv => output::data(&report::csv::decision(&decision)),
+    };
+    let written = || -> Result<(), Failure> {
+        let Some(dir) = out else { return Ok(()) };
         let planned = Planned {
             scene: &scene,
             facts: &facts,
             decision: &decision,
         };
         let page = planned.page(gpu, &effects)?;
-        planned.write(dir, json, page)?;
-    }
+        planned.write(dir, json, page)
+    };
+    output::both(printed, written(), out)?;
     if args.lock {
         crate::lock::keep(&scene, &facts, &decision)?;
     }
@@ -234,40 +265,50 @@ fn one(
 fn exhaustive(
     args: &Args,
     paths: &[PathBuf],
-    gpu: &Gpu,
+    (mut gpu, choice): (Gpu, &AdapterChoice),
+    mut kept: Kept,
     bar: &Progress,
 ) -> Result<Outcome, Failure> {
-    let (model, probes) = model(args, gpu, bar)?;
+    let (model, probes) = model(args, &gpu, bar)?;
     let settings = settings(args, &model);
     let mut scenes: Vec<Exhausted> = Vec::new();
     let mut failed = Vec::new();
     for (done, path) in paths.iter().enumerate() {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let whole = path.display().to_string();
         bar.set_position((done * 1000 / paths.len()) as u64);
         bar.set_message(name.to_string());
-        let scene = grouped(args, scene(args, path)?)?;
         let start = Instant::now();
-        let measured = prepare(args, gpu, &scene, bar).and_then(|(recipes, facts)| {
-            Ok(decide::exhaust(gpu, &scene, &recipes, &facts, &settings)?)
+        let measured = scene(args, path).and_then(|scene| {
+            let scene = grouped(args, scene)?;
+            let (recipes, facts) = prepare(args, &gpu, &scene, bar)?;
+            let mut progress = |p: decide::Progress<'_>| {
+                let so_far = p.so_far.into_iter();
+                so_far.for_each(|so_far| kept.keep(&whole, so_far));
+            };
+            let found = decide::exhaust(&gpu, &scene, &recipes, &facts, &settings, &mut progress);
+            Ok(found?)
         });
         let spent = start.elapsed().as_secs_f64();
-        bar.suspend(|| {
-            output::message(&match &measured {
-                Ok(m) => format!(
-                    "{name}: {} plans, {} views, {spent:.1} s",
-                    m.plans.len(),
-                    m.views.len()
-                ),
-                Err(Failure(why)) => format!("{name}: not measured: {why}"),
-            });
-        });
         match measured {
-            Ok(measured) => scenes.push(Exhausted {
-                scene: name.into_owned(),
-                ..measured
-            }),
+            Ok(measured) => {
+                let (plans, views) = (measured.plans.len(), measured.views.len());
+                bar.suspend(|| {
+                    output::message(&format!(
+                        "{name}: {plans} plans, {views} views, {spent:.1} s"
+                    ));
+                });
+                scenes.push(Exhausted {
+                    scene: name.into_owned(),
+                    ..measured
+                });
+            }
             // One scene that this adapter cannot draw is told, and no reason to lose the others.
-            Err(Failure(why)) => failed.push((name.into_owned(), why)),
+            Err(failure) => {
+                failed.push((name.into_owned(), failure.0.clone()));
+                bar.suspend(|| kept.fail(&whole, failure));
+                reopened(&mut gpu, choice)?;
+            }
         }
     }
     bar.finish_and_clear();
@@ -276,11 +317,27 @@ fn exhaustive(
         failed,
         ..decide::regret::evaluate(gpu.adapter(), &probes, &scenes, &settings)
     };
-    match args.format {
-        Table::Human => output::data(&report.render())?,
-        Table::Json => output::data(&report.to_json()?)?,
-        Table::Csv => output::data(&report.csv())?,
-    }
+    let (json, csv) = (report.to_json()?, report.csv());
+    let printed = match args.format {
+        Table::Human => output::table(&report.render()),
+        Table::Json => output::data(&json),
+        Table::Csv => output::data(&csv),
+    };
+    let out = args.out.as_deref();
+    let written = match out {
+        None => Ok(()),
+        Some(dir) => {
+            let file = |name: &str, text: String| emit::File {
+                name: name.to_owned(),
+                bytes: text.into_bytes(),
+            };
+            let files = [file("regret.json", json), file("regret.csv", csv)];
+            let written = emit::write(dir, &files).map(|_| ());
+            written.map_err(|e| Failure(format!("error: {e}")))
+        }
+    };
+    output::both(printed, written, out).map_err(|e| kept.named(e))?;
+    kept.end()?;
     Ok(Outcome::Fine)
 }
 

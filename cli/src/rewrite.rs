@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use preshade::emit::{self, Target};
+use preshade::measure::validate_on;
 use preshade::passes::contract::Contract;
 use preshade::passes::neighbours;
 use preshade::passes::pass::{AnyPass, Facts, Refusal};
@@ -12,6 +14,7 @@ use preshade::passes::plan::Plan;
 use preshade::passes::validate::{Check, Effort, Verdict, validate};
 use preshade::passes::{PASSES, pass_named};
 use preshade::recipe::{Recipe, Step};
+use preshade::render::{AdapterChoice, Gpu};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -57,8 +60,8 @@ pub struct Args {
     /// Print the time that reading, each pass and writing took to stderr.
     #[arg(long)]
     time_passes: bool,
-    /// Hold each variant against the original before it is written, without a GPU: proved, or run on random and adversarial inputs. One that breaks a promise is not written, and the exit
-    /// status is 1.
+    /// Hold each variant against the original before it is written: proved, or run on random and adversarial inputs, by an interpreter and, where an adapter is at hand, on that. One that
+    /// breaks a promise is not written, and the exit status is 1.
     #[arg(long)]
     validate: bool,
     /// Output form.
@@ -138,17 +141,28 @@ struct Rewritten {
     contract: Contract,
     refusals: Vec<Refusal>,
     notes: Vec<String>,
-    /// What validation said, where it was asked for.
+    /// What validation said, where it was asked for: what was proved, and what the interpreter ran.
     #[serde(skip_serializing_if = "Option::is_none")]
     validation: Option<Vec<Check>>,
+    /// What running both on an adapter said, where one is at hand.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    validation_on: Option<OnAdapter>,
     files: Vec<Written>,
 }
 
 impl Rewritten {
     fn is_broken(&self) -> bool {
-        let checks = self.validation.iter().flatten();
+        let elsewhere = self.validation_on.iter().flat_map(|v| &v.checks);
+        let checks = self.validation.iter().flatten().chain(elsewhere);
         checks.into_iter().any(|c| c.verdict.is_broken())
     }
+}
+
+/// What running original and variant on an adapter said.
+#[derive(Serialize)]
+struct OnAdapter {
+    adapter: String,
+    checks: Vec<Check>,
 }
 
 /// A file that was written, or would have been.
@@ -290,14 +304,18 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             let read = read.into_iter().chain(config.map(Path::to_path_buf));
             rules.push((paths.collect(), read.collect()));
             let all = files.len();
-            let written = write(
-                folder,
-                files.into_iter().cloned().collect(),
-                args.format,
-                jobs.len(),
-            )?;
-            sum.written += written;
-            sum.up_to_date += all - written;
+            let files = files.into_iter().cloned().collect();
+            match write(folder, files, args.format, jobs.len()) {
+                Ok(written) => {
+                    sum.written += written;
+                    sum.up_to_date += all - written;
+                }
+                // The files of a job are all there or none, so what other jobs wrote stands.
+                Err(Failure(why)) => {
+                    sum.failed += 1;
+                    errors.push(told(&why, job));
+                }
+            }
         } else if args.format == Format::Human {
             for file in files {
                 let text = String::from_utf8_lossy(&file.bytes);
@@ -308,7 +326,7 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         report.extend(materials.into_iter().map(|(rewritten, _)| rewritten));
     }
     if let Some(path) = &args.depfile {
-        depfile(path, &rules)?;
+        errors.extend(depfile(path, &rules).err().map(|Failure(why)| why));
     }
     let is_broken = report.iter().any(Rewritten::is_broken);
     if args.format == Format::Json {
@@ -416,8 +434,31 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
             })
         });
         let checks = validation.iter().flatten();
-        made.messages.extend(checks.map(|c| said(&plan, c)));
-        let is_broken = validation.iter().flatten().any(|c| c.verdict.is_broken());
+        made.messages.extend(checks.map(|c| said(&plan, "", c)));
+        let validation_on = validation.as_ref().and_then(|_| {
+            let gpu = adapter().as_ref()?;
+            Some(OnAdapter {
+                adapter: gpu.adapter().name.clone(),
+                checks: made.times.took(u8::MAX - 1, "validate on the adapter", || {
+                    validate_on(gpu, original, &plan, &Effort::default())
+                }),
+            })
+        });
+        match &validation_on {
+            Some(OnAdapter { adapter, checks }) => {
+                let place = format!(" on {adapter}");
+                made.messages
+                    .extend(checks.iter().map(|c| said(&plan, &place, c)));
+            }
+            None if args.validate => made.messages.push(format!(
+                "note: `{}` is not run on an adapter: none is at hand",
+                plan.material
+            )),
+            None => {}
+        }
+        let elsewhere = validation_on.iter().flat_map(|v| &v.checks);
+        let mut all = validation.iter().flatten().chain(elsewhere);
+        let is_broken = all.any(|c| c.verdict.is_broken());
         let emitted = match is_broken {
             true => Emitted {
                 files: Vec::new(),
@@ -451,6 +492,7 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
             refusals,
             notes: plan.notes.clone(),
             validation,
+            validation_on,
             files: written.collect(),
         };
         made.materials.push((rewritten, emitted.files));
@@ -459,14 +501,14 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
 }
 
 /// What became of a promise, as a message.
-fn said(plan: &Plan, check: &Check) -> String {
+fn said(plan: &Plan, place: &str, check: &Check) -> String {
     let level = match check.verdict {
         Verdict::Counterexample(_) => "error",
         Verdict::NotEvaluable { .. } => "warning",
         Verdict::Proved { .. } | Verdict::Agreed { .. } => "note",
     };
     let line = format!(
-        "{level}: `{}`, {} pass, {}: {}",
+        "{level}: `{}`, {} pass, {}{place}: {}",
         plan.material,
         check.role.name(),
         check.promise,
@@ -479,6 +521,12 @@ fn said(plan: &Plan, check: &Check) -> String {
         ),
         false => line,
     }
+}
+
+/// The adapter that variants are run on, if there is one: opened once.
+fn adapter() -> &'static Option<Gpu> {
+    static ADAPTER: OnceLock<Option<Gpu>> = OnceLock::new();
+    ADAPTER.get_or_init(|| Gpu::new(&AdapterChoice::Best).ok())
 }
 
 /// What of a plan could be written.
@@ -588,7 +636,7 @@ fn texts(plan: &Plan) -> String {
 
 /// A material's name begins its files' names, so it must not lead out of the folder.
 pub fn check_name(material: &str) -> Result<(), Failure> {
-    if material.is_empty() || material.contains(['/', '\\']) {
+    if material.is_empty() || material.contains(|c: char| c.is_control() || "/\\".contains(c)) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"
         )));

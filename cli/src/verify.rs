@@ -233,7 +233,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if worker::mine().is_none() {
         tell_sweeps(&mut outcome.report, &sweeps);
     }
-    let ended = told(args, &outcome, &variants, &first)?;
+    let ended = told(args, &outcome, &variants, &first).map_err(|e| keeper.named(e))?;
     keeper.done();
     Ok(ended)
 }
@@ -292,18 +292,19 @@ fn swept(
     bar.finish_and_clear();
     let series = Series::new(&axis.variable, points);
     let json = series.to_json()?;
-    match args.format {
-        Table::Human => output::data(&report::crossover::render(&series))?,
-        Table::Json => output::data(&json)?,
-        Table::Csv => output::data(&report::csv::series(&series))?,
-    }
-    share(args, &json)?;
+    let printed = match args.format {
+        Table::Human => output::table(&report::crossover::render(&series)),
+        Table::Json => output::data(&json),
+        Table::Csv => output::data(&report::csv::series(&series)),
+    };
+    let shared = share(args, &json);
     let mut files = vec![
         file("series.json", json),
         file("series.csv", report::csv::series(&series)),
     ];
     files.extend(report::crossover::svg(&series).map(|svg| file("series.svg", svg)));
-    write(args, files, &pictures)?;
+    let written = write(args, files, &pictures);
+    output::both(printed, shared.and(written), args.out.as_deref()).map_err(|e| keeper.named(e))?;
     keeper.done();
     Ok(match series.is_broken() {
         true => Outcome::ContractBroken,
@@ -321,18 +322,19 @@ fn told(
     // Told before it is written: a full disk does not lose what was measured.
     let json = outcome.report.to_json()?;
     let is_worker = worker::mine().is_some();
-    match args.format {
-        _ if is_worker => output::data(&json)?,
-        Table::Human => output::data(&report::table::render(&outcome.report))?,
-        Table::Json => output::data(&json)?,
-        Table::Csv => output::data(&report::csv::verify(&outcome.report))?,
-    }
+    let printed = match args.format {
+        _ if is_worker => output::data(&json),
+        Table::Human => output::table(&report::table::render(&outcome.report)),
+        Table::Json => output::data(&json),
+        Table::Csv => output::data(&report::csv::verify(&outcome.report)),
+    };
     if is_worker {
+        printed?;
         // Its report is the other process's to write, which may have pictures from several.
         write(args, Vec::new(), &outcome.pictures)?;
         return Ok(Outcome::Fine);
     }
-    share(args, &json)?;
+    let shared = share(args, &json);
     let mut files = vec![
         file("report.json", json),
         file("report.csv", report::csv::verify(&outcome.report)),
@@ -346,7 +348,8 @@ fn told(
     for sweep in &outcome.report.sweeps {
         files.extend(sweep.files(&outcome.report, &outcome.pictures)?);
     }
-    write(args, files, &outcome.pictures)?;
+    let written = write(args, files, &outcome.pictures);
+    output::both(printed, shared.and(written), args.out.as_deref())?;
     Ok(match outcome.report.is_broken() {
         true => Outcome::ContractBroken,
         false => Outcome::Fine,

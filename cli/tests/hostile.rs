@@ -3,72 +3,11 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// The binary, run in a folder.
-fn preshade(folder: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_preshade"));
-    command.current_dir(folder).stdin(Stdio::null());
-    command
-}
-
-fn run(folder: &Path, args: &[&str]) -> Output {
-    preshade(folder).args(args).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-const SHADER: &str = "
-struct Camera { view_proj: mat4x4<f32> }
-@group(0) @binding(0) var<uniform> camera: Camera;
-@group(1) @binding(0) var<uniform> model: mat4x4<f32>;
-@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {
-    return camera.view_proj * model * vec4(position, 1.0);
-}
-@fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
-    BODY
-    return vec4(0.4, 0.5, 0.6, 1.0);
-}
-";
-
-const SCENE: &str = r#"size = [48, 32]
-orders = ["as-given"]
-
-[materials."MATERIAL"]
-shader = "a.wgsl"
-
-[meshes]
-wall.plane = { size = [2, 2] }
-
-[[draws]]
-mesh = "wall"
-material = "MATERIAL"
-rotate = [90, 0, 0]
-
-[[cameras]]
-eye = [0, 0.3, 3]
-target = [0, 0, 0]
-"#;
-
-/// A folder of its own with a scene and its shader; a folder beside it holds what the scene must not reach.
-fn folder(name: &str, scene: &str, body: &str) -> PathBuf {
-    let all = Path::new(env!("CARGO_TARGET_TMPDIR"))
-        .join("hostile")
-        .join(name);
-    let _ = fs::remove_dir_all(&all);
-    let root = all.join("given");
-    fs::create_dir_all(root.join("scenes")).unwrap();
-    fs::write(root.join("preshade.toml"), "").unwrap();
-    fs::write(all.join("secret.txt"), "not to be read\n").unwrap();
-    fs::write(all.join("secret.wgsl"), SHADER.replace("BODY", "")).unwrap();
-    let scenes = root.join("scenes");
-    fs::write(scenes.join("a.toml"), scene.replace("MATERIAL", "stone")).unwrap();
-    fs::write(scenes.join("a.wgsl"), SHADER.replace("BODY", body)).unwrap();
-    scenes
-}
+mod hostile_support;
+use hostile_support::{SCENE, folder, kill, preshade, run, stderr, wait};
 
 #[test]
 fn a_scene_stays_in_its_root_unless_it_is_allowed_out() {
@@ -312,27 +251,6 @@ fn children(parent: u32) -> Vec<u32> {
     list.split_whitespace()
         .filter_map(|p| p.parse().ok())
         .collect()
-}
-
-/// Waits until `found` finds something, and fails where that takes long or `child` ends first.
-fn wait<T>(child: &mut Child, what: &str, found: impl Fn() -> Option<T>) -> T {
-    let start = Instant::now();
-    loop {
-        if let Some(found) = found() {
-            return found;
-        }
-        let ended = child.try_wait().unwrap();
-        assert!(ended.is_none(), "it ended before {what}");
-        assert!(start.elapsed() < Duration::from_secs(240), "{what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-fn kill(process: u32) {
-    let killed = Command::new("kill")
-        .args(["-9", &process.to_string()])
-        .status();
-    assert!(killed.unwrap().success());
 }
 
 /// `verify` of the scene in `here` by three passes, each in a process of its own, with a report in `out`.

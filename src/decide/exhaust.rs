@@ -6,6 +6,7 @@ use preshade_passes::pass::Facts;
 use super::Error;
 use super::count::View;
 use super::scene::{Settings, scout};
+use super::so_far::{Progress, SceneSoFar};
 use super::stage::{self, Subject};
 use super::terms::Work;
 use crate::measure::timing::estimate;
@@ -42,7 +43,7 @@ pub struct ExhaustedView {
     pub samples: Vec<Option<Vec<f64>>>,
 }
 
-/// Measures every frame that [`super::assign::Seen::frames`] knows of, in every view of a scene.
+/// Measures every frame that [`super::assign::Seen::frames`] knows of, in every view of a scene. `progress` is told after each view what was measured.
 ///
 /// # Errors
 /// As [`super::decide()`].
@@ -52,6 +53,7 @@ pub fn exhaust(
     recipes: &[Recipe],
     facts: &Facts,
     settings: &Settings<'_>,
+    progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Exhausted, Error> {
     let inputs = SceneInputs::new(gpu, scene)?;
     let scouted = scout(&inputs, recipes, facts, settings.frames_per_camera)?;
@@ -61,12 +63,22 @@ pub fn exhaust(
         .map(|frame| Subject::new(&inputs, &scouted.choices, frame, settings.form))
         .collect::<Result<Vec<_>, _>>()?;
     let mut clock = None;
+    let all = scouted.views.iter().map(|(view, _)| view.clone());
+    let mut so_far = SceneSoFar::new(&scene.name, all);
     let mut views = Vec::new();
     for (i, (view, frame)) in scouted.views.iter().enumerate() {
         stage::compare(&inputs, &mut subjects, view, frame)?;
         let of = (frame, view.order);
         let (whose, timings) = stage::time(gpu, &inputs, &mut subjects, of, &settings.timing)?;
         clock = Some(whose);
+        so_far.add(whose, view, (&subjects, &timings));
+        progress(Progress {
+            so_far: Some(&so_far),
+            ..Progress::at(
+                (i + 1) as f64 / scouted.views.len() as f64,
+                view.to_string(),
+            )
+        });
         views.push(ExhaustedView {
             view: view.clone(),
             shaded_per_pixel: scouted.counted[i].shaded_per_pixel(),

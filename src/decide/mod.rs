@@ -2,7 +2,7 @@
 //!
 //! [`candidates`] is the table of what is tried; [`work`] counts what a frame asks for off its plans and a few drawn counts ([`count`]); [`model`] turns that into milliseconds, fitted to the
 //! built-in frames of [`probes`]; [`assign`] weighs whole frames by it; [`stage`] draws and times the most promising beside the original; [`choose`] and [`mod@policy`] decide on what was measured alone; [`scene`]
-//! is all of it for one scene, [`decision`] what it says, and [`regret`] how good the choices are where everything is measured ([`mod@exhaust`]).
+//! is all of it for one scene, [`so_far`] what is known of it on the way, [`decision`] what it says, and [`regret`] how good the choices are where everything is measured ([`mod@exhaust`]).
 //!
 //! A prediction decides what is measured, never what is chosen: no plan is taken that was not faster than the original on this adapter, beyond the noise of the clock.
 
@@ -18,6 +18,7 @@ pub mod probes;
 mod reasons;
 pub mod regret;
 pub mod scene;
+pub mod so_far;
 pub mod stage;
 pub mod table;
 pub mod terms;
@@ -31,6 +32,7 @@ pub use model::{Model, ModelError, Origin};
 pub use policy::{Held, Hold, Policy, Rule, Switch};
 pub use regret::RegretReport;
 pub use scene::{Settings, Timed, decide};
+pub use so_far::{Progress, SceneSoFar, Unfinished};
 
 /// Why nothing was decided.
 #[derive(Debug, thiserror::Error)]

@@ -13,6 +13,7 @@ use super::decision::{
 };
 use super::model::Model;
 use super::policy::{Hold, Measure, Rule, policy};
+use super::so_far::{Progress, SceneSoFar};
 use super::stage::{self, Subject};
 use super::work::{Counted, Drawn, drawn};
 use super::{Error, reasons};
@@ -118,9 +119,10 @@ struct Measured {
     times: Vec<Vec<Option<Estimate>>>,
     table: Table,
     colours: Colours,
+    so_far: SceneSoFar,
 }
 
-/// Decides what each material of a scene is to become. `recipes` are those to weigh, whose choices are made; `progress` is told the part done, and what is being done.
+/// Decides what each material of a scene is to become. `recipes` are those to weigh, whose choices are made; `progress` is told how far it is, and after each view what was measured.
 ///
 /// # Errors
 /// When the original cannot be drawn, counted or timed, or the adapter is lost.
@@ -130,9 +132,9 @@ pub fn decide(
     recipes: &[Recipe],
     facts: &Facts,
     settings: &Settings<'_>,
-    progress: &mut dyn FnMut(f64, String),
+    progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Decision, Error> {
-    progress(0.0, "counting fragments".to_owned());
+    progress(Progress::at(0.0, "counting fragments"));
     let inputs = SceneInputs::new(gpu, scene)?;
     let scouted = scout(&inputs, recipes, facts, settings.frames_per_camera)?;
     let seen = scouted.seen(settings.model);
@@ -146,7 +148,11 @@ pub fn decide(
     };
     let mut frames: Vec<Considered> = finalists.into_iter().map(|i| all[i].clone()).collect();
     let mut subjects = Vec::new();
-    let mut measured = Measured::default();
+    let views = scouted.views.iter().map(|(view, _)| view.clone());
+    let mut measured = Measured {
+        so_far: SceneSoFar::new(&scene.name, views),
+        ..Measured::default()
+    };
     match settings.timed {
         Timed::No => {
             let (original, each) = (&frames[0].predicted, frames.iter());
@@ -155,10 +161,8 @@ pub fn decide(
         }
         Timed::Yes => {
             for frame in &frames {
-                progress(
-                    0.1,
-                    format!("compiling {}", frame.assignment.name(&scouted.choices)),
-                );
+                let name = frame.assignment.name(&scouted.choices);
+                progress(Progress::at(0.1, format!("compiling {name}")));
                 subjects.push(Subject::new(
                     &inputs,
                     &scouted.choices,
@@ -173,8 +177,11 @@ pub fn decide(
                 &scouted,
                 settings,
                 &mut measured,
-                &mut |p, w| {
-                    progress(0.1 + 0.6 * p, w);
+                &mut |p| {
+                    progress(Progress {
+                        done: 0.1 + 0.6 * p.done,
+                        ..p
+                    });
                 },
             )?;
             refine(
@@ -184,13 +191,16 @@ pub fn decide(
                 &scouted,
                 settings,
                 &mut measured,
-                &mut |p, w| {
-                    progress(0.7 + 0.3 * p, w);
+                &mut |p| {
+                    progress(Progress {
+                        done: 0.7 + 0.3 * p.done,
+                        ..p
+                    });
                 },
             )?;
         }
     }
-    progress(1.0, "done".to_owned());
+    progress(Progress::at(1.0, "done"));
     Ok(report(
         gpu, scene, &scouted, settings, &frames, &subjects, measured,
     ))
@@ -218,19 +228,25 @@ fn measure_all(
     scouted: &Scouted,
     settings: &Settings<'_>,
     measured: &mut Measured,
-    progress: &mut dyn FnMut(f64, String),
+    progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<(), Error> {
     let mut times = vec![Vec::new(); subjects.len()];
     let mut speedups = vec![Vec::new(); subjects.len()];
     let views = &scouted.views;
     for (done, (view, frame)) in views.iter().enumerate() {
-        progress(done as f64 / views.len() as f64, view.to_string());
+        let part = |views_done: usize| views_done as f64 / views.len() as f64;
+        progress(Progress::at(part(done), view.to_string()));
         if let Some(reference) = stage::compare(inputs, subjects, view, frame)? {
             measured.colours.look(&reference);
         }
         let of = (frame, view.order);
         let (clock, timings) = stage::time(gpu, inputs, subjects, of, &settings.timing)?;
         measured.clock = Some(clock);
+        measured.so_far.add(clock, view, (&*subjects, &timings));
+        progress(Progress {
+            so_far: Some(&measured.so_far),
+            ..Progress::at(part(done + 1), view.to_string())
+        });
         for (i, timing) in timings.into_iter().enumerate() {
             times[i].push(timing.as_ref().map(|t| t.time.estimate));
             speedups[i].push(timing.map(|t| t.speedup));
@@ -258,7 +274,7 @@ fn refine<'a>(
     scouted: &Scouted,
     settings: &Settings<'_>,
     measured: &mut Measured,
-    progress: &mut dyn FnMut(f64, String),
+    progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<(), Error> {
     if scouted.choices.len() < 2 {
         return Ok(());
@@ -295,10 +311,14 @@ fn refine<'a>(
                 settings.form,
             )?);
         }
-        let mut more = Measured::default();
+        let mut more = Measured {
+            so_far: std::mem::take(&mut measured.so_far),
+            ..Measured::default()
+        };
         measure_all(
             gpu, inputs, &mut lot, scouted, settings, &mut more, progress,
         )?;
+        measured.so_far = more.so_far;
         frames.extend(near);
         subjects.extend(lot.into_iter().skip(1));
         measured.times.extend(more.times.into_iter().skip(1));

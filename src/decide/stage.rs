@@ -15,6 +15,8 @@ use crate::scene::{DrawOrder, Frame};
 
 /// A frame that is drawn.
 pub struct Subject<'a> {
+    /// Name, in words.
+    pub name: String,
     /// What it promises.
     pub contract: Contract,
     /// What it takes to have it.
@@ -44,6 +46,7 @@ impl<'a> Subject<'a> {
         let built = Variant::new(&plans, form)
             .and_then(|v| Prepared::new(inputs, &v, &FrameSettings::of(inputs.scene())));
         let mut subject = Self {
+            name: considered.assignment.name(choices),
             contract,
             cost: None,
             verdict: Verdict::NotMeasured {

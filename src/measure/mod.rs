@@ -2,7 +2,7 @@
 //!
 //! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames and [`mod@constants`] what is, [`shading`] counts fragments and depth ties, [`timing`] times frames,
 //! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself ([`bounds`] proves how far that can be off);
-//! [`mod@truth`] tells how far original and variant are from what nobody rounded; [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
+//! [`mod@truth`] tells how far original and variant are from what nobody rounded; [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`on_adapter`] runs original and variant there on numbers, without drawing; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
 //! [`crossover`] tells at which value of a scene's variable one variant overtakes another.
 
 pub mod bounds;
@@ -16,6 +16,7 @@ pub mod frequency;
 pub mod groups;
 pub mod interpolation;
 pub mod junctions;
+pub mod on_adapter;
 pub mod ranges;
 pub mod rasterizer;
 pub mod shading;
@@ -39,6 +40,7 @@ pub use frequency::{
 pub use groups::{MOST_GROUPS, grouped, grouped_for};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
+pub use on_adapter::validate_on;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};

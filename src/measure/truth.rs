@@ -17,7 +17,7 @@ use preshade_passes::plan::Plan;
 use preshade_passes::reflect::Io;
 use preshade_passes::state::Topology;
 use preshade_passes::validate::inputs::Random;
-use preshade_passes::validate::stage::{At, POSITION, Ran, Slot, Stage, interpolated};
+use preshade_passes::validate::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
 use serde::Serialize;
 
 use super::vertices::{self, STEPS, Vertices};
@@ -377,7 +377,8 @@ impl Point<'_> {
         };
         let [a, b, c] = self.corners;
         let corners = [at(a)?, at(b)?, at(c)?];
-        let between = |corners: [Shadowed; 3]| self.between(corners);
+        // One point for all: what a rasteriser takes for another is no error of the material's.
+        let between = |_: Kind, corners: [Shadowed; 3]| self.between(corners);
         let input = |io: &Io| match &io.binding {
             Some(Binding::Location { .. }) => {
                 interpolated(io, corners.each_ref(), &At::Inside(&between))

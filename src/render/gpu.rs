@@ -350,7 +350,7 @@ impl Gpu {
                 submission_index: Some(index),
                 timeout: Some(SUBMISSION_TIMEOUT),
             })
-            .map_err(|e| Error::Lost(format!("{what}: {e}")))?;
+            .map_err(|e| self.lose(format!("{what}: {e}")))?;
         self.check_trouble()
     }
 
@@ -363,7 +363,7 @@ impl Gpu {
         });
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|e| Error::Lost(e.to_string()))?;
+            .map_err(|e| self.lose(e.to_string()))?;
         let failed = |message: String| Error::Refused {
             what: "reading a buffer back".to_owned(),
             message,
@@ -379,6 +379,17 @@ impl Gpu {
         buffer.unmap();
         self.check_trouble()?;
         Ok(bytes)
+    }
+
+    /// Why the device was lost, if it was: nothing is drawn on it any more, and a new one is to be opened.
+    pub fn lost(&self) -> Option<String> {
+        lock(&self.trouble).lost.clone()
+    }
+
+    /// A device that does not answer counts as lost.
+    fn lose(&self, why: String) -> Error {
+        lock(&self.trouble).lost.get_or_insert(why.clone());
+        Error::Lost(why)
     }
 
     /// From now on every call says that the device was lost: for tests of what is kept then. No device is lost at a test's will.

@@ -56,6 +56,21 @@ pub struct Lookup<'a, F = f32> {
     pub coordinates: &'a [F],
     /// What else decides the level: a bias, or both gradients. Empty where the level is implicit or named.
     pub footprint: &'a [F],
+    /// How the texture is looked up.
+    pub sampling: Sampling,
+}
+
+/// How a texture is looked up, beside where: what an access says with words and constants.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sampling {
+    /// Group and binding of the sampler; `None`: a load, which has none.
+    pub sampler: Option<(u32, u32)>,
+    /// Texels beside the place; 0 where the access says nothing.
+    pub offset: [i32; 3],
+    /// It takes the level that its neighbours call for.
+    pub implicit: bool,
+    /// It stays half a texel away from the edge (`textureSampleBaseClampToEdge`).
+    pub clamped: bool,
 }
 
 /// A derivative (`dpdx`, `fwidthFine`) of one component.
@@ -109,6 +124,9 @@ pub struct Outcome<F = f32> {
     pub steps: u64,
 }
 
+/// Scalars of private and of local memory that a run may have: each takes many bytes here, and is copied with what holds it.
+const MOST_SCALARS: u32 = 1 << 16;
+
 /// Runs an entry point.
 ///
 /// # Errors
@@ -141,8 +159,12 @@ pub fn run<F: Number>(
         discarded: false,
         flips: 0,
         steps: 0,
+        scalars: 0,
     };
     for (handle, global) in module.global_variables.iter() {
+        if global.binding.is_none() {
+            machine.take(global.ty)?;
+        }
         let value = match (global.space, &global.binding) {
             (AddressSpace::Handle, _) => continue,
             (_, Some(at)) => environment.resources.get(&(at.group, at.binding)).cloned(),
@@ -189,6 +211,8 @@ struct Machine<'a, F> {
     discarded: bool,
     flips: u64,
     steps: u64,
+    /// Of the variables that there are now.
+    scalars: u32,
 }
 
 struct Frame<'f, F> {
@@ -207,6 +231,18 @@ enum Flow<F> {
 }
 
 impl<'a, F: Number> Machine<'a, F> {
+    /// Counts a variable of this type, ahead of what it takes.
+    fn take(&mut self, ty: Handle<naga::Type>) -> Result<(), Stuck> {
+        let more = crate::validate::inputs::scalars(self.module, ty);
+        self.scalars = self.scalars.saturating_add(more);
+        match self.scalars <= MOST_SCALARS {
+            true => Ok(()),
+            false => Err(Stuck::Unsupported(format!(
+                "more than {MOST_SCALARS} numbers in private and local memory"
+            ))),
+        }
+    }
+
     fn step(&mut self) -> Result<(), Stuck> {
         self.steps += 1;
         if self.steps > self.environment.steps {
@@ -220,7 +256,10 @@ impl<'a, F: Number> Machine<'a, F> {
         function: &'a Function,
         arguments: Vec<Value<F>>,
     ) -> Result<Option<Value<F>>, Stuck> {
-        let locals = self.memory.len();
+        let (locals, scalars) = (self.memory.len(), self.scalars);
+        for (_, variable) in function.local_variables.iter() {
+            self.take(variable.ty)?;
+        }
         let mut frame = Frame {
             function,
             arguments,
@@ -236,6 +275,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
         let flow = self.block(&function.body, &mut frame)?;
         self.memory.truncate(locals);
+        self.scalars = scalars;
         match flow {
             Flow::Return(value) => Ok(value),
             _ => Ok(None),
@@ -533,13 +573,35 @@ impl<'a, F: Number> Machine<'a, F> {
             }
             Expression::ImageSample {
                 image,
+                sampler,
                 coordinate,
                 array_index,
+                offset,
                 level,
                 depth_ref,
                 gather: None,
-                ..
+                clamp_to_edge,
             } => {
+                let mut sampling = Sampling {
+                    implicit: matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)),
+                    clamped: *clamp_to_edge,
+                    ..Sampling::default()
+                };
+                if let Value::Resource(sampler) = self.get(frame, *sampler)? {
+                    sampling.sampler = self.binding(sampler);
+                }
+                if let Some(offset) = offset {
+                    let offset = self.constant(frame, *offset)?;
+                    let parts = match &offset {
+                        Value::Composite(parts) => &parts[..],
+                        one => std::slice::from_ref(one),
+                    };
+                    for (to, part) in sampling.offset.iter_mut().zip(parts) {
+                        if let Value::Scalar(Scalar::I32(texels)) = part {
+                            *to = *texels;
+                        }
+                    }
+                }
                 let mut operands = vec![*coordinate];
                 operands.extend(array_index);
                 let mut footprint = Vec::new();
@@ -550,7 +612,7 @@ impl<'a, F: Number> Machine<'a, F> {
                     SampleLevel::Gradient { x, y } => footprint.extend([*x, *y]),
                 }
                 operands.extend(depth_ref);
-                let texel = self.lookup(frame, *image, &operands, &footprint)?;
+                let texel = self.lookup(frame, *image, &operands, (&footprint, sampling))?;
                 match depth_ref {
                     Some(_) => Value::number(texel[0]),
                     None => self.texel(*image, function, texel)?,
@@ -565,7 +627,8 @@ impl<'a, F: Number> Machine<'a, F> {
             } => {
                 let mut operands = vec![*coordinate];
                 operands.extend([array_index, sample, level].into_iter().flatten());
-                let texel = self.lookup(frame, *image, &operands, &[])?;
+                let how = (&[][..], Sampling::default());
+                let texel = self.lookup(frame, *image, &operands, how)?;
                 self.texel(*image, function, texel)?
             }
             other => return Err(Stuck::Unsupported(format!("{other:?}"))),
@@ -607,7 +670,7 @@ impl<'a, F: Number> Machine<'a, F> {
         frame: &mut Frame<'a, F>,
         image: Handle<Expression>,
         operands: &[Handle<Expression>],
-        footprint: &[Handle<Expression>],
+        (footprint, sampling): (&[Handle<Expression>], Sampling),
     ) -> Result<[F; 4], Stuck> {
         let Value::Resource(texture) = self.get(frame, image)? else {
             return Err(Stuck::Type("a lookup in no texture".to_owned()));
@@ -615,13 +678,16 @@ impl<'a, F: Number> Machine<'a, F> {
         let coordinates = self.numbers(frame, operands)?;
         let footprint = self.numbers(frame, footprint)?;
         Ok((self.environment.texture)(&Lookup {
-            binding: self.module.global_variables[texture]
-                .binding
-                .as_ref()
-                .map(|b| (b.group, b.binding)),
+            binding: self.binding(texture),
             coordinates: &coordinates,
             footprint: &footprint,
+            sampling,
         }))
+    }
+
+    fn binding(&self, global: Handle<GlobalVariable>) -> Option<(u32, u32)> {
+        let binding = self.module.global_variables[global].binding.as_ref();
+        binding.map(|b| (b.group, b.binding))
     }
 
     /// The components of operands as floats, one after the other.

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
-use super::stage::{POSITION, Slot};
-use crate::evaluate::{Lookup, Number, Scalar, Value};
+use super::stage::{Kind, POSITION, Slot};
+use super::world::{plus, times};
+use crate::evaluate::{Lookup, Number, Sampling, Scalar, Value};
 use crate::guard::{Assumed, Guard, Place, ScalarType};
 use crate::reflect::Io;
 
 /// Elements that a buffer of no given length has.
-const RUNTIME_ELEMENTS: u32 = 16;
+pub const RUNTIME_ELEMENTS: u32 = 16;
 /// Scalars of a buffer that is filled: where there are more, it stays 0.
 const MOST_SCALARS: u32 = 1 << 14;
 
@@ -124,6 +125,8 @@ pub struct Inputs {
     pub profile: Profile,
     /// Uniforms and buffers.
     pub resources: BTreeMap<(u32, u32), Value>,
+    /// Buffers that are left at 0, being too long to be filled.
+    pub left_out: Vec<(u32, u32)>,
     /// Numbers that a guard fixes of textures, by group, binding and channel.
     texels: BTreeMap<(u32, u32, u32), f32>,
     /// Numbers that a guard fixes of attributes.
@@ -134,10 +137,14 @@ impl Inputs {
     /// The inputs of a seed for the variables of a module, as a guard wants them.
     pub fn new(module: &Module, guard: Option<&Guard>, seed: u64) -> Self {
         let profile = profile(seed);
-        let mut resources = BTreeMap::new();
+        let (mut resources, mut left_out) = (BTreeMap::new(), Vec::new());
         for (_, global) in module.global_variables.iter() {
             let Some(at) = &global.binding else { continue };
-            if global.space == AddressSpace::Handle || scalars(module, global.ty) > MOST_SCALARS {
+            if global.space == AddressSpace::Handle {
+                continue;
+            }
+            if scalars(module, global.ty) > MOST_SCALARS {
+                left_out.push((at.group, at.binding));
                 continue;
             }
             let name = format!("resource {} {}", at.group, at.binding);
@@ -150,6 +157,7 @@ impl Inputs {
             seed,
             profile,
             resources,
+            left_out,
             texels: BTreeMap::new(),
             attributes: BTreeMap::new(),
         };
@@ -257,15 +265,14 @@ impl Inputs {
         value(module, io.ty, self.profile, Of::Vertex, &mut random)
     }
 
-    /// A texel: a smooth function of where it is looked up, told apart by texture, from 0 to 1. Which level a lookup takes by itself is left out of it.
+    /// A texel: a smooth function of where it is looked up, told apart by texture, sampler and offset, from 0 to 1. Which level a lookup takes by itself is left out of it.
     pub fn texel(&self, lookup: &Lookup<'_>) -> [f32; 4] {
-        let start = lookup
-            .binding
-            .map_or(0.0, |(group, binding)| (group * 16 + binding) as f32);
         let sum = lookup
             .coordinates
             .iter()
-            .fold(start, |sum, c| sum * 1.7 + c.clamp(-1e6, 1e6));
+            .fold(start(lookup.binding, lookup.sampling), |sum, c| {
+                sum * 1.7 + c.clamp(-1e6, 1e6)
+            });
         [0, 1, 2, 3].map(|channel| {
             let fixed = lookup
                 .binding
@@ -273,6 +280,39 @@ impl Inputs {
             let wave = (sum * (channel + 1) as f32).sin() * 0.5 + 0.5;
             fixed.copied().unwrap_or(wave)
         })
+    }
+
+    /// A texel as sums and products alone, of which every adapter comes to nearly the same: [`Self::bases`] and beside them half of a sum over where it is looked up, as far as that lies from 0 to 1.
+    pub fn plain_texel<F: Number>(&self, lookup: &Lookup<'_, F>) -> [F; 4] {
+        let sum = lookup.coordinates.iter().enumerate().fold(
+            F::of(plain_start(lookup.sampling)),
+            |sum, (i, c)| {
+                let bounded = F::call(
+                    naga::MathFunction::Clamp,
+                    &[*c, F::of(-PLAIN_MOST), F::of(PLAIN_MOST)],
+                );
+                plus(sum, times(bounded.unwrap_or(*c), plain_weight(i)))
+            },
+        );
+        let sum = F::call(naga::MathFunction::Saturate, &[sum]).unwrap_or(sum);
+        let [bases, scales] = self.bases(lookup.binding);
+        [0, 1, 2, 3].map(|channel: usize| plus(times(sum, scales[channel]), F::of(bases[channel])))
+    }
+
+    /// Of each channel of a texture: what its texels have wherever they are looked up, and how much of the sum is added to that: nothing where a guard fixes them.
+    pub fn bases(&self, texture: Option<(u32, u32)>) -> [[f32; 4]; 2] {
+        let own = texture.map_or(0, |(group, binding)| group * 5 + binding);
+        let channels = [0_u32, 1, 2, 3].map(|channel| {
+            let part = channel as f32;
+            match self.fixed_texel(texture, channel) {
+                Some(fixed) => (fixed, 0.0),
+                None => (
+                    (own % 7) as f32 * 0.05 + part * 0.03125,
+                    0.5 - part * 0.0625,
+                ),
+            }
+        });
+        [channels.map(|c| c.0), channels.map(|c| c.1)]
     }
 
     /// A number that a guard fixes of a texture.
@@ -286,9 +326,9 @@ impl Inputs {
         self.attributes.get(&(location, component)).copied()
     }
 
-    /// Weights of the corners at a point inside. Their sum is off by some last bits, as a rasteriser's is.
-    pub fn weights(&self) -> [f32; 3] {
-        let mut random = Random::new(self.seed, "weights");
+    /// Weights of the corners at a point inside, for one kind of interpolation: each has its own. Their sum is off by some last bits, as a rasteriser's is.
+    pub fn weights(&self, kind: Kind) -> [f32; 3] {
+        let mut random = Random::new(self.seed, &format!("weights {kind:?}"));
         let (u, v) = (random.unit(), random.unit());
         let (u, v) = if u + v > 1.0 {
             (1.0 - u, 1.0 - v)
@@ -297,6 +337,28 @@ impl Inputs {
         };
         [1.0 - u - v, u, v]
     }
+}
+
+/// The largest number of a coordinate that a plain texel looks at.
+pub const PLAIN_MOST: f32 = 1024.0;
+
+/// What the sum of a plain texel begins with.
+pub fn plain_start(sampling: Sampling) -> f32 {
+    0.25 + start(None, sampling) * 0.0625
+}
+
+/// What the i-th coordinate counts for in it.
+pub fn plain_weight(i: usize) -> f32 {
+    [0.25, 0.1875, 0.140_625, 0.109_375][i.min(3)]
+}
+
+/// What a texel begins with, by all that tells one lookup from another but for where it is.
+pub fn start(texture: Option<(u32, u32)>, sampling: Sampling) -> f32 {
+    let of =
+        |at: Option<(u32, u32)>| at.map_or(0.0, |(group, binding)| (group * 16 + binding) as f32);
+    let [x, y, z] = sampling.offset.map(|texels| texels as f32);
+    let clamped = if sampling.clamped { 0.37 } else { 0.0 };
+    of(texture) + of(sampling.sampler) * 0.11 + x * 0.23 + y * 0.29 + z * 0.31 + clamped
 }
 
 /// A number between bounds: one of the ends, or one between them.

@@ -1,7 +1,7 @@
 //! Translation validation (Pnueli, Siegel and Singerman 1998; Necula 2000): what a variant promises of its stages, held against the original's after it was made, without a GPU.
 //!
 //! What follows from a plan (`promise`) is first tried to be proved (`proof`): where the slices that decide it have one canonical form, or where both stages, run on terms ([`term`]), end in the same ones. What cannot be proved
-//! is run (`trial`) on numbers, random and adversarial ones ([`inputs`]), until it is seen to be broken or has agreed often enough. A counterexample says where the two go apart first.
+//! is run (`trial`; [`elsewhere`], on an adapter) on numbers, random and adversarial ones ([`inputs`]), until it is seen to be broken or has agreed often enough. A counterexample says where the two go apart first.
 //!
 //! What is held against what follows from the plan: a pass with the author's geometry gives the author's positions; a pre-pass, and a pass that writes ids, keeps and discards the same fragments;
 //! the pass that shades gives the same colours, as far as the plan's contract says so: the same bits at the vertices whatever was hoisted, inside a triangle where it is `Exact`, within a step of
@@ -17,6 +17,7 @@ use crate::plan::{Plan, Role};
 use crate::program::Program;
 
 pub mod compare;
+pub mod elsewhere;
 pub mod inputs;
 mod promise;
 mod proof;
@@ -26,6 +27,7 @@ mod trial;
 mod verdict;
 pub mod world;
 
+use elsewhere::Runner;
 use promise::Pair;
 
 pub use verdict::{Counterexample, Diverged, Proof, Verdict};
@@ -67,6 +69,25 @@ impl Default for Effort {
 
 /// Holds a variant against the original it was made of.
 pub fn validate(original: &Plan, variant: &Plan, effort: &Effort) -> Vec<Check> {
+    checks(original, variant, effort, None)
+}
+
+/// Holds a variant against the original it was made of by running both elsewhere, whatever is proved of them here: what a compiler makes of a text is not seen in it.
+pub fn validate_on(
+    runner: &dyn Runner,
+    original: &Plan,
+    variant: &Plan,
+    effort: &Effort,
+) -> Vec<Check> {
+    checks(original, variant, effort, Some(runner))
+}
+
+fn checks(
+    original: &Plan,
+    variant: &Plan,
+    effort: &Effort,
+    runner: Option<&dyn Runner>,
+) -> Vec<Check> {
     let mut checks = Vec::new();
     let mut not = |role: Role, promise: &str, why: String| {
         checks.push(Check {
@@ -115,7 +136,7 @@ pub fn validate(original: &Plan, variant: &Plan, effort: &Effort) -> Vec<Check> 
             (_, Some(other)) => {
                 let other = with_overrides(other, variant.guard.as_ref());
                 let own = with_overrides(program, variant.guard.as_ref());
-                match Pair::new(variant, (main, &own), (pass, &other), effort) {
+                match Pair::new(variant, (main, &own), (pass, &other), (effort, runner)) {
                     Ok(pair) => found.extend(pair.checks()),
                     Err(why) => not(pass.role, "positions and colours", why),
                 }

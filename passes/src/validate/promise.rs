@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use naga::ShaderStage;
 
 use super::compare::{Colors, Depths, Discards, Positions, Rule, Stores};
+use super::elsewhere::Runner;
 use super::inputs::Inputs;
 use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
@@ -24,6 +25,8 @@ pub(super) struct Pair<'a> {
     pub(super) original: Stages<'a>,
     pub(super) other: Stages<'a>,
     pub(super) effort: &'a Effort,
+    /// What runs it, if not the interpreter.
+    runner: Option<&'a dyn Runner>,
     pub(super) direction: DepthDirection,
     /// What the attachments that the pass reads are cleared to, by binding.
     pub(super) attachments: BTreeMap<(u32, u32), ClearValue>,
@@ -46,7 +49,7 @@ impl<'a> Pair<'a> {
         variant: &'a Plan,
         (main, program): (&GpuPass, &'a Program),
         (pass, other): (&'a GpuPass, &'a Program),
-        effort: &'a Effort,
+        (effort, runner): (&'a Effort, Option<&'a dyn Runner>),
     ) -> Result<Self, String> {
         if !pass.geometry.is_as_given() {
             return Err("its vertices are new ones, which the interpreter does not make; `verify` draws them".to_owned());
@@ -70,6 +73,7 @@ impl<'a> Pair<'a> {
             original: stages(main, program)?,
             other: stages(pass, other)?,
             effort,
+            runner,
             direction: compare
                 .and_then(CompareFunction::direction)
                 .unwrap_or_default(),
@@ -305,6 +309,9 @@ impl<'a> Pair<'a> {
     }
 
     fn verdict(&self, places: &[Place], colors: Colors) -> Verdict {
+        if let Some(runner) = self.runner {
+            return self.tried_on(runner, places, colors);
+        }
         if places.iter().all(|p| self.slices_are_same(*p, colors)) {
             return Verdict::Proved { by: Proof::Slices };
         }

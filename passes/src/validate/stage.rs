@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use naga::{Binding, BuiltIn, Interpolation, Module, ShaderStage, TypeInner};
+use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeInner};
 
 use crate::evaluate::{self, Environment, Number, Outcome, Scalar, Stuck, Value};
 use crate::program::Program;
@@ -156,8 +156,27 @@ impl<'p> Stage<'p> {
 pub enum At<'a, F> {
     /// On a corner, where interpolation gives what the vertex has.
     Corner(usize),
-    /// Inside: what a rasteriser makes of a number at the three corners.
-    Inside(&'a dyn Fn([F; 3]) -> F),
+    /// Inside: what a rasteriser makes of a number at the three corners, by the kind of interpolation.
+    Inside(&'a dyn Fn(Kind, [F; 3]) -> F),
+}
+
+/// How a number is interpolated, and at which point of a pixel.
+pub type Kind = (Interpolation, Sampling);
+
+/// What a binding says of it; what it leaves open is perspective, and the pixel's centre. `None` of a builtin.
+pub fn kind(binding: &Binding) -> Option<Kind> {
+    let Binding::Location {
+        interpolation,
+        sampling,
+        ..
+    } = binding
+    else {
+        return None;
+    };
+    Some((
+        interpolation.unwrap_or(Interpolation::Perspective),
+        sampling.unwrap_or(Sampling::Center),
+    ))
 }
 
 /// What a fragment stage finds in an input, of what its triangle's vertices gave; flat ones are the first vertex's. `None` where no vertex stage gives it.
@@ -170,7 +189,10 @@ pub fn interpolated<F: Number>(io: &Io, corners: [&Ran<F>; 3], at: &At<'_, F>) -
     match (interpolation, at) {
         (Some(Interpolation::Flat), _) => a.cloned(),
         (_, At::Corner(corner)) => [a, b, c].get(*corner)?.cloned(),
-        (_, At::Inside(how)) => between([a?, b?, c?], how),
+        (_, At::Inside(how)) => {
+            let kind = kind(binding)?;
+            between([a?, b?, c?], &|corners| how(kind, corners))
+        }
     }
 }
 

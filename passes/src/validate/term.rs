@@ -130,8 +130,7 @@ impl Term {
         ARENA.with_borrow_mut(|arena| arena.term(Node::Given(name.to_owned(), of.to_vec())))
     }
 
-    /// A node, or the number that it is where all of `operands` are numbers: a counter that is a float has to count. There are operands that say so only where every adapter
-    /// has the same result.
+    /// A node, or the number that it is where all of `operands` are numbers and every adapter has the same result: a counter that is a float has to count.
     fn folded(
         operands: &[Self],
         node: impl FnOnce() -> Node,
@@ -143,12 +142,23 @@ impl Term {
             }
             let constants: Option<Vec<f32>> = operands.iter().map(|t| arena.constant(*t)).collect();
             let node = match constants.filter(|c| !c.is_empty()) {
-                Some(constants) => Node::Constant(fold(&constants)?.to_bits()),
+                Some(constants) => match fold(&constants) {
+                    Some(number) if is_settled(&constants, number) => {
+                        Node::Constant(number.to_bits())
+                    }
+                    _ => node(),
+                },
                 None => node(),
             };
             Some(arena.term(node))
         })
     }
+}
+
+/// Whether every adapter has this result: subnormal numbers may be flushed, on the way in and on the way out, and an overflow need not be infinite.
+fn is_settled(operands: &[f32], result: f32) -> bool {
+    let is_plain = |x: &f32| x.is_normal() || *x == 0.0;
+    operands.iter().chain([&result]).all(is_plain)
 }
 
 impl Number for Term {
@@ -174,9 +184,12 @@ impl Number for Term {
         use BinaryOperator as B;
         let node = || Node::Binary(op, a, b);
         match op {
-            B::Add | B::Subtract | B::Multiply => {
-                Self::folded(&[a, b], node, |n| f32::binary(op, n[0], n[1]))
-            }
+            B::Add | B::Subtract => Self::folded(&[a, b], node, |n| f32::binary(op, n[0], n[1])),
+            B::Multiply => Self::folded(&[a, b], node, |n| {
+                // One that is 0 may have been subnormal before it was rounded.
+                let product = n[0] * n[1];
+                (product != 0.0 || n.contains(&0.0)).then_some(product)
+            }),
             B::Divide | B::Modulo => Self::folded(&[], node, |_| None),
             _ => None,
         }

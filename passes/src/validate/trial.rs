@@ -6,15 +6,22 @@ use std::collections::BTreeMap;
 use super::compare::{self, Colors, text};
 use super::inputs::{Inputs, Profile};
 use super::promise::Pair;
+use super::stage;
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
-use super::world::{self, Place, World};
+use super::world::{self, Place, Texels, World};
 use crate::evaluate::{Stuck, Traced, Value};
+
+/// One input in so many has to come to an end.
+const QUOTA: u64 = 4;
 
 impl Pair<'_> {
     /// On numbers.
     pub(super) fn tried(&self, places: &[Place], colors: Colors) -> Verdict {
         let module = self.original.vertex.module();
-        let (mut agreed, mut why) = (0, None);
+        if let Some(why) = self.unfilled(places) {
+            return not_evaluated(&why);
+        }
+        let (mut tried, mut agreed, mut why) = (0, 0, None);
         for seed in self.effort.seed..self.effort.seed + self.effort.inputs {
             let inputs = Inputs::new(module, self.variant.guard.as_ref(), seed);
             if self.folds_floats() && inputs.profile != Profile::Ordinary {
@@ -26,6 +33,7 @@ impl Pair<'_> {
                 true => Colors::Ignored,
                 false => colors,
             };
+            tried += 1;
             let mut ended = true;
             for place in places {
                 match self.try_one(&inputs, *place, colors) {
@@ -48,13 +56,42 @@ impl Pair<'_> {
         match (agreed, why) {
             (0, None) => not_evaluated("no input came to an end within the step limit"),
             (0, Some(why)) => Verdict::NotEvaluable { why },
+            // A few inputs that find a way past what cannot be run tell little of it.
+            (few, why) if few * QUOTA < tried => Verdict::NotEvaluable {
+                why: match why {
+                    Some(why) => format!("only {few} of {tried} inputs came to an end: {why}"),
+                    None => format!("only {few} of {tried} inputs came to an end"),
+                },
+            },
             (inputs, _) => Verdict::Agreed { inputs },
         }
     }
 
+    /// Why numbers would tell nothing: a stage reads a buffer that is too long to be filled.
+    pub(super) fn unfilled(&self, places: &[Place]) -> Option<String> {
+        let module = self.original.vertex.module();
+        let guard = self.variant.guard.as_ref();
+        let left_out = Inputs::new(module, guard, self.effort.seed).left_out;
+        let is_vertex = places.iter().all(|p| *p == Place::Vertex);
+        let fragments = [self.original.fragment, self.other.fragment];
+        let fragments = fragments.into_iter().flatten().filter(|_| !is_vertex);
+        let stages = [self.original.vertex, self.other.vertex].into_iter();
+        for stage in stages.chain(fragments) {
+            let info = stage.program.info().get_entry_point(stage.entry);
+            for (handle, global) in stage.module().global_variables.iter() {
+                let at = global.binding.as_ref().map(|b| (b.group, b.binding));
+                if at.is_some_and(|at| left_out.contains(&at)) && !info[handle].is_empty() {
+                    let name = global.name.as_deref().unwrap_or("a buffer");
+                    return Some(format!("`{name}` is too long to be filled with numbers"));
+                }
+            }
+        }
+        None
+    }
+
     fn try_one(&self, inputs: &Inputs, place: Place, colors: Colors) -> Tried {
         let (rule, attached) = self.rule(place, colors, Some(inputs));
-        let world = world::concrete(inputs, &attached);
+        let world = world::concrete(inputs, &attached, Texels::Waves);
         let original = match world.run(self.original, place, self.effort.steps, None) {
             Ok(original) => original,
             Err(Stuck::Steps) => return Tried::Endless,
@@ -89,7 +126,7 @@ impl Pair<'_> {
     }
 
     /// The inputs of the original's stages, in words.
-    fn said(&self, inputs: &Inputs, place: Place) -> Vec<(String, String)> {
+    pub(super) fn said(&self, inputs: &Inputs, place: Place) -> Vec<(String, String)> {
         let mut said = Vec::new();
         let vertex = self.original.vertex;
         for io in vertex.inputs() {
@@ -106,8 +143,17 @@ impl Pair<'_> {
             }
         }
         if place == Place::Inside {
-            let weights = inputs.weights();
-            said.push(("weights of the corners".to_owned(), format!("{weights:?}")));
+            let fragment = self.original.fragment.iter();
+            let mut kinds: Vec<_> = fragment
+                .flat_map(|f| f.inputs())
+                .filter_map(|io| stage::kind(io.binding.as_ref()?))
+                .collect();
+            kinds.sort_unstable();
+            kinds.dedup();
+            for kind in kinds {
+                let weights = format!("{:?}", inputs.weights(kind));
+                said.push((format!("weights of the corners, {kind:?}"), weights));
+            }
         }
         if let Some(fragment) = self.original.fragment.filter(|_| place != Place::Vertex) {
             for io in fragment.inputs() {
@@ -130,7 +176,7 @@ impl Pair<'_> {
     }
 
     /// The first value that both compute of one place in the source, and not to the same.
-    fn first_diverging(&self, world: &World<'_, f32>, place: Place) -> Option<Diverged> {
+    pub(super) fn first_diverging(&self, world: &World<'_, f32>, place: Place) -> Option<Diverged> {
         let traced = |stages| {
             let trace = RefCell::new(Vec::new());
             let _ = world.run(stages, place, 4 * self.effort.steps, Some(&trace));

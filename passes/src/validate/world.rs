@@ -6,8 +6,9 @@ use std::collections::BTreeMap;
 use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::inputs::{self, Inputs, Random};
-use super::stage::{At, POSITION, Ran, Slot, Stage, interpolated};
+use super::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
 use super::term::Term;
+use crate::bound::{Interval, exactly};
 use crate::evaluate::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value};
 use crate::reflect::Io;
 
@@ -47,7 +48,7 @@ pub struct World<'a, F: 'a> {
     fragment: Input<'a, F>,
     texel: Texel<'a, F>,
     derivative: Box<dyn Fn(Derivative<F>) -> F + 'a>,
-    inside: Box<dyn Fn([F; 3]) -> F + 'a>,
+    inside: Box<dyn Fn(Kind, [F; 3]) -> F + 'a>,
 }
 
 impl<F: Number> World<'_, F> {
@@ -110,37 +111,94 @@ impl<F: Number> World<'_, F> {
     }
 }
 
+/// What texels are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Texels {
+    /// Waves over where they are looked up, which tell places apart best ([`Inputs::texel`]).
+    Waves,
+    /// Sums that any adapter comes to as closely ([`Inputs::plain_texel`]).
+    Plain,
+}
+
 /// Of numbers.
 pub fn concrete<'a>(
     inputs: &'a Inputs,
     attachments: &'a BTreeMap<(u32, u32), [f32; 4]>,
+    texels: Texels,
 ) -> World<'a, f32> {
-    let weights = inputs.weights();
     World {
         resources: inputs.resources.clone(),
         attribute: Box::new(|module, io, corner| inputs.attribute(module, io, corner)),
         fragment: Box::new(|module, io, _| inputs.fragment(module, io)),
-        texel: Box::new(|lookup| {
+        texel: Box::new(move |lookup| {
             let attachment = lookup.binding.and_then(|at| attachments.get(&at));
-            attachment.copied().unwrap_or_else(|| inputs.texel(lookup))
+            attachment.copied().unwrap_or_else(|| match texels {
+                Texels::Waves => inputs.texel(lookup),
+                Texels::Plain => inputs.plain_texel(lookup),
+            })
         }),
-        // Half of the fragments have neighbours like themselves. With the others it is linear, as a derivative is, and 0 of 0.
-        derivative: Box::new(|derivative| {
-            let slopes = match inputs.seed.is_multiple_of(2) {
-                true => [derivative.of * 0.0; 2],
-                false => [derivative.of * 0.0625, derivative.of * -0.03125],
-            };
-            match derivative.axis {
-                naga::DerivativeAxis::X => slopes[0],
-                naga::DerivativeAxis::Y => slopes[1],
-                naga::DerivativeAxis::Width => slopes[0].abs() + slopes[1].abs(),
-            }
-        }),
-        inside: Box::new(move |corners: [f32; 3]| {
-            let parts = corners.iter().zip(weights);
+        derivative: Box::new(|derivative| slope(inputs, derivative)),
+        inside: Box::new(|kind, corners: [f32; 3]| {
+            let parts = corners.iter().zip(inputs.weights(kind));
             parts.fold(0.0, |sum, (corner, weight)| sum + corner * weight)
         }),
     }
+}
+
+/// Of what an adapter may give of those numbers.
+pub fn ranging<'a>(
+    inputs: &'a Inputs,
+    attachments: &'a BTreeMap<(u32, u32), [f32; 4]>,
+) -> World<'a, Interval> {
+    let exact = |value: Value| exactly::<Interval>(&value);
+    let resources = inputs.resources.iter();
+    World {
+        resources: resources.map(|(at, v)| (*at, exactly(v))).collect(),
+        attribute: Box::new(move |module, io, corner| {
+            inputs.attribute(module, io, corner).map(exact)
+        }),
+        fragment: Box::new(move |module, io, _| inputs.fragment(module, io).map(exact)),
+        texel: Box::new(|lookup| {
+            let attachment = lookup.binding.and_then(|at| attachments.get(&at));
+            match attachment {
+                Some(texel) => texel.map(Interval::of),
+                None => inputs.plain_texel(lookup),
+            }
+        }),
+        derivative: Box::new(|derivative| slope(inputs, derivative)),
+        inside: Box::new(|kind, corners| {
+            let weights = inputs.weights(kind);
+            let products = corners.iter().zip(weights).map(|(c, w)| times(*c, w));
+            products.reduce(plus).unwrap_or(Interval::ANYTHING)
+        }),
+    }
+}
+
+/// What half of the fragments have for derivatives, along x and y, of each unit: with the others, whose neighbours are like themselves, it is 0. It is linear, as a derivative is, and 0 of 0.
+pub fn slopes(inputs: &Inputs) -> [f32; 2] {
+    match inputs.seed.is_multiple_of(2) {
+        true => [0.0; 2],
+        false => [0.0625, -0.03125],
+    }
+}
+
+fn slope<F: Number>(inputs: &Inputs, derivative: Derivative<F>) -> F {
+    let [x, y] = slopes(inputs).map(|slope| times(derivative.of, slope));
+    let size = |slope: F| F::call(naga::MathFunction::Abs, &[slope]).unwrap_or(slope);
+    match derivative.axis {
+        naga::DerivativeAxis::X => x,
+        naga::DerivativeAxis::Y => y,
+        naga::DerivativeAxis::Width => plus(size(x), size(y)),
+    }
+}
+
+/// Sums and products are of every kind of number.
+pub(super) fn plus<F: Number>(a: F, b: F) -> F {
+    F::binary(naga::BinaryOperator::Add, a, b).unwrap_or(a)
+}
+
+pub(super) fn times<F: Number>(a: F, b: f32) -> F {
+    F::binary(naga::BinaryOperator::Multiply, a, F::of(b)).unwrap_or(a)
 }
 
 /// How deep a fragment lies, and how deep what a prologue compares it with: at, before and behind it.
@@ -218,7 +276,12 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
         }),
         texel: Box::new(|lookup| {
             let of = [lookup.coordinates, lookup.footprint].concat();
-            let name = format!("texel {:?} {}", lookup.binding, lookup.coordinates.len());
+            let name = format!(
+                "texel {:?} {} {:?}",
+                lookup.binding,
+                lookup.coordinates.len(),
+                lookup.sampling
+            );
             [0, 1, 2, 3].map(
                 |channel| match inputs.fixed_texel(lookup.binding, channel) {
                     Some(number) => Term::of(number),
@@ -229,7 +292,7 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
         derivative: Box::new(|d| {
             Term::given(&format!("derivative {:?} {:?}", d.axis, d.control), &[d.of])
         }),
-        inside: Box::new(|corners| Term::given("interpolated", &corners)),
+        inside: Box::new(|kind, corners| Term::given(&format!("interpolated {kind:?}"), &corners)),
     }
 }
 

@@ -1,0 +1,217 @@
+//! Promises tried by something that runs stages elsewhere: on an adapter, whose compiler has its own way with both.
+//!
+//! The interpreter goes ahead: it says which inputs both come to an end with, so that nothing is sent that never does, and, on intervals, what WGSL's accuracies allow an adapter to give of the original.
+//! What the two give elsewhere is held against each other by the same rule. Where they differ, and what the variant gives is still within what is allowed of the original, the adapter has rounded
+//! two texts apart, which is no fault of the variant's; that is counted and told.
+
+use std::collections::BTreeMap;
+
+use super::compare::{self, Colors, Difference, text};
+use super::inputs::{Inputs, Profile};
+use super::promise::{Attached, Pair};
+use super::stage::Ran;
+use super::verdict::{Counterexample, Verdict, not_evaluated};
+use super::world::{self, Place, Stages, Texels};
+use crate::bound::Interval;
+use crate::evaluate::{Scalar, Stuck, Value};
+
+/// What a draw is made with, beside the stages.
+#[derive(Clone, Copy, Debug)]
+pub struct Draw<'a> {
+    /// Uniforms, buffers, attributes, and texels as [`Inputs::plain_texel`] gives them.
+    pub inputs: &'a Inputs,
+    /// What attachments hold, by binding.
+    pub attached: &'a BTreeMap<(u32, u32), [f32; 4]>,
+}
+
+/// What runs stages elsewhere.
+pub trait Runner {
+    /// Runs stages once for each draw.
+    ///
+    /// # Errors
+    /// Why it cannot, in words.
+    fn run(&self, stages: Stages<'_>, place: Place, draws: &[Draw<'_>])
+    -> Result<Vec<Ran>, String>;
+}
+
+/// An input that both come to an end with.
+struct Ready {
+    inputs: Inputs,
+    attached: Attached,
+    colors: Colors,
+}
+
+impl Pair<'_> {
+    /// On numbers, elsewhere.
+    pub(super) fn tried_on(
+        &self,
+        runner: &dyn Runner,
+        places: &[Place],
+        colors: Colors,
+    ) -> Verdict {
+        if let Some(why) = self.unfilled(places) {
+            return not_evaluated(&why);
+        }
+        let (mut agreed, mut unsure) = (0, 0);
+        for place in places {
+            let ready = match self.ready(*place, colors) {
+                Ok(ready) => ready,
+                Err(why) => return Verdict::NotEvaluable { why },
+            };
+            let draws: Vec<Draw<'_>> = ready
+                .iter()
+                .map(|r| Draw {
+                    inputs: &r.inputs,
+                    attached: &r.attached,
+                })
+                .collect();
+            let run = |stages| runner.run(stages, *place, &draws);
+            let (original, variant) = match (run(self.original), run(self.other)) {
+                (Ok(original), Ok(variant)) => (original, variant),
+                (Err(why), _) | (_, Err(why)) => return Verdict::NotEvaluable { why },
+            };
+            let results = original.iter().zip(&variant);
+            for (ready, (original, variant)) in ready.iter().zip(results) {
+                match self.judged(ready, *place, original, variant) {
+                    Judged::Same => agreed += 1,
+                    Judged::Unsure => unsure += 1,
+                    Judged::Strange(why) => return Verdict::NotEvaluable { why },
+                    Judged::Differs(found) => return Verdict::Counterexample(found),
+                }
+            }
+        }
+        let places = places.len() as u64;
+        match (agreed / places.max(1), unsure / places.max(1)) {
+            (0, _) => not_evaluated("no input could be judged there"),
+            (few, many) if few < many => Verdict::NotEvaluable {
+                why: format!(
+                    "on {many} inputs the adapter rounds the two apart, and on {few} alone it does not"
+                ),
+            },
+            (inputs, _) => Verdict::Agreed { inputs },
+        }
+    }
+
+    /// The inputs that both come to an end with, here.
+    fn ready(&self, place: Place, colors: Colors) -> Result<Vec<Ready>, String> {
+        let module = self.original.vertex.module();
+        let (mut ready, mut why) = (Vec::new(), None);
+        for seed in self.effort.seed..self.effort.seed + self.effort.inputs {
+            let inputs = Inputs::new(module, self.variant.guard.as_ref(), seed);
+            let is_ordinary = inputs.profile == Profile::Ordinary;
+            if self.folds_floats() && !is_ordinary {
+                continue;
+            }
+            let is_rounded = matches!(colors, Colors::Within(_) | Colors::Numbers);
+            let colors = match is_rounded && !is_ordinary {
+                true => Colors::Ignored,
+                false => colors,
+            };
+            let (_, attached) = self.rule(place, colors, Some(&inputs));
+            let world = world::concrete(&inputs, &attached, Texels::Plain);
+            let ended = world
+                .run(self.original, place, self.effort.steps, None)
+                .and_then(|_| world.run(self.other, place, 4 * self.effort.steps, None));
+            drop(world);
+            match ended {
+                Ok(_) => ready.push(Ready {
+                    inputs,
+                    attached,
+                    colors,
+                }),
+                Err(Stuck::Steps) => {}
+                Err(stuck) => {
+                    why.get_or_insert(stuck.to_string());
+                }
+            }
+        }
+        match (ready.is_empty(), why) {
+            (true, Some(why)) => Err(why),
+            (true, None) => Err("no input came to an end within the step limit".to_owned()),
+            (false, _) => Ok(ready),
+        }
+    }
+
+    /// What the results of one input say.
+    fn judged(&self, ready: &Ready, place: Place, original: &Ran, variant: &Ran) -> Judged {
+        let (inputs, attached) = (&ready.inputs, &ready.attached);
+        let (rule, _) = self.rule(place, ready.colors, Some(inputs));
+        let allowed = world::ranging(inputs, attached)
+            .run(self.original, place, self.effort.steps, None)
+            .ok();
+        // The original itself: an adapter that WGSL does not describe proves nothing.
+        if let Some(strange) = allowed.as_ref().and_then(|a| outside(a, original)) {
+            return Judged::Strange(format!(
+                "what the adapter gives of the original is not what WGSL allows: {strange} (inputs of seed {})",
+                inputs.seed
+            ));
+        }
+        let Some(found) = compare::difference(rule, original, variant) else {
+            return Judged::Same;
+        };
+        match &allowed {
+            // Something on the way is no number, or decided by a rounding: what is allowed is not known.
+            None => return Judged::Unsure,
+            Some(allowed) if is_allowed(allowed, &found, variant) => return Judged::Unsure,
+            Some(_) => {}
+        }
+        let world = world::concrete(inputs, attached, Texels::Plain);
+        let first = self.first_diverging(&world, place);
+        Judged::Differs(Box::new(Counterexample {
+            seed: inputs.seed,
+            inputs: self.said(inputs, place),
+            output: found.output,
+            original: found.original,
+            variant: found.variant,
+            first,
+        }))
+    }
+}
+
+enum Judged {
+    Same,
+    /// They differ, within what is allowed of the original.
+    Unsure,
+    /// The original is not as it may be.
+    Strange(String),
+    Differs(Box<Counterexample>),
+}
+
+/// The first output of the original that is not as it may be.
+fn outside(allowed: &Ran<Interval>, ran: &Ran) -> Option<String> {
+    if allowed.discarded != ran.discarded {
+        return Some("it is discarded or kept otherwise".to_owned());
+    }
+    if ran.discarded {
+        return None;
+    }
+    allowed.outputs.iter().find_map(|(slot, interval)| {
+        let value = ran.outputs.get(slot)?;
+        let strange = !holds(interval, value);
+        strange.then(|| format!("{slot} is {}, of {}", text(value), text(interval)))
+    })
+}
+
+/// Whether what differs is, as the variant has it, something that is allowed of the original.
+fn is_allowed(allowed: &Ran<Interval>, found: &Difference, variant: &Ran) -> bool {
+    let mut slots = allowed.outputs.iter();
+    slots
+        .find(|(slot, _)| slot.to_string() == found.output)
+        .and_then(|(slot, interval)| Some(holds(interval, variant.outputs.get(slot)?)))
+        .unwrap_or(false)
+}
+
+fn holds(interval: &Value<Interval>, value: &Value) -> bool {
+    match (interval, value) {
+        (Value::Scalar(Scalar::F32(interval)), Value::Scalar(Scalar::F32(number))) => {
+            interval.contains(f64::from(*number))
+        }
+        (Value::Scalar(Scalar::I32(a)), Value::Scalar(Scalar::I32(b))) => a == b,
+        (Value::Scalar(Scalar::U32(a)), Value::Scalar(Scalar::U32(b))) => a == b,
+        (Value::Scalar(Scalar::Bool(a)), Value::Scalar(Scalar::Bool(b))) => a == b,
+        (Value::Composite(a), Value::Composite(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| holds(a, b))
+        }
+        _ => false,
+    }
+}

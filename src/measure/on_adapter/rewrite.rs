@@ -1,0 +1,422 @@
+//! An author's function as a compute stage can run it: texels, derivatives and discards, which it has not, become what an input says they are.
+
+use std::collections::BTreeMap;
+
+use naga::valid::FunctionInfo;
+use naga::{
+    AddressSpace, BinaryOperator, Block, DerivativeAxis, Expression, Function, GlobalVariable,
+    Handle, ImageClass, Literal, MathFunction, Module, Range, SampleLevel, ScalarKind, Span,
+    Statement, TypeInner, VectorSize,
+};
+use preshade_passes::evaluate::Sampling;
+use preshade_passes::graph::operands;
+use preshade_passes::validate::inputs::{PLAIN_MOST, plain_start, plain_weight};
+
+/// Variables of ours that a rewritten function reads and writes.
+pub struct Ours {
+    /// Whether the fragment is discarded.
+    pub killed: Handle<GlobalVariable>,
+    /// Derivatives of a unit, along x and along y.
+    pub slopes: Handle<GlobalVariable>,
+    /// The bases and the scales of each texture's texels.
+    pub textures: BTreeMap<Handle<GlobalVariable>, [Handle<GlobalVariable>; 2]>,
+}
+
+struct Rewriter<'a> {
+    module: &'a Module,
+    old: &'a Function,
+    info: &'a FunctionInfo,
+    ours: &'a Ours,
+    new: Function,
+    map: Vec<Handle<Expression>>,
+    /// By old expression: the new ones that are evaluated where it is.
+    evaluated: Vec<Vec<Handle<Expression>>>,
+    yes: Handle<Expression>,
+    killed: Handle<Expression>,
+}
+
+/// The function, with the same handles of functions and variables.
+///
+/// # Errors
+/// What in it a compute stage cannot run, in words.
+pub fn rewritten(
+    module: &Module,
+    old: &Function,
+    info: &FunctionInfo,
+    ours: &Ours,
+) -> Result<Function, String> {
+    for argument in &old.arguments {
+        match module.types[argument.ty].inner {
+            TypeInner::Image { .. } | TypeInner::Sampler { .. } => {
+                return Err("it passes a texture to a function".to_owned());
+            }
+            TypeInner::Pointer { space, .. } | TypeInner::ValuePointer { space, .. }
+                if !matches!(space, AddressSpace::Function | AddressSpace::Private) =>
+            {
+                return Err("it passes a pointer into a buffer to a function".to_owned());
+            }
+            _ => {}
+        }
+    }
+    let mut new = Function {
+        name: old.name.clone(),
+        arguments: old.arguments.clone(),
+        result: old.result.clone(),
+        ..Function::default()
+    };
+    for argument in &mut new.arguments {
+        argument.binding = None;
+    }
+    if let Some(result) = &mut new.result {
+        result.binding = None;
+    }
+    let mut append = |e| new.expressions.append(e, Span::UNDEFINED);
+    let yes = append(Expression::Literal(Literal::Bool(true)));
+    let killed = append(Expression::GlobalVariable(ours.killed));
+    let mut rewriter = Rewriter {
+        module,
+        old,
+        info,
+        ours,
+        new,
+        map: Vec::new(),
+        evaluated: Vec::new(),
+        yes,
+        killed,
+    };
+    for (handle, _) in old.expressions.iter() {
+        rewriter.evaluated.push(Vec::new());
+        let new = rewriter.expression(handle)?;
+        rewriter.map.push(new);
+    }
+    for (_, variable) in old.local_variables.iter() {
+        let mut variable = variable.clone();
+        variable.init = variable.init.map(|init| rewriter.map[init.index()]);
+        rewriter
+            .new
+            .local_variables
+            .append(variable, Span::UNDEFINED);
+    }
+    let mut body = rewriter.block(&old.body)?;
+    // A discard does not return any more.
+    let returns = body
+        .last()
+        .is_some_and(|s| matches!(s, Statement::Return { .. }));
+    if let Some(result) = rewriter.new.result.as_ref().filter(|_| !returns) {
+        let zero = Expression::ZeroValue(result.ty);
+        let value = rewriter.new.expressions.append(zero, Span::UNDEFINED);
+        body.push(Statement::Return { value: Some(value) }, Span::UNDEFINED);
+    }
+    rewriter.new.body = body;
+    Ok(rewriter.new)
+}
+
+impl Rewriter<'_> {
+    fn mapped(&self, old: Handle<Expression>) -> Handle<Expression> {
+        self.map[old.index()]
+    }
+
+    /// Adds an expression that is evaluated where the current one is, if it has to be.
+    fn add(&mut self, expression: Expression) -> Handle<Expression> {
+        let is_evaluated =
+            !expression.needs_pre_emit() && !matches!(expression, Expression::CallResult(_));
+        let new = self.new.expressions.append(expression, Span::UNDEFINED);
+        if let Some(list) = self.evaluated.last_mut().filter(|_| is_evaluated) {
+            list.push(new);
+        }
+        new
+    }
+
+    fn f32(&mut self, number: f32) -> Handle<Expression> {
+        self.add(Expression::Literal(Literal::F32(number)))
+    }
+
+    fn binary(
+        &mut self,
+        op: BinaryOperator,
+        left: Handle<Expression>,
+        right: Handle<Expression>,
+    ) -> Handle<Expression> {
+        self.add(Expression::Binary { op, left, right })
+    }
+
+    fn math(&mut self, fun: MathFunction, arguments: &[Handle<Expression>]) -> Handle<Expression> {
+        let at = |i: usize| arguments.get(i).copied();
+        self.add(Expression::Math {
+            fun,
+            arg: arguments[0],
+            arg1: at(1),
+            arg2: at(2),
+            arg3: None,
+        })
+    }
+
+    fn expression(&mut self, old: Handle<Expression>) -> Result<Handle<Expression>, String> {
+        let mut expression = self.old.expressions[old].clone();
+        match &expression {
+            // What looks it up reads numbers in its place.
+            Expression::GlobalVariable(g)
+                if self.module.global_variables[*g].space == AddressSpace::Handle =>
+            {
+                return Ok(self.add(Expression::Literal(Literal::U32(0))));
+            }
+            Expression::ImageSample { .. } | Expression::ImageLoad { .. } => {
+                return self.texel(&expression);
+            }
+            Expression::Derivative { axis, expr, .. } => {
+                let of = self.mapped(*expr);
+                return Ok(self.derivative(*axis, of));
+            }
+            Expression::ImageQuery { .. } => {
+                return Err("it asks for a texture's size".to_owned());
+            }
+            Expression::ArrayLength(_) => return Err("it asks for a buffer's length".to_owned()),
+            Expression::AtomicResult { .. }
+            | Expression::WorkGroupUniformLoadResult { .. }
+            | Expression::SubgroupBallotResult
+            | Expression::SubgroupOperationResult { .. } => {
+                return Err("it asks other invocations".to_owned());
+            }
+            _ => {}
+        }
+        let map = &self.map;
+        operands::map_expression(&mut expression, &mut |e| *e = map[e.index()]);
+        Ok(self.add(expression))
+    }
+
+    fn derivative(&mut self, axis: DerivativeAxis, of: Handle<Expression>) -> Handle<Expression> {
+        let slopes = self.add(Expression::GlobalVariable(self.ours.slopes));
+        let along = |this: &mut Self, index| {
+            let pointer = this.add(Expression::AccessIndex {
+                base: slopes,
+                index,
+            });
+            let slope = this.add(Expression::Load { pointer });
+            this.binary(BinaryOperator::Multiply, of, slope)
+        };
+        match axis {
+            DerivativeAxis::X => along(self, 0),
+            DerivativeAxis::Y => along(self, 1),
+            DerivativeAxis::Width => {
+                let (x, y) = (along(self, 0), along(self, 1));
+                let (x, y) = (
+                    self.math(MathFunction::Abs, &[x]),
+                    self.math(MathFunction::Abs, &[y]),
+                );
+                self.binary(BinaryOperator::Add, x, y)
+            }
+        }
+    }
+
+    /// As the interpreter's world gives it: `Inputs::plain_texel`.
+    fn texel(&mut self, lookup: &Expression) -> Result<Handle<Expression>, String> {
+        let (image, operands, sampling, is_compared) = match lookup {
+            Expression::ImageSample {
+                gather: Some(_), ..
+            } => {
+                return Err("it gathers texels".to_owned());
+            }
+            Expression::ImageSample {
+                image,
+                sampler,
+                gather: None,
+                coordinate,
+                array_index,
+                offset,
+                level,
+                depth_ref,
+                clamp_to_edge,
+            } => {
+                let mut operands = vec![*coordinate];
+                operands.extend(array_index);
+                if let SampleLevel::Exact(level) = level {
+                    operands.push(*level);
+                }
+                operands.extend(depth_ref);
+                let sampling = Sampling {
+                    sampler: self.binding(*sampler),
+                    offset: offset.map_or(Ok([0; 3]), |o| self.offset(o))?,
+                    implicit: matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)),
+                    clamped: *clamp_to_edge,
+                };
+                (*image, operands, sampling, depth_ref.is_some())
+            }
+            Expression::ImageLoad {
+                image,
+                coordinate,
+                array_index,
+                sample,
+                level,
+            } => {
+                let mut operands = vec![*coordinate];
+                operands.extend([array_index, sample, level].into_iter().flatten());
+                (*image, operands, Sampling::default(), false)
+            }
+            _ => return Err("no lookup".to_owned()),
+        };
+        let Expression::GlobalVariable(texture) = self.old.expressions[image] else {
+            return Err("it looks up in a texture of several".to_owned());
+        };
+        let Some([bases, scales]) = self.ours.textures.get(&texture).copied() else {
+            return Err("it looks up in no texture".to_owned());
+        };
+        let mut sum = self.f32(plain_start(sampling));
+        let mut place = 0;
+        for operand in operands {
+            for number in self.numbers(operand)? {
+                let (low, high) = (self.f32(-PLAIN_MOST), self.f32(PLAIN_MOST));
+                let bounded = self.math(MathFunction::Clamp, &[number, low, high]);
+                let weight = self.f32(plain_weight(place));
+                let part = self.binary(BinaryOperator::Multiply, bounded, weight);
+                sum = self.binary(BinaryOperator::Add, sum, part);
+                place += 1;
+            }
+        }
+        let sum = self.math(MathFunction::Saturate, &[sum]);
+        let value = self.add(Expression::Splat {
+            size: VectorSize::Quad,
+            value: sum,
+        });
+        let load = |this: &mut Self, variable| {
+            let pointer = this.add(Expression::GlobalVariable(variable));
+            this.add(Expression::Load { pointer })
+        };
+        let (bases, scales) = (load(self, bases), load(self, scales));
+        let scaled = self.binary(BinaryOperator::Multiply, value, scales);
+        let texel = self.binary(BinaryOperator::Add, scaled, bases);
+        let class = match self.module.types[self.module.global_variables[texture].ty].inner {
+            TypeInner::Image { class, .. } => class,
+            _ => return Err("it looks up in no texture".to_owned()),
+        };
+        let kind = match class {
+            ImageClass::Depth { .. } => None,
+            _ if is_compared => None,
+            ImageClass::Sampled { kind, .. } => Some(kind),
+            ImageClass::Storage { format, .. } => Some(naga::Scalar::from(format).kind),
+            _ => return Err("it looks up in an external texture".to_owned()),
+        };
+        Ok(match kind {
+            None => self.add(Expression::AccessIndex {
+                base: texel,
+                index: 0,
+            }),
+            Some(ScalarKind::Float) => texel,
+            Some(kind) => self.add(Expression::As {
+                expr: texel,
+                kind,
+                convert: Some(4),
+            }),
+        })
+    }
+
+    /// The components of an operand, as floats.
+    fn numbers(&mut self, old: Handle<Expression>) -> Result<Vec<Handle<Expression>>, String> {
+        let value = self.mapped(old);
+        let (count, kind) = match *self.info[old].ty.inner_with(&self.module.types) {
+            TypeInner::Scalar(scalar) => (None, scalar.kind),
+            TypeInner::Vector { size, scalar } => (Some(size as u32), scalar.kind),
+            ref other => return Err(format!("it looks up at a {other:?}")),
+        };
+        let parts: Vec<_> = match count {
+            None => vec![value],
+            Some(count) => (0..count)
+                .map(|index| self.add(Expression::AccessIndex { base: value, index }))
+                .collect(),
+        };
+        let float = |this: &mut Self, expr| match kind {
+            ScalarKind::Float => expr,
+            _ => this.add(Expression::As {
+                expr,
+                kind: ScalarKind::Float,
+                convert: Some(4),
+            }),
+        };
+        Ok(parts.into_iter().map(|part| float(self, part)).collect())
+    }
+
+    fn binding(&self, variable: Handle<Expression>) -> Option<(u32, u32)> {
+        let Expression::GlobalVariable(global) = self.old.expressions[variable] else {
+            return None;
+        };
+        let binding = self.module.global_variables[global].binding.as_ref()?;
+        Some((binding.group, binding.binding))
+    }
+
+    /// The texels of an offset, which is a constant.
+    fn offset(&self, offset: Handle<Expression>) -> Result<[i32; 3], String> {
+        let mut texels = [0; 3];
+        let literal = |e: Handle<Expression>| match self.old.expressions[e] {
+            Expression::Literal(Literal::I32(texels)) => Some(texels),
+            _ => None,
+        };
+        let parts = match &self.old.expressions[offset] {
+            Expression::Compose { components, .. } => components.clone(),
+            Expression::Splat { size, value } => vec![*value; *size as usize],
+            _ => vec![offset],
+        };
+        for (to, part) in texels.iter_mut().zip(parts) {
+            *to = literal(part).ok_or("it looks up beside a place, by a constant with a name")?;
+        }
+        Ok(texels)
+    }
+
+    fn block(&mut self, old: &Block) -> Result<Block, String> {
+        let mut new = Block::new();
+        for statement in old {
+            match statement {
+                Statement::Emit(range) => self.emit(range.clone(), &mut new),
+                Statement::Kill => new.push(
+                    Statement::Store {
+                        pointer: self.killed,
+                        value: self.yes,
+                    },
+                    Span::UNDEFINED,
+                ),
+                Statement::Block(_)
+                | Statement::If { .. }
+                | Statement::Switch { .. }
+                | Statement::Loop { .. }
+                | Statement::Break
+                | Statement::Continue
+                | Statement::Return { .. }
+                | Statement::Store { .. }
+                | Statement::Call { .. } => {
+                    let mut made = operands::shell(statement);
+                    let map = &self.map;
+                    operands::map_statement(&mut made, &mut |e| *e = map[e.index()]);
+                    if let Some(result) = operands::result_mut(&mut made) {
+                        *result = map[result.index()];
+                    }
+                    let inner = operands::blocks(statement)
+                        .into_iter()
+                        .map(|block| self.block(block))
+                        .collect::<Result<Vec<_>, _>>()?;
+                    operands::fill(&mut made, statement, inner);
+                    new.push(made, Span::UNDEFINED);
+                }
+                other => return Err(format!("it does what a compute stage cannot: {other:?}")),
+            }
+        }
+        Ok(new)
+    }
+
+    /// Runs of expressions that stand one behind the other.
+    fn emit(&self, range: Range<Expression>, to: &mut Block) {
+        let new = range.flat_map(|old| self.evaluated[old.index()].iter().copied());
+        let mut run: Option<(Handle<Expression>, Handle<Expression>)> = None;
+        let push = |(first, last): (Handle<Expression>, Handle<Expression>), to: &mut Block| {
+            let range = Range::new_from_bounds(first, last);
+            to.push(Statement::Emit(range), Span::UNDEFINED);
+        };
+        for handle in new {
+            run = match run {
+                Some((first, last)) if last.index() + 1 == handle.index() => Some((first, handle)),
+                before => {
+                    before.into_iter().for_each(|run| push(run, to));
+                    Some((handle, handle))
+                }
+            };
+        }
+        run.into_iter().for_each(|run| push(run, to));
+    }
+}
