@@ -9,13 +9,20 @@ use std::path::Path;
 mod native;
 mod render_support;
 
+use preshade::measure;
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::DrawOrder;
+
 use native::both::{self, Difference};
 use native::pair::FirstRow;
 use native::{Native, generate};
 
 /// The pairs under `fixtures/glsl/dialects` that are drawn, the `#version` that a host puts before a text without one, and where rows begin: a text that says
 /// `origin_upper_left` itself is not turned once more.
-const PAIRS: [(&str, &str, FirstRow); 13] = [
+const PAIRS: [(&str, &str, FirstRow); 14] = [
     ("es100-textured", "#version 100\n", FirstRow::Highest),
     ("gl120-sampling", "", FirstRow::Highest),
     ("es300-block", "", FirstRow::Highest),
@@ -24,6 +31,7 @@ const PAIRS: [(&str, &str, FirstRow); 13] = [
     ("gl150-window", "", FirstRow::Lowest),
     ("gl330-material", "", FirstRow::Highest),
     ("gl330-functions", "", FirstRow::Highest),
+    ("gl330-lent", "", FirstRow::Highest),
     ("gl400-matrices", "", FirstRow::Highest),
     ("gl410-samplers", "", FirstRow::Highest),
     ("seed1-tiling", "#version 100\n", FirstRow::Highest),
@@ -66,6 +74,42 @@ fn pairs_draw_as_opengl_draws_them() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// What helpers read of inputs and of what `main` made is theirs as parameters, and keeps no pass from anything. What they write still does.
+#[test]
+fn what_helpers_read_hinders_no_pass() {
+    let stateful = texts("gl330-lent");
+    let stateless = stateful.clone().map(|t| t.replace("seen += 0.125;", ""));
+    assert_ne!(stateful, stateless);
+    // With the most that a channel may differ, of 255.
+    for (texts, recipe, most) in [
+        (&stateful, "depth-prepass", 0),
+        (&stateful, "early-discard:texture=float", 0),
+        (&stateful, "hoist:budget=0.1", 25),
+        (&stateless, "visibility-buffer:budget=1", 1),
+    ] {
+        let scene = both::scene("gl330-lent", texts, [160, 90]).unwrap();
+        let original = measure::originals(&scene);
+        let draw = |plans: &[Plan]| {
+            let gpu = render_support::gpu();
+            render_support::render_as(gpu, &scene, plans, DrawOrder::AsGiven, ShaderForm::Text)
+        };
+        let recipe = Recipe::parse([recipe]).unwrap();
+        let plan = recipe.apply(&original[0], &Facts::default());
+        let plan = plan.unwrap_or_else(|refused| panic!("{refused}"));
+        let pictures = [draw(&original), draw(&[plan])];
+        let [before, after] = pictures.map(|r| r.colors[0].as_ref().unwrap().bytes.clone());
+        let apart = before.iter().zip(&after).map(|(a, b)| a.abs_diff(*b));
+        assert!(apart.max().unwrap() <= most, "{recipe:?}");
+    }
+    let scene = both::scene("gl330-lent", &stateful, [160, 90]).unwrap();
+    let recipe = Recipe::parse(["visibility-buffer:budget=1"]).unwrap();
+    let refused = recipe.apply(&measure::originals(&scene)[0], &Facts::default());
+    let refused = refused.unwrap_err();
+    assert_eq!(refused.code, "fragment-state");
+    let named = "keeps state in the private variable `seen`, which `lit` uses, and parts";
+    assert!(refused.reason.contains(named), "{}", refused.reason);
 }
 
 /// Pairs made by a grammar, each of a seed: every dialect and every construct that the front end rewrites.

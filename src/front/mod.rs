@@ -15,6 +15,8 @@ mod error;
 mod glsl;
 pub(crate) mod guard;
 #[cfg(feature = "glsl")]
+mod lend;
+#[cfg(feature = "glsl")]
 mod macros;
 #[cfg(feature = "naga-oil")]
 mod naga_oil;

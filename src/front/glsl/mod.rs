@@ -34,7 +34,7 @@ use self::marks::Map;
 use self::stage::Stage;
 use self::syntax::{Dialect, Input};
 use super::error::{Code, Error};
-use super::{ClipSpace, Options, macros, promote, switch};
+use super::{ClipSpace, Options, lend, macros, promote, switch};
 
 /// One stage's text.
 pub(super) struct Text<'a> {
@@ -224,6 +224,7 @@ fn finish(module: &mut Module, stage: ShaderStage) {
     switch::write_out_fall_through(module);
     // An invalid module stays as it is for the validator's message on it.
     if is_valid(module) {
+        lend::lend(module);
         promote::promote(module);
     }
 }
