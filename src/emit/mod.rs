@@ -10,6 +10,7 @@
 //! | [`Target::Spirv`] | `MATERIAL.ROLE.vert.spv`, `MATERIAL.ROLE.frag.spv` |
 //! | [`Target::Glsl450`] | `MATERIAL.ROLE.vert`, `MATERIAL.ROLE.frag` |
 //! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
+//! | [`Target::GlslEs100`] | `MATERIAL.ROLE.es100.vert`, `MATERIAL.ROLE.es100.frag` |
 //! | [`Target::GlslTess`] | `MATERIAL.ROLE.tess.vert`, `.tess.tesc`, `.tess.tese`, `.tess.frag`, of a hoisted plan |
 //! | [`Target::GlslVulkanTess`] | `MATERIAL.ROLE.vulkan.vert`, `.vulkan.tesc`, `.vulkan.tese`, `.vulkan.frag`, of a hoisted plan |
 //!
@@ -73,6 +74,9 @@ pub enum Target {
     /// GLSL ES 3.00 for WebGL 2: combined samplers, bindings by name.
     #[serde(rename = "glsl-es")]
     GlslEs300,
+    /// GLSL ES 1.00 for WebGL 1: uniforms, samplers and attributes by name. Of what the language says, which is less than the others.
+    #[serde(rename = "glsl-es-100")]
+    GlslEs100,
     /// GLSL 4.00 for OpenGL, with tessellation stages that evaluate what was hoisted: combined samplers, bindings by name.
     #[serde(rename = "glsl-tess")]
     GlslTess,
@@ -83,16 +87,17 @@ pub enum Target {
 
 impl Target {
     /// Every target, in the order of the command line's help.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Wgsl,
         Self::Spirv,
         Self::Glsl450,
         Self::GlslEs300,
+        Self::GlslEs100,
         Self::GlslTess,
         Self::GlslVulkanTess,
     ];
 
-    /// The targets for any plan: without those for hoisted ones alone.
+    /// The targets for any plan: without those for hoisted ones alone, and without GLSL ES 1.00, in which few can be said.
     pub const GENERAL: [Self; 4] = [Self::Wgsl, Self::Spirv, Self::Glsl450, Self::GlslEs300];
 
     /// Its name on the command line and in `plan.json`.
@@ -102,6 +107,7 @@ impl Target {
             Self::Spirv => "spirv",
             Self::Glsl450 => "glsl",
             Self::GlslEs300 => "glsl-es",
+            Self::GlslEs100 => "glsl-es-100",
             Self::GlslTess => "glsl-tess",
             Self::GlslVulkanTess => "glsl-vulkan-tess",
         }
@@ -307,12 +313,18 @@ fn write_programs(
             }
         }
     }
-    for (program, file, said) in blank::files(plan, targets) {
+    for blank::Blank {
+        program,
+        target,
+        file,
+        said,
+    } in blank::files(plan, targets)
+    {
         // A main pass without a fragment stage and the original's have the same one.
         if !files.contains(&file) {
             files.push(file);
         }
-        written.insert((program, blank::key(), Target::GlslEs300), said);
+        written.insert((program, blank::key(), target), said);
     }
     Ok(written)
 }
@@ -427,7 +439,7 @@ fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
 fn weaker_form(plan: &Plan, target: Target) -> Option<Form> {
     match target {
         #[cfg(feature = "glsl")]
-        Target::GlslEs300 => glsl::without_fine_derivatives(plan),
+        Target::GlslEs300 | Target::GlslEs100 => glsl::without_fine_derivatives(plan),
         _ => {
             let _ = plan;
             None
@@ -481,10 +493,11 @@ fn write_program(
             })
             .collect(),
         #[cfg(feature = "glsl")]
-        Target::Glsl450 | Target::GlslEs300 => {
+        Target::Glsl450 | Target::GlslEs300 | Target::GlslEs100 => {
             let authored = glsl::author(program, &plan.material, target)?;
             let es = match target {
                 Target::GlslEs300 => "es.",
+                Target::GlslEs100 => "es100.",
                 _ => "",
             };
             let write = |s: &Stage| {
@@ -507,7 +520,11 @@ fn write_program(
             feature: "spirv",
         }),
         #[cfg(not(feature = "glsl"))]
-        Target::Glsl450 | Target::GlslEs300 | Target::GlslTess | Target::GlslVulkanTess => {
+        Target::Glsl450
+        | Target::GlslEs300
+        | Target::GlslEs100
+        | Target::GlslTess
+        | Target::GlslVulkanTess => {
             let _ = options;
             Err(Error::NotBuilt {
                 target,

@@ -522,6 +522,23 @@ pub(crate) fn glsl_stage(
     Ok((module, declared))
 }
 
+/// The syntax tree of a stage of ours.
+#[cfg(feature = "glsl")]
+pub(crate) fn glsl_tree(
+    text: &str,
+    stage: ShaderStage,
+) -> Result<glsl_lang::ast::TranslationUnit, Error> {
+    let mut map = SourceMap::new();
+    let base = map.add("", text);
+    let text = glsl::Text {
+        name: "",
+        text,
+        stage,
+        base,
+    };
+    glsl::tree(&text, &mut map)
+}
+
 /// One stage as the GLSL that naga reads, for people to look at and tests to compare.
 ///
 /// # Errors

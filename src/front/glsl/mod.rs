@@ -271,6 +271,21 @@ pub(super) fn stage_of(text: &str, stage: ShaderStage) -> String {
     out
 }
 
+/// The syntax tree of a text without macros.
+pub(super) fn tree(
+    text: &Text<'_>,
+    map: &mut SourceMap,
+) -> Result<glsl_lang::ast::TranslationUnit, Error> {
+    let input = Input {
+        text: text.text,
+        stage: text.stage,
+        path: Path::new(text.name),
+        base: text.base,
+        options: &Options::default(),
+    };
+    syntax::parse(&input, map).map(|unit| unit.tree)
+}
+
 /// A vertex stage that gives a fragment stage all that it reads, for looking at one without its other half.
 pub(super) fn vertex_stage_for(
     text: &Text<'_>,
