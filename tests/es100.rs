@@ -103,7 +103,10 @@ fn fixtures_are_accepted_or_refused_by_name() {
     }
     accept::accept(&sets);
     let accepted: Vec<&str> = sets.iter().map(|(name, _)| name.as_str()).collect();
-    let refused: Vec<String> = refused.iter().map(|(n, what)| format!("{n}: {what}")).collect();
+    let refused: Vec<String> = refused
+        .iter()
+        .map(|(n, what)| format!("{n}: {what}"))
+        .collect();
     insta::assert_snapshot!(
         "es100_fixtures",
         format!("written: {}\n\n{}", accepted.join(", "), refused.join("\n"))
@@ -117,7 +120,10 @@ fn what_the_language_lacks_is_named() {
         let fragment = format!(
             "#version 300 es\nprecision highp float;\nin vec3 local;\nuniform int count;\nuniform float table[4];\nout vec4 color;\n{declared}\nvoid main() {{ {body} }}\n"
         );
-        let sources = [Source::new("a.vert", vertex), Source::new("a.frag", fragment)];
+        let sources = [
+            Source::new("a.vert", vertex),
+            Source::new("a.frag", fragment),
+        ];
         match emitted(&original("a", &sources)) {
             Err(emit::Error::Inexpressible { what, .. }) => what,
             Err(e) => panic!("{body}: {e}"),
@@ -125,16 +131,48 @@ fn what_the_language_lacks_is_named() {
         }
     };
     for (declared, body, what) in [
-        ("", "color = vec4(float(uint(local.x) + 1u));", "an unsigned integer"),
+        (
+            "",
+            "color = vec4(float(uint(local.x) + 1u));",
+            "an unsigned integer",
+        ),
         ("", "color = vec4(float(count & 3));", "the operator &"),
-        ("", "color = vec4(table[count]);", "an index that is no constant"),
-        ("", "color = vec4(1.0); for (int i = 0; i < count; i++) color *= local.x;", "a loop that is not seen to end"),
-        ("", "switch (count) { case 0: color = vec4(1.0); break; default: color = vec4(0.5); }", "`switch`"),
+        (
+            "",
+            "color = vec4(table[count]);",
+            "an index that is no constant",
+        ),
+        (
+            "",
+            "color = vec4(1.0); for (int i = 0; i < count; i++) color *= local.x;",
+            "a loop that is not seen to end",
+        ),
+        (
+            "",
+            "switch (count) { case 0: color = vec4(1.0); break; default: color = vec4(0.5); }",
+            "`switch`",
+        ),
         ("", "color = vec4(tanh(local.x));", "the function tanh"),
-        ("", "color = vec4(float(min(count, 3)));", "the function min of integers"),
-        ("uniform sampler3D volume;", "color = texture(volume, local);", "the type sampler3d"),
-        ("layout(std140) uniform Block { vec4 tint; };", "color = tint;", "the block `Block`"),
-        ("uniform sampler2D map;", "color = texelFetch(map, ivec2(1), 0) + texture(map, local.xy);", "texelFetch of `map` beside samples"),
+        (
+            "",
+            "color = vec4(float(min(count, 3)));",
+            "the function min of integers",
+        ),
+        (
+            "uniform sampler3D volume;",
+            "color = texture(volume, local);",
+            "the type sampler3d",
+        ),
+        (
+            "layout(std140) uniform Block { vec4 tint; };",
+            "color = tint;",
+            "the block `Block`",
+        ),
+        (
+            "uniform sampler2D map;",
+            "color = texelFetch(map, ivec2(1), 0) + texture(map, local.xy);",
+            "texelFetch of `map` beside samples",
+        ),
     ] {
         let said = refused(declared, body);
         assert!(said.starts_with(what), "{body}: {said}");

@@ -9,6 +9,7 @@ use std::path::Path;
 mod native;
 mod render_support;
 
+use preshade::emit::{self, Target};
 use preshade::measure;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
@@ -17,8 +18,8 @@ use preshade::render::ShaderForm;
 use preshade::scene::DrawOrder;
 
 use native::both::{self, Difference};
-use native::pair::FirstRow;
-use native::{Native, generate};
+use native::pair::{Draw, FirstRow, Texture};
+use native::{Native, Pixels, generate};
 
 /// The pairs under `fixtures/glsl/dialects` that are drawn, the `#version` that a host puts before a text without one, and where rows begin: a text that says
 /// `origin_upper_left` itself is not turned once more.
@@ -110,6 +111,93 @@ fn what_helpers_read_hinders_no_pass() {
     assert_eq!(refused.code, "fragment-state");
     let named = "keeps state in the private variable `seen`, which `lit` uses, and parts";
     assert!(refused.reason.contains(named), "{}", refused.reason);
+}
+
+/// What is written for WebGL 1 draws what the author's text does: as it is, and behind a pre-pass that packs its depth.
+#[test]
+fn what_is_written_in_es_1_00_draws_as_the_author_s_text() {
+    let gl = Native::new();
+    for (name, version) in [
+        ("seed1-tiling", "#version 100\n"),
+        ("es100-textured", "#version 100\n"),
+        ("seed4-specular", "#version 330\n"),
+    ] {
+        let [vertex, fragment] = texts(name).map(|t| format!("{version}{t}"));
+        let scene = both::scene(name, &[vertex.clone(), fragment.clone()], [160, 90]).unwrap();
+        let bound = both::bound(&scene).unwrap();
+        let clear = scene.clear_color.map(|c| c as f32);
+        let draw = |texts: [&str; 2], clear, depth: Option<&Texture>| {
+            let with_depth = |bound| {
+                let mut draw = both::native_draw(&scene, bound);
+                if let Some(depth) = depth {
+                    draw.textures
+                        .insert("prepass_depth".to_owned(), depth.clone());
+                    let own = draw.uniform;
+                    let size: Vec<u8> = scene
+                        .size
+                        .map(|n| n as f32)
+                        .into_iter()
+                        .flat_map(f32::to_le_bytes)
+                        .collect();
+                    draw.uniform = Box::new(move |path| match path {
+                        "prepass_depth_size" => Some(size.clone()),
+                        _ => own(path),
+                    });
+                }
+                draw
+            };
+            let draws: Vec<Draw<'_>> = bound.iter().map(with_depth).collect();
+            gl.draw_pair(FirstRow::Highest, scene.size, clear, texts, &draws)
+                .unwrap_or_else(|e| panic!("{name}: {e}\n{}", texts[1]))
+        };
+        let channels = both::channels(&fragment);
+        let wanted = draw([&vertex, &fragment], clear, None);
+        let original = &measure::originals(&scene)[0];
+        let written = |plan: &Plan| {
+            let files = emit::emit(plan, &[Target::GlslEs100], &emit::Options::default()).unwrap();
+            move |end: &str| {
+                let file = files.iter().find(|f| f.name.ends_with(end)).unwrap();
+                String::from_utf8(file.bytes.clone()).unwrap()
+            }
+        };
+        let same = |drawn: &Pixels, what: &str| {
+            // Of an output of three components OpenGL leaves alpha open.
+            let shown = |i: &usize| i % 4 < channels;
+            let apart = (0..drawn.color.len()).filter(shown);
+            let apart = apart.map(|i| drawn.color[i].abs_diff(wanted.color[i]));
+            let apart: Vec<u8> = apart.filter(|d| *d > 1).collect();
+            assert!(apart.is_empty(), "{name}, {what}: {apart:?}");
+            assert!(drawn.depth.iter().filter(|d| **d < 1.0).count() > drawn.depth.len() / 20);
+        };
+
+        let as_it_is = written(original);
+        let [vertex, fragment] = ["main.es100.vert", "main.es100.frag"].map(&as_it_is);
+        same(&draw([&vertex, &fragment], clear, None), "as it is");
+
+        let recipe = Recipe::parse(["early-discard:texture=packed"]).unwrap();
+        let packed = written(&recipe.apply(original, &Facts::default()).unwrap());
+        let [vertex, fragment] = ["prepass.es100.vert", "prepass.es100.frag"].map(&packed);
+        let depth = draw([&vertex, &fragment], [1.0; 4], None);
+        let texture = |texels: Vec<u8>| Texture {
+            size: scene.size.map(|n| n as i32),
+            levels: vec![texels],
+            layers: 1,
+            srgb: false,
+            linear: false,
+            clamp: true,
+        };
+        let [vertex, fragment] = ["main.es100.vert", "main.es100.frag"].map(&packed);
+        let behind = draw(
+            [&vertex, &fragment],
+            clear,
+            Some(&texture(depth.color.clone())),
+        );
+        same(&behind, "behind the packed depth");
+        // Behind a pre-pass that says that all is at the near plane nothing is left.
+        let near = texture(vec![0; depth.color.len()]);
+        let nothing = draw([&vertex, &fragment], clear, Some(&near));
+        assert!(nothing.depth.iter().all(|d| *d == 1.0), "{name}");
+    }
 }
 
 /// Pairs made by a grammar, each of a seed: every dialect and every construct that the front end rewrites.

@@ -420,10 +420,12 @@ fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
         ),
         glsl::Error::UnsupportedExternal(function)
             if matches!(target, Target::GlslEs300 | Target::GlslEs100) =>
-        (
-            format!("the function {function}"),
-            "emit GLSL 4.50, WGSL or SPIR-V",
-        ),
+        {
+            (
+                format!("the function {function}"),
+                "emit GLSL 4.50, WGSL or SPIR-V",
+            )
+        }
         glsl::Error::FirstSamplingNotSupported => (
             "flat interpolation from the first vertex, said explicitly".to_owned(),
             "write @interpolate(flat, either)",

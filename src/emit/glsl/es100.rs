@@ -145,12 +145,15 @@ impl Rewrite {
                 continue;
             };
             let head = &list.head;
-            self.names.extend(head.name.iter().map(|n| n.as_str().to_owned()));
+            self.names
+                .extend(head.name.iter().map(|n| n.as_str().to_owned()));
             if self.stage != ShaderStage::Fragment || !types::is_output(&head.ty) {
                 continue;
             }
             let name = head.name.as_ref().map_or("", |n| n.as_str());
-            if !matches!(*head.ty.ty.ty, ast::TypeSpecifierNonArrayData::Vec4) || head.array_specifier.is_some() {
+            if !matches!(*head.ty.ty.ty, ast::TypeSpecifierNonArrayData::Vec4)
+                || head.array_specifier.is_some()
+            {
                 return lacks(format!("the output `{name}`, which is no vec4"));
             }
             found.push((name.to_owned(), types::location(&head.ty).unwrap_or(0)));
@@ -270,7 +273,11 @@ impl Rewrite {
     }
 
     fn function(&mut self, function: &mut ast::FunctionDefinition) -> Result<()> {
-        let outside = (self.arrays.clone(), self.integers.clone(), self.booleans.clone());
+        let outside = (
+            self.arrays.clone(),
+            self.integers.clone(),
+            self.booleans.clone(),
+        );
         self.prototype(&mut function.prototype)?;
         let name = function.prototype.name.as_str().to_owned();
         let body = std::mem::take(&mut function.statement.statement_list);
@@ -312,8 +319,14 @@ impl Rewrite {
             false => of.remove(name),
         };
         let ty = &*ty.ty;
-        set(&mut self.integers, matches!(ty, T::Int | T::IVec2 | T::IVec3 | T::IVec4));
-        set(&mut self.booleans, matches!(ty, T::Bool | T::BVec2 | T::BVec3 | T::BVec4));
+        set(
+            &mut self.integers,
+            matches!(ty, T::Int | T::IVec2 | T::IVec3 | T::IVec4),
+        );
+        set(
+            &mut self.booleans,
+            matches!(ty, T::Bool | T::BVec2 | T::BVec3 | T::BVec4),
+        );
         let sampler = match ty {
             T::Sampler2D => Some(Sampler::Two),
             T::SamplerCube => Some(Sampler::Cube),
@@ -324,4 +337,3 @@ impl Rewrite {
         }
     }
 }
-

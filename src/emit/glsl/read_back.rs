@@ -84,7 +84,11 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
         )
         .collect();
     // Nor is a texture's size, where a texel is found by it.
-    let sizes: BTreeSet<&str> = said.textures.iter().filter_map(|t| t.size.as_deref()).collect();
+    let sizes: BTreeSet<&str> = said
+        .textures
+        .iter()
+        .filter_map(|t| t.size.as_deref())
+        .collect();
     let found = read.uniforms.iter().map(|u| u.name.clone());
     let found: BTreeSet<String> = found
         .filter(|n| n != FIRST_INSTANCE && !immediates.contains(n.as_str()))
@@ -263,9 +267,8 @@ fn interface(
         Some(Binding::Location { location, .. }) => location.to_string(),
         _ => String::new(),
     };
-    let numbered = |outputs: bool| {
-        outputs && stage == ShaderStage::Fragment && told == Outputs::Numbered
-    };
+    let numbered =
+        |outputs: bool| outputs && stage == ShaderStage::Fragment && told == Outputs::Numbered;
     let named = |io: &Io| stem(io.name.as_deref().unwrap_or_default());
     let written = |io: &Io, outputs: bool| {
         let Some(Binding::Location { location, .. }) = io.binding else {

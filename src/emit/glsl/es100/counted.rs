@@ -39,10 +39,7 @@ pub(super) struct Known {
 }
 
 impl Known {
-    pub(super) fn of(
-        list: &[ast::Statement],
-        functions: &HashMap<String, HashSet<usize>>,
-    ) -> Self {
+    pub(super) fn of(list: &[ast::Statement], functions: &HashMap<String, HashSet<usize>>) -> Self {
         let mut known = Self::default();
         for statement in list {
             known.statement(statement, functions);
@@ -93,9 +90,7 @@ impl Known {
             SelectionRestStatementData::Statement(accept)
             | SelectionRestStatementData::Else(accept, _) => accept,
         };
-        let is_break = |s: &ast::Statement| {
-            matches!(&**s, StatementData::Jump(j) if matches!(**j, JumpStatementData::Break))
-        };
+        let is_break = |s: &ast::Statement| matches!(&**s, StatementData::Jump(j) if matches!(**j, JumpStatementData::Break));
         let breaks = match &***accept {
             StatementData::Compound(inner) => inner.statement_list.last().is_some_and(is_break),
             _ => is_break(accept),
@@ -112,9 +107,7 @@ impl Known {
         let ExprData::Variable(counter) = &**self.resolved(left) else {
             return None;
         };
-        let ExprData::IntConst(n) = **self.resolved(right) else {
-            return None;
-        };
+        let n = self.number(right)?;
         let end = match **op {
             BinaryOpData::Lt => i64::from(n),
             BinaryOpData::Lte => i64::from(n) + 1,
@@ -131,10 +124,28 @@ impl Known {
         let ExprData::Binary(op, left, right) = &**one else {
             return None;
         };
-        let is_counter = matches!(&**self.resolved(left), ExprData::Variable(n) if n.as_str() == counter);
+        let is_counter =
+            matches!(&**self.resolved(left), ExprData::Variable(n) if n.as_str() == counter);
         match **self.resolved(right) {
             ExprData::IntConst(n) if **op == BinaryOpData::Add && is_counter && n > 0 => {
                 Some(i64::from(n))
+            }
+            _ => None,
+        }
+    }
+
+    /// A constant, or a variable that is never anything else.
+    fn number(&self, e: &ast::Expr) -> Option<i32> {
+        match &**self.resolved(e) {
+            ExprData::IntConst(n) => Some(*n),
+            ExprData::Variable(name) if !self.handed.contains(name.as_str()) => {
+                match self.set.get(name.as_str())?.as_slice() {
+                    [only] if self.temporaries.contains_key(name.as_str()) => match **only {
+                        ExprData::IntConst(n) => Some(n),
+                        _ => None,
+                    },
+                    _ => None,
+                }
             }
             _ => None,
         }
@@ -279,8 +290,10 @@ fn steps(statement: &ast::Statement, counter: &str) -> bool {
         return false;
     };
     let sets = |s: &ast::Statement| match &**s {
-        StatementData::Expression(e) => matches!(e.0.as_deref(), Some(ExprData::Assignment(to, _, _))
-            if matches!(&***to, ExprData::Variable(n) if n.as_str() == counter)),
+        StatementData::Expression(e) => {
+            matches!(e.0.as_deref(), Some(ExprData::Assignment(to, _, _))
+            if matches!(&***to, ExprData::Variable(n) if n.as_str() == counter))
+        }
         _ => false,
     };
     first && inner.statement_list.iter().any(sets)

@@ -10,10 +10,39 @@ use super::{Result, Rewrite, Sampler, lacks, types};
 
 /// Functions of floats that both languages have alike (GLSL ES 1.00, chapter 8).
 const FLOATS: [&str; 33] = [
-    "radians", "degrees", "sin", "cos", "tan", "asin", "acos", "atan", "pow", "exp", "log",
-    "exp2", "log2", "sqrt", "inversesqrt", "abs", "sign", "floor", "ceil", "fract", "mod", "min",
-    "max", "clamp", "mix", "step", "smoothstep", "length", "distance", "dot", "cross",
-    "normalize", "faceforward",
+    "radians",
+    "degrees",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "pow",
+    "exp",
+    "log",
+    "exp2",
+    "log2",
+    "sqrt",
+    "inversesqrt",
+    "abs",
+    "sign",
+    "floor",
+    "ceil",
+    "fract",
+    "mod",
+    "min",
+    "max",
+    "clamp",
+    "mix",
+    "step",
+    "smoothstep",
+    "length",
+    "distance",
+    "dot",
+    "cross",
+    "normalize",
+    "faceforward",
 ];
 
 /// The others.
@@ -48,6 +77,9 @@ const LEVELS: &str = "GL_EXT_shader_texture_lod";
 
 impl Rewrite {
     pub(super) fn expression(&mut self, expression: &mut ast::Expr) -> Result<()> {
+        if let Some(condition) = self.tested(expression) {
+            *expression = condition;
+        }
         match &mut **expression {
             ExprData::Variable(name) => {
                 let name = name.as_str();
@@ -144,6 +176,25 @@ impl Rewrite {
         Ok(())
     }
 
+    /// The condition that was made a number to be stored in a block, and is asked about: `uint(flipped) != 0u`.
+    fn tested(&self, expression: &ast::Expr) -> Option<ast::Expr> {
+        let ExprData::Binary(op, left, right) = &**expression else {
+            return None;
+        };
+        let ExprData::FunCall(function, arguments) = &***left else {
+            return None;
+        };
+        let FunIdentifierData::TypeSpecifier(ty) = &**function else {
+            return None;
+        };
+        let is_uint = matches!(*ty.ty, TypeSpecifierNonArrayData::UInt);
+        let is_asked = **op == BinaryOpData::NonEqual && matches!(***right, ExprData::UIntConst(0));
+        match arguments.as_slice() {
+            [of] if is_uint && is_asked && self.is_boolean(of) => Some(of.clone()),
+            _ => None,
+        }
+    }
+
     /// What a call becomes that does not stay as it is. Its arguments are rewritten already.
     fn call(&mut self, name: &str, arguments: &[ast::Expr]) -> Result<Option<ExprData>> {
         if self.functions.contains_key(name) || OTHERS.contains(&name) {
@@ -209,7 +260,8 @@ impl Rewrite {
             }
             ("textureSize", [sampler, level]) => match (&**sampler, &**level) {
                 (ExprData::Variable(of), ExprData::IntConst(0)) => {
-                    let size: ast::Expr = ExprData::variable(self.size(of.as_str()).as_str()).into();
+                    let size: ast::Expr =
+                        ExprData::variable(self.size(of.as_str()).as_str()).into();
                     Ok(Some(constructed(TypeSpecifierNonArrayData::IVec2, size)))
                 }
                 _ => lacks("textureSize of another level than 0"),

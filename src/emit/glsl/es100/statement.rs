@@ -27,11 +27,7 @@ impl Rewrite {
         Ok(out)
     }
 
-    fn one(
-        &mut self,
-        statement: ast::Statement,
-        known: &counted::Known,
-    ) -> Result<ast::Statement> {
+    fn one(&mut self, statement: ast::Statement, known: &counted::Known) -> Result<ast::Statement> {
         let mut list = self.block(vec![statement], known)?;
         Ok(match (list.pop(), list.is_empty()) {
             (Some(one), true) => one,
@@ -69,9 +65,8 @@ impl Rewrite {
             }
             StatementData::Selection(selection) => {
                 self.expression(&mut selection.cond)?;
-                let take = |s: &mut Box<ast::Statement>| {
-                    std::mem::replace(&mut **s, compound(Vec::new()))
-                };
+                let take =
+                    |s: &mut Box<ast::Statement>| std::mem::replace(&mut **s, compound(Vec::new()));
                 match &mut *selection.rest {
                     SelectionRestStatementData::Statement(accept) => {
                         **accept = self.one(take(accept), known)?;
@@ -182,8 +177,7 @@ impl Rewrite {
     /// The elements of a constructor of an array, or of another variable.
     fn elements(&mut self, of: &ast::Expr, length: i32) -> Result<Vec<ast::Expr>> {
         match &**of {
-            ExprData::FunCall(function, arguments)
-                if matches!(&**function, FunIdentifierData::TypeSpecifier(ty) if ty.array_specifier.is_some()) =>
+            ExprData::FunCall(function, arguments) if matches!(&**function, FunIdentifierData::TypeSpecifier(ty) if ty.array_specifier.is_some()) =>
             {
                 let mut elements = arguments.clone();
                 for element in &mut elements {

@@ -77,9 +77,7 @@ pub(super) fn qualify(
         }
         kept.push(spec);
     }
-    let travels = |q: &ast::TypeQualifierSpec| {
-        matches!(&**q, Spec::Storage(s) if matches!(**s, Storage::Attribute | Storage::Varying))
-    };
+    let travels = |q: &ast::TypeQualifierSpec| matches!(&**q, Spec::Storage(s) if matches!(**s, Storage::Attribute | Storage::Varying));
     let is_float = matches!(
         *ty.ty.ty,
         Ty::Float
@@ -142,7 +140,10 @@ pub(super) fn non_array(ty: &mut ast::TypeSpecifierNonArray) -> Result<()> {
         | Ty::Struct(_)
         | Ty::TypeName(_) => None,
         other => {
-            let words: String = format!("{other:?}").chars().filter(|c| c.is_alphanumeric()).collect();
+            let words: String = format!("{other:?}")
+                .chars()
+                .filter(|c| c.is_alphanumeric())
+                .collect();
             return lacks(format!("the type {}", words.to_lowercase()));
         }
     };
