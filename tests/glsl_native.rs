@@ -233,3 +233,60 @@ fn generated_pairs_draw_as_opengl_draws_them() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert_eq!(constructs.len(), generate::CONSTRUCTS, "{constructs:?}");
 }
+
+/// What naga's front end evaluates otherwise than GLSL says, or this crate's own rewriting once did: each body ends with a colour that tells.
+#[test]
+fn each_thing_is_evaluated_as_often_as_glsl_says() {
+    let head = "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 0) out vec4 color;
+int count = 0;
+float tick() { count++; return float(count) * 0.05; }
+int next() { count++; return count; }
+vec4 four() { count++; return vec4(0.1, 0.2, 0.3, 0.4) * float(count); }
+mat2 turned(float a) { count++; return mat2(cos(a), -sin(a), sin(a), cos(a)); }
+void wrap(inout float p, float size) { p = mod(p + size, size); }
+float halved(inout float p) { p *= 0.5; return p; }
+void both(inout float a, inout float b) { a += 0.1; b += 0.25; }
+void split(float a, out float low, out float high) { low = a * 0.25; high = a * 0.75; }
+const int N = 1;
+int pick(int N) { int t[3] = int[3](2, 3, 5); return t[N]; }
+";
+    let bodies = [
+        "bool b = uv.x > 0.5 && tick() > 0.0; color = vec4(b ? 0.8 : 0.2, float(count) * 0.3, 0.0, 1.0);",
+        "bool b = uv.x > 0.5 || tick() < 0.0; color = vec4(b ? 0.8 : 0.2, float(count) * 0.3, 0.0, 1.0);",
+        "int n = 0; while (n < 5 && tick() < uv.x * 0.2) n++; color = vec4(float(n) * 0.1, float(count) * 0.1, 0.0, 1.0);",
+        "int i = 0; float s = 0.0; do { i++; if (i == 2) continue; s += 0.1; } while (i < 4 && uv.y >= 0.0); color = vec4(s, float(i) * 0.1, uv.x, 1.0);",
+        "float a[4] = float[4](0.1, 0.2, 0.3, 0.4); int i = 0; a[i++] += uv.x * 0.3; a[next()] *= 2.0; a[++i]++; color = vec4(a[0], a[1], float(i + count) * 0.1, a[2] - 1.0);",
+        "mat2 m = mat2(four()); bool same = turned(uv.x) == turned(uv.x); mat2 p = matrixCompMult(turned(uv.x), turned(uv.y)); color = vec4(m[1], same ? float(count) * 0.1 : 0.0, p[0].x);",
+        "vec3 p = vec3(uv * 3.0, 0.2); wrap(p.x, 0.5); float h = halved(p[1]) + halved(p.y); both(p.z, p.z); color = vec4(p, h);",
+        "vec2 p; split(uv.x, p.y, p.x); mat2 m = mat2(0.1); m[1].y = 0.6; m[0].xy = p; color = vec4(m[0], m[1]);",
+        "float k = 0.0; { const int N = 0; k += float(pick(N)) * 0.1; } k += float(pick(N + 1)) * 0.01; color = vec4(k, uv, 1.0);",
+        "const int M = int(0.5 * 4.0); float a[int(1.5 * 2.0)]; a[M] = 0.4; color = vec4(a[2], float(a.length()) * 0.1, 0.6 < 0.5 ? 0.1 : 0.9, float((0u - 1u) >> 31));",
+        "ivec3 i = ivec3(uv * 9.0, 7) % 3; i %= 2; float w; float f = modf(uv.x * 4.0, w); vec2 v; f += modf(uv.y * 3.0, v.y); color = vec4(vec3(i) * 0.3, f * 0.3 + v.y * 0.1 + w * 0.05);",
+        "float s = 0.0; for (int i = 0, j = 3; i < j || tick() > 0.9; i++) { s += 0.1; if (s > uv.x) break; } color = vec4(s, float(count) * 0.2, 0.0, 1.0);",
+    ];
+    let vertex = "#version 450
+layout(location = 0) in vec3 position;
+layout(location = 0) out vec2 uv;
+void main() { uv = position.xy * 0.5 + 0.5; gl_Position = vec4(position.xy, 0.0, 1.0); }
+";
+    let gl = Native::new();
+    let mut wrong = Vec::new();
+    for (i, body) in bodies.iter().enumerate() {
+        let fragment = format!("{head}void main() {{ {body} }}\n");
+        let texts = [vertex.to_owned(), fragment.clone()];
+        let drawn = both::scene("body", &texts, [64, 64])
+            .and_then(|scene| both::draw(&gl, &scene, [vertex, &fragment], FirstRow::Highest));
+        match drawn {
+            Ok(pictures) => {
+                let found = pictures.difference(4);
+                if found.apart > 0 || found.seen < 64 {
+                    wrong.push(format!("{i}: {found:?}: {body}"));
+                }
+            }
+            Err(e) => wrong.push(format!("{i}: {body}\n{e}")),
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}

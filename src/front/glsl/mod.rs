@@ -56,11 +56,34 @@ pub(super) fn parse(
     for text in texts {
         macros::check(text.text, &options.defines)?;
     }
-    if options.clip_space != Some(ClipSpace::OpenGl)
-        && let Some(modules) = as_they_are(texts, options)
-    {
-        return Ok((modules, Declared::default()));
+    let as_they_are = || match options.clip_space {
+        Some(ClipSpace::OpenGl) => None,
+        _ => as_they_are(texts, options).map(|modules| (modules, Declared::default())),
+    };
+    let lost = texts.iter().any(|t| is_evaluated_otherwise(t.text));
+    if !lost && let Some(read) = as_they_are() {
+        return Ok(read);
     }
+    let rewritten = rewritten(texts, options, map);
+    match lost {
+        // What is not rewritten is better read as it is than not at all.
+        true => rewritten.or_else(|e| as_they_are().ok_or(e)),
+        false => rewritten,
+    }
+}
+
+/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches.
+fn is_evaluated_otherwise(text: &str) -> bool {
+    let marks = ["&&", "||", "Array", "texelFetchOffset"];
+    let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
+    marks.iter().any(|m| text.contains(m)) || words.any(|w| w == "do")
+}
+
+fn rewritten(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<(Vec<Module>, Declared), Error> {
     let (normalised, declared) = normalise(texts, options, map)?;
     let modules: Result<_, Error> = normalised
         .iter()
