@@ -195,6 +195,10 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
                 "isnan",
                 "isinf",
                 "][",
+                "offset=",
+                "offset =",
+                "align=",
+                "align =",
             ];
             if es || version < 440 || lost.iter().any(|w| text.text.contains(w)) {
                 return None;

@@ -577,7 +577,7 @@ impl Lower<'_, '_> {
     }
 
     /// The name of a function of ours; always the same for the same purpose.
-    fn helper_name(&self, wanted: &str) -> String {
+    pub(super) fn helper_name(&self, wanted: &str) -> String {
         let mut name = wanted.to_owned();
         while self.stage.unit.names.contains(&name) {
             name.push('_');

@@ -117,6 +117,8 @@ pub(super) struct Lower<'a, 'u> {
     temporaries: Option<Vec<String>>,
     /// What expressions became ahead of where they stand, by their places.
     held: HashMap<(u32, u32), expression::Ex>,
+    /// Literal offsets of samples, each a constant of ours.
+    offsets: Vec<String>,
     indent: usize,
     /// Names that this stage's text has got.
     taken: HashSet<String>,
@@ -151,6 +153,7 @@ pub(super) fn lower(
         helpers: BTreeMap::new(),
         temporaries: None,
         held: HashMap::new(),
+        offsets: Vec::new(),
         indent: 0,
         taken: HashSet::new(),
     };

@@ -167,6 +167,28 @@ impl Lower<'_, '_> {
                 *p = Ex::new(text, p.ty.clone(), 12);
             }
         }
+        // naga's GLSL writer finds no literal that it did not name.
+        if name.ends_with("Offset") && name.starts_with("texture") {
+            for offset in rest.iter_mut().skip(1) {
+                let bare = unmarked(&offset.text);
+                let literal = |c: char| c.is_ascii_digit() || "ivec()-, ".contains(c);
+                let Ty::Vector(Kind::Int, n) = offset.ty else {
+                    continue;
+                };
+                if !bare.chars().all(literal) {
+                    continue;
+                }
+                let known = self.offsets.iter().position(|o| *o == bare);
+                let at = known.unwrap_or_else(|| {
+                    self.offsets.push(bare.clone());
+                    self.offsets.len() - 1
+                });
+                let name = self.helper_name(&format!("offset_{at}"));
+                let text = format!("const ivec{n} {name} = {bare};\n");
+                self.helpers.insert(name.clone(), text);
+                *offset = Ex::primary(name, offset.ty.clone());
+            }
+        }
         // naga loses the offset.
         if name == "texelFetchOffset"
             && let [p, _, offset] = &rest[..]
