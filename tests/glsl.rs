@@ -8,7 +8,7 @@ use preshade::emit::{self, Target};
 use preshade::front::{self, ClipSpace, Code, Color, Options, Parsed, Source, normalised_glsl};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
+use preshade::passes::state::{MaterialState, Topology};
 use preshade::recipe::Recipe;
 
 fn folder() -> PathBuf {
@@ -526,4 +526,32 @@ void main() { c = texture(samplerCubeMap, sampler2Dc) + textureOffset(map, sampl
         "#version 300 es\nuniform sampler2D maps[30000000];\nvoid main() {}\n",
     );
     assert_eq!(code, Code::TooDeep, "{frame}");
+}
+
+/// Points whose size would be lost are no GLSL; triangles need none.
+#[test]
+fn a_size_of_points_is_not_lost_in_silence() {
+    let vertex = "#version 300 es\nin vec3 p;\nvoid main() { gl_PointSize = 9.0; gl_Position = vec4(p, 1.0); }\n";
+    let fragment =
+        "#version 300 es\nprecision highp float;\nout vec4 c;\nvoid main() { c = vec4(1.0); }\n";
+    let parsed = parse(&texts(vertex, fragment), &Options::default());
+    let plan = |topology| {
+        let mut state = MaterialState::default();
+        state.primitive.topology = topology;
+        let program = parsed.program.clone();
+        Plan::original(
+            "m",
+            program,
+            &parsed.vertex,
+            parsed.fragment.as_deref(),
+            &state,
+        )
+    };
+    let emitted = |topology, target| {
+        emit::emit(&plan(topology), &[target], &emit::Options::default()).map(|_| ())
+    };
+    assert_eq!(emitted(Topology::TriangleList, Target::GlslEs300), Ok(()));
+    assert_eq!(emitted(Topology::PointList, Target::Wgsl), Ok(()));
+    let refused = emitted(Topology::PointList, Target::GlslEs300).unwrap_err();
+    assert!(refused.to_string().contains("`gl_PointSize`"), "{refused}");
 }

@@ -46,6 +46,7 @@ use std::collections::BTreeMap;
 use naga::{ImageClass, ShaderStage, TypeInner};
 use preshade_passes::plan::{GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
+use preshade_passes::state::Topology;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -241,6 +242,7 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
     #[cfg(feature = "glsl")]
     tess::check(plan, targets)?;
     refuse_external_textures(plan, targets)?;
+    refuse_lost_point_sizes(plan, targets)?;
     let mut files = Vec::new();
     let written = write_programs(plan, targets, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
@@ -280,6 +282,29 @@ fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error
             remedy: "emit WGSL, or bind it as texture_2d<f32>".to_owned(),
         })
     })
+}
+
+/// A text for OpenGL without the author's `gl_PointSize` would draw points of another size, or of none that is defined.
+fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+    let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
+    let Some(target) = targets.iter().find(is_glsl) else {
+        return Ok(());
+    };
+    let lost = plan.passes.iter().any(|pass| {
+        let program = plan.programs.get(&pass.program);
+        pass.primitive.topology == Topology::PointList
+            && program.is_some_and(|p| p.declared().point_size)
+    });
+    match lost {
+        false => Ok(()),
+        true => Err(Error::Inexpressible {
+            file: plan.material.clone(),
+            target: *target,
+            what: "`gl_PointSize`, which is not kept".to_owned(),
+            remedy: "draw quads in place of points; WGSL and SPIR-V draw points of one pixel"
+                .to_owned(),
+        }),
+    }
 }
 
 /// Adds the files of the programs that the passes of `plan` draw with.
