@@ -8,7 +8,7 @@ use preshade::emit::{self, Target};
 use preshade::front::{self, ClipSpace, Code, Color, Options, Parsed, Source, normalised_glsl};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
+use preshade::passes::state::{MaterialState, Topology};
 use preshade::recipe::Recipe;
 
 fn folder() -> PathBuf {
@@ -62,6 +62,28 @@ fn what_naga_is_given() {
         let text: Vec<String> = stages.into_iter().map(|(_, text)| text).collect();
         insta::assert_snapshot!(name, text.join("\n// ----\n"));
     }
+}
+
+/// Inputs, and what `main` alone writes, are parameters of the functions that read them.
+#[test]
+fn what_functions_only_read_they_are_given() {
+    let parsed = parse(&sources("gl330-lent"), &Options::default());
+    let plan = Plan::original(
+        "m",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+    let wgsl = files.iter().find(|f| f.name.ends_with(".wgsl")).unwrap();
+    let wgsl = String::from_utf8(wgsl.bytes.clone()).unwrap();
+    insta::assert_snapshot!("lent_as_wgsl", wgsl);
+    let private: Vec<&str> = wgsl
+        .lines()
+        .filter(|l| l.starts_with("var<private>"))
+        .collect();
+    assert_eq!(private, ["var<private> seen: f32 = 0f;"]);
 }
 
 /// naga makes names of the members of every block, also of one that has a name of its own.
@@ -390,12 +412,146 @@ void main() {{ {body} }}
         "sum = vec3(0.1); tint(); color = vec4(sum, 1.0);",
     );
     assert_eq!(refused.code, "fragment-state");
-    for named in [
-        "the input `uv`, which `tint` uses",
-        "the private variable `sum`, which `tint` uses",
-    ] {
-        assert!(refused.reason.contains(named), "{}", refused.reason);
-    }
+    let named = "the private variable `sum`, which `tint` uses";
+    assert!(refused.reason.contains(named), "{}", refused.reason);
+    // What a function only reads it is given.
+    assert!(!refused.reason.contains("`uv`"), "{}", refused.reason);
     assert!(refused.remedy.contains("`inout`"), "{}", refused.remedy);
     assert!(refused.location.is_some());
+}
+
+fn written(parsed: Parsed, target: Target) -> String {
+    let plan = Plan::original(
+        "m",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let files = emit::emit(&plan, &[target], &emit::Options::default()).unwrap();
+    let texts = files.iter().filter(|f| !f.name.ends_with(".json"));
+    let texts = texts.map(|f| String::from_utf8(f.bytes.clone()).unwrap());
+    texts.collect::<Vec<_>>().join("\n")
+}
+
+/// By Vulkan's rules two blocks of one name and two numbers are two.
+#[test]
+fn blocks_of_one_name_at_two_bindings_are_two() {
+    let vertex = "#version 450
+layout(location = 0) in vec3 p;
+layout(binding = 0) uniform UBO { mat4 m; } ubo;
+void main() { gl_Position = ubo.m * vec4(p, 1.0); }
+";
+    let fragment = "#version 450
+layout(binding = 3) uniform UBO { vec4 tint; } ubo;
+layout(binding = 1) uniform sampler2D map;
+layout(location = 0) out vec4 c;
+void main() { c = ubo.tint * texture(map, gl_FragCoord.xy); }
+";
+    let text = written(
+        parse(&texts(vertex, fragment), &Options::default()),
+        Target::Wgsl,
+    );
+    for binding in [0, 1, 3] {
+        assert!(
+            text.contains(&format!("@group(0) @binding({binding})")),
+            "{text}"
+        );
+    }
+    let clash = vertex
+        .replace(
+            "uniform UBO { mat4 m; } ubo;",
+            "uniform UBO { mat4 m; } ubo;\nlayout(binding = 5) uniform sampler2D map;",
+        )
+        .replace(
+            "void main() {",
+            "void main() { gl_PointSize = texture(map, p.xy).x;",
+        );
+    let (code, frame) = refused(&clash, fragment);
+    assert_eq!(code, Code::Link);
+    assert!(frame.contains("at two bindings"), "{frame}");
+}
+
+/// What blocks say of their layout is kept, or refused where naga knows no such thing.
+#[test]
+fn layouts_of_blocks_are_kept_or_refused() {
+    let vertex = "#version 450\nlayout(location = 0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let of = |block: &str| {
+        format!(
+            "#version 450\n{block}\nlayout(location = 0) out vec4 c;\nvoid main() {{ c = u.m * u.v; }}\n"
+        )
+    };
+    let plain = "layout(binding = 0) uniform U { vec4 v; mat4 m; } u;";
+    let turned = format!("layout(std140, row_major) uniform;\n{plain}");
+    let text = |block: &str| {
+        written(
+            parse(&texts(vertex, &of(block)), &Options::default()),
+            Target::Wgsl,
+        )
+    };
+    assert!(!text(plain).contains("transpose("));
+    assert!(text(&turned).contains("transpose("), "{}", text(&turned));
+    text(
+        "layout(binding = 0) uniform U { layout(offset = 0) vec4 v; layout(offset = 16) mat4 m; } u;",
+    );
+    for block in [
+        "layout(binding = 0) uniform U { vec4 v; layout(offset = 64) mat4 m; } u;",
+        "layout(push_constant) uniform U { layout(offset = 64) vec4 v; mat4 m; } u;",
+    ] {
+        let (code, frame) = refused(vertex, &of(block));
+        assert_eq!(code, Code::Unsupported, "{frame}");
+        assert!(frame.contains("asked to lie elsewhere"), "{frame}");
+    }
+}
+
+/// Names that begin as types do, and offsets that no constant holds: written, and in no time.
+#[test]
+fn what_glsl_out_is_written_of() {
+    let vertex = "#version 300 es\nin vec3 p;\nout vec3 sampler2Dc;\nvoid main() { sampler2Dc = p; gl_Position = vec4(p, 1.0); }\n";
+    let fragment = "#version 300 es
+precision highp float;
+in vec3 sampler2Dc;
+uniform samplerCube samplerCubeMap;
+uniform sampler2D map;
+uniform float sampler2DWeight;
+out vec4 c;
+void main() { c = texture(samplerCubeMap, sampler2Dc) + textureOffset(map, sampler2Dc.xy, ivec2(1, -1)) * sampler2DWeight + textureOffset(map, sampler2Dc.xy, ivec2(2)); }
+";
+    for target in [Target::Glsl450, Target::GlslEs300] {
+        let text = written(parse(&texts(vertex, fragment), &Options::default()), target);
+        assert!(text.contains("samplerCube samplerCubeMap;"), "{text}");
+    }
+    let (code, frame) = refused(
+        vertex,
+        "#version 300 es\nuniform sampler2D maps[30000000];\nvoid main() {}\n",
+    );
+    assert_eq!(code, Code::TooDeep, "{frame}");
+}
+
+/// Points whose size would be lost are no GLSL; triangles need none.
+#[test]
+fn a_size_of_points_is_not_lost_in_silence() {
+    let vertex = "#version 300 es\nin vec3 p;\nvoid main() { gl_PointSize = 9.0; gl_Position = vec4(p, 1.0); }\n";
+    let fragment =
+        "#version 300 es\nprecision highp float;\nout vec4 c;\nvoid main() { c = vec4(1.0); }\n";
+    let parsed = parse(&texts(vertex, fragment), &Options::default());
+    let plan = |topology| {
+        let mut state = MaterialState::default();
+        state.primitive.topology = topology;
+        let program = parsed.program.clone();
+        Plan::original(
+            "m",
+            program,
+            &parsed.vertex,
+            parsed.fragment.as_deref(),
+            &state,
+        )
+    };
+    let emitted = |topology, target| {
+        emit::emit(&plan(topology), &[target], &emit::Options::default()).map(|_| ())
+    };
+    assert_eq!(emitted(Topology::TriangleList, Target::GlslEs300), Ok(()));
+    assert_eq!(emitted(Topology::PointList, Target::Wgsl), Ok(()));
+    let refused = emitted(Topology::PointList, Target::GlslEs300).unwrap_err();
+    assert!(refused.to_string().contains("`gl_PointSize`"), "{refused}");
 }

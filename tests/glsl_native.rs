@@ -9,13 +9,21 @@ use std::path::Path;
 mod native;
 mod render_support;
 
+use preshade::emit::{self, Target};
+use preshade::measure;
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::DrawOrder;
+
 use native::both::{self, Difference};
-use native::pair::FirstRow;
-use native::{Native, generate};
+use native::pair::{Draw, FirstRow, Texture};
+use native::{Native, Pixels, generate};
 
 /// The pairs under `fixtures/glsl/dialects` that are drawn, the `#version` that a host puts before a text without one, and where rows begin: a text that says
 /// `origin_upper_left` itself is not turned once more.
-const PAIRS: [(&str, &str, FirstRow); 13] = [
+const PAIRS: [(&str, &str, FirstRow); 14] = [
     ("es100-textured", "#version 100\n", FirstRow::Highest),
     ("gl120-sampling", "", FirstRow::Highest),
     ("es300-block", "", FirstRow::Highest),
@@ -24,6 +32,7 @@ const PAIRS: [(&str, &str, FirstRow); 13] = [
     ("gl150-window", "", FirstRow::Lowest),
     ("gl330-material", "", FirstRow::Highest),
     ("gl330-functions", "", FirstRow::Highest),
+    ("gl330-lent", "", FirstRow::Highest),
     ("gl400-matrices", "", FirstRow::Highest),
     ("gl410-samplers", "", FirstRow::Highest),
     ("seed1-tiling", "#version 100\n", FirstRow::Highest),
@@ -68,6 +77,129 @@ fn pairs_draw_as_opengl_draws_them() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
+/// What helpers read of inputs and of what `main` made is theirs as parameters, and keeps no pass from anything. What they write still does.
+#[test]
+fn what_helpers_read_hinders_no_pass() {
+    let stateful = texts("gl330-lent");
+    let stateless = stateful.clone().map(|t| t.replace("seen += 0.125;", ""));
+    assert_ne!(stateful, stateless);
+    // With the most that a channel may differ, of 255.
+    for (texts, recipe, most) in [
+        (&stateful, "depth-prepass", 0),
+        (&stateful, "early-discard:texture=float", 0),
+        (&stateful, "hoist:budget=0.1", 25),
+        (&stateless, "visibility-buffer:budget=1", 1),
+    ] {
+        let scene = both::scene("gl330-lent", texts, [160, 90]).unwrap();
+        let original = measure::originals(&scene);
+        let draw = |plans: &[Plan]| {
+            let gpu = render_support::gpu();
+            render_support::render_as(gpu, &scene, plans, DrawOrder::AsGiven, ShaderForm::Text)
+        };
+        let recipe = Recipe::parse([recipe]).unwrap();
+        let plan = recipe.apply(&original[0], &Facts::default());
+        let plan = plan.unwrap_or_else(|refused| panic!("{refused}"));
+        let pictures = [draw(&original), draw(&[plan])];
+        let [before, after] = pictures.map(|r| r.colors[0].as_ref().unwrap().bytes.clone());
+        let apart = before.iter().zip(&after).map(|(a, b)| a.abs_diff(*b));
+        assert!(apart.max().unwrap() <= most, "{recipe:?}");
+    }
+    let scene = both::scene("gl330-lent", &stateful, [160, 90]).unwrap();
+    let recipe = Recipe::parse(["visibility-buffer:budget=1"]).unwrap();
+    let refused = recipe.apply(&measure::originals(&scene)[0], &Facts::default());
+    let refused = refused.unwrap_err();
+    assert_eq!(refused.code, "fragment-state");
+    let named = "keeps state in the private variable `seen`, which `lit` uses, and parts";
+    assert!(refused.reason.contains(named), "{}", refused.reason);
+}
+
+/// What is written for WebGL 1 draws what the author's text does: as it is, and behind a pre-pass that packs its depth.
+#[test]
+fn what_is_written_in_es_1_00_draws_as_the_author_s_text() {
+    let gl = Native::new();
+    for (name, version) in [
+        ("seed1-tiling", "#version 100\n"),
+        ("es100-textured", "#version 100\n"),
+        ("seed4-specular", "#version 330\n"),
+    ] {
+        let [vertex, fragment] = texts(name).map(|t| format!("{version}{t}"));
+        let scene = both::scene(name, &[vertex.clone(), fragment.clone()], [160, 90]).unwrap();
+        let bound = both::bound(&scene).unwrap();
+        let clear = scene.clear_color.map(|c| c as f32);
+        let draw = |texts: [&str; 2], clear, depth: Option<&Texture>| {
+            let with_depth = |bound| {
+                let mut draw = both::native_draw(&scene, bound);
+                if let Some(depth) = depth {
+                    draw.textures
+                        .insert("prepass_depth".to_owned(), depth.clone());
+                    let own = draw.uniform;
+                    let size: Vec<u8> = scene
+                        .size
+                        .map(|n| n as f32)
+                        .into_iter()
+                        .flat_map(f32::to_le_bytes)
+                        .collect();
+                    draw.uniform = Box::new(move |path| match path {
+                        "prepass_depth_size" => Some(size.clone()),
+                        _ => own(path),
+                    });
+                }
+                draw
+            };
+            let draws: Vec<Draw<'_>> = bound.iter().map(with_depth).collect();
+            gl.draw_pair(FirstRow::Highest, scene.size, clear, texts, &draws)
+                .unwrap_or_else(|e| panic!("{name}: {e}\n{}", texts[1]))
+        };
+        let channels = both::channels(&fragment);
+        let wanted = draw([&vertex, &fragment], clear, None);
+        let original = &measure::originals(&scene)[0];
+        let written = |plan: &Plan| {
+            let files = emit::emit(plan, &[Target::GlslEs100], &emit::Options::default()).unwrap();
+            move |end: &str| {
+                let file = files.iter().find(|f| f.name.ends_with(end)).unwrap();
+                String::from_utf8(file.bytes.clone()).unwrap()
+            }
+        };
+        let same = |drawn: &Pixels, what: &str| {
+            // Of an output of three components OpenGL leaves alpha open.
+            let shown = |i: &usize| i % 4 < channels;
+            let apart = (0..drawn.color.len()).filter(shown);
+            let apart = apart.map(|i| drawn.color[i].abs_diff(wanted.color[i]));
+            let apart: Vec<u8> = apart.filter(|d| *d > 1).collect();
+            assert!(apart.is_empty(), "{name}, {what}: {apart:?}");
+            assert!(drawn.depth.iter().filter(|d| **d < 1.0).count() > drawn.depth.len() / 20);
+        };
+
+        let as_it_is = written(original);
+        let [vertex, fragment] = ["main.es100.vert", "main.es100.frag"].map(&as_it_is);
+        same(&draw([&vertex, &fragment], clear, None), "as it is");
+
+        let recipe = Recipe::parse(["early-discard:texture=packed"]).unwrap();
+        let packed = written(&recipe.apply(original, &Facts::default()).unwrap());
+        let [vertex, fragment] = ["prepass.es100.vert", "prepass.es100.frag"].map(&packed);
+        let depth = draw([&vertex, &fragment], [1.0; 4], None);
+        let texture = |texels: Vec<u8>| Texture {
+            size: scene.size.map(|n| n as i32),
+            levels: vec![texels],
+            layers: 1,
+            srgb: false,
+            linear: false,
+            clamp: true,
+        };
+        let [vertex, fragment] = ["main.es100.vert", "main.es100.frag"].map(&packed);
+        let behind = draw(
+            [&vertex, &fragment],
+            clear,
+            Some(&texture(depth.color.clone())),
+        );
+        same(&behind, "behind the packed depth");
+        // Behind a pre-pass that says that all is at the near plane nothing is left.
+        let near = texture(vec![0; depth.color.len()]);
+        let nothing = draw([&vertex, &fragment], clear, Some(&near));
+        assert!(nothing.depth.iter().all(|d| *d == 1.0), "{name}");
+    }
+}
+
 /// Pairs made by a grammar, each of a seed: every dialect and every construct that the front end rewrites.
 #[test]
 fn generated_pairs_draw_as_opengl_draws_them() {
@@ -100,4 +232,61 @@ fn generated_pairs_draw_as_opengl_draws_them() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert_eq!(constructs.len(), generate::CONSTRUCTS, "{constructs:?}");
+}
+
+/// What naga's front end evaluates otherwise than GLSL says, or this crate's own rewriting once did: each body ends with a colour that tells.
+#[test]
+fn each_thing_is_evaluated_as_often_as_glsl_says() {
+    let head = "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 0) out vec4 color;
+int count = 0;
+float tick() { count++; return float(count) * 0.05; }
+int next() { count++; return count; }
+vec4 four() { count++; return vec4(0.1, 0.2, 0.3, 0.4) * float(count); }
+mat2 turned(float a) { count++; return mat2(cos(a), -sin(a), sin(a), cos(a)); }
+void wrap(inout float p, float size) { p = mod(p + size, size); }
+float halved(inout float p) { p *= 0.5; return p; }
+void both(inout float a, inout float b) { a += 0.1; b += 0.25; }
+void split(float a, out float low, out float high) { low = a * 0.25; high = a * 0.75; }
+const int N = 1;
+int pick(int N) { int t[3] = int[3](2, 3, 5); return t[N]; }
+";
+    let bodies = [
+        "bool b = uv.x > 0.5 && tick() > 0.0; color = vec4(b ? 0.8 : 0.2, float(count) * 0.3, 0.0, 1.0);",
+        "bool b = uv.x > 0.5 || tick() < 0.0; color = vec4(b ? 0.8 : 0.2, float(count) * 0.3, 0.0, 1.0);",
+        "int n = 0; while (n < 5 && tick() < uv.x * 0.2) n++; color = vec4(float(n) * 0.1, float(count) * 0.1, 0.0, 1.0);",
+        "int i = 0; float s = 0.0; do { i++; if (i == 2) continue; s += 0.1; } while (i < 4 && uv.y >= 0.0); color = vec4(s, float(i) * 0.1, uv.x, 1.0);",
+        "float a[4] = float[4](0.1, 0.2, 0.3, 0.4); int i = 0; a[i++] += uv.x * 0.3; a[next()] *= 2.0; a[++i]++; color = vec4(a[0], a[1], float(i + count) * 0.1, a[2] - 1.0);",
+        "mat2 m = mat2(four()); bool same = turned(uv.x) == turned(uv.x); mat2 p = matrixCompMult(turned(uv.x), turned(uv.y)); color = vec4(m[1], same ? float(count) * 0.1 : 0.0, p[0].x);",
+        "vec3 p = vec3(uv * 3.0, 0.2); wrap(p.x, 0.5); float h = halved(p[1]) + halved(p.y); both(p.z, p.z); color = vec4(p, h);",
+        "vec2 p; split(uv.x, p.y, p.x); mat2 m = mat2(0.1); m[1].y = 0.6; m[0].xy = p; color = vec4(m[0], m[1]);",
+        "float k = 0.0; { const int N = 0; k += float(pick(N)) * 0.1; } k += float(pick(N + 1)) * 0.01; color = vec4(k, uv, 1.0);",
+        "const int M = int(0.5 * 4.0); float a[int(1.5 * 2.0)]; a[M] = 0.4; color = vec4(a[2], float(a.length()) * 0.1, 0.6 < 0.5 ? 0.1 : 0.9, float((0u - 1u) >> 31));",
+        "ivec3 i = ivec3(uv * 9.0, 7) % 3; i %= 2; float w; float f = modf(uv.x * 4.0, w); vec2 v; f += modf(uv.y * 3.0, v.y); color = vec4(vec3(i) * 0.3, f * 0.3 + v.y * 0.1 + w * 0.05);",
+        "float s = 0.0; for (int i = 0, j = 3; i < j || tick() > 0.9; i++) { s += 0.1; if (s > uv.x) break; } color = vec4(s, float(count) * 0.2, 0.0, 1.0);",
+    ];
+    let vertex = "#version 450
+layout(location = 0) in vec3 position;
+layout(location = 0) out vec2 uv;
+void main() { uv = position.xy * 0.5 + 0.5; gl_Position = vec4(position.xy, 0.0, 1.0); }
+";
+    let gl = Native::new();
+    let mut wrong = Vec::new();
+    for (i, body) in bodies.iter().enumerate() {
+        let fragment = format!("{head}void main() {{ {body} }}\n");
+        let texts = [vertex.to_owned(), fragment.clone()];
+        let drawn = both::scene("body", &texts, [64, 64])
+            .and_then(|scene| both::draw(&gl, &scene, [vertex, &fragment], FirstRow::Highest));
+        match drawn {
+            Ok(pictures) => {
+                let found = pictures.difference(4);
+                if found.apart > 0 || found.seen < 64 {
+                    wrong.push(format!("{i}: {found:?}: {body}"));
+                }
+            }
+            Err(e) => wrong.push(format!("{i}: {body}\n{e}")),
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -114,6 +114,9 @@ enum EmitTarget {
     Glsl,
     /// GLSL ES 3.00 for WebGL 2.
     GlslEs,
+    /// GLSL ES 1.00 for WebGL 1, of what it can say.
+    #[value(name = "glsl-es-100")]
+    GlslEs100,
     /// GLSL 4.00 for OpenGL, what was hoisted in a tessellation stage.
     GlslTess,
     /// GLSL 4.50 for Vulkan, likewise.
@@ -127,6 +130,7 @@ impl From<EmitTarget> for Target {
             EmitTarget::Spirv => Self::Spirv,
             EmitTarget::Glsl => Self::Glsl450,
             EmitTarget::GlslEs => Self::GlslEs300,
+            EmitTarget::GlslEs100 => Self::GlslEs100,
             EmitTarget::GlslTess => Self::GlslTess,
             EmitTarget::GlslVulkanTess => Self::GlslVulkanTess,
         }

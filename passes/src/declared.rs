@@ -20,6 +20,8 @@ pub struct Declared {
     pub targets: Vec<Located>,
     /// In which depth the author's positions are, where that is not the IR's.
     pub depth: Depth,
+    /// The vertex stage says how large points are, which WGSL has no word for and the IR here does not keep.
+    pub point_size: bool,
 }
 
 /// The range of depths between the near and the far plane.

@@ -1,7 +1,8 @@
-//! One entry point as GLSL 4.50, 4.00 or GLSL ES 3.00, with what a host must know to bind its resources.
+//! One entry point as GLSL 4.50, 4.00, GLSL ES 3.00 or 1.00, with what a host must know to bind its resources.
 
 mod author;
 mod depth;
+mod es100;
 mod loosen;
 mod read_back;
 mod std140;
@@ -90,7 +91,7 @@ pub(super) fn write_named(
         text = text.replace(TURNED, OWN_DEPTH);
     }
     let dialect = match target {
-        Target::GlslEs300 => Dialect::Es,
+        Target::GlslEs300 | Target::GlslEs100 => Dialect::Es,
         _ => Dialect::Desktop,
     };
     let loose = declared.loose.map(|b| [b.group, b.binding]);
@@ -101,6 +102,19 @@ pub(super) fn write_named(
     };
     let (text, said) =
         text::named(authored, &text, stage, dialect, said, loose).map_err(unexpected)?;
+    let (text, said) = match target {
+        Target::GlslEs100 => {
+            es100::rewritten(&text, stage, said).map_err(|es100::Lacks(what)| {
+                Error::Inexpressible {
+                    file: name.to_owned(),
+                    target,
+                    what,
+                    remedy: "emit GLSL ES 3.00 (glsl-es), or another target".to_owned(),
+                }
+            })?
+        }
+        _ => (text, said),
+    };
     let reads = matches!(stage, ShaderStage::Vertex | ShaderStage::Fragment);
     match reads.then(|| read_back::difference(authored, &text, &said, stage, entry)) {
         Some(Some(difference)) => Err(Error::Differs {
@@ -132,7 +146,8 @@ const LATER_FUNCTIONS: [&str; 14] = [
 
 fn refuse_later_functions(text: &str, name: &str, target: Target) -> Result<(), Error> {
     let mut words = super::text::tokens(text).map(|(_, range)| &text[range]);
-    match words.find(|w| target == Target::GlslEs300 && LATER_FUNCTIONS.contains(w)) {
+    let es = matches!(target, Target::GlslEs300 | Target::GlslEs100);
+    match words.find(|w| es && LATER_FUNCTIONS.contains(w)) {
         None => Ok(()),
         Some(function) => Err(Error::Inexpressible {
             file: name.to_owned(),
@@ -167,7 +182,7 @@ pub(super) fn write(
     refuse_depth_loads(module, info, stage, entry, name, target)?;
     refuse_gathers(module, name, target)?;
     let (version, binding_map) = match target {
-        Target::GlslEs300 => (Version::new_gles(300), BindingMap::default()),
+        Target::GlslEs300 | Target::GlslEs100 => (Version::new_gles(300), BindingMap::default()),
         Target::GlslTess => (Version::Desktop(400), BindingMap::default()),
         Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(numbered)),
         _ => (Version::Desktop(450), binding_map(numbered)),
@@ -223,6 +238,7 @@ pub(super) fn write(
                 texture: pair(texture),
                 sampler: mapping.sampler.and_then(at).map(pair),
                 unit: slot(texture),
+                size: None,
             });
         }
     }
@@ -376,7 +392,8 @@ fn refuse_gathers(module: &Module, name: &str, target: Target) -> Result<(), Err
     };
     let functions = module.functions.iter().map(|(_, f)| f);
     let mut all = functions.chain(module.entry_points.iter().map(|e| &e.function));
-    match target == Target::GlslEs300 && all.any(gathers) {
+    let es = matches!(target, Target::GlslEs300 | Target::GlslEs100);
+    match es && all.any(gathers) {
         true => Err(Error::Inexpressible {
             file: name.to_owned(),
             target,
@@ -392,7 +409,7 @@ fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
         glsl::Error::MissingFeatures(features) => (
             in_words(*features),
             match target {
-                Target::GlslEs300 => "emit GLSL 4.50, WGSL or SPIR-V",
+                Target::GlslEs300 | Target::GlslEs100 => "emit GLSL 4.50, WGSL or SPIR-V",
                 _ => "emit WGSL or SPIR-V",
             },
         ),
@@ -401,10 +418,14 @@ fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
                 .to_owned(),
             "declare the texture twice",
         ),
-        glsl::Error::UnsupportedExternal(function) if target == Target::GlslEs300 => (
-            format!("the function {function}"),
-            "emit GLSL 4.50, WGSL or SPIR-V",
-        ),
+        glsl::Error::UnsupportedExternal(function)
+            if matches!(target, Target::GlslEs300 | Target::GlslEs100) =>
+        {
+            (
+                format!("the function {function}"),
+                "emit GLSL 4.50, WGSL or SPIR-V",
+            )
+        }
         glsl::Error::FirstSamplingNotSupported => (
             "flat interpolation from the first vertex, said explicitly".to_owned(),
             "write @interpolate(flat, either)",

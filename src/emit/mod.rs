@@ -10,6 +10,7 @@
 //! | [`Target::Spirv`] | `MATERIAL.ROLE.vert.spv`, `MATERIAL.ROLE.frag.spv` |
 //! | [`Target::Glsl450`] | `MATERIAL.ROLE.vert`, `MATERIAL.ROLE.frag` |
 //! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
+//! | [`Target::GlslEs100`] | `MATERIAL.ROLE.es100.vert`, `MATERIAL.ROLE.es100.frag` |
 //! | [`Target::GlslTess`] | `MATERIAL.ROLE.tess.vert`, `.tess.tesc`, `.tess.tese`, `.tess.frag`, of a hoisted plan |
 //! | [`Target::GlslVulkanTess`] | `MATERIAL.ROLE.vulkan.vert`, `.vulkan.tesc`, `.vulkan.tese`, `.vulkan.frag`, of a hoisted plan |
 //!
@@ -45,6 +46,7 @@ use std::collections::BTreeMap;
 use naga::{ImageClass, ShaderStage, TypeInner};
 use preshade_passes::plan::{GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
+use preshade_passes::state::Topology;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -73,6 +75,9 @@ pub enum Target {
     /// GLSL ES 3.00 for WebGL 2: combined samplers, bindings by name.
     #[serde(rename = "glsl-es")]
     GlslEs300,
+    /// GLSL ES 1.00 for WebGL 1: uniforms, samplers and attributes by name. Of what the language says, which is less than the others.
+    #[serde(rename = "glsl-es-100")]
+    GlslEs100,
     /// GLSL 4.00 for OpenGL, with tessellation stages that evaluate what was hoisted: combined samplers, bindings by name.
     #[serde(rename = "glsl-tess")]
     GlslTess,
@@ -83,16 +88,17 @@ pub enum Target {
 
 impl Target {
     /// Every target, in the order of the command line's help.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Wgsl,
         Self::Spirv,
         Self::Glsl450,
         Self::GlslEs300,
+        Self::GlslEs100,
         Self::GlslTess,
         Self::GlslVulkanTess,
     ];
 
-    /// The targets for any plan: without those for hoisted ones alone.
+    /// The targets for any plan: without those for hoisted ones alone, and without GLSL ES 1.00, in which few can be said.
     pub const GENERAL: [Self; 4] = [Self::Wgsl, Self::Spirv, Self::Glsl450, Self::GlslEs300];
 
     /// Its name on the command line and in `plan.json`.
@@ -102,6 +108,7 @@ impl Target {
             Self::Spirv => "spirv",
             Self::Glsl450 => "glsl",
             Self::GlslEs300 => "glsl-es",
+            Self::GlslEs100 => "glsl-es-100",
             Self::GlslTess => "glsl-tess",
             Self::GlslVulkanTess => "glsl-vulkan-tess",
         }
@@ -235,6 +242,7 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
     #[cfg(feature = "glsl")]
     tess::check(plan, targets)?;
     refuse_external_textures(plan, targets)?;
+    refuse_lost_point_sizes(plan, targets)?;
     let mut files = Vec::new();
     let written = write_programs(plan, targets, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
@@ -276,6 +284,29 @@ fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error
     })
 }
 
+/// A text for OpenGL without the author's `gl_PointSize` would draw points of another size, or of none that is defined.
+fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+    let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
+    let Some(target) = targets.iter().find(is_glsl) else {
+        return Ok(());
+    };
+    let lost = plan.passes.iter().any(|pass| {
+        let program = plan.programs.get(&pass.program);
+        pass.primitive.topology == Topology::PointList
+            && program.is_some_and(|p| p.declared().point_size)
+    });
+    match lost {
+        false => Ok(()),
+        true => Err(Error::Inexpressible {
+            file: plan.material.clone(),
+            target: *target,
+            what: "`gl_PointSize`, which is not kept".to_owned(),
+            remedy: "draw quads in place of points; WGSL and SPIR-V draw points of one pixel"
+                .to_owned(),
+        }),
+    }
+}
+
 /// Adds the files of the programs that the passes of `plan` draw with.
 fn write_programs(
     plan: &Plan,
@@ -307,12 +338,18 @@ fn write_programs(
             }
         }
     }
-    for (program, file, said) in blank::files(plan, targets) {
+    for blank::Blank {
+        program,
+        target,
+        file,
+        said,
+    } in blank::files(plan, targets)
+    {
         // A main pass without a fragment stage and the original's have the same one.
         if !files.contains(&file) {
             files.push(file);
         }
-        written.insert((program, blank::key(), Target::GlslEs300), said);
+        written.insert((program, blank::key(), target), said);
     }
     Ok(written)
 }
@@ -427,7 +464,7 @@ fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
 fn weaker_form(plan: &Plan, target: Target) -> Option<Form> {
     match target {
         #[cfg(feature = "glsl")]
-        Target::GlslEs300 => glsl::without_fine_derivatives(plan),
+        Target::GlslEs300 | Target::GlslEs100 => glsl::without_fine_derivatives(plan),
         _ => {
             let _ = plan;
             None
@@ -481,10 +518,11 @@ fn write_program(
             })
             .collect(),
         #[cfg(feature = "glsl")]
-        Target::Glsl450 | Target::GlslEs300 => {
+        Target::Glsl450 | Target::GlslEs300 | Target::GlslEs100 => {
             let authored = glsl::author(program, &plan.material, target)?;
             let es = match target {
                 Target::GlslEs300 => "es.",
+                Target::GlslEs100 => "es100.",
                 _ => "",
             };
             let write = |s: &Stage| {
@@ -507,7 +545,11 @@ fn write_program(
             feature: "spirv",
         }),
         #[cfg(not(feature = "glsl"))]
-        Target::Glsl450 | Target::GlslEs300 | Target::GlslTess | Target::GlslVulkanTess => {
+        Target::Glsl450
+        | Target::GlslEs300
+        | Target::GlslEs100
+        | Target::GlslTess
+        | Target::GlslVulkanTess => {
             let _ = options;
             Err(Error::NotBuilt {
                 target,

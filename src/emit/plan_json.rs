@@ -157,6 +157,10 @@ pub struct GlslTexture {
     /// `layout(binding = ..)` in the text; none in GLSL ES 3.00, where the host sets the uniform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<u32>,
+    /// In GLSL ES 1.00, which fetches no texel by its number: the uniform `vec2` that a host sets to the texture's width and height. The texture is then bound unfiltered (`NEAREST`),
+    /// without mip levels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<String>,
 }
 
 /// A GLSL interface block and the plan's binding it holds.

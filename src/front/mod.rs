@@ -15,6 +15,8 @@ mod error;
 mod glsl;
 pub(crate) mod guard;
 #[cfg(feature = "glsl")]
+mod lend;
+#[cfg(feature = "glsl")]
 mod macros;
 #[cfg(feature = "naga-oil")]
 mod naga_oil;
@@ -518,6 +520,23 @@ pub(crate) fn glsl_stage(
     let module = modules.pop();
     let module = module.ok_or_else(|| Error::new(Code::Empty, "no source is given"))?;
     Ok((module, declared))
+}
+
+/// The syntax tree of a stage of ours.
+#[cfg(feature = "glsl")]
+pub(crate) fn glsl_tree(
+    text: &str,
+    stage: ShaderStage,
+) -> Result<glsl_lang::ast::TranslationUnit, Error> {
+    let mut map = SourceMap::new();
+    let base = map.add("", text);
+    let text = glsl::Text {
+        name: "",
+        text,
+        stage,
+        base,
+    };
+    glsl::tree(&text, &mut map)
 }
 
 /// One stage as the GLSL that naga reads, for people to look at and tests to compare.

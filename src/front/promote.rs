@@ -36,7 +36,7 @@ pub(super) fn promote(module: &mut Module) {
 }
 
 /// The place of the one call in the wrapper's body, and what it calls, if nothing else calls that.
-fn wrapped(module: &Module, index: usize) -> Option<(usize, Handle<Function>)> {
+pub(super) fn wrapped(module: &Module, index: usize) -> Option<(usize, Handle<Function>)> {
     let wrapper = &module.entry_points[index].function;
     let mut calls = wrapper
         .body
@@ -223,7 +223,7 @@ fn read_only_inputs(
     inputs
 }
 
-fn for_each_statement(block: &mut Block, f: &mut impl FnMut(&mut Statement)) {
+pub(super) fn for_each_statement(block: &mut Block, f: &mut impl FnMut(&mut Statement)) {
     for statement in block.iter_mut() {
         f(statement);
         for inner in operands::blocks(statement) {
@@ -233,7 +233,7 @@ fn for_each_statement(block: &mut Block, f: &mut impl FnMut(&mut Statement)) {
 }
 
 /// The global variable a pointer expression points into.
-fn global_of(
+pub(super) fn global_of(
     expressions: &Arena<Expression>,
     mut at: Handle<Expression>,
 ) -> Option<Handle<GlobalVariable>> {

@@ -25,7 +25,13 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         .files()
         .first()
         .and_then(|f| Path::new(&f.name).file_stem())
-        .and_then(|s| s.to_string_lossy().split('.').next().map(str::to_owned))
+        .map(|s| {
+            // Of `1.2.pbr.vert.glsl` the endings alone.
+            let stem = s.to_string_lossy().into_owned();
+            let stages = [".vert", ".frag", ".vs", ".fs"];
+            let bare = stages.iter().find_map(|s| stem.strip_suffix(s));
+            bare.map(str::to_owned).unwrap_or(stem)
+        })
         .filter(|s| !s.is_empty() && !s.starts_with('<'))
         .unwrap_or_else(|| "material".to_owned());
     let size = [640, 360];

@@ -69,7 +69,8 @@ fn part(
     }
 }
 
-fn native_draw<'a>(scene: &'a Scene, bound: &'a DrawBindings) -> Draw<'a> {
+/// A draw as OpenGL is told of it.
+pub fn native_draw<'a>(scene: &'a Scene, bound: &'a DrawBindings) -> Draw<'a> {
     let material = &scene.materials[0];
     let module = material.program.module();
     let declared = material.program.declared();
@@ -210,17 +211,20 @@ pub fn draw(gl: &Native, scene: &Scene, texts: [&str; 2], first: FirstRow) -> Re
         DrawOrder::AsGiven,
         ShaderForm::Text,
     );
-    let frame = &scene.cameras[0].frames[0];
-    let (material, pass) = (&scene.materials[0], &original.passes[0]);
-    let bound: Vec<DrawBindings> = scene
-        .draws
-        .iter()
-        .map(|draw| bind::draw(scene, material, pass, draw, frame).map_err(|e| e.to_string()))
-        .collect::<Result<_, _>>()?;
+    let bound = bound(scene)?;
     let draws: Vec<Draw<'_>> = bound.iter().map(|b| native_draw(scene, b)).collect();
     let clear = scene.clear_color.map(|c| c as f32);
     let native = gl.draw_pair(first, scene.size, clear, texts, &draws)?;
     Ok(Both { ours, native })
+}
+
+/// What each draw of a scene of one material binds.
+pub fn bound(scene: &Scene) -> Result<Vec<DrawBindings>, String> {
+    let original = &measure::originals(scene)[0];
+    let frame = &scene.cameras[0].frames[0];
+    let (material, pass) = (&scene.materials[0], &original.passes[0]);
+    let bind = |draw| bind::draw(scene, material, pass, draw, frame).map_err(|e| e.to_string());
+    scene.draws.iter().map(bind).collect()
 }
 
 /// How many components the fragment stage's output has: OpenGL leaves the others open.

@@ -7,6 +7,7 @@ use glow::HasContext as _;
 use super::{Native, Pixels};
 
 /// Texels and how they are sampled.
+#[derive(Clone)]
 pub struct Texture {
     /// Width and height of level 0.
     pub size: [i32; 2],

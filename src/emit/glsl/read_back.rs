@@ -29,13 +29,18 @@ pub(super) fn difference(
         Err(e) if e.code() == Code::Unsupported && has_atomics(text) => return None,
         Err(e) => return Some(format!("it does not parse: {}", e.render(Color::Never))),
     };
+    // In ES 1.00 an output has its number alone: `gl_FragData[1]`.
+    let outputs = match text.starts_with("#version 100") {
+        true => Outputs::Numbered,
+        false => Outputs::Named,
+    };
     let valid = Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module);
     if let Err(invalid) = valid {
         return Some(format!("it is not valid: {invalid}"));
     }
     uniforms(authored, said, &declared)
         .or_else(|| blocks(authored, said, &module, &declared, stage, entry))
-        .or_else(|| interface(authored, said, &module, &declared, stage, entry))
+        .or_else(|| interface(authored, said, &module, &declared, (stage, entry), outputs))
 }
 
 fn has_atomics(text: &str) -> bool {
@@ -78,9 +83,16 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
             },
         )
         .collect();
+    // Nor is a texture's size, where a texel is found by it.
+    let sizes: BTreeSet<&str> = said
+        .textures
+        .iter()
+        .filter_map(|t| t.size.as_deref())
+        .collect();
     let found = read.uniforms.iter().map(|u| u.name.clone());
     let found: BTreeSet<String> = found
         .filter(|n| n != FIRST_INSTANCE && !immediates.contains(n.as_str()))
+        .filter(|n| !sizes.contains(n.as_str()))
         .collect();
     // A storage image is read as what it is, no uniform of the author's.
     let wanted = names
@@ -221,14 +233,21 @@ fn offsets(
     }
 }
 
+/// What tells a fragment stage's outputs apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outputs {
+    Named,
+    Numbered,
+}
+
 /// Inputs and outputs.
 fn interface(
     authored: &Authored,
     said: &StageFile,
     read: &Module,
     declared: &Declared,
-    stage: ShaderStage,
-    entry: &str,
+    (stage, entry): (ShaderStage, &str),
+    told: Outputs,
 ) -> Option<String> {
     let module = authored.program.module();
     let (_, wanted) = authored.program.entry_point(stage, entry)?;
@@ -244,6 +263,12 @@ fn interface(
             return Some(format!("among the attributes, {difference}"));
         }
     }
+    let number = |io: &Io| match io.binding {
+        Some(Binding::Location { location, .. }) => location.to_string(),
+        _ => String::new(),
+    };
+    let numbered =
+        |outputs: bool| outputs && stage == ShaderStage::Fragment && told == Outputs::Numbered;
     let named = |io: &Io| stem(io.name.as_deref().unwrap_or_default());
     let written = |io: &Io, outputs: bool| {
         let Some(Binding::Location { location, .. }) = io.binding else {
@@ -285,11 +310,17 @@ fn interface(
         let travels = outputs == (stage == ShaderStage::Vertex);
         let wanted: BTreeSet<String> = of(module, wanted)
             .iter()
-            .filter_map(|io| line(module, io, written(io, outputs), travels))
+            .filter_map(|io| match numbered(outputs) {
+                true => line(module, io, number(io), travels),
+                false => line(module, io, written(io, outputs), travels),
+            })
             .collect();
         let found: BTreeSet<String> = of(read, found)
             .iter()
-            .filter_map(|io| line(read, io, named(io), travels))
+            .filter_map(|io| match numbered(outputs) {
+                true => line(read, io, number(io), travels),
+                false => line(read, io, named(io), travels),
+            })
             .collect();
         // An input that is not read is not kept.
         if let Some(extra) = found.difference(&wanted).next() {

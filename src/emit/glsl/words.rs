@@ -35,10 +35,19 @@ fn is_type(word: &str) -> bool {
     let digits =
         |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit() || b == b'x');
     let opaque = |rest: &str| {
-        rest.starts_with(['1', '2', '3'])
-            || rest.starts_with("Cube")
-            || rest.starts_with("Buffer")
-            || rest.starts_with("External")
+        let shapes = ["1D", "2D", "3D", "Cube", "Buffer", "ExternalOES"];
+        let endings = [
+            "",
+            "Array",
+            "Rect",
+            "MS",
+            "MSArray",
+            "Shadow",
+            "ArrayShadow",
+            "RectShadow",
+        ];
+        let ending = shapes.iter().find_map(|s| rest.strip_prefix(s));
+        ending.is_some_and(|e| endings.contains(&e))
     };
     let is_plain = |plain: &str| {
         let after = |stem: &str| plain.strip_prefix(stem);
@@ -80,6 +89,10 @@ mod tests {
             "map",
             "uv2",
             "bmp",
+            "samplerCubeMap",
+            "samplerCubeMap_1",
+            "sampler2DWeight",
+            "image2DX",
         ] {
             assert!(!is_reserved(word), "{word}");
         }

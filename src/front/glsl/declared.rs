@@ -18,6 +18,9 @@ pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSp
             ClipSpace::AsWritten => Depth::AsWritten,
             ClipSpace::OpenGl => Depth::OpenGl,
         },
+        point_size: stages
+            .iter()
+            .any(|s| s.kind == ShaderStage::Vertex && s.used.contains("gl_PointSize")),
         ..Declared::default()
     };
     for stage in stages {

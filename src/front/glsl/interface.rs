@@ -74,12 +74,54 @@ impl Interface {
         for stage in stages.iter() {
             out.names.extend(stage.unit.names.iter().cloned());
         }
+        out.tell_apart(stages)?;
         out.uniforms(stages)?;
         out.bindings(stages)?;
         out.attributes(stages)?;
         out.varyings(stages)?;
         out.targets(stages)?;
         Ok(out)
+    }
+
+    /// By Vulkan's rules a number is what a resource goes by, and a name nothing: two of one name and two numbers are two.
+    fn tell_apart(&mut self, stages: &mut [Stage<'_>]) -> Result<(), Error> {
+        let [first, second] = stages else {
+            return Ok(());
+        };
+        let slot = |q: &super::stage::Qualifiers| {
+            Some((q.number("set").unwrap_or(0), q.number("binding")?))
+        };
+        let differ = |a: &super::stage::Qualifiers, b: &super::stage::Qualifiers| matches!((slot(a), slot(b)), (Some(a), Some(b)) if a != b);
+        for block in &mut second.blocks {
+            let other = first.blocks.iter().find(|b| b.name == block.name);
+            if other.is_some_and(|other| differ(&other.qualifiers, &block.qualifiers)) {
+                block.name = self.fresh(&format!("{}_fragment", block.name));
+            }
+        }
+        let opaque = |stage: &'_ Stage<'_>| -> Vec<super::stage::Variable> {
+            stage
+                .uniforms
+                .iter()
+                .chain(&stage.opaque)
+                .cloned()
+                .collect()
+        };
+        let before = opaque(first);
+        for variable in opaque(second) {
+            let other = before.iter().find(|v| v.name == variable.name);
+            let Some(other) = other.filter(|o| differ(&o.qualifiers, &variable.qualifiers)) else {
+                continue;
+            };
+            let name = &variable.name;
+            return Err(Error::new(
+                Code::Link,
+                format!("the two stages have a `{name}` each, at two bindings"),
+            )
+            .label_if(variable.place)
+            .label_if(other.place)
+            .note("give one of them another name: here as in OpenGL a program has one of a name"));
+        }
+        Ok(())
     }
 
     fn uniforms(&mut self, stages: &mut [Stage<'_>]) -> Result<(), Error> {

@@ -34,7 +34,7 @@ use self::marks::Map;
 use self::stage::Stage;
 use self::syntax::{Dialect, Input};
 use super::error::{Code, Error};
-use super::{ClipSpace, Options, macros, promote, switch};
+use super::{ClipSpace, Options, lend, macros, promote, switch};
 
 /// One stage's text.
 pub(super) struct Text<'a> {
@@ -56,11 +56,34 @@ pub(super) fn parse(
     for text in texts {
         macros::check(text.text, &options.defines)?;
     }
-    if options.clip_space != Some(ClipSpace::OpenGl)
-        && let Some(modules) = as_they_are(texts, options)
-    {
-        return Ok((modules, Declared::default()));
+    let as_they_are = || match options.clip_space {
+        Some(ClipSpace::OpenGl) => None,
+        _ => as_they_are(texts, options).map(|modules| (modules, Declared::default())),
+    };
+    let lost = texts.iter().any(|t| is_evaluated_otherwise(t.text));
+    if !lost && let Some(read) = as_they_are() {
+        return Ok(read);
     }
+    let rewritten = rewritten(texts, options, map);
+    match lost {
+        // What is not rewritten is better read as it is than not at all.
+        true => rewritten.or_else(|e| as_they_are().ok_or(e)),
+        false => rewritten,
+    }
+}
+
+/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches.
+fn is_evaluated_otherwise(text: &str) -> bool {
+    let marks = ["&&", "||", "Array", "texelFetchOffset"];
+    let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
+    marks.iter().any(|m| text.contains(m)) || words.any(|w| w == "do")
+}
+
+fn rewritten(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<(Vec<Module>, Declared), Error> {
     let (normalised, declared) = normalise(texts, options, map)?;
     let modules: Result<_, Error> = normalised
         .iter()
@@ -172,6 +195,10 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
                 "isnan",
                 "isinf",
                 "][",
+                "offset=",
+                "offset =",
+                "align=",
+                "align =",
             ];
             if es || version < 440 || lost.iter().any(|w| text.text.contains(w)) {
                 return None;
@@ -224,6 +251,7 @@ fn finish(module: &mut Module, stage: ShaderStage) {
     switch::write_out_fall_through(module);
     // An invalid module stays as it is for the validator's message on it.
     if is_valid(module) {
+        lend::lend(module);
         promote::promote(module);
     }
 }
@@ -268,6 +296,21 @@ pub(super) fn stage_of(text: &str, stage: ShaderStage) -> String {
         }
     }
     out
+}
+
+/// The syntax tree of a text without macros.
+pub(super) fn tree(
+    text: &Text<'_>,
+    map: &mut SourceMap,
+) -> Result<glsl_lang::ast::TranslationUnit, Error> {
+    let input = Input {
+        text: text.text,
+        stage: text.stage,
+        path: Path::new(text.name),
+        base: text.base,
+        options: &Options::default(),
+    };
+    syntax::parse(&input, map).map(|unit| unit.tree)
 }
 
 /// A vertex stage that gives a fragment stage all that it reads, for looking at one without its other half.

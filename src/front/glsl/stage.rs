@@ -130,6 +130,8 @@ pub(super) struct Stage<'u> {
     /// The position is declared `invariant`, or something is `precise`.
     pub invariant: bool,
     pub early_fragment_tests: bool,
+    /// What blocks say nothing about: `layout(row_major) uniform;`.
+    pub row_major: bool,
     /// `gl_FragCoord` counts from the top.
     pub origin_upper_left: bool,
 }
@@ -172,6 +174,7 @@ impl<'u> Stage<'u> {
             used: HashSet::new(),
             invariant: unit.invariant_all,
             early_fragment_tests: false,
+            row_major: false,
             origin_upper_left: false,
         };
         let mut definitions = Vec::new();
@@ -206,6 +209,10 @@ impl<'u> Stage<'u> {
                 let q = self.qualifiers(Some(qualifier))?;
                 self.early_fragment_tests |= q.says("early_fragment_tests");
                 self.invariant |= q.precise;
+                // For the blocks that follow.
+                if q.says("row_major") || q.says("column_major") {
+                    self.row_major = q.says("row_major");
+                }
                 let tessellation = [
                     "vertices",
                     "triangles",
@@ -327,7 +334,10 @@ impl<'u> Stage<'u> {
                 place,
             ));
         }
-        let row_major = qualifiers.says("row_major");
+        let row_major = match qualifiers.says("column_major") {
+            true => false,
+            false => self.row_major || qualifiers.says("row_major"),
+        };
         let mut members = Vec::new();
         let mut member_qualifiers = Vec::new();
         for field in &block.fields {
@@ -370,6 +380,8 @@ impl<'u> Stage<'u> {
             }
             return Ok(());
         }
+        let tight = qualifiers.says("push_constant") || qualifiers.says("std430");
+        self.refuse_offsets(&members, &member_qualifiers, tight)?;
         self.blocks.push(Block {
             name,
             instance,
@@ -377,6 +389,36 @@ impl<'u> Stage<'u> {
             qualifiers,
             place,
         });
+        Ok(())
+    }
+
+    /// Refuses offsets that the members do not have without saying so: naga knows no others.
+    fn refuse_offsets(
+        &self,
+        members: &[Member],
+        qualifiers: &[Qualifiers],
+        tight: bool,
+    ) -> Result<(), Error> {
+        let mut end = 0u32;
+        for (member, own) in members.iter().zip(qualifiers) {
+            let (align, size) = match tight {
+                true => self.structs.std430(&member.ty),
+                false => self.structs.std140(&member.ty),
+            };
+            let at = end.next_multiple_of(align);
+            let asked = own.number("offset").unwrap_or(at);
+            if asked != at || own.number("align").is_some_and(|n| at % n.max(1) != 0) {
+                return Err(unsupported(
+                    format!(
+                        "`{}` is asked to lie elsewhere than at byte {at}, where it comes without being asked",
+                        member.name
+                    ),
+                    member.place,
+                )
+                .note("put members in their order, with others to fill what is left between"));
+            }
+            end = at + size;
+        }
         Ok(())
     }
 
@@ -512,6 +554,18 @@ impl<'u> Stage<'u> {
                     let n = n.ok_or_else(|| {
                         unsupported("the length of this array is not an integer constant above 0 that is known here", place)
                     })?;
+                    // Samplers are told apart one by one, and others may have to be.
+                    let most = match ty.innermost() {
+                        Ty::Combined(_) | Ty::Opaque(_) => 1 << 10,
+                        _ => 1 << 20,
+                    };
+                    if n > most {
+                        return Err(Error::new(
+                            Code::TooDeep,
+                            format!("an array of {n} elements, more than {most}, is not read"),
+                        )
+                        .label_if(place));
+                    }
                     Some(n)
                 }
             };

@@ -327,7 +327,7 @@ pub(super) enum Entry<'a> {
 
 impl Structs {
     /// Alignment and size of the type in a uniform block: OpenGL 4.6, section 7.6.2.2 (std140).
-    fn std140(&self, ty: &Ty) -> (u32, u32) {
+    pub(super) fn std140(&self, ty: &Ty) -> (u32, u32) {
         let width = |k: &Kind| if *k == Kind::Double { 8 } else { 4 };
         let vector = |k: &Kind, n: u8| {
             (
@@ -362,6 +362,35 @@ impl Structs {
                 (align, end.next_multiple_of(align))
             }
             _ => (16, 16),
+        }
+    }
+
+    /// Alignment and size by std430, of storage blocks and push constants.
+    pub(super) fn std430(&self, ty: &Ty) -> (u32, u32) {
+        match ty {
+            Ty::Array(of, n) => {
+                let (align, size) = self.std430(of);
+                (
+                    align,
+                    size.next_multiple_of(align).saturating_mul(n.unwrap_or(1)),
+                )
+            }
+            Ty::Matrix(kind, columns, rows) => {
+                let (align, _) = self.std430(&Ty::Vector(*kind, *rows));
+                (align, align * u32::from(*columns))
+            }
+            Ty::Struct(name) => {
+                let members = self.get(name).map(|s| s.members.as_slice());
+                let mut align = 4;
+                let mut end = 0u32;
+                for member in members.unwrap_or_default() {
+                    let (a, size) = self.std430(&member.ty);
+                    align = align.max(a);
+                    end = end.next_multiple_of(a).saturating_add(size);
+                }
+                (align, end.next_multiple_of(align))
+            }
+            other => self.std140(other),
         }
     }
 

@@ -132,6 +132,7 @@ pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
             _ => Ty::Unknown,
         },
         "floatBitsToInt" | "bitCount" | "findLSB" | "findMSB" => first.with_kind(Kind::Int),
+        "bitfieldExtract" | "bitfieldInsert" | "bitfieldReverse" | "ldexp" => first,
         "floatBitsToUint" => first.with_kind(Kind::Uint),
         "intBitsToFloat" | "uintBitsToFloat" => first.with_kind(Kind::Float),
         "packSnorm4x8" | "packUnorm4x8" | "packSnorm2x16" | "packUnorm2x16" | "packHalf2x16" => {

@@ -6,6 +6,7 @@ use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{Signature, Storage, spelled, unsupported};
 use super::super::ty::{Entry, Kind, Ty, is_stored_otherwise};
+use super::effect::after;
 use super::expression::{Ex, level, pack};
 use super::{Lower, builtin, texture};
 use crate::front::error::Error;
@@ -169,16 +170,15 @@ impl Lower<'_, '_> {
                     [value] if value.ty == ty => Ok(value.clone()),
                     [value] if matches!(value.ty, Ty::Matrix(..)) => Ok(resized(value, &ty)),
                     [value] if matches!(value.ty, Ty::Vector(..)) => {
+                        let (first, value) = self.once(value);
                         let text = value.at(level::POSTFIX);
                         let parts: Vec<String> = "xyzw"
                             .chars()
                             .take(all)
                             .map(|c| format!("{text}.{c}"))
                             .collect();
-                        Ok(Ex::primary(
-                            format!("{}({})", ty.name(), parts.join(", ")),
-                            ty,
-                        ))
+                        let text = format!("{}({})", ty.name(), parts.join(", "));
+                        Ok(after(first, Ex::primary(text, ty)))
                     }
                     _ => self.components(&ty, *kind, all, values),
                 }
@@ -306,7 +306,26 @@ impl Lower<'_, '_> {
         };
         self.calls.push((name.to_owned(), overload));
         let mut parts = Vec::new();
-        for (value, (storage, to)) in values.into_iter().zip(&signature.parameters) {
+        let mut written = Vec::new();
+        let is_written = |(_, (storage, _)): &(&Expr, &(Storage, Ty))| *storage != Storage::In;
+        let outs: Vec<&str> = arguments
+            .iter()
+            .zip(&signature.parameters)
+            .filter(is_written)
+            .filter_map(|(argument, _)| root(argument))
+            .collect();
+        let all = values.into_iter().zip(arguments).zip(&signature.parameters);
+        for ((value, argument), (storage, to)) in all {
+            if *storage != Storage::In
+                && self.stage.structs.has_data(to)
+                && !self.stage.structs.has_samplers(to)
+                && !(value.hosted && is_stored_otherwise(&value.ty))
+            {
+                let one = self.written(argument, to, *storage, &outs)?;
+                parts.push(one.argument.clone());
+                written.push(one);
+                continue;
+            }
             let path = value.path.clone();
             let pair = value.pair.clone();
             if value.choice.is_some() {
@@ -358,10 +377,8 @@ impl Lower<'_, '_> {
             .get(name)
             .cloned()
             .unwrap_or_else(|| name.to_owned());
-        Ok(Ex::primary(
-            format!("{emitted}({})", parts.join(", ")),
-            signature.result.clone(),
-        ))
+        let call = format!("{emitted}({})", parts.join(", "));
+        Ok(self.called(call, signature.result.clone(), written))
     }
 
     /// A call of one of GLSL's functions that take no texture.
@@ -391,6 +408,15 @@ impl Lower<'_, '_> {
                 .into_iter()
                 .map(|v| self.coerce_kind(v, kind))
                 .collect();
+        }
+        // What is written several times is evaluated once.
+        let mut first = Vec::new();
+        if matches!(name, "matrixCompMult" | "outerProduct" | "isnan" | "isinf") {
+            for value in &mut values {
+                let (before, held) = self.once(value);
+                first.extend(before);
+                *value = held;
+            }
         }
         let text = |i: usize| {
             values
@@ -475,7 +501,7 @@ impl Lower<'_, '_> {
             _ => None,
         };
         if let Some(text) = rewritten {
-            return Ok(Ex::primary(text, result));
+            return Ok(after(first, Ex::primary(text, result)));
         }
         let all: Vec<String> = (0..values.len()).map(text).collect();
         if !builtin::is_known(name) && !name.starts_with("image") && !name.starts_with("subgroup") {
@@ -537,15 +563,21 @@ impl Lower<'_, '_> {
             }
         };
         self.helpers.insert(helper.clone(), text);
-        let parts: Vec<String> = values.iter().map(|v| v.at(level::ASSIGNMENT)).collect();
-        Ok(Ex::primary(
-            format!("{helper}({})", parts.join(", ")),
-            result,
-        ))
+        let mut parts: Vec<String> = values.iter().map(|v| v.at(level::ASSIGNMENT)).collect();
+        let mut written = Vec::new();
+        // The last is written, and of a product the last two.
+        let outs = 1 + usize::from(name == "umulExtended");
+        for i in arguments.len().saturating_sub(outs)..arguments.len() {
+            let all: Vec<&str> = arguments.iter().filter_map(root).collect();
+            let one = self.written(&arguments[i], &values[i].ty, Storage::Out, &all)?;
+            parts[i].clone_from(&one.argument);
+            written.push(one);
+        }
+        Ok(self.called(format!("{helper}({})", parts.join(", ")), result, written))
     }
 
     /// The name of a function of ours; always the same for the same purpose.
-    fn helper_name(&self, wanted: &str) -> String {
+    pub(super) fn helper_name(&self, wanted: &str) -> String {
         let mut name = wanted.to_owned();
         while self.stage.unit.names.contains(&name) {
             name.push('_');
@@ -585,6 +617,15 @@ fn multiplied(name: &str) -> String {
         "}\n",
     ]
     .join("\n")
+}
+
+/// The variable that an argument is part of.
+fn root(e: &Expr) -> Option<&str> {
+    match &e.content {
+        ExprData::Variable(name) => Some(name.as_str()),
+        ExprData::Dot(of, _) | ExprData::Bracket(of, _) => root(of),
+        _ => None,
+    }
 }
 
 /// A matrix made of another: what it lacks is the identity's.

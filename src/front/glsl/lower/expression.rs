@@ -10,6 +10,7 @@ use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{initial_length, unsupported};
 use super::super::ty::{Kind, Ty, is_stored_otherwise, stored};
+use super::effect::after;
 use super::{Lower, Var};
 use crate::front::error::Error;
 
@@ -138,6 +139,9 @@ impl Lower<'_, '_> {
 
     /// The expression, still as it lies in a block.
     pub(super) fn raw(&mut self, expr: &Expr) -> Result<Ex, Error> {
+        if let Some(held) = self.held(expr) {
+            return Ok(held);
+        }
         let place = self.place(expr.span);
         Ok(match &expr.content {
             ExprData::Variable(name) => {
@@ -176,9 +180,17 @@ impl Lower<'_, '_> {
                 Ex::new(text, ty, level::TERNARY)
             }
             ExprData::Assignment(to, op, from) => {
+                let word = assignment(&op.content);
+                if let Some(ex) = self.assigned_column(to, word, from)? {
+                    return Ok(ex);
+                }
+                // naga reads by one evaluation of the target and writes by another.
+                let settled = match word {
+                    "=" => Vec::new(),
+                    _ => self.settle(to)?,
+                };
                 let target = self.raw(to)?;
                 let from = self.expr(from)?;
-                let word = assignment(&op.content);
                 let text = if word == "=" && target.hosted && is_stored_otherwise(&target.ty) {
                     let packed =
                         pack(&self.coerce(from, &target.ty), &target.ty).ok_or_else(|| {
@@ -192,6 +204,7 @@ impl Lower<'_, '_> {
                     let from = match word {
                         "=" => self.coerce(from, &target.ty),
                         "<<=" | ">>=" => from,
+                        "%=" => splat(self.coerce_kind(from, target.ty.kind()), &target.ty),
                         _ => self.coerce_kind(from, target.ty.kind()),
                     };
                     format!(
@@ -200,7 +213,7 @@ impl Lower<'_, '_> {
                         from.at(level::ASSIGNMENT)
                     )
                 };
-                Ex::new(text, target.ty, level::ASSIGNMENT)
+                after(settled, Ex::new(text, target.ty, level::ASSIGNMENT))
             }
             ExprData::Bracket(of, index) => self.index(of, index, expr)?,
             ExprData::FunCall(name, arguments) => {
@@ -211,20 +224,16 @@ impl Lower<'_, '_> {
             }
             ExprData::Dot(of, name) => self.dot(of, name.as_str(), expr)?,
             ExprData::PostInc(of) => {
+                let settled = self.settle(of)?;
                 let of = self.raw(of)?;
-                Ex::new(
-                    format!("{}++", of.at(level::POSTFIX)),
-                    of.ty,
-                    level::POSTFIX,
-                )
+                let text = format!("{}++", of.at(level::POSTFIX));
+                after(settled, Ex::new(text, of.ty, level::POSTFIX))
             }
             ExprData::PostDec(of) => {
+                let settled = self.settle(of)?;
                 let of = self.raw(of)?;
-                Ex::new(
-                    format!("{}--", of.at(level::POSTFIX)),
-                    of.ty,
-                    level::POSTFIX,
-                )
+                let text = format!("{}--", of.at(level::POSTFIX));
+                after(settled, Ex::new(text, of.ty, level::POSTFIX))
             }
             ExprData::Comma(a, b) => {
                 let (a, b) = (self.expr(a)?, self.expr(b)?);
@@ -232,6 +241,39 @@ impl Lower<'_, '_> {
                 Ex::new(text, b.ty, level::COMMA)
             }
         })
+    }
+
+    /// An assignment to several components of a matrix's column, which naga does not know, by way of the whole column.
+    fn assigned_column(&mut self, to: &Expr, word: &str, from: &Expr) -> Result<Option<Ex>, Error> {
+        let ExprData::Dot(column, components) = &to.content else {
+            return Ok(None);
+        };
+        let ExprData::Bracket(matrix, _) = &column.content else {
+            return Ok(None);
+        };
+        let components = components.as_str();
+        if components.len() < 2 || !matches!(self.raw(matrix)?.ty, Ty::Matrix(..)) {
+            return Ok(None);
+        }
+        let mut all = self.settle(column)?;
+        let column = self.raw(column)?;
+        let (Some(kind), Some(held)) = (column.ty.kind(), self.temporary(&column.ty)) else {
+            return Ok(None);
+        };
+        let ty = Ty::Vector(kind, components.len().min(4) as u8);
+        let from = self.expr(from)?;
+        let from = match word {
+            "=" => self.coerce(from, &ty),
+            _ => self.coerce_kind(from, Some(kind)),
+        };
+        all.push(format!("{held} = {}", column.text));
+        all.push(format!(
+            "{held}.{components} {word} {}",
+            from.at(level::ASSIGNMENT)
+        ));
+        all.push(format!("{} = {held}", column.at(level::UNARY)));
+        let value = Ex::new(format!("{held}.{components}"), ty, level::POSTFIX);
+        Ok(Some(after(all, value)))
     }
 
     fn variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
@@ -353,6 +395,10 @@ impl Lower<'_, '_> {
             UnaryOpData::Not => "!",
             UnaryOpData::Complement => "~",
         };
+        let settled = match word {
+            "++" | "--" => self.settle(of)?,
+            _ => Vec::new(),
+        };
         let of = match word {
             "++" | "--" => self.raw(of)?,
             _ => self.expr(of)?,
@@ -361,10 +407,21 @@ impl Lower<'_, '_> {
         if unmarked(&text).starts_with(['-', '+']) {
             text = format!("({text})");
         }
-        Ok(Ex::new(format!("{word}{text}"), of.ty, level::UNARY))
+        let text = format!("{word}{text}");
+        Ok(after(settled, Ex::new(text, of.ty, level::UNARY)))
     }
 
     fn binary(&mut self, op: &B, a: &Expr, b: &Expr) -> Result<Ex, Error> {
+        // naga evaluates both sides whatever the first one is.
+        if matches!(op, B::And | B::Or) && self.has_effect(b) {
+            let (a, b) = (self.expr(a)?, self.expr(b)?);
+            let tighter = level::TERNARY + 1;
+            let text = match op {
+                B::And => format!("{} ? {} : false", a.at(tighter), b.at(tighter)),
+                _ => format!("{} ? true : {}", a.at(tighter), b.at(tighter)),
+            };
+            return Ok(Ex::new(text, Ty::BOOL, level::TERNARY));
+        }
         let (a, b) = (self.expr(a)?, self.expr(b)?);
         let (word, level) = operator(op);
         if *op == B::Xor {
@@ -387,14 +444,18 @@ impl Lower<'_, '_> {
             _ if shift => a.ty.clone(),
             _ => wider(&a.ty, &b.ty),
         };
+        let (a, b) = match op {
+            B::Mod => (splat(a, &ty), splat(b, &ty)),
+            _ => (a, b),
+        };
         if matches!(op, B::Equal | B::NonEqual)
-            && let Some(text) = self.compared(&a, &b)
+            && let Some((first, text)) = self.compared(&a, &b)
         {
             let text = match op {
                 B::Equal => text,
                 _ => format!("!({text})"),
             };
-            return Ok(Ex::primary(format!("({text})"), Ty::BOOL));
+            return Ok(after(first, Ex::primary(format!("({text})"), Ty::BOOL)));
         }
         Ok(Ex::new(
             format!("{} {word} {}", a.at(level), b.at(level + 1)),
@@ -404,10 +465,12 @@ impl Lower<'_, '_> {
     }
 
     /// Structs and arrays compared part by part: naga has no operator for them.
-    fn compared(&mut self, a: &Ex, b: &Ex) -> Option<String> {
+    fn compared(&mut self, a: &Ex, b: &Ex) -> Option<(Vec<String>, String)> {
         if !matches!(a.ty, Ty::Struct(_) | Ty::Array(..) | Ty::Matrix(..)) {
             return None;
         }
+        let ((first, a), (second, b)) = (self.once(a), self.once(b));
+        let (a, b) = (&a, &b);
         let mut leaves = Vec::new();
         self.stage.structs.leaves(&a.ty, "", &mut leaves);
         let part = |e: &Ex, ending: &str| format!("{}{ending}", e.at(level::POSTFIX));
@@ -415,7 +478,8 @@ impl Lower<'_, '_> {
             .iter()
             .map(|(ending, _)| format!("{} == {}", part(a, ending), part(b, ending)))
             .collect();
-        (!parts.is_empty()).then(|| parts.join(" && "))
+        let first = first.into_iter().chain(second).collect();
+        (!parts.is_empty()).then(|| (first, parts.join(" && ")))
     }
 
     fn index(&mut self, of: &Expr, index: &Expr, whole: &Expr) -> Result<Ex, Error> {
@@ -541,6 +605,15 @@ impl Lower<'_, '_> {
                     false => base,
                 };
                 let n = name.len().min(4) as u8;
+                // naga writes to no component of a matrix's column but by its number.
+                let number = "xyzw rgba stpq"
+                    .find(name)
+                    .filter(|_| n == 1)
+                    .map(|at| at % 5);
+                if let (ExprData::Bracket(..), Some(number)) = (&of.content, number) {
+                    let text = format!("{}[{number}]", base.at(level::POSTFIX));
+                    return Ok(Ex::new(text, Ty::Scalar(kind), level::POSTFIX));
+                }
                 Ok(Ex::new(
                     format!("{}.{name}", base.at(level::POSTFIX)),
                     Ty::vector(kind, n),
@@ -661,6 +734,16 @@ impl Lower<'_, '_> {
 }
 
 /// An element of an array, a column or a component, as it lies there.
+/// A scalar beside a vector, as one.
+fn splat(ex: Ex, to: &Ty) -> Ex {
+    match (&ex.ty, to) {
+        (Ty::Scalar(_), Ty::Vector(..)) => {
+            Ex::primary(format!("{}({})", to.name(), ex.text), to.clone())
+        }
+        _ => ex,
+    }
+}
+
 pub(super) fn element(base: &Ex, index: &str) -> Ex {
     let text = format!("{}[{index}]", base.at(level::POSTFIX));
     let (ty, ending) = match &base.ty {

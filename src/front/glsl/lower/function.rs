@@ -96,6 +96,12 @@ impl<'u> Lower<'_, 'u> {
         let mut out = format!("{mark}{result} {name}({}) {{\n", parameters.join(", "));
         self.result = signature.result;
         self.in_main = main;
+        let statements = &function.statement.statement_list;
+        self.temporaries = Some(Vec::new());
+        let body = self.block_of(statements)?;
+        for held in self.temporaries.take().unwrap_or_default() {
+            out += &held;
+        }
         if main {
             self.indent = 1;
             for first in self.prologue.clone() {
@@ -103,8 +109,7 @@ impl<'u> Lower<'_, 'u> {
             }
             self.indent = 0;
         }
-        let statements = &function.statement.statement_list;
-        out += &self.block_of(statements)?;
+        out += &body;
         let returned = statements.last().is_some_and(|s| {
             matches!(&s.content, ast::StatementData::Jump(j) if matches!(j.content, ast::JumpStatementData::Return(_)))
         });
@@ -181,6 +186,8 @@ impl<'u> Lower<'_, 'u> {
             Some(Storage::InOut) => "inout ",
             _ => "",
         };
+        // It hides a constant of that name.
+        self.stage.constants.remove(&author);
         let name = self.safe(&author);
         let mut var = Var::plain(name.clone(), ty.clone());
         if self.stage.structs.has_data(&ty) {

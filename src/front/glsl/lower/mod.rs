@@ -5,6 +5,7 @@
 mod builtin;
 mod call;
 mod declaration;
+mod effect;
 mod expression;
 mod function;
 mod statement;
@@ -112,6 +113,12 @@ pub(super) struct Lower<'a, 'u> {
     targets: BTreeSet<u32>,
     /// Functions that stand for what naga's front end lacks, by name.
     helpers: BTreeMap<String, String>,
+    /// Declarations of ours at the head of the function that is printed; `None` outside of functions.
+    temporaries: Option<Vec<String>>,
+    /// What expressions became ahead of where they stand, by their places.
+    held: HashMap<(u32, u32), expression::Ex>,
+    /// Literal offsets of samples, each a constant of ours.
+    offsets: Vec<String>,
     indent: usize,
     /// Names that this stage's text has got.
     taken: HashSet<String>,
@@ -144,6 +151,9 @@ pub(super) fn lower(
         standins: BTreeMap::new(),
         targets: BTreeSet::new(),
         helpers: BTreeMap::new(),
+        temporaries: None,
+        held: HashMap::new(),
+        offsets: Vec::new(),
         indent: 0,
         taken: HashSet::new(),
     };

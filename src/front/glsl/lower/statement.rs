@@ -10,7 +10,8 @@ use super::super::constant;
 use super::super::marks::unmarked;
 use super::super::stage::{Storage, unsupported};
 use super::super::ty::Ty;
-use super::{Lower, Var};
+use super::expression::level;
+use super::{Lower, Var, effect};
 use crate::front::error::Error;
 
 impl Lower<'_, '_> {
@@ -54,6 +55,7 @@ impl Lower<'_, '_> {
                 let unsigned = head.ty == Ty::UINT;
                 let mut out = self.line(&format!("{mark}switch ({}) {{", head.text));
                 self.scopes.push(Default::default());
+                let constants = self.stage.constants.clone();
                 self.indent += 1;
                 for statement in &s.body {
                     let inside = !matches!(statement.content, StatementData::CaseLabel(_));
@@ -62,6 +64,7 @@ impl Lower<'_, '_> {
                     self.indent -= usize::from(inside);
                 }
                 self.indent -= 1;
+                self.stage.constants = constants;
                 self.scopes.pop();
                 out + &self.line("}")
             }
@@ -109,12 +112,14 @@ impl Lower<'_, '_> {
     /// The statements of a block, in a scope of their own.
     pub(super) fn block_of(&mut self, statements: &[Statement]) -> Result<String, Error> {
         self.scopes.push(Default::default());
+        let constants = self.stage.constants.clone();
         self.indent += 1;
         let mut out = String::new();
         for statement in statements {
             out += &self.statement(statement)?;
         }
         self.indent -= 1;
+        self.stage.constants = constants;
         self.scopes.pop();
         Ok(out)
     }
@@ -135,6 +140,16 @@ impl Lower<'_, '_> {
                     + &self.body(body)?
                     + &self.line("}")
             }
+            // naga tests at the end of the body, which a `continue` passes over.
+            IterationStatementData::DoWhile(body, condition) if effect::continues(body) => {
+                let condition = self.expr(condition)?;
+                let first = self.fresh("first");
+                let condition = condition.at(level::TERNARY + 1);
+                self.line(&format!(
+                    "{mark}for (bool {first} = true; ({first} ? true : {condition}); {first} = false) {{"
+                )) + &self.body(body)?
+                    + &self.line("}")
+            }
             IterationStatementData::DoWhile(body, condition) => {
                 let condition = self.expr(condition)?.text;
                 self.line(&format!("{mark}do {{"))
@@ -143,6 +158,7 @@ impl Lower<'_, '_> {
             }
             IterationStatementData::For(init, rest, body) => {
                 self.scopes.push(Default::default());
+                let constants = self.stage.constants.clone();
                 // Several variables, or none that naga would take inside: before the loop, in a block.
                 let (before, init) = match &init.content {
                     ForInitStatementData::Expression(None) => (Vec::new(), String::new()),
@@ -178,6 +194,7 @@ impl Lower<'_, '_> {
                     self.indent -= 1;
                     out += &self.line("}");
                 }
+                self.stage.constants = constants;
                 self.scopes.pop();
                 out
             }

@@ -7,6 +7,7 @@ use super::super::marks::unmarked;
 use super::super::stage::unsupported;
 use super::super::ty::{Kind, Ty};
 use super::Lower;
+use super::effect::after;
 use super::expression::{Ex, level};
 use crate::front::error::Error;
 
@@ -150,6 +151,58 @@ impl Lower<'_, '_> {
             })
             .collect();
         let mut name = function.name.clone();
+        let mut first = None;
+        // GLSL rounds a layer to the nearest (4.60, 8.9), naga cuts it off.
+        if layers == 1
+            && !fetches
+            && let Some(p) = rest.first_mut()
+            && let Ty::Vector(Kind::Float, n) = p.ty
+        {
+            let layer = usize::from(coordinates(&combined));
+            let parts: Vec<&str> = (0..usize::from(n))
+                .map(|i| if i == layer { "0.5" } else { "0.0" })
+                .collect();
+            if layer < parts.len() {
+                let text = format!("{} + vec{n}({})", p.at(12), parts.join(", "));
+                *p = Ex::new(text, p.ty.clone(), 12);
+            }
+        }
+        // naga's GLSL writer finds no literal that it did not name.
+        if name.ends_with("Offset") && name.starts_with("texture") {
+            for offset in rest.iter_mut().skip(1) {
+                let bare = unmarked(&offset.text);
+                let literal = |c: char| c.is_ascii_digit() || "ivec()-, ".contains(c);
+                let Ty::Vector(Kind::Int, n) = offset.ty else {
+                    continue;
+                };
+                if !bare.chars().all(literal) {
+                    continue;
+                }
+                let known = self.offsets.iter().position(|o| *o == bare);
+                let at = known.unwrap_or_else(|| {
+                    self.offsets.push(bare.clone());
+                    self.offsets.len() - 1
+                });
+                let name = self.helper_name(&format!("offset_{at}"));
+                let text = format!("const ivec{n} {name} = {bare};\n");
+                self.helpers.insert(name.clone(), text);
+                *offset = Ex::primary(name, offset.ty.clone());
+            }
+        }
+        // naga loses the offset.
+        if name == "texelFetchOffset"
+            && let [p, _, offset] = &rest[..]
+        {
+            let offset = match (&p.ty, &offset.ty) {
+                (Ty::Vector(_, n), Ty::Vector(_, m)) if n > m => {
+                    format!("ivec{n}({}, 0)", offset.text)
+                }
+                _ => offset.at(13),
+            };
+            rest[0] = Ex::new(format!("{} + {offset}", p.at(12)), p.ty.clone(), 12);
+            rest.truncate(2);
+            name = "texelFetch".to_owned();
+        }
         match name.as_str() {
             "textureQueryLod" => {
                 return Err(unsupported(
@@ -172,6 +225,9 @@ impl Lower<'_, '_> {
             {
                 // naga's projects no comparison: three coordinates, over the fourth.
                 if let Some(p) = rest.first_mut() {
+                    let (before, held) = self.once(p);
+                    first = before;
+                    *p = held;
                     let text = p.at(level::POSTFIX);
                     *p = Ex::new(
                         format!("{text}.xyz / {text}.w"),
@@ -237,7 +293,7 @@ impl Lower<'_, '_> {
             result = Ty::Vector(Kind::Float, 4);
             ex = Ex::primary(format!("vec4({})", ex.text), result);
         }
-        Ok(ex)
+        Ok(after(first, ex))
     }
 
     /// `textureGather`, which naga's front end lacks: a function that samples, whose body the module gets a gather for.

@@ -1,0 +1,339 @@
+//! GLSL ES 3.00 as GLSL ES 1.00, for WebGL 1: the text that is written for WebGL 2, rewritten on its syntax tree.
+//!
+//! | ES 3.00 | ES 1.00 |
+//! |---|---|
+//! | `in`, `out` | `attribute`, `varying`, `gl_FragColor`, `gl_FragData[n]` |
+//! | `texture`, `textureLod`, `textureGrad` | `texture2D`, `textureCube` and their like |
+//! | `texelFetch(map, pixel, 0)` of a texture without a sampler | `texture2D(map, (vec2(pixel) + 0.5) / map_size)`, with a uniform `map_size` |
+//! | `while (true)` around a counter | `for` of as many turns as the counter can take |
+//! | `float[3](..)`, arrays assigned whole | element by element |
+//!
+//! What the language lacks beyond its appendix A, whose minimum is all that WebGL 1 promises, is an error that names it: unsigned integers, operators on bits, `switch`, blocks,
+//! textures of other kinds, flat varyings, loops of a length known at run time, in a fragment stage an index that is no constant.
+
+mod counted;
+mod expression;
+mod statement;
+mod types;
+
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+
+use glsl_lang::ast;
+use glsl_lang::transpiler::glsl::{FormattingState, show_external_declaration};
+use naga::ShaderStage;
+
+use crate::emit::plan_json::StageFile;
+use crate::front;
+
+/// What GLSL ES 1.00 has no word for.
+#[derive(Debug)]
+pub(super) struct Lacks(pub String);
+
+type Result<T> = std::result::Result<T, Lacks>;
+
+fn lacks<T>(what: impl Into<String>) -> Result<T> {
+    Err(Lacks(what.into()))
+}
+
+/// The text of one stage in GLSL ES 1.00, and `said` with the uniforms that it has more. `es300` is as this crate writes it.
+pub(super) fn rewritten(
+    es300: &str,
+    stage: ShaderStage,
+    mut said: StageFile,
+) -> Result<(String, StageFile)> {
+    let tree = front::glsl_tree(es300, stage)
+        .map_err(|e| Lacks(format!("a text that does not parse ({e})")))?;
+    let fetched = said.textures.iter().filter(|t| t.sampler.is_none());
+    let mut rewrite = Rewrite {
+        stage,
+        fetched: fetched.map(|t| t.name.clone()).collect(),
+        ..Rewrite::default()
+    };
+    rewrite.outputs_of(&tree)?;
+    let mut declarations = Vec::new();
+    for declaration in tree.0 {
+        declarations.extend(rewrite.external(declaration)?);
+    }
+    let mut body = String::new();
+    let mut state = FormattingState::default();
+    for declaration in &declarations {
+        show_external_declaration(&mut body, declaration, &mut state)
+            .map_err(|e| Lacks(format!("a text that is not written ({e})")))?;
+    }
+    let mut text = "#version 100\n".to_owned();
+    for extension in &rewrite.extensions {
+        text += &format!("#extension {extension} : require\n");
+    }
+    for size in rewrite.sizes.values() {
+        text += &format!("uniform highp vec2 {size};\n");
+    }
+    text += body.trim_end();
+    text.push('\n');
+    for texture in &mut said.textures {
+        texture.size = rewrite.sizes.get(&texture.name).cloned();
+    }
+    for attribute in &mut said.attributes {
+        // The language has no `layout`: a host binds the location by the name.
+        attribute.explicit = false;
+    }
+    Ok((text, said))
+}
+
+/// What a sampler samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sampler {
+    Two,
+    Cube,
+}
+
+/// What is known of the text so far. Names of locals are the function's own; a name that means two things is taken for the later one, as scopes have it.
+struct Rewrite {
+    stage: ShaderStage,
+    /// Textures that the host gives no sampler.
+    fetched: HashSet<String>,
+    /// What an output of the fragment stage is called.
+    outputs: HashMap<String, ast::ExprData>,
+    samplers: HashMap<String, Sampler>,
+    /// Variables, members and functions of `int`.
+    integers: HashSet<String>,
+    /// The same of `bool`.
+    booleans: HashSet<String>,
+    /// Lengths of arrays.
+    arrays: HashMap<String, i32>,
+    /// Structs that hold arrays.
+    holds_arrays: HashSet<String>,
+    /// The author's functions, with those of their parameters that they write.
+    functions: HashMap<String, HashSet<usize>>,
+    extensions: BTreeSet<&'static str>,
+    /// Uniforms of textures' sizes.
+    sizes: BTreeMap<String, String>,
+    /// Every name declared.
+    names: HashSet<String>,
+    /// Loops bounded so far.
+    loops: usize,
+}
+
+impl Default for Rewrite {
+    fn default() -> Self {
+        Self {
+            stage: ShaderStage::Fragment,
+            fetched: HashSet::new(),
+            outputs: HashMap::new(),
+            samplers: HashMap::new(),
+            integers: HashSet::new(),
+            booleans: HashSet::new(),
+            arrays: HashMap::new(),
+            holds_arrays: HashSet::new(),
+            functions: HashMap::new(),
+            extensions: BTreeSet::new(),
+            sizes: BTreeMap::new(),
+            names: HashSet::new(),
+            loops: 0,
+        }
+    }
+}
+
+impl Rewrite {
+    /// Names the outputs of a fragment stage: one alone at location 0 is `gl_FragColor`.
+    fn outputs_of(&mut self, tree: &ast::TranslationUnit) -> Result<()> {
+        let mut found: Vec<(String, i32)> = Vec::new();
+        for declaration in &tree.0 {
+            let ast::ExternalDeclarationData::Declaration(declaration) = &**declaration else {
+                continue;
+            };
+            let ast::DeclarationData::InitDeclaratorList(list) = &**declaration else {
+                continue;
+            };
+            let head = &list.head;
+            self.names
+                .extend(head.name.iter().map(|n| n.as_str().to_owned()));
+            if self.stage != ShaderStage::Fragment || !types::is_output(&head.ty) {
+                continue;
+            }
+            let name = head.name.as_ref().map_or("", |n| n.as_str());
+            if !matches!(*head.ty.ty.ty, ast::TypeSpecifierNonArrayData::Vec4)
+                || head.array_specifier.is_some()
+            {
+                return lacks(format!("the output `{name}`, which is no vec4"));
+            }
+            found.push((name.to_owned(), types::location(&head.ty).unwrap_or(0)));
+        }
+        let alone = matches!(found[..], [(_, 0)]);
+        for (name, location) in found {
+            let builtin = |name: &str| ast::ExprData::variable(name);
+            let expression = match alone {
+                true => builtin("gl_FragColor"),
+                false => {
+                    self.extensions.insert("GL_EXT_draw_buffers");
+                    let data = Box::new(builtin("gl_FragData").into());
+                    let index = Box::new(ast::ExprData::IntConst(location).into());
+                    ast::ExprData::Bracket(data, index)
+                }
+            };
+            self.outputs.insert(name, expression);
+        }
+        Ok(())
+    }
+
+    fn external(
+        &mut self,
+        mut declaration: ast::ExternalDeclaration,
+    ) -> Result<Option<ast::ExternalDeclaration>> {
+        match &mut *declaration {
+            ast::ExternalDeclarationData::Preprocessor(_) => return Ok(None),
+            ast::ExternalDeclarationData::FunctionDefinition(function) => {
+                self.function(function)?;
+            }
+            ast::ExternalDeclarationData::Declaration(inner) => match &mut **inner {
+                ast::DeclarationData::Precision(..) | ast::DeclarationData::Invariant(_) => {}
+                ast::DeclarationData::FunctionPrototype(prototype) => self.prototype(prototype)?,
+                ast::DeclarationData::Block(block) => {
+                    return lacks(format!("the block `{}`", block.name.as_str()));
+                }
+                ast::DeclarationData::TypeOnly(_) => return lacks("a layout of the whole stage"),
+                ast::DeclarationData::InitDeclaratorList(list) => {
+                    return match self.global(list)? {
+                        true => Ok(Some(declaration)),
+                        false => Ok(None),
+                    };
+                }
+            },
+        }
+        Ok(Some(declaration))
+    }
+
+    /// A declaration outside of functions, and whether anything is left of it.
+    fn global(&mut self, list: &mut ast::InitDeclaratorList) -> Result<bool> {
+        let name = list.head.name.as_ref().map(|n| n.as_str().to_owned());
+        let name = name.unwrap_or_default();
+        if self.outputs.contains_key(&name) {
+            return Ok(false);
+        }
+        if let ast::TypeSpecifierNonArrayData::Struct(of) = &mut *list.head.ty.ty.ty {
+            self.structure(of)?;
+        }
+        let head: &mut ast::SingleDeclarationData = &mut list.head;
+        types::qualify(&mut head.ty, self.stage, &name)?;
+        self.declare(&mut head.ty, &name, head.array_specifier.as_ref())?;
+        if let Some(initial) = &mut head.initializer {
+            self.initializer(initial, &name)?;
+        }
+        Ok(true)
+    }
+
+    fn structure(&mut self, of: &mut ast::StructSpecifier) -> Result<()> {
+        let of: &mut ast::StructSpecifierData = of;
+        for field in &mut of.fields {
+            types::plain(&mut field.ty)?;
+            for one in &field.identifiers {
+                self.note(&field.ty, one.ident.as_str());
+                let is_array = one.array_spec.is_some();
+                if is_array && let Some(name) = &of.name {
+                    self.holds_arrays.insert(name.as_str().to_owned());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn prototype(&mut self, prototype: &mut ast::FunctionPrototype) -> Result<()> {
+        let name = prototype.name.as_str().to_owned();
+        types::plain(&mut prototype.ty.ty)?;
+        if prototype.ty.ty.array_specifier.is_some() {
+            return lacks(format!("an array as the result of `{name}`"));
+        }
+        self.note(&prototype.ty.ty, &name);
+        let mut written = HashSet::new();
+        for (i, parameter) in prototype.parameters.iter_mut().enumerate() {
+            let (qualifier, ty) = match &mut **parameter {
+                ast::FunctionParameterDeclarationData::Named(qualifier, declarator) => {
+                    let declarator = &mut **declarator;
+                    let of = declarator.ident.ident.as_str();
+                    self.names.insert(of.to_owned());
+                    self.note(&declarator.ty, of);
+                    match types::length(declarator.ident.array_spec.as_ref())? {
+                        Some(n) => self.arrays.insert(of.to_owned(), n),
+                        None => self.arrays.remove(of),
+                    };
+                    (qualifier, &mut declarator.ty)
+                }
+                ast::FunctionParameterDeclarationData::Unnamed(qualifier, ty) => (qualifier, ty),
+            };
+            types::plain(ty)?;
+            let writes = |q: &ast::TypeQualifierSpec| {
+                matches!(&**q, ast::TypeQualifierSpecData::Storage(s)
+                    if matches!(**s, ast::StorageQualifierData::Out | ast::StorageQualifierData::InOut))
+            };
+            if qualifier.iter().flat_map(|q| &q.qualifiers).any(writes) {
+                written.insert(i);
+            }
+        }
+        self.functions.insert(name, written);
+        Ok(())
+    }
+
+    fn function(&mut self, function: &mut ast::FunctionDefinition) -> Result<()> {
+        let outside = (
+            self.arrays.clone(),
+            self.integers.clone(),
+            self.booleans.clone(),
+        );
+        self.prototype(&mut function.prototype)?;
+        let name = function.prototype.name.as_str().to_owned();
+        let body = std::mem::take(&mut function.statement.statement_list);
+        let body = self.statements(body);
+        let body = body.map_err(|Lacks(what)| Lacks(format!("{what}, in `{name}`")))?;
+        function.statement.statement_list = body;
+        let result = (self.integers.contains(&name), self.booleans.contains(&name));
+        (self.arrays, self.integers, self.booleans) = outside;
+        if result.0 {
+            self.integers.insert(name.clone());
+        }
+        if result.1 {
+            self.booleans.insert(name);
+        }
+        Ok(())
+    }
+
+    /// Notes a variable by its type, which becomes one of the language's.
+    fn declare(
+        &mut self,
+        ty: &mut ast::FullySpecifiedType,
+        name: &str,
+        array: Option<&ast::ArraySpecifier>,
+    ) -> Result<()> {
+        types::plain(&mut ty.ty)?;
+        self.names.insert(name.to_owned());
+        self.note(&ty.ty, name);
+        match types::length(array)? {
+            Some(n) => self.arrays.insert(name.to_owned(), n),
+            None => self.arrays.remove(name),
+        };
+        Ok(())
+    }
+
+    fn note(&mut self, ty: &ast::TypeSpecifier, name: &str) {
+        use ast::TypeSpecifierNonArrayData as T;
+        let set = |of: &mut HashSet<String>, is: bool| match is {
+            true => of.insert(name.to_owned()),
+            false => of.remove(name),
+        };
+        let ty = &*ty.ty;
+        set(
+            &mut self.integers,
+            matches!(ty, T::Int | T::IVec2 | T::IVec3 | T::IVec4),
+        );
+        set(
+            &mut self.booleans,
+            matches!(ty, T::Bool | T::BVec2 | T::BVec3 | T::BVec4),
+        );
+        let sampler = match ty {
+            T::Sampler2D => Some(Sampler::Two),
+            T::SamplerCube => Some(Sampler::Cube),
+            _ => None,
+        };
+        if let Some(sampler) = sampler {
+            self.samplers.insert(name.to_owned(), sampler);
+        }
+    }
+}
