@@ -27,6 +27,14 @@ pub fn json(value: &impl serde::Serialize) -> Result<(), Failure> {
     data(&serde_json::to_string_pretty(value)?)
 }
 
+/// `1 file`, `2 files`.
+pub fn count(n: usize, what: &str) -> String {
+    match n {
+        1 => format!("1 {what}"),
+        _ => format!("{n} {what}s"),
+    }
+}
+
 /// Prints a message to stderr; one that nobody reads is dropped.
 pub fn message(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", text.trim_end());
