@@ -189,6 +189,8 @@ impl Config {
         flags.into_iter().fold(command, |command, (long, id)| {
             let value = self.values.get(&(name.to_owned(), long.clone()));
             command.mut_arg(id, |arg| match value {
+                // Help has no word on a switch's default, and none can be hidden.
+                Some(said) if is_switch(&arg) => arg.default_values(said.words.clone()),
                 Some(said) => arg
                     .default_values(said.words.clone())
                     .hide_default_value(true),

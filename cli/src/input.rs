@@ -224,7 +224,13 @@ impl ShaderArgs {
     fn included(&self, parsed: &front::Parsed) -> Vec<PathBuf> {
         // They come after the author's own; a path that was asked for and is not there was looked for elsewhere.
         let all = parsed.program.sources().files().iter();
-        let included = all.skip(self.files.len()).map(|f| PathBuf::from(&f.name));
+        let here = std::env::current_dir().and_then(|d| d.canonicalize());
+        let path = |name: &str| {
+            let path = PathBuf::from(name);
+            let below = here.as_ref().ok().and_then(|h| path.strip_prefix(h).ok());
+            below.map(Path::to_path_buf).unwrap_or(path)
+        };
+        let included = all.skip(self.files.len()).map(|f| path(&f.name));
         let mut found: Vec<PathBuf> = Vec::new();
         for file in included.filter(|f| f.is_file()) {
             let is_same = |known: &PathBuf| {
