@@ -307,8 +307,21 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
         None if cli.watch && is_asked => Err(Failure(
             "error: --watch needs files to watch: stdin is read once".to_owned(),
         )),
-        _ => wanted.run(config.path()),
+        _ => wanted.run(config.path()).inspect_err(|Failure(message)| {
+            if worker::mine().is_none() && wants_json(&matches) {
+                output::failed(message);
+            }
+        }),
     }
+}
+
+/// Whether a command's data is asked for as JSON.
+fn wants_json(matches: &clap::ArgMatches) -> bool {
+    let Some((_, of_it)) = matches.subcommand() else {
+        return false;
+    };
+    let format = of_it.try_get_raw("format").ok().flatten();
+    format.is_some_and(|mut words| words.any(|word| word == "json"))
 }
 
 fn no_command() -> Failure {

@@ -610,6 +610,22 @@ fn what_cannot_be_written_does_not_hold_up_the_rest() {
 }
 
 #[test]
+fn what_fails_is_json_too() {
+    let tree = tree("many-failed");
+    for args in [
+        &["explain", "nothing.wgsl"][..],
+        &["rewrite", "shaders/lit.wgsl", "--pass", "nope"],
+    ] {
+        let output = run(&tree, &[args, &["--format", "json"]].concat());
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(told["schema"], "preshade.error.v1");
+        let error = told["errors"][0].as_str().unwrap();
+        assert!(stderr(&output).contains(error), "{error}");
+    }
+}
+
+#[test]
 fn names_and_halves_are_told() {
     let tree = tree("many-told");
     for name in [".", "..", "a:b", "a/b", "a\nb"] {
