@@ -281,9 +281,6 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         messages.iter().for_each(|m| output::message(&told(m, job)));
         let is_read = failed.is_empty();
         sum.failed += usize::from(!is_read);
-        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
-            sum.add(!material.recipe.is_empty(), &material.refusals);
-        }
         for error in failed {
             let error = told(&error, job);
             if !errors.contains(&error) {
@@ -312,19 +309,21 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
                 continue;
             }
             taken.extend(paths.clone().map(|p| (p, from)));
-            let read = read.into_iter().chain(config.map(Path::to_path_buf));
-            rules.push((paths.collect(), read.collect()));
+            let paths: Vec<PathBuf> = paths.collect();
             let all = files.len();
             let files = files.into_iter().cloned().collect();
             match write(folder, files, args.format, jobs.len()) {
                 Ok(written) => {
                     sum.written += written;
                     sum.up_to_date += all - written;
+                    let read = read.into_iter().chain(config.map(Path::to_path_buf));
+                    rules.push((paths, read.collect()));
                 }
                 // The others are written all the same.
                 Err(Failure(error)) => {
                     sum.failed += usize::from(is_read);
                     errors.push(error);
+                    continue;
                 }
             }
         } else if args.format == Format::Human {
@@ -332,6 +331,9 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
                 let text = String::from_utf8_lossy(&file.bytes);
                 output::data(&format!("// {}\n{text}", file.name))?;
             }
+        }
+        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
+            sum.add(!material.recipe.is_empty(), &material.refusals);
         }
         hints.iter().for_each(|m| output::message(m));
         report.extend(materials.into_iter().map(|(rewritten, _)| rewritten));
