@@ -156,7 +156,7 @@ fn recipe(name: &str) -> Vec<&'static str> {
     }
 }
 
-/// The comment that a pass's file opens with, as Markdown: links into the code are left as code.
+/// The comment that a pass's file opens with, as Markdown: links into the code are left as code, and left out where they stand in parentheses for readers of the code.
 fn comment(name: &str) -> String {
     let file = name.replace('-', "_");
     let folder = root().join("passes/src");
@@ -169,9 +169,19 @@ fn comment(name: &str) -> String {
     let lines = text.lines().take_while(|l| l.starts_with("//!"));
     let lines = lines.map(|l| l.trim_start_matches("//!").strip_prefix(' ').unwrap_or(""));
     let text = lines.collect::<Vec<_>>().join("\n");
-    text.replace("[`", "`")
+    let mut read = String::new();
+    let mut rest = &text[..];
+    while let Some(at) = rest.find(" ([`") {
+        let end = at + rest[at..].find(')').unwrap() + 1;
+        let inner = &rest[at + 2..end - 1];
+        let links = inner.split(", ").all(|l| l.starts_with("[`") && l.ends_with("`]"));
+        read.push_str(&rest[..if links { at } else { end }]);
+        rest = &rest[end..];
+    }
+    read.push_str(rest);
+    read.replace("[`", "`")
         .replace("`]", "`")
-        .replace("(`mod@", "(`")
+        .replace("[guard](crate::guard::Guard)", "guard")
 }
 
 fn promise(contract: &Contract) -> String {
@@ -203,7 +213,8 @@ fn page(pass: &dyn AnyPass) -> String {
     );
     writeln!(
         text,
-        "Hurts {}. Source: {}.\n",
+        "Take it where {}.\n\nIt hurts {}.\n\nSource: {}.\n",
+        info.when.trim_end_matches('.'),
         info.hurts.trim_end_matches('.'),
         info.source.trim_end_matches('.')
     )

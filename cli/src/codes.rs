@@ -30,8 +30,9 @@ pub fn explain(code: &str) -> Result<String, Failure> {
     if let Some(pass) = pass_named(bare) {
         let info = pass.info();
         return Ok(format!(
-            "{bare} is a pass: {}.\nIt hurts {}.\n\n`preshade passes {bare}` lists its parameters.\n",
+            "{bare} is a pass: {}.\nTake it where {}.\nIt hurts {}.\n\n`preshade passes {bare}` lists its parameters.\n",
             info.summary.trim_end_matches('.'),
+            info.when.trim_end_matches('.'),
             info.hurts.trim_end_matches('.')
         ));
     }

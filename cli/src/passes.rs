@@ -35,6 +35,7 @@ struct Listing {
 struct PassListed {
     name: &'static str,
     summary: &'static str,
+    when: &'static str,
     hurts: &'static str,
     source: &'static str,
     parameters: Vec<Parameter>,
@@ -56,6 +57,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             PassListed {
                 name: info.name,
                 summary: info.summary,
+                when: info.when,
                 hurts: info.hurts,
                 source: info.source,
                 parameters: parameters(*p),
@@ -86,8 +88,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 
 fn details(pass: &PassListed) -> String {
     let mut text = format!(
-        "{}\n  {}\n  hurts {}\n  source: {}\n",
-        pass.name, pass.summary, pass.hurts, pass.source
+        "{}\n  {}\n  take it where {}\n  hurts {}\n  source: {}\n",
+        pass.name, pass.summary, pass.when, pass.hurts, pass.source
     );
     for p in &pass.parameters {
         let kind = match &p.kind {

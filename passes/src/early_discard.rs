@@ -1,7 +1,7 @@
 //! `early-discard`: compare with the nearest depth ahead of all work, and leave when behind it.
 //!
 //! Goal: what a hidden fragment would have cost, saved by hand where the hardware's own early test cannot run: in a material that writes depth, or on an
-//! API without a say in it (the article of seed 1).
+//! API without a say in it (Primozic, "Speeding Up Three.JS with Depth-Based Fragment Culling", 2022).
 //!
 //! ```text
 //! before:  main     fs(..) { work }                                        depth less, write
@@ -16,7 +16,7 @@
 //! user says what is allowed (`budget=0.02`), and `verify` measures it; without a budget it is refused.
 //!
 //! A fragment is dropped only when it is strictly behind by more than two pipelines may differ: the tolerance is derived from depth format, depth and slope
-//! ([`Params::tolerance`]). The article's fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
+//! ([`Params::tolerance`]). That article's fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
 //!
 //! `texture=packed` adds a colour attachment, [`PREPASS_PACKED`], and binds that: the pre-pass then always has a fragment stage.
 //!
@@ -28,8 +28,6 @@
 //!
 //! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none: its prologue allows for positions that differ by the tolerance, so
 //! only the original's picture tells whether a fragment was wrongly dropped, and a plan has no original to draw. `verify` draws it.
-//!
-//! It hurts where little is hidden, and on hardware whose early test already rejects: a texture read and a vote for each fragment, for nothing.
 
 use naga::Module;
 use schemars::JsonSchema;
@@ -165,7 +163,8 @@ impl Pass for EarlyDiscard {
         name: "early-discard",
         summary: "compares with the nearest depth ahead of all work and leaves when behind it",
         source: "Primozic, Speeding Up Three.JS with Depth-Based Fragment Culling (2022)",
-        hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway",
+        when: "the hardware's early test cannot run (a material that writes depth), or a host cannot set the depth test of its main pass; else take depth-prepass",
+        hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway: a texture read and a vote for each fragment, for nothing",
     };
 
     fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {

@@ -1,7 +1,7 @@
 //! `hoist`: work of the fragment stage that changes slowly over the surface moves to the vertices, and comes back in varyings.
 //!
-//! Goal: what is computed in every fragment, though an interpolated value would do, is computed once a vertex (Wang et al. 2014; He et al. 2015; the article of
-//! seed 4 does it by hand).
+//! Goal: what is computed in every fragment, though an interpolated value would do, is computed once a vertex (Wang et al. 2014; He et al. 2015; Erkaman's
+//! "Making Faster Fragment Shaders by Using Tessellation Shaders" does it by hand).
 //!
 //! ```text
 //! before:  vs -> normal                     fs(normal): shade(noise(normal))
@@ -20,8 +20,6 @@
 //! | any other that a vertex stage can have | interpolated | `Approximate`, under the user's budget |
 //!
 //! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and values that may not be finite at a vertex stay, each with its reason.
-//!
-//! It hurts where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends more than a triangle shows.
 
 use std::collections::BTreeSet;
 
@@ -81,7 +79,8 @@ impl Pass for Hoist {
         name: "hoist",
         summary: "moves slowly changing work of the fragment stage to the vertices, and interpolates it",
         source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
-        hurts: "where triangles are about as small as pixels, and in the picture where a value bends within a triangle",
+        when: "fragments compute what changes slowly over a triangle (noise, fog, light of far or large lamps), on meshes whose triangles cover many pixels",
+        hurts: "where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends within a triangle",
     };
 
     fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {

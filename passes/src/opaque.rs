@@ -1,6 +1,6 @@
 //! What must hold of a material before anything draws its depth ahead of it: the checks that every depth transform shares.
 //!
-//! Each is a hazard that some engine has shipped: blended objects in a pre-pass (seed 1's portal), an alpha test in one pass only,
+//! Each is a hazard that some engine has shipped: blended objects in a pre-pass (a portal in Primozic's article on fragment culling), an alpha test in one pass only,
 //! stores that run twice, a forced early test on an alpha-tested draw.
 
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};

@@ -16,6 +16,8 @@ pub struct PassInfo {
     pub summary: &'static str,
     /// The paper or article.
     pub source: &'static str,
+    /// When to take it, and what to take instead; a clause that follows "where".
+    pub when: &'static str,
     /// When it costs more than it gains.
     pub hurts: &'static str,
 }

@@ -50,6 +50,7 @@ impl Pass for Shadow {
         name: "shadow",
         summary: "the depth-only version of the material, to be drawn under a light's view",
         source: "falls out of depth-prepass: the same slices",
+        when: "a light needs a shadow map of a material that cuts out or displaces",
         hurts: "never by itself: the main pass is untouched and the host decides which lights draw it",
     };
 

@@ -81,6 +81,7 @@ impl Pass for SkipTaps {
         name: "skip-taps",
         summary: "leaves out texture taps whose blend weight is next to nothing, within a budget",
         source: "Heitz and Neyret, High-Performance By-Example Noise (2018), and Mikkelsen, Practical Real-Time Hex-Tiling (2022), for the blends; Golus, Normal Mapping for a Triplanar Shader (2017), for the branch",
+        when: "textures are blended by weights that are mostly next to 0: hex tiling, triplanar mapping, layers of a terrain",
         hurts: "where weights are seldom small, or differ from pixel to pixel: lanes that sample wait for nobody, but those that do not wait for them",
     };
 

@@ -11,7 +11,7 @@
 //! ```
 //!
 //! What is known (uniforms that no frame changes, attributes and textures of one value, values given by hand) goes through the stages by online partial evaluation ([`fold`]), as intervals that
-//! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write (`shrink`), which takes dead work,
+//! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write, which takes dead work,
 //! varyings, attributes and bindings along.
 //!
 //! Only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
@@ -20,7 +20,7 @@
 //! The promise is `Exact` where nothing around a float operation changes that a compiler fuses and reorders by, else `Rounding`, with the share of pixels in which a decision may turn on one
 //! ([`contraction`]): where a branch goes, a product may be fused into a sum that was none before, and no text prevents it.
 //!
-//! What was assumed is the plan's [`crate::guard::Guard`]. It hurts where values change after all: each change of variant is another pipeline.
+//! What was assumed is the plan's [guard](crate::guard::Guard), which a host asks before it draws.
 
 use std::collections::BTreeSet;
 
@@ -67,7 +67,8 @@ impl Pass for Specialize {
         name: "specialize",
         summary: "leaves out what the scene's own values switch off, with a guard that says which values",
         source: "Crawford and O'Boyle, Specialization Opportunities in Graphical Workloads (2019)",
-        hurts: "where values change from frame to frame, and where many draws want many variants",
+        when: "one material serves many objects, and uniforms switch its effects on and off (engine standard materials)",
+        hurts: "where values change from frame to frame, and where many draws want many variants: each is another pipeline",
     };
 
     fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {

@@ -1,6 +1,6 @@
 //! `tessellate`: what was hoisted is computed at more vertices than the author's.
 //!
-//! Goal: a hoisted value that bends within a triangle is followed more closely, for less than a fragment's work (Wang et al. 2014; seed 4's article does it by hand
+//! Goal: a hoisted value that bends within a triangle is followed more closely, for less than a fragment's work (Wang et al. 2014; Erkaman's article does it by hand
 //! with a tessellation stage, which WebGPU has not).
 //!
 //! ```text
@@ -19,8 +19,6 @@
 //!
 //! Strips are drawn as the lists of their triangles. Refused are varyings interpolated linearly on the screen, where a point behind the viewer has no place, and half-precision attributes
 //! and varyings, which would be decoded and blended at another precision than the rasteriser's.
-//!
-//! It hurts where triangles are small already, and where interpolating three corners costs more than what was hoisted.
 
 use std::collections::BTreeMap;
 
@@ -132,6 +130,7 @@ impl Pass for Tessellate {
         name: "tessellate",
         summary: "divides the triangles of a hoisted material, so that what was hoisted is computed at more vertices",
         source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
+        when: "`hoist` gains much and its picture is off by too much: triangles are large, and what was hoisted bends within them",
         hurts: "where triangles are small already: each new vertex costs what was hoisted, and three corners interpolated",
     };
 

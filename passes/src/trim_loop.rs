@@ -18,7 +18,7 @@
 //! The promise is the user's budget, and nothing else: the picture says what a turn is worth. So loops stay that decide a discard, a depth or a coverage, that write memory, and that the vertex stage
 //! runs too: with them the surface would move.
 //!
-//! It hurts nowhere but in the picture. Sitthi-Amorn et al. (2011) and Pellacini (2005) search such simplifications over whole expressions; loops are where most of the time is.
+//! Sitthi-Amorn et al. (2011) and Pellacini (2005) search such simplifications over whole expressions; loops are where most of the time is.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -81,6 +81,7 @@ impl Pass for TrimLoop {
         name: "trim-loop",
         summary: "leaves out the last turns of loops, as octaves of noise, within a budget",
         source: "Pellacini, User-Configurable Automatic Shader Simplification (2005); Sitthi-Amorn et al., Genetic Programming for Shader Simplification (2011)",
+        when: "a sum of noise, march steps or filter samples has more turns than the scene shows",
         hurts: "where the last turns are seen: a sum that is not divided by its weights gets darker",
     };
 

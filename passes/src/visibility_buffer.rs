@@ -1,7 +1,7 @@
 //! `visibility-buffer`: draw which triangle each pixel shows, then shade each pixel once.
 //!
 //! Goal: the material's fragment stage runs once for each covered pixel, and only for what is seen, whatever the depth complexity and the order of draws
-//! (Burns and Hunt, "The Visibility Buffer: A Cache-Friendly Approach to Deferred Shading", JCGT 2013; seed 3's article builds one by hand for grass).
+//! (Burns and Hunt, "The Visibility Buffer: A Cache-Friendly Approach to Deferred Shading", JCGT 2013; Sidorkin, "A faster renderer that wasn't faster", builds one by hand for grass).
 //!
 //! ```text
 //! before:  main      vs + fs                 every fragment that is nearest so far is shaded
@@ -14,8 +14,6 @@
 //!
 //! What a fragment took from the rasteriser is made again: barycentrics from homogeneous edge functions, right for triangles that reach behind the viewer; each varying by its
 //! own interpolation; gradients as differences between pixels of the quad on the same triangle; facing from a bit of the id.
-//!
-//! It hurts where little is hidden, where vertices are dear (each pixel runs three), and where neighbouring pixels show far-apart instances, whose data no cache holds.
 
 use naga::ShaderStage;
 
@@ -66,7 +64,8 @@ impl Pass for VisibilityBuffer {
         name: "visibility-buffer",
         summary: "draws which triangle each pixel shows, then shades each pixel once",
         source: "Burns and Hunt, The Visibility Buffer (JCGT 2013)",
-        hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices",
+        when: "a pixel is covered many times by small triangles (grass, crowds, foliage), cut-outs keep the early test from helping, and the host can bind vertices as storage buffers; else a depth-prepass is simpler and mostly as fast",
+        hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
     };
 
     fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {

@@ -106,13 +106,13 @@ pub struct Params {
     /// Which neighbours `dpdx`, `dpdy` and `fwidth` are taken of. Default: as the adapter was seen to do, else the pixel's `own`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub derivatives: Option<Neighbours>,
-    /// The same of coarse ones. Default: as seen, else the `quad`'s first pixel's.
+    /// Which neighbours `dpdxCoarse`, `dpdyCoarse` and `fwidthCoarse` are taken of. Default: as seen, else the `quad`'s first pixel's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coarse: Option<Neighbours>,
-    /// The same of samples at an implicit level, but of cubes. Default: as seen, else the `quad`'s first pixel's.
+    /// Which neighbours a texture sample's implicit level is taken of, cubes aside. Default: as seen, else the `quad`'s first pixel's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<Neighbours>,
-    /// The same of cubes. Default: as seen, else the `quad`'s first pixel's.
+    /// Which neighbours the implicit level of a cube texture's sample is taken of. Default: as seen, else the `quad`'s first pixel's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cubes: Option<Neighbours>,
     /// Where the resolve has the vertex stage's results from.
