@@ -1,6 +1,7 @@
 //! `preshade adapters`: what can be measured on.
 
 use preshade::render;
+use serde::Serialize;
 
 use crate::output;
 use crate::{Failure, Format, Outcome};
@@ -16,11 +17,20 @@ pub struct Args {
     format: Format,
 }
 
+#[derive(Serialize)]
+struct Listing<'a> {
+    schema: &'static str,
+    adapters: &'a [render::AdapterReport],
+}
+
 /// Lists the adapters.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let adapters = render::adapters();
     match args.format {
-        Format::Json => output::json(&adapters)?,
+        Format::Json => output::json(&Listing {
+            schema: "preshade.adapters.v1",
+            adapters: &adapters,
+        })?,
         Format::Human => {
             for a in &adapters {
                 output::data(&a.to_string())?;

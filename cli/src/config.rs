@@ -1,12 +1,16 @@
 //! `preshade.toml`: values for flags, under the environment and under the flags themselves.
 //!
 //! A key is a long flag's name. At the top of the file it holds for every command that has the flag, in a table named after a command for that one alone.
-//! `PRESHADE_` and the flag's name in capitals is the environment's word for it.
+//! `PRESHADE_` and the flag's name in capitals is the environment's word for it; one that is empty counts as not there, and `;` stands between the values of a flag that takes several.
+//! `--FLAG=false` takes back a switch. What a flag says also goes before what is said, further down, of a flag that cannot stand beside it.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
+use clap::builder::{BoolishValueParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use preshade::nearest::nearest;
@@ -15,7 +19,7 @@ use toml::{Table, Value};
 use crate::{Failure, unknown, worker};
 
 /// The file that is read where there is one.
-const FILE: &str = "preshade.toml";
+pub const FILE: &str = "preshade.toml";
 
 /// Flags that say how the command line itself is read.
 const NOT_KEYS: [&str; 5] = ["config", "print-config", "explain", "help", "version"];
@@ -27,45 +31,154 @@ const NOT_FOUND: [&str; 1] = ["allow-outside"];
 #[derive(Debug, Default)]
 pub struct Config {
     path: Option<PathBuf>,
-    values: BTreeMap<(String, String), Vec<String>>,
+    values: Values,
+    /// Switches that the command line says `false` of.
+    taken_back: Vec<String>,
+}
+
+/// Where a value comes from that no flag says; what is later goes before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum From {
+    File,
+    Environment,
+}
+
+/// What is said of a flag.
+#[derive(Clone, Debug)]
+struct Said {
+    words: Vec<OsString>,
+    from: From,
 }
 
 impl Config {
-    /// Reads the file that `--config` or `PRESHADE_CONFIG` names, or `preshade.toml` where there is one, and checks it against what `command` takes.
+    /// Reads the environment, and the file that `--config` or `PRESHADE_CONFIG` names, or `preshade.toml` where there is one, and checks both against what `command` takes.
     ///
     /// # Errors
-    /// It cannot be read, has a key that is no flag, or a value that is no text, number, truth or list of those.
-    pub fn read(arguments: &[OsString], command: &Command) -> Result<Self, Failure> {
-        let path =
-            named(arguments).or_else(|| std::env::var_os("PRESHADE_CONFIG").map(PathBuf::from));
-        let is_named = path.is_some();
-        let path = match path {
-            Some(path) => path,
-            None if Path::new(FILE).is_file() => PathBuf::from(FILE),
-            None => return Ok(Self::default()),
-        };
-        let failed = |message: String| Failure(format!("error: {}: {message}", path.display()));
-        let text = std::fs::read_to_string(&path).map_err(|e| failed(e.to_string()))?;
-        let table: Table = text
-            .parse()
-            .map_err(|e: toml::de::Error| failed(e.to_string()))?;
-        let values = values(&table, command).map_err(failed)?;
-        // The file of a folder may be a stranger's, as its scenes may.
-        let mut keys = values.keys().map(|(_, key)| key);
-        if let Some(key) = keys.find(|key| !is_named && NOT_FOUND.contains(&key.as_str())) {
-            return Err(failed(format!(
-                "`{key}` is not taken from a file that only lies here: give the flag, or name the file with --config"
-            )));
+    /// The file cannot be read, has a key that is no flag, or a value that is no text, number, truth or list of those; or two flags are set that exclude each other.
+    pub fn read(arguments: &Arguments, command: &Command) -> Result<Self, Failure> {
+        let mut config = Self::of_flags(arguments);
+        config.path = path(arguments);
+        if let Some(path) = &config.path {
+            let failed = |message: String| Failure(format!("error: {}: {message}", path.display()));
+            let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
+            let table: Table = text
+                .parse()
+                .map_err(|e: toml::de::Error| failed(e.to_string()))?;
+            config.values = values(&table, command).map_err(failed)?;
+            // The file of a folder may be a stranger's, as its scenes may.
+            let mut keys = config.values.keys().map(|(_, key)| key);
+            if asked(arguments).is_none()
+                && let Some(key) = keys.find(|key| NOT_FOUND.contains(&key.as_str()))
+            {
+                return Err(failed(format!(
+                    "`{key}` is not taken from a file that only lies here: give the flag, or name the file with --config"
+                )));
+            }
         }
-        Ok(Self {
-            path: Some(path),
-            values,
-        })
+        config.values.extend(environment(command)?);
+        config.settle(arguments, command)?;
+        Ok(config)
+    }
+
+    /// What the command line says alone, for commands that must run whatever the file has in it.
+    pub fn of_flags(arguments: &Arguments) -> Self {
+        Self {
+            taken_back: arguments.taken_back.clone(),
+            ..Self::default()
+        }
     }
 
     /// The file that was read, if there is one.
     pub fn path(&self) -> Option<&Path> {
         self.path.as_deref()
+    }
+
+    /// Drops what the command line, or the environment over the file, has decided otherwise.
+    fn settle(&mut self, arguments: &Arguments, command: &Command) -> Result<(), Failure> {
+        self.values
+            .retain(|(_, flag), _| !arguments.taken_back.contains(flag));
+        // What is wrong on the command line is told when it is read in earnest.
+        let look = command
+            .clone()
+            .ignore_errors(true)
+            .try_get_matches_from(&arguments.words);
+        let Ok(matches) = look else {
+            return Ok(());
+        };
+        let Some((name, of_it)) = matches.subcommand() else {
+            return Ok(());
+        };
+        let Some(sub) = command.find_subcommand(name) else {
+            return Ok(());
+        };
+        let is_flag = |arg: &Arg| {
+            let id = arg.get_id().as_str();
+            of_it.value_source(id) == Some(ValueSource::CommandLine)
+        };
+        let key = |arg: &Arg| {
+            let long = arg.get_long()?;
+            Some((name.to_owned(), long.to_owned()))
+        };
+        for one in sub.get_arguments() {
+            for other in sub.get_arg_conflicts_with(one) {
+                for (one, other) in [(one, other), (other, one)] {
+                    if is_flag(one)
+                        && let Some(key) = key(other)
+                    {
+                        self.values.remove(&key);
+                    }
+                }
+                let (Some(one), Some(other)) = (key(one), key(other)) else {
+                    continue;
+                };
+                let from = |key| self.values.get(key).map(|said| said.from);
+                match (from(&one), from(&other)) {
+                    (Some(a), Some(b)) if a == b => {
+                        return Err(Failure(format!(
+                            "error: `{}` and `{}` exclude each other, and {} sets both",
+                            one.1,
+                            other.1,
+                            match (a, &self.path) {
+                                (From::File, Some(path)) => path.display().to_string(),
+                                _ => "the environment".to_owned(),
+                            }
+                        )));
+                    }
+                    (Some(a), Some(b)) => {
+                        let lower = if a < b { one } else { other };
+                        self.values.remove(&lower);
+                    }
+                    _ => {}
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A complaint of the argument parser, with where the value comes from if no flag says it.
+    pub fn explained(&self, error: &clap::Error, arguments: &Arguments) -> Option<String> {
+        let ContextValue::String(flag) = error.get(ContextKind::InvalidArg)? else {
+            return None;
+        };
+        let long = flag.strip_prefix("--")?;
+        let long = long.split([' ', '[', '=']).next()?;
+        let words = arguments.words.iter().map(|w| w.to_string_lossy());
+        let names: Vec<String> = words.map(Cow::into_owned).collect();
+        let mut said = self.values.iter().filter(|((command, of), _)| {
+            of == long && (command.is_empty() || names.contains(command))
+        });
+        let ContextValue::String(value) = error.get(ContextKind::InvalidValue)? else {
+            return None;
+        };
+        let is_it = |said: &Said| {
+            let words = said.words.iter().map(|w| w.to_string_lossy());
+            words.into_iter().any(|w| w.contains(value.as_str()))
+        };
+        let (_, said) = said.find(|(_, said)| is_it(said))?;
+        Some(match (said.from, &self.path) {
+            (From::File, Some(path)) => format!("`{long}` of {}", path.display()),
+            _ => format!("{} of the environment", variable(long)),
+        })
     }
 
     /// `command` with the file's values for defaults, and with names in the environment.
@@ -87,12 +200,13 @@ impl Config {
             .collect();
         flags.into_iter().fold(command, |command, (long, id)| {
             let value = self.values.get(&(name.to_owned(), long.clone()));
-            command.mut_arg(id, |arg| {
-                let arg = arg.env(variable(&long)).hide_env(true);
-                match value {
-                    Some(values) => arg.default_values(values.clone()).hide_default_value(true),
-                    None => arg,
-                }
+            command.mut_arg(id, |arg| match value {
+                // Help has no word on a switch's default, and none can be hidden.
+                Some(said) if is_switch(&arg) => arg.default_values(said.words.clone()),
+                Some(said) => arg
+                    .default_values(said.words.clone())
+                    .hide_default_value(true),
+                None => arg,
             })
         })
     }
@@ -117,13 +231,14 @@ impl Config {
             let id = arg.get_id().as_str();
             let given = matches.get_raw(id).into_iter().flatten();
             let given: Vec<Value> = given.map(|v| scalar(&v.to_string_lossy())).collect();
-            let is_in_file = self
-                .values
-                .contains_key(&(name.to_owned(), long.to_owned()));
-            let source = match (matches.value_source(id), &self.path) {
-                (Some(ValueSource::CommandLine), _) => "flag".to_owned(),
-                (Some(ValueSource::EnvVariable), _) => variable(long),
-                (_, Some(path)) if is_in_file => path.display().to_string(),
+            let key = (name.to_owned(), long.to_owned());
+            let is_flag = matches.value_source(id) == Some(ValueSource::CommandLine)
+                || self.taken_back.iter().any(|f| f == long);
+            let said = self.values.get(&key).filter(|_| !is_flag);
+            let source = match (said.map(|s| s.from), &self.path) {
+                (Some(From::File), Some(path)) => path.display().to_string(),
+                (Some(_), _) => variable(long),
+                _ if is_flag => "flag".to_owned(),
                 _ => "default".to_owned(),
             };
             let value = match (arg.get_action(), &given[..]) {
@@ -139,6 +254,77 @@ impl Config {
         }
         text
     }
+}
+
+/// A command line, without the switches that it takes back.
+pub struct Arguments {
+    /// As given, for the argument parser.
+    pub words: Vec<OsString>,
+    /// Names of the switches that stand there as `--FLAG=false`.
+    taken_back: Vec<String>,
+}
+
+impl Arguments {
+    /// Takes `--FLAG=true` and `--FLAG=false` of the switches of `command` out: the argument parser knows them without a value alone.
+    pub fn of(words: &[OsString], command: &Command) -> Self {
+        let all = command
+            .get_subcommands()
+            .flat_map(keys)
+            .chain(keys(command));
+        let switches: Vec<&str> = all
+            .filter(|(_, arg)| is_switch(arg))
+            .map(|(long, _)| long)
+            .collect();
+        let mut arguments = Self {
+            words: Vec::new(),
+            taken_back: Vec::new(),
+        };
+        let mut words = words.iter();
+        for word in words.by_ref() {
+            let text = word.to_str().unwrap_or_default();
+            let said = text
+                .strip_prefix("--")
+                .and_then(|t| t.split_once('='))
+                .filter(|(long, _)| switches.contains(long))
+                .and_then(|(long, value)| Some((long, truth(value.as_ref())?)));
+            match said {
+                Some((long, true)) => arguments.words.push(format!("--{long}").into()),
+                Some((long, false)) => arguments.taken_back.push(long.to_owned()),
+                None => arguments.words.push(word.clone()),
+            }
+            if text == "--" {
+                break;
+            }
+        }
+        arguments.words.extend(words.cloned());
+        arguments
+    }
+}
+
+fn is_switch(arg: &Arg) -> bool {
+    matches!(arg.get_action(), ArgAction::SetTrue)
+}
+
+/// What a word says of a switch: yes, no, true, false, on, off, 1, 0.
+fn truth(word: &OsStr) -> Option<bool> {
+    let command = Command::new("");
+    BoolishValueParser::new()
+        .parse_ref(&command, None, word)
+        .ok()
+}
+
+/// The file that values are taken from, if there is one.
+pub fn path(arguments: &Arguments) -> Option<PathBuf> {
+    asked(arguments).or_else(|| {
+        let file = Path::new(FILE);
+        file.is_file().then(|| file.to_owned())
+    })
+}
+
+/// The file that a flag or the environment names.
+fn asked(arguments: &Arguments) -> Option<PathBuf> {
+    let variable = || std::env::var_os("PRESHADE_CONFIG").filter(|v| !v.is_empty());
+    named(&arguments.words).or_else(|| variable().map(PathBuf::from))
 }
 
 /// The file that `--config` names, looked for ahead of the command line's own reading.
@@ -197,13 +383,58 @@ fn keys(command: &Command) -> impl Iterator<Item = (&str, &Arg)> {
     flags.filter(|(long, _)| !NOT_KEYS.contains(long))
 }
 
+/// A number where it is written as TOML's would be: `007` stays a text.
 fn scalar(text: &str) -> Value {
-    text.parse::<i64>()
-        .map(Value::Integer)
-        .unwrap_or_else(|_| Value::String(text.to_owned()))
+    match text.parse::<i64>() {
+        Ok(number) if number.to_string() == text => Value::Integer(number),
+        _ => Value::String(text.to_owned()),
+    }
 }
 
-type Values = BTreeMap<(String, String), Vec<String>>;
+type Values = BTreeMap<(String, String), Said>;
+
+/// What stands between several values in the environment: names of passes and paths have commas and blanks.
+const SEPARATOR: char = ';';
+
+/// What the environment says. One word holds for every command that has the flag.
+fn environment(command: &Command) -> Result<Values, Failure> {
+    let mut values = Values::new();
+    let of = |name: &str, command: &Command, values: &mut Values| {
+        for (long, arg) in keys(command) {
+            let variable = variable(long);
+            let Some(word) = std::env::var_os(&variable).filter(|w| !w.is_empty()) else {
+                continue;
+            };
+            let words = match (arg.get_action(), word.to_str()) {
+                (ArgAction::SetTrue, _) => match truth(&word) {
+                    Some(truth) => vec![truth.to_string().into()],
+                    None => {
+                        return Err(Failure(format!(
+                            "error: {variable} of the environment is `{}`, and --{long} is true or false",
+                            word.display()
+                        )));
+                    }
+                },
+                (ArgAction::Append, Some(text)) => {
+                    let parts = text.split(SEPARATOR).map(str::trim);
+                    parts.filter(|p| !p.is_empty()).map(Into::into).collect()
+                }
+                _ => vec![word],
+            };
+            let said = Said {
+                words,
+                from: From::Environment,
+            };
+            values.insert((name.to_owned(), long.to_owned()), said);
+        }
+        Ok(())
+    };
+    of("", command, &mut values)?;
+    for sub in command.get_subcommands() {
+        of(sub.get_name(), sub, &mut values)?;
+    }
+    Ok(values)
+}
 
 fn values(table: &Table, command: &Command) -> Result<Values, String> {
     let mut values = Values::new();
@@ -219,12 +450,12 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
                 if !known.contains(&flag.as_str()) {
                     return Err(unknown(&format!("key in [{key}]"), flag, &known));
                 }
-                values.insert((key.clone(), flag.clone()), words(flag, value)?);
+                values.insert((key.clone(), flag.clone()), said(sub, flag, value)?);
             }
             continue;
         }
         if keys(command).any(|(long, _)| long == key) {
-            values.insert((String::new(), key.clone()), words(key, value)?);
+            values.insert((String::new(), key.clone()), said(command, key, value)?);
             continue;
         }
         let all = commands.iter().flat_map(|c| keys(c)).chain(keys(command));
@@ -240,7 +471,7 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
         for sub in with {
             let at = (sub.get_name().to_owned(), key.clone());
             // What is said of one command goes before what is said of all.
-            let words = words(key, value)?;
+            let words = said(sub, key, value)?;
             if table
                 .get(sub.get_name())
                 .is_none_or(|own| own.get(key).is_none())
@@ -252,7 +483,8 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
     Ok(values)
 }
 
-fn words(key: &str, value: &Value) -> Result<Vec<String>, String> {
+/// What the file says of a flag of `command`.
+fn said(command: &Command, key: &str, value: &Value) -> Result<Said, String> {
     let word = |value: &Value| match value {
         Value::String(text) => Ok(text.clone()),
         Value::Integer(number) => Ok(number.to_string()),
@@ -262,8 +494,15 @@ fn words(key: &str, value: &Value) -> Result<Vec<String>, String> {
             "`{key}` is a text, a number, true or false, or a list of those"
         )),
     };
-    match value {
-        Value::Array(all) => all.iter().map(word).collect(),
-        one => Ok(vec![word(one)?]),
-    }
+    let arg = keys(command).find(|(long, _)| *long == key);
+    let is_list = arg.is_some_and(|(_, arg)| matches!(arg.get_action(), ArgAction::Append));
+    let words: Vec<String> = match value {
+        Value::Array(_) if !is_list => return Err(format!("`{key}` is one value, not a list")),
+        Value::Array(all) => all.iter().map(word).collect::<Result<_, _>>()?,
+        one => vec![word(one)?],
+    };
+    Ok(Said {
+        words: words.into_iter().map(OsString::from).collect(),
+        from: From::File,
+    })
 }

@@ -152,6 +152,7 @@ impl ShaderArgs {
         let mut files = self.given();
         let (plans, known) = match input {
             Input::Shader(parsed, state) => {
+                files.extend(self.included(&parsed));
                 let plan = Plan::original(
                     &self.material_name(),
                     parsed.program,
@@ -213,15 +214,45 @@ impl ShaderArgs {
         let mut files = self.given();
         match self.input() {
             Ok(Input::Scene(scene)) => files.extend(scene.files),
-            // Included files come after the author's own, which are there already.
-            Ok(Input::Shader(parsed, _)) => {
-                let all = parsed.program.sources().files();
-                let included = all.iter().skip(self.files.len());
-                files.extend(included.map(|f| PathBuf::from(&f.name)));
-            }
+            Ok(Input::Shader(parsed, _)) => files.extend(self.included(&parsed)),
             Err(_) => {}
         }
         files
+    }
+
+    /// The files that a shader's own ones include.
+    fn included(&self, parsed: &front::Parsed) -> Vec<PathBuf> {
+        // They come after the author's own; a path that was asked for and is not there was looked for elsewhere.
+        let all = parsed.program.sources().files().iter();
+        let here = std::env::current_dir().and_then(|d| d.canonicalize());
+        let path = |name: &str| {
+            let path = PathBuf::from(name);
+            let below = here.as_ref().ok().and_then(|h| path.strip_prefix(h).ok());
+            below.map(Path::to_path_buf).unwrap_or(path)
+        };
+        let included = all.skip(self.files.len()).map(|f| path(&f.name));
+        let mut found: Vec<PathBuf> = Vec::new();
+        for file in included.filter(|f| f.is_file()) {
+            let is_same = |known: &PathBuf| {
+                *known == file
+                    || known
+                        .canonicalize()
+                        .is_ok_and(|k| file.canonicalize().is_ok_and(|f| f == k))
+            };
+            if !found.iter().any(is_same) {
+                found.push(file);
+            }
+        }
+        found
+    }
+
+    /// Whether the files are read well but have no entry point of a stage that a material needs: functions to be included, or a compute shader.
+    pub fn is_no_material(&self) -> bool {
+        let parsed = self.sources().map(|sources| {
+            let options = self.options();
+            options.map(|o| front::parse(&sources, &o))
+        });
+        matches!(parsed, Ok(Ok(Err(e))) if e.code() == front::Code::NoEntryPoint)
     }
 
     /// Whether stdin is among the files.
@@ -333,13 +364,18 @@ impl ShaderArgs {
                 "error: `-` is given twice: stdin can be read only once".to_owned(),
             ));
         }
-        let sources = self
-            .files
-            .iter()
-            .enumerate()
-            .map(|(i, f)| self.source(f, i))
-            .collect::<Result<Vec<_>, _>>()?;
-        let options = front::Options {
+        front::parse(&self.sources()?, &self.options()?).map_err(|e| {
+            let mut told = e.render(color());
+            if self.files.len() > 2 {
+                told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
+            }
+            Failure(told)
+        })
+    }
+
+    /// How the shader is read.
+    fn options(&self) -> Result<front::Options, Failure> {
+        Ok(front::Options {
             vertex: self.vertex.clone(),
             fragment: self.fragment.clone(),
             defines: self.glsl.defines()?,
@@ -347,14 +383,13 @@ impl ShaderArgs {
             clip_space: self.glsl.clip_space(),
             limits: self.limits.limits(),
             ..front::Options::default()
-        };
-        front::parse(&sources, &options).map_err(|e| {
-            let mut told = e.render(color());
-            if self.files.len() > 2 {
-                told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
-            }
-            Failure(told)
         })
+    }
+
+    /// The shader's files.
+    fn sources(&self) -> Result<Vec<Source>, Failure> {
+        let files = self.files.iter().enumerate();
+        files.map(|(i, f)| self.source(f, i)).collect()
     }
 
     /// Reads the file at place `index` among those given.
@@ -388,7 +423,12 @@ impl ShaderArgs {
         }
         let bytes =
             std::fs::read(path).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
-        let name = path.display().to_string();
+        let Some(name) = path.to_str().map(str::to_owned) else {
+            return Err(Failure(format!(
+                "error: {}: the name is not UTF-8, and neither a rule nor a plan could say it: rename the file",
+                path.display()
+            )));
+        };
         let text = utf8(bytes, &name)?;
         Ok(Source {
             name,

@@ -8,8 +8,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
+use clap::parser::ValueSource;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use config::{Arguments, Config};
 use preshade::nearest::nearest;
+use watch::Reads;
 
 mod adapters;
 mod apart;
@@ -17,6 +20,7 @@ mod bench;
 mod codes;
 mod completions;
 mod config;
+mod depfile;
 mod explain;
 mod explore;
 mod graph;
@@ -55,7 +59,8 @@ Examples:
   preshade verify scene.toml --pass depth-prepass:form=equal --out report/
 
 Data goes to stdout, messages to stderr. A flag goes before the environment (PRESHADE_ADAPTER for
---adapter), and that before preshade.toml (adapter = \"llvmpipe\", or [verify] and then frames = 4).
+--adapter; `;` between several values), and that before preshade.toml (adapter = \"llvmpipe\", or
+[verify] and then frames = 4); --FLAG=false takes back a switch that these set.
 Exit status: 0 fine (also where a pass is refused: the original is kept), 1 a variant broke its
 contract, 2 bad usage or input."
 )]
@@ -139,18 +144,27 @@ impl Command {
         }
     }
 
-    /// The files that it reads; `None` where that is stdin, or nothing that could change.
-    fn reads(&self) -> Option<Vec<PathBuf>> {
+    /// What it reads; `None` where that is stdin, or nothing that could change.
+    fn reads(&self) -> Option<Reads> {
         let shader = match self {
             Self::Explain(a) => &a.shader,
             Self::Graph(a) => &a.shader,
             Self::Rewrite(a) => return a.reads(),
             Self::Verify(a) => &a.shader,
             Self::Explore(a) => &a.shader,
-            Self::Plan(a) => return Some(a.reads()),
+            Self::Plan(a) => {
+                return Some(Reads {
+                    files: a.reads(),
+                    ..Reads::default()
+                });
+            }
             _ => return None,
         };
-        (!shader.reads_stdin()).then(|| shader.reads())
+        (!shader.reads_stdin()).then(|| Reads {
+            files: shader.reads(),
+            includes: shader.glsl.include.clone(),
+            ..Reads::default()
+        })
     }
 }
 
@@ -261,7 +275,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Reads the command line over the environment over the configuration, and does what they say. Bad usage ends the process with status 2.
+/// Reads the command line over the environment over the configuration, and does what they say.
 fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
     if worker::mine().is_none() {
         let names = std::env::vars_os().map(|(name, _)| name);
@@ -269,12 +283,13 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
             output::message(&warning);
         }
     }
-    let config = config::Config::read(arguments, &Cli::command())?;
-    let mut command = config.apply(Cli::command());
-    let matches = command
-        .try_get_matches_from_mut(arguments)
-        .unwrap_or_else(|e| e.exit());
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.format(&mut command).exit());
+    let arguments = Arguments::of(arguments, &Cli::command());
+    let CommandLine {
+        cli,
+        command,
+        matches,
+        config,
+    } = read(&arguments)?;
     COLORS.get_or_init(|| cli.color);
     if let Some(code) = &cli.explain {
         output::data(&codes::explain(code)?)?;
@@ -285,12 +300,95 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
         return Ok(Outcome::Fine);
     }
     let Some(wanted) = &cli.command else {
-        return Err(Failure(
-            "error: no command is given; see `preshade --help`".to_owned(),
-        ));
+        return Err(no_command());
     };
-    match cli.watch {
-        true => watch::run(|| wanted.reads(), || wanted.run(config.path())),
-        false => wanted.run(config.path()),
+    let is_asked = matches.value_source("watch") == Some(ValueSource::CommandLine);
+    match wanted.reads() {
+        Some(_) if cli.watch => watch::run(|| round(&arguments)),
+        None if cli.watch && is_asked => Err(Failure(
+            "error: --watch needs files to watch: stdin is read once".to_owned(),
+        )),
+        _ => wanted.run(config.path()).inspect_err(|Failure(message)| {
+            if worker::mine().is_none() && wants_json(&matches) {
+                output::failed(message);
+            }
+        }),
     }
+}
+
+/// Whether a command's data is asked for as JSON.
+fn wants_json(matches: &clap::ArgMatches) -> bool {
+    let Some((_, of_it)) = matches.subcommand() else {
+        return false;
+    };
+    let format = of_it.try_get_raw("format").ok().flatten();
+    format.is_some_and(|mut words| words.any(|word| word == "json"))
+}
+
+fn no_command() -> Failure {
+    Failure("error: no command is given; see `preshade --help`".to_owned())
+}
+
+/// A command line with the values of the environment and of the file.
+struct CommandLine {
+    cli: Cli,
+    command: clap::Command,
+    matches: clap::ArgMatches,
+    config: Config,
+}
+
+/// Reads a command line; help and versions are printed here, and end the process.
+fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
+    // These must not rest on what is in a file.
+    let plain = Cli::command().try_get_matches_from(&arguments.words);
+    let needs_no_file = match &plain {
+        Err(error) if !error.use_stderr() => error.exit(),
+        Err(_) => false,
+        Ok(matches) => {
+            matches.value_source("explain").is_some()
+                || matches!(matches.subcommand_name(), Some("man" | "completions"))
+        }
+    };
+    let config = match Config::read(arguments, &Cli::command()) {
+        Ok(config) => config,
+        Err(Failure(message)) if needs_no_file => {
+            output::message(&message.replacen("error", "warning", 1));
+            Config::of_flags(arguments)
+        }
+        Err(failure) => return Err(failure),
+    };
+    let mut command = config.apply(Cli::command());
+    let usage = |error: clap::Error| {
+        let text = match color_on_stderr() {
+            true => error.render().ansi().to_string(),
+            false => error.render().to_string(),
+        };
+        let from = config.explained(&error, arguments);
+        let from = from.map_or(String::new(), |from| format!("\n = {from} says so"));
+        Failure(format!("{}{from}", text.trim_end()))
+    };
+    let matches = command
+        .try_get_matches_from_mut(&arguments.words)
+        .map_err(usage)?;
+    let cli = Cli::from_arg_matches(&matches).map_err(|e| usage(e.format(&mut command)))?;
+    Ok(CommandLine {
+        cli,
+        command,
+        matches,
+        config,
+    })
+}
+
+/// A round of `--watch`: what is read, the file with values for flags too, and what is then done.
+fn round(
+    arguments: &Arguments,
+) -> Result<(Reads, impl FnOnce() -> Result<Outcome, Failure> + use<>), Failure> {
+    let CommandLine { cli, config, .. } = read(arguments)?;
+    let wanted = cli.command.ok_or_else(no_command)?;
+    let mut reads = wanted.reads().unwrap_or_default();
+    let file = config.path().map(Path::to_path_buf);
+    reads
+        .files
+        .push(file.unwrap_or_else(|| PathBuf::from(config::FILE)));
+    Ok((reads, move || wanted.run(config.path())))
 }

@@ -1,6 +1,6 @@
 //! Many materials in one process: which of the files given make one, and where below `--out-dir` it goes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
@@ -15,29 +15,59 @@ pub struct Job {
     pub shader: ShaderArgs,
     /// Folder to write to.
     pub folder: Option<PathBuf>,
+    /// Whose choice the files are.
+    pub chosen: Chosen,
 }
 
-/// A job for each material among the files of `shader`, folders searched. A vertex and a fragment file of one name are one material. The folders below `out` are
-/// those of the files as they were given, or below the folder that was given.
+/// How the files of a job came to be taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Chosen {
+    /// They are given by name.
+    Given,
+    /// They lie below a folder that is: some may be no materials.
+    Found,
+}
+
+/// A job for each material among the files of `shader`, folders searched. A vertex and a fragment file of one name and folder are one material. The folders below `out`
+/// are those of the files as they were given, or below the one folder that was given.
 ///
 /// # Errors
 /// A folder cannot be read, or there is no shader.
 pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
-    let mut materials: BTreeMap<(PathBuf, String), Vec<PathBuf>> = BTreeMap::new();
-    let mut add = |folder: PathBuf, file: PathBuf| {
-        let name = material(&file);
-        materials.entry((folder, name)).or_default().push(file);
+    // By the folder below `out`, the folder as given, and the name.
+    type Key = (PathBuf, PathBuf, Name);
+    let mut materials: BTreeMap<Key, (Chosen, Vec<PathBuf>)> = BTreeMap::new();
+    let mut add = |to: PathBuf, chosen: Chosen, file: PathBuf| {
+        let from = file.parent().unwrap_or(Path::new("")).to_owned();
+        let material = materials.entry((to, from, name(&file)));
+        let (known, files) = material.or_insert((chosen, Vec::new()));
+        if chosen == Chosen::Given {
+            *known = chosen;
+        }
+        if !files.contains(&file) {
+            files.push(file);
+        }
     };
     for file in &shader.files {
         if !file.is_dir() {
-            add(below(file.parent().unwrap_or(Path::new(""))), file.clone());
+            let folder = below(file.parent().unwrap_or(Path::new("")));
+            add(folder, Chosen::Given, file.clone());
             continue;
         }
-        let mut found = Vec::new();
-        walk(file, &mut found).map_err(|e| Failure(format!("error: {}: {e}", file.display())))?;
+        let found =
+            found(file, out).map_err(|e| Failure(format!("error: {}: {e}", file.display())))?;
+        // What a folder is called tells it from the others that are given.
+        let root = match shader.files.len() {
+            1 => PathBuf::new(),
+            _ => below(file),
+        };
         for shader in found {
             let folder = shader.parent().and_then(|p| p.strip_prefix(file).ok());
-            add(folder.unwrap_or(Path::new("")).to_owned(), shader);
+            add(
+                root.join(folder.unwrap_or(Path::new(""))),
+                Chosen::Found,
+                shader,
+            );
         }
     }
     if materials.is_empty() {
@@ -48,13 +78,16 @@ pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
     if materials.len() > 1 && shader.name.is_some() {
         return Err(Failure("error: --name is for one material".to_owned()));
     }
-    let jobs = materials.into_iter().map(|((folder, _), files)| Job {
-        shader: ShaderArgs {
-            files: vertex_first(files),
-            ..shader.clone()
-        },
-        folder: Some(out.join(folder)),
-    });
+    let jobs = materials
+        .into_iter()
+        .map(|((folder, ..), (chosen, files))| Job {
+            shader: ShaderArgs {
+                files: vertex_first(files),
+                ..shader.clone()
+            },
+            folder: Some(out.join(folder)),
+            chosen,
+        });
     Ok(jobs.collect())
 }
 
@@ -66,6 +99,8 @@ pub struct Sum {
     kept: usize,
     /// Jobs of which something could not be read or written.
     pub failed: usize,
+    /// Files found in a folder that are no material.
+    pub no_material: usize,
     /// By code.
     refused: BTreeMap<String, usize>,
     /// Files that changed.
@@ -95,6 +130,9 @@ impl Sum {
         }
         if self.failed > 0 {
             parts.push(format!("{} failed", self.failed));
+        }
+        if self.no_material > 0 {
+            parts.push(format!("{} left out", self.no_material));
         }
         let refused: Vec<String> = self
             .refused
@@ -144,8 +182,16 @@ fn ending(path: &Path) -> &str {
         .unwrap_or_default()
 }
 
-/// What files of one material have in common: the name without the stage, but with the language, so that a WGSL and a GLSL file of one name are two.
-fn material(file: &Path) -> String {
+/// What files of one material have in common.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Name {
+    /// A file that names no stage has all of them.
+    Whole(String),
+    /// The name without the stage, but with the language, so that a WGSL and a GLSL file of one name are two.
+    Stages(String),
+}
+
+fn name(file: &Path) -> Name {
     let name = |path: &Path| {
         path.file_stem()
             .unwrap_or_default()
@@ -153,14 +199,15 @@ fn material(file: &Path) -> String {
             .into_owned()
     };
     if is_stdin(file) {
-        return "-".to_owned();
+        // As two stages, where it is given twice: the reader refuses that.
+        return Name::Stages("-".to_owned());
     }
     let (stem, last) = (name(file), ending(file));
     let inner = ending(Path::new(&stem)).to_owned();
     match (STAGES.contains(&last), STAGES.contains(&inner.as_str())) {
-        (true, _) => format!("{stem}.glsl"),
-        (false, true) => format!("{}.{last}", name(Path::new(&stem))),
-        (false, false) => format!("{stem}.{last}"),
+        (true, _) => Name::Stages(format!("{stem}.glsl")),
+        (false, true) => Name::Stages(format!("{}.{last}", name(Path::new(&stem)))),
+        (false, false) => Name::Whole(format!("{stem}.{last}")),
     }
 }
 
@@ -173,7 +220,6 @@ fn vertex_first(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
     files
 }
 
-/// The shader files below a folder, in order.
 /// The scenes given, each folder standing for the scenes in it, by name.
 ///
 /// # Errors
@@ -224,19 +270,39 @@ pub fn folder_of(out: &Path, scene: &Path) -> PathBuf {
     out.join(scene.file_stem().unwrap_or_default())
 }
 
-fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)?
-        .map(|e| e.map(|e| e.path()))
-        .collect::<Result<_, _>>()?;
-    entries.sort();
-    for path in entries {
-        if path.is_dir() {
-            walk(&path, found)?;
-        } else if ["wgsl", "glsl"].contains(&ending(&path)) || STAGES.contains(&ending(&path)) {
-            found.push(path);
+/// Whether a file's ending is a shader's.
+pub fn is_shader(path: &Path) -> bool {
+    let ending = ending(path);
+    ["wgsl", "glsl"].contains(&ending)
+        || STAGES.contains(&ending)
+        || (cfg!(feature = "wesl") && ending == "wesl")
+}
+
+/// The shader files below a folder, in order, but for what lies below `out`: that is what was made of them. A link to a folder is followed where it leads out of the tree, and each
+/// folder is searched once.
+fn found(folder: &Path, out: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let root = folder.canonicalize()?;
+    let mut seen = BTreeSet::from([root.clone()]);
+    // There is none before the first run.
+    seen.extend(out.canonicalize().ok().filter(|out| *out != root));
+    let (mut found, mut folders) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder)? {
+            let path = entry?.path();
+            if !path.is_dir() {
+                found.extend(is_shader(&path).then_some(path));
+                continue;
+            }
+            let whole = path.canonicalize()?;
+            let is_found_anyway =
+                path.is_symlink() && (whole.starts_with(&root) || root.starts_with(&whole));
+            if !is_found_anyway && seen.insert(whole) {
+                folders.push(path);
+            }
         }
     }
-    Ok(())
+    found.sort();
+    Ok(found)
 }
 
 #[cfg(test)]
@@ -245,13 +311,14 @@ mod tests {
 
     #[test]
     fn stages_of_one_name_are_one_material() {
-        let name = |file: &str| material(Path::new(file));
+        let name = |file: &str| name(Path::new(file));
         assert_eq!(name("a/lit.vert"), name("a/lit.frag"));
         assert_eq!(name("lit.vert.glsl"), name("lit.frag.glsl"));
         assert_eq!(name("lit.vert.wgsl"), name("lit.frag.wgsl"));
         assert_eq!(name("lit.vs"), name("lit.fs"));
         assert_ne!(name("lit.wgsl"), name("lit.vert"));
         assert_ne!(name("a.wgsl"), name("b.wgsl"));
+        assert_ne!(name("lit.wgsl"), name("lit.vert.wgsl"));
     }
 
     #[test]

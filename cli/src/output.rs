@@ -3,14 +3,28 @@
 use std::cell::{Cell, RefCell};
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{Failure, worker};
 
+/// Whether anything was printed to stdout.
+static HAS_DATA: AtomicBool = AtomicBool::new(false);
+
+/// Prints what went wrong to stdout as JSON, where nothing is there yet: whoever reads JSON is not left without.
+pub fn failed(message: &str) {
+    if HAS_DATA.load(Ordering::Relaxed) {
+        return;
+    }
+    // The status tells of the failure in any case.
+    let _ = json(&serde_json::json!({ "schema": "preshade.error.v1", "errors": [message] }));
+}
+
 /// Prints `text` to stdout, with a newline at its end. A reader that has seen enough and closed the pipe (`| head -1`) is no failure.
 pub fn data(text: &str) -> Result<(), Failure> {
+    HAS_DATA.store(true, Ordering::Relaxed);
     let mut out = io::stdout().lock();
     let newline = if text.ends_with('\n') { "" } else { "\n" };
     let written = out
@@ -80,6 +94,14 @@ pub fn both(
         (Err(Failure(first)), Err(Failure(second))) => {
             Err(Failure(format!("{}\n{second}", first.trim_end())))
         }
+    }
+}
+
+/// `1 file`, `2 files`.
+pub fn count(n: usize, what: &str) -> String {
+    match n {
+        1 => format!("1 {what}"),
+        _ => format!("{n} {what}s"),
     }
 }
 

@@ -18,9 +18,11 @@ use preshade::render::{AdapterChoice, Gpu};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::depfile;
 use crate::input::{Materials, ShaderArgs};
-use crate::many::{self, Job, Sum};
+use crate::many::{self, Chosen, Job, Sum};
 use crate::output;
+use crate::watch::Reads;
 use crate::{Failure, Format, Outcome, unknown};
 
 /// Arguments of `rewrite`.
@@ -48,7 +50,7 @@ pub struct Args {
     /// Folder to write to, made if it is not there; without it the texts and the plan go to stdout.
     #[arg(short, long, alias = "out", value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Take each FILE as a material of its own, and every shader below each that is a folder; write below this folder, in the same tree.
+    /// Take each FILE as a material of its own, and every shader below each that is a folder; write below this folder, in the same tree, or in one for each of several folders.
     #[arg(long, value_name = "DIR", conflicts_with = "output")]
     out_dir: Option<PathBuf>,
     /// Write which files were read for which, in the form of a Makefile's rule.
@@ -73,13 +75,19 @@ pub struct Args {
 }
 
 impl Args {
-    /// The files that it reads; `None` for stdin.
-    pub fn reads(&self) -> Option<Vec<PathBuf>> {
-        let jobs = self.jobs().unwrap_or_default();
-        match self.shader.reads_stdin() {
-            true => None,
-            false => Some(jobs.iter().flat_map(|j| j.shader.reads()).collect()),
+    /// What it reads; `None` for stdin.
+    pub fn reads(&self) -> Option<Reads> {
+        if self.shader.reads_stdin() {
+            return None;
         }
+        let jobs = self.jobs().unwrap_or_default();
+        let folders = self.shader.files.iter().filter(|f| f.is_dir());
+        Some(Reads {
+            files: jobs.iter().flat_map(|j| j.shader.reads()).collect(),
+            trees: folders.cloned().collect(),
+            includes: self.shader.glsl.include.clone(),
+            out: self.out_dir.clone().or_else(|| self.output.clone()),
+        })
     }
 
     fn jobs(&self) -> Result<Vec<Job>, Failure> {
@@ -88,6 +96,7 @@ impl Args {
             None => Ok(vec![Job {
                 shader: self.shader.clone(),
                 folder: self.output.clone(),
+                chosen: Chosen::Given,
             }]),
         }
     }
@@ -247,6 +256,13 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             "error: --depfile tells what files rest on: say with -o DIR where they are".to_owned(),
         ));
     }
+    for pass in &args.print_after {
+        if pass != ALL && recipe.steps.iter().all(|s| s.pass != *pass) {
+            output::message(&format!(
+                "warning: --print-after {pass}: no --pass is {pass}, so there is nothing to print"
+            ));
+        }
+    }
     let jobs = args.jobs()?;
     let made: Vec<Result<Made, Failure>> = jobs
         .par_iter()
@@ -261,6 +277,14 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     };
     let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     for (job, made) in jobs.iter().zip(made) {
+        if made.is_err() && job.chosen == Chosen::Found && job.shader.is_no_material() {
+            sum.no_material += 1;
+            output::message(&many::of_files(
+                "note: no material: there is no entry point of a stage that one needs",
+                job,
+            ));
+            continue;
+        }
         let Made {
             materials,
             read,
@@ -273,10 +297,8 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             ..Made::default()
         });
         messages.iter().for_each(|m| output::message(&told(m, job)));
-        sum.failed += usize::from(!failed.is_empty());
-        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
-            sum.add(!material.recipe.is_empty(), &material.refusals);
-        }
+        let is_read = failed.is_empty();
+        sum.failed += usize::from(!is_read);
         for error in failed {
             let error = told(&error, job);
             if !errors.contains(&error) {
@@ -305,19 +327,21 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
                 continue;
             }
             taken.extend(paths.clone().map(|p| (p, from)));
-            let read = read.into_iter().chain(config.map(Path::to_path_buf));
-            rules.push((paths.collect(), read.collect()));
+            let paths: Vec<PathBuf> = paths.collect();
             let all = files.len();
             let files = files.into_iter().cloned().collect();
             match write(folder, files, args.format, jobs.len()) {
                 Ok(written) => {
                     sum.written += written;
                     sum.up_to_date += all - written;
+                    let read = read.into_iter().chain(config.map(Path::to_path_buf));
+                    rules.push((paths, read.collect()));
                 }
                 // The files of a job are all there or none, so what other jobs wrote stands.
                 Err(Failure(why)) => {
-                    sum.failed += 1;
+                    sum.failed += usize::from(is_read);
                     errors.push(told(&why, job));
+                    continue;
                 }
             }
         } else if args.format == Format::Human {
@@ -326,11 +350,18 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
                 output::data(&format!("// {}\n{text}", file.name))?;
             }
         }
+        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
+            sum.add(!material.recipe.is_empty(), &material.refusals);
+        }
         hints.iter().for_each(|m| output::message(m));
         report.extend(materials.into_iter().map(|(rewritten, _)| rewritten));
     }
     if let Some(path) = &args.depfile {
-        errors.extend(depfile(path, &rules).err().map(|Failure(why)| why));
+        let written = depfile::write(path, &rules);
+        errors.extend(written.err().map(|Failure(error)| error));
+    }
+    if sum.no_material == jobs.len() {
+        errors.push("error: no shader in the folders given is a material".to_owned());
     }
     let is_broken = report.iter().any(Rewritten::is_broken);
     if args.format == Format::Json {
@@ -340,16 +371,19 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
             errors: errors.clone(),
         })?;
     }
-    if jobs.len() > 1 && args.format == Format::Human {
-        output::message(&sum.line());
-    }
     if args.time_passes {
         output::message(&Times::table(all_times.iter()));
     }
-    match errors.is_empty() {
-        true if is_broken => Ok(Outcome::ContractBroken),
-        true => Ok(Outcome::Fine),
-        false => Err(Failure(errors.join("\n"))),
+    // The sum stands last, where it is seen.
+    let line = (jobs.len() > 1 && args.format == Format::Human).then(|| sum.line());
+    if !errors.is_empty() {
+        errors.extend(line);
+        return Err(Failure(errors.join("\n")));
+    }
+    line.iter().for_each(|line| output::message(line));
+    match is_broken {
+        true => Ok(Outcome::ContractBroken),
+        false => Ok(Outcome::Fine),
     }
 }
 
@@ -372,33 +406,6 @@ fn write(
     Ok(changed.len())
 }
 
-/// Writes `targets: prerequisites`, a rule a job.
-fn depfile(path: &Path, rules: &[(Vec<PathBuf>, Vec<PathBuf>)]) -> Result<(), Failure> {
-    let escaped = |paths: &[PathBuf]| -> Vec<String> {
-        let escape = |p: &PathBuf| {
-            let text = p.display().to_string().replace('$', "$$");
-            text.replace(' ', "\\ ").replace('#', "\\#")
-        };
-        paths.iter().map(escape).collect()
-    };
-    let rules = rules.iter().map(|(targets, read)| {
-        format!(
-            "{}: {}\n",
-            escaped(targets).join(" "),
-            escaped(read).join(" ")
-        )
-    });
-    let (folder, name) = (path.parent(), path.file_name());
-    let folder = folder.filter(|f| !f.as_os_str().is_empty());
-    let file = emit::File {
-        name: name.unwrap_or_default().to_string_lossy().into_owned(),
-        bytes: rules.collect::<String>().into_bytes(),
-    };
-    emit::write(folder.unwrap_or(Path::new(".")), &[file])
-        .map(|_| ())
-        .map_err(|e| Failure(format!("error: {e}")))
-}
-
 /// Reads, rewrites and emits the materials of one job.
 fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<Made, Failure> {
     let mut made = Made::default();
@@ -414,6 +421,12 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
     made.read = read;
     for original in &originals {
         check_name(&original.material)?;
+        if original.passes.iter().all(|p| p.fragment.is_none()) {
+            made.messages.push(format!(
+                "note: `{}` has no fragment stage: it is taken for a material that draws depth alone; where its fragment stage is in another file, give both",
+                original.material
+            ));
+        }
         let (plan, refusals) = apply(original, recipe, &known, &frame, args, &mut made);
         let budgets = plan.contract.budgets();
         if !budgets.is_empty() {
@@ -640,7 +653,9 @@ fn texts(plan: &Plan) -> String {
 
 /// A material's name begins its files' names, so it must not lead out of the folder.
 pub fn check_name(material: &str) -> Result<(), Failure> {
-    if material.is_empty() || material.contains(|c: char| c.is_control() || "/\\".contains(c)) {
+    let is_named = material.chars().any(|c| c != '.');
+    let is_portable = |c: char| !c.is_control() && !r#"/\:*?"<>|"#.contains(c);
+    if !is_named || !material.chars().all(is_portable) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"
         )));

@@ -1,4 +1,4 @@
-//! `--watch`: a command again, whenever a file that it read changes.
+//! `--watch`: a command again, whenever something changes that it read, looked for or would find.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -8,58 +8,145 @@ use std::time::Duration;
 use notify_debouncer_full::new_debouncer;
 use notify_debouncer_full::notify::{EventKind, RecursiveMode};
 
-use crate::output;
-use crate::{Failure, Outcome};
+use crate::output::{self, count};
+use crate::{Failure, Outcome, many};
 
 /// How long a burst of changes is gathered.
 const QUIET: Duration = Duration::from_millis(80);
 
-/// Runs a command until the process is ended. What fails is told, and tried again at the next change. `reads` tells the command's files; `None` where they cannot change.
-pub fn run(
-    reads: impl Fn() -> Option<Vec<PathBuf>>,
-    command: impl Fn() -> Result<Outcome, Failure>,
+/// What a command rests on.
+#[derive(Clone, Debug, Default)]
+pub struct Reads {
+    /// Files by name, there or not.
+    pub files: Vec<PathBuf>,
+    /// Folders that it finds shaders in.
+    pub trees: Vec<PathBuf>,
+    /// Folders that `#include` and `#import` are looked up in.
+    pub includes: Vec<PathBuf>,
+    /// Where it writes: what changes there is its own doing.
+    pub out: Option<PathBuf>,
+}
+
+/// What is waited for, in paths that name the same file however it is written.
+#[derive(Default)]
+struct Awaited {
+    files: BTreeSet<PathBuf>,
+    trees: BTreeSet<PathBuf>,
+    includes: BTreeSet<PathBuf>,
+    out: Option<PathBuf>,
+}
+
+impl Awaited {
+    /// Adds what a round reads. A file that is gone for a moment, as editors have it, stays.
+    fn add(&mut self, reads: &Reads) {
+        for file in &reads.files {
+            self.files.insert(whole(file));
+            // Of a link, what it points at too.
+            self.files.extend(file.canonicalize());
+        }
+        self.trees.extend(reads.trees.iter().map(|t| folder(t)));
+        self.includes
+            .extend(reads.includes.iter().map(|t| folder(t)));
+        self.out = reads.out.as_deref().map(folder);
+    }
+
+    /// The folders to be told of. Of one that is not there the nearest that is; of each the one above too, for it may be removed and made again.
+    fn folders(&self) -> BTreeSet<PathBuf> {
+        let parents = self.files.iter().filter_map(|f| f.parent());
+        let all = parents.chain(
+            self.trees
+                .iter()
+                .chain(&self.includes)
+                .map(PathBuf::as_path),
+        );
+        let there = |folder: &Path| folder.ancestors().find(|a| a.is_dir()).map(Path::to_owned);
+        let there: BTreeSet<PathBuf> = all.filter_map(there).collect();
+        let above = there.iter().filter_map(|f| f.parent()).map(Path::to_owned);
+        above.chain(there.iter().cloned()).collect()
+    }
+
+    /// Whether a change at `path` can make another outcome, after one that was `last`.
+    fn concerns(&self, path: &Path, last: Last) -> bool {
+        let path = whole(path);
+        let is_named = |known: &PathBuf| known.starts_with(&path);
+        if self.files.iter().any(is_named) {
+            return true;
+        }
+        if self.out.as_ref().is_some_and(|out| path.starts_with(out)) {
+            return false;
+        }
+        if self.trees.iter().chain(&self.includes).any(is_named) {
+            return true;
+        }
+        let is_below = |folders: &BTreeSet<PathBuf>| folders.iter().any(|f| path.starts_with(f));
+        let is_beside = || self.files.iter().any(|f| f.parent() == path.parent());
+        match last {
+            // Whatever was missing may have come.
+            Last::Failed => is_below(&self.trees) || is_below(&self.includes) || is_beside(),
+            Last::Fine => is_below(&self.trees) && (many::is_shader(&path) || path.is_dir()),
+        }
+    }
+}
+
+/// How a round ended.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Last {
+    Fine,
+    Failed,
+}
+
+/// Runs a command until the process is ended. What fails is told, and tried again at the next change. Each round is made anew by `round`, from the file with values for flags on:
+/// what it reads, and what it does.
+///
+/// # Errors
+/// The system tells of no changes.
+pub fn run<C: FnOnce() -> Result<Outcome, Failure>>(
+    round: impl Fn() -> Result<(Reads, C), Failure>,
 ) -> Result<Outcome, Failure> {
-    let (send, changes) = mpsc::channel();
-    let mut watcher = new_debouncer(QUIET, None, send)?;
-    let mut folders: BTreeSet<PathBuf> = BTreeSet::new();
-    let mut files: BTreeSet<PathBuf> = BTreeSet::new();
+    let mut awaited = Awaited::default();
     loop {
-        let Some(now) = reads() else {
-            return Err(Failure(
-                "error: --watch needs files to watch: stdin is read once".to_owned(),
-            ));
-        };
-        // A file that is gone for a moment, as editors have it, is waited for.
-        files.extend(now.iter().map(|f| whole(f)));
-        for file in &files {
-            let folder = file.parent().unwrap_or(Path::new(".")).to_owned();
-            if folder.is_dir() && !folders.contains(&folder) {
-                watcher.watch(&folder, RecursiveMode::NonRecursive)?;
-                folders.insert(folder);
+        let now = round();
+        if let Ok((reads, _)) = &now {
+            awaited.add(reads);
+        }
+        // Anew each time: a folder that is made again is another one to the system.
+        let (send, changes) = mpsc::channel();
+        let mut watcher = new_debouncer(QUIET, None, send)?;
+        for folder in awaited.folders() {
+            // One that went away meanwhile is told of by the one above.
+            let _ = watcher.watch(&folder, RecursiveMode::NonRecursive);
+        }
+        for tree in awaited.trees.iter().filter(|t| t.is_dir()) {
+            let _ = watcher.watch(tree, RecursiveMode::Recursive);
+        }
+        let last = match now.and_then(|(_, command)| command()) {
+            Ok(Outcome::Fine) => Last::Fine,
+            Ok(Outcome::ContractBroken) => {
+                output::message("a contract broke");
+                Last::Fine
             }
-        }
-        match command() {
-            Ok(Outcome::Fine) => {}
-            Ok(Outcome::ContractBroken) => output::message("a contract broke"),
-            Err(Failure(message)) => output::message(&message),
-        }
-        output::message(&format!("watching {} files", files.len()));
-        wait(&changes, &files)?;
+            Err(Failure(message)) => {
+                output::message(&message);
+                Last::Failed
+            }
+        };
+        output::message(&format!("watching {}", count(awaited.files.len(), "file")));
+        wait(&changes, &awaited, last)?;
     }
 }
 
 type Changes = mpsc::Receiver<notify_debouncer_full::DebounceEventResult>;
 
-/// Waits until one of `files` changes.
-fn wait(changes: &Changes, files: &BTreeSet<PathBuf>) -> Result<(), Failure> {
+/// Waits until something changes that is awaited.
+fn wait(changes: &Changes, awaited: &Awaited, last: Last) -> Result<(), Failure> {
     loop {
-        let events = changes.recv()?.map_err(|errors| {
-            let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
-            Failure(format!("error: {}", errors.join("; ")))
-        })?;
+        // What the system could not tell may have been anything.
+        let Ok(events) = changes.recv()? else {
+            return Ok(());
+        };
         let changed = events.iter().any(|e| {
             !matches!(e.kind, EventKind::Access(_))
-                && e.paths.iter().any(|p| files.contains(&whole(p)))
+                && e.paths.iter().any(|p| awaited.concerns(p, last))
         });
         if changed {
             return Ok(());
@@ -73,7 +160,22 @@ fn whole(path: &Path) -> PathBuf {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     };
-    let parent = parent.canonicalize().unwrap_or_else(|_| parent.to_owned());
+    let parent = folder(parent);
     path.file_name()
         .map_or(parent.clone(), |name| parent.join(name))
+}
+
+/// The same of a folder, which may be gone and those above it too.
+fn folder(path: &Path) -> PathBuf {
+    let there = |a: &&Path| *a != Path::new("") && a.exists();
+    let (above, from) = match path.ancestors().find(there) {
+        Some(above) => (above, above),
+        None => (Path::new("."), Path::new("")),
+    };
+    let rest = path.strip_prefix(from).unwrap_or(path);
+    let above = above.canonicalize().unwrap_or_else(|_| above.to_owned());
+    match rest == Path::new("") {
+        true => above,
+        false => above.join(rest),
+    }
 }

@@ -1,0 +1,111 @@
+//! `--depfile`: what files rest on, in the form of make's rules, which ninja reads too.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use preshade::emit;
+
+use crate::{Failure, output};
+
+/// What was written, and what was read for it.
+pub type Rule = (Vec<PathBuf>, Vec<PathBuf>);
+
+/// Writes `rules` to a file that is touched only where they differ, to stdout for `-`, or into whatever else stands there: a pipe, a terminal.
+///
+/// # Errors
+/// It cannot be written.
+pub fn write(path: &Path, rules: &[Rule]) -> Result<(), Failure> {
+    let text = text(rules);
+    if path == Path::new("-") {
+        return output::data(&text);
+    }
+    let is_file = fs::metadata(path).map_or(true, |about| about.is_file() || about.is_dir());
+    if !is_file {
+        // Nothing can be compared: to read it would wait for what is written here.
+        return match fs::write(path, text) {
+            Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+                Err(Failure(format!("error: {}: {e}", path.display())))
+            }
+            _ => Ok(()),
+        };
+    }
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+    let name = path.file_name().unwrap_or_default();
+    let file = emit::File {
+        name: name.to_string_lossy().into_owned(),
+        bytes: text.into_bytes(),
+    };
+    emit::write(folder.unwrap_or(Path::new(".")), &[file])
+        .map(|_| ())
+        .map_err(|e| Failure(format!("error: {e}")))
+}
+
+/// A rule a line, and one without prerequisites for each file that was read: make goes on where one is gone, as after `gcc -MP`.
+fn text(rules: &[Rule]) -> String {
+    let mut text = String::new();
+    let list = |paths: &[PathBuf], place: Place| {
+        let words: Vec<String> = paths.iter().map(|p| escaped(p, place)).collect();
+        words.join(" ")
+    };
+    for (written, read) in rules {
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{}: {}",
+            list(written, Place::Target),
+            list(read, Place::Prerequisite)
+        );
+    }
+    let read: BTreeSet<&PathBuf> = rules.iter().flat_map(|(_, read)| read).collect();
+    for file in read {
+        let _ = writeln!(text, "{}:", escaped(file, Place::Target));
+    }
+    text
+}
+
+/// Where in a rule a path stands.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Target,
+    Prerequisite,
+}
+
+/// A path as make reads it (GNU make, 4.2 "Rule Syntax" and 4.12.1 on `%` in targets).
+fn escaped(path: &Path, place: Place) -> String {
+    let text = path.display().to_string();
+    let mut escaped = String::with_capacity(text.len());
+    for (at, c) in text.char_indices() {
+        // `C:/` is a drive.
+        let is_drive = at == 1 && text[2..].starts_with(['/', '\\']);
+        match c {
+            '$' => escaped.push('$'),
+            ' ' | '#' => escaped.push('\\'),
+            ':' if !is_drive => escaped.push('\\'),
+            '%' if place == Place::Target => escaped.push('\\'),
+            _ => {}
+        }
+        escaped.push(c);
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_make_would_read_otherwise_is_escaped() {
+        let path = |text: &str| vec![PathBuf::from(text)];
+        let rules = [
+            (path("out/a b%.wgsl"), path("in/$a%#b:c.wgsl")),
+            (path("C:/out/d"), path("in/$a%#b:c.wgsl")),
+        ];
+        assert_eq!(
+            text(&rules),
+            "out/a\\ b\\%.wgsl: in/$$a%\\#b\\:c.wgsl\nC:/out/d: in/$$a%\\#b\\:c.wgsl\nin/$$a\\%\\#b\\:c.wgsl:\n"
+        );
+    }
+}
