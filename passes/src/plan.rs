@@ -662,7 +662,12 @@ impl Plan {
             targets,
             bindings: Vec::new(),
             attributes: Vec::new(),
-            features: Vec::new(),
+            features: match state.depth_format {
+                DepthFormat::Depth32floatStencil8 => {
+                    vec![crate::reflect::DEPTH32FLOAT_STENCIL8.to_owned()]
+                }
+                _ => Vec::new(),
+            },
             limits: BTreeMap::new(),
             draws: Draws::All,
             geometry: Geometry::AsGiven,

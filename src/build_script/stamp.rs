@@ -75,15 +75,20 @@ pub(super) fn write(
     Kept { warnings, included }: Kept,
     files: Vec<(String, String)>,
 ) -> io::Result<()> {
+    // A file that is gone by now has no bytes: the next build, too, begins anew.
     let hashed = |path: PathBuf| {
-        let bytes = std::fs::read(&path)?;
-        Ok((path, hash(&bytes)))
+        let bytes = std::fs::read(&path).ok()?;
+        Some((path, hash(&bytes)))
     };
-    let included: io::Result<_> = included.into_iter().map(hashed).collect();
+    let all = included.len();
+    let included: Vec<_> = included.into_iter().filter_map(hashed).collect();
     let stamp = Stamp {
-        key: key.to_owned(),
+        key: match included.len() == all {
+            true => key.to_owned(),
+            false => String::new(),
+        },
         warnings,
-        included: included?,
+        included,
         files,
     };
     let file = File {

@@ -32,6 +32,7 @@ pub(super) fn reduce(plan: &Plan, key: &str, stages: &[Stage]) -> Result<Program
 }
 
 /// The program with one entry point and what that needs, no more.
+#[cfg(feature = "glsl")]
 pub(super) fn to_stage(
     program: &Program,
     stage: ShaderStage,

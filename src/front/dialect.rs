@@ -46,6 +46,14 @@ impl Dialect {
     }
 }
 
+/// The WGSL that a file comes to, and what it came of.
+pub(super) struct Compiled {
+    /// WGSL.
+    pub text: String,
+    /// The other files that it was made of, each with its path and its text.
+    pub imported: Vec<(String, String)>,
+}
+
 /// What a build without a dialect's feature says.
 #[cfg_attr(
     all(feature = "naga-oil", feature = "wesl"),
@@ -62,7 +70,17 @@ pub(super) fn not_built(source: &Source, language: &str, feature: &str) -> Error
     .note(format!("build preshade with the feature `{feature}`"))
 }
 
-/// Files below the folders given, with one of the endings, each once and with its path; the same order each time.
+/// A folder that holds what tools made: cargo's and others' caches, which say so by a file (the Cache Directory Tagging Specification), and a build script's folder for output.
+#[cfg(feature = "naga-oil")]
+fn is_made(folder: &Path) -> bool {
+    let is_out = || {
+        let out = std::env::var_os("OUT_DIR").and_then(|out| Path::new(&out).canonicalize().ok());
+        out.is_some() && out == folder.canonicalize().ok()
+    };
+    folder.join("CACHEDIR.TAG").is_file() || is_out()
+}
+
+/// Files below the folders given, with one of the endings, each once and with its path; the same order each time. Folders below them that tools made are left out.
 #[cfg(feature = "naga-oil")]
 pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::PathBuf, String)> {
     type Seen = std::collections::HashSet<std::path::PathBuf>;
@@ -82,6 +100,9 @@ pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::Pa
                 continue;
             }
             if path.is_dir() {
+                if is_made(&path) {
+                    continue;
+                }
                 walk(&path, ending, seen, out);
             } else if path.extension().is_some_and(|e| e == ending)
                 && let Ok(text) = std::fs::read_to_string(&path)

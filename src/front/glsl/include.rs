@@ -26,7 +26,7 @@ pub(super) struct Files {
     most: u64,
     /// The lines of another stage are left blank in what is included too.
     stage: ShaderStage,
-    /// What was read, by the path asked for.
+    /// What was read, by the path where it was found.
     pub read: Rc<RefCell<HashMap<PathBuf, String>>>,
     /// The macros of all of it.
     macros: Macros,
@@ -214,7 +214,6 @@ impl FileSystem for Files {
     fn canonicalize(&self, path: &Path) -> Result<PathBuf, io::Error> {
         let found = self.find(path)?;
         let text = self.text(&found)?;
-        self.read.borrow_mut().insert(path.to_owned(), text.clone());
         self.read.borrow_mut().insert(found.clone(), text);
         Ok(found)
     }

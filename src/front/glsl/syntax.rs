@@ -273,8 +273,6 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
 fn add_silent(read: &HashMap<PathBuf, String>, map: &mut SourceMap) {
     let mut silent: Vec<(&PathBuf, &String)> = read
         .iter()
-        // Each is also there by the path that it was asked for by.
-        .filter(|(path, _)| path.canonicalize().is_ok_and(|whole| whole == **path))
         .filter(|(path, _)| !map.files().iter().any(|f| Path::new(&f.name) == **path))
         .collect();
     silent.sort();
