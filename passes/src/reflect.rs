@@ -336,7 +336,7 @@ fn half_precision(module: &Module) -> bool {
             .any(|f| f.expressions.iter().any(|(_, e)| converts(e)))
 }
 
-/// Whether a function has a statement or an expression of subgroups, and what it calls.
+/// Whether an entry point of the stage, or any function, has a statement or an input of subgroups.
 fn uses_subgroups(module: &Module, stage: ShaderStage) -> bool {
     fn in_block(block: &naga::Block) -> bool {
         use naga::Statement as S;
@@ -434,7 +434,7 @@ fn of_module(
         ),
         (
             "wgpu-texture-format-16-bit-norm",
-            storage(&|_, f| f.ends_with("16unorm") || f.ends_with("16snorm")),
+            storage(&|_, f| is_16_bit_norm(f)),
         ),
         (
             "wgpu-vertex-writable-storage",
@@ -445,6 +445,10 @@ fn of_module(
     .filter(|(_, needed)| *needed)
     .map(|(name, _)| name.to_owned())
     .collect()
+}
+
+fn is_16_bit_norm(format: &str) -> bool {
+    format.ends_with("16unorm") || format.ends_with("16snorm")
 }
 
 /// Whether a binding is of several resources (`binding_array`), which a plan's layout has no word for.
@@ -506,11 +510,25 @@ fn features(pass: &GpuPass, program: &Program) -> Vec<String> {
             "rg11b10ufloat-renderable",
             target(&|f, _| f == "rg11b10ufloat"),
         ),
+        (
+            "wgpu-texture-format-16-bit-norm",
+            target(&|f, _| is_16_bit_norm(f)),
+        ),
+        // wgpu knows of no target of them that all adapters have.
+        (
+            "wgpu-texture-adapter-specific-format-features",
+            target(&|f, _| is_16_bit_norm(f)),
+        ),
         // WebGPU has one sample or four, and those not in the widest formats.
         (
             "wgpu-texture-adapter-specific-format-features",
             ![1, 4].contains(&pass.multisample.count)
-                || several && target(&|f, _| ["rg32", "rgba32"].iter().any(|w| f.starts_with(w))),
+                || several
+                    && target(&|f, _| {
+                        ["r32uint", "r32sint", "rg32", "rgba32"]
+                            .iter()
+                            .any(|w| f.starts_with(w))
+                    }),
         ),
     ]
     .into_iter()

@@ -104,9 +104,10 @@ pub(super) fn choose(
         }
         Some(Err(mismatch)) => {
             let measured = locked.and_then(|l| l.measured.as_ref());
-            let scene =
-                measured.map_or(String::new(), |m| format!(", of the scene `{}`,", m.scene));
-            let why = format!("{mismatch}; run `preshade plan SCENE --one --lock`{scene} again");
+            let scene = measured.map_or(String::new(), |m| {
+                format!(" (it was measured on the scene `{}`)", m.scene)
+            });
+            let why = format!("{mismatch}; run `preshade plan SCENE --one --lock` again{scene}");
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
             (original.clone(), vec![why])
         }

@@ -93,22 +93,21 @@ pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::Pa
         let entries = std::fs::read_dir(folder).into_iter().flatten();
         let mut paths: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
         paths.sort();
-        for path in paths {
-            // A link may lead back, and one folder given may lie in another.
-            let is_new = path.canonicalize().is_ok_and(|whole| seen.insert(whole));
-            if !is_new {
-                continue;
-            }
-            if path.is_dir() {
-                if is_made(&path) {
-                    continue;
-                }
-                walk(&path, ending, seen, out);
-            } else if path.extension().is_some_and(|e| e == ending)
+        // What lies in a folder goes before what lies below it.
+        let (below, files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.is_dir());
+        // A link may lead back, and one folder given may lie in another.
+        let mut is_new = |path: &Path| path.canonicalize().is_ok_and(|whole| seen.insert(whole));
+        for path in files {
+            if path.extension().is_some_and(|e| e == ending)
+                && is_new(&path)
                 && let Ok(text) = std::fs::read_to_string(&path)
             {
                 out.push((path, text));
             }
+        }
+        let below: Vec<_> = below.into_iter().filter(|path| is_new(path)).collect();
+        for folder in below.iter().filter(|folder| !is_made(folder)) {
+            walk(folder, ending, seen, out);
         }
     }
     let mut seen = Seen::new();
