@@ -721,7 +721,7 @@ mod tests {
         });
         assert_eq!(
             state.to_string(),
-            "preshade.lock was written for another pipeline state: depth-write is false, and was true; multisample.count is 4, and was 1"
+            "preshade.lock was written for another pipeline state: depth_write is false, and was true; multisample.count is 4, and was 1"
         );
         assert_eq!(
             with(&|now| now.vertex = "vs_main".to_owned()),

@@ -448,6 +448,11 @@ fn included_files_are_read_and_told() {
     assert!(build().unwrap().written.is_empty());
     fs::write(path("lib/tint.glsl"), "#define TINT 0.5\n").unwrap();
     assert!(!build().unwrap().written.is_empty());
+    // One that goes before it now that it is there.
+    fs::write(path("tint.glsl"), "#define TINT 1.0\n").unwrap();
+    let built = build().unwrap();
+    assert!(!built.written.is_empty());
+    assert_eq!(built.read[2], path("tint.glsl").canonicalize().unwrap());
 }
 
 #[cfg(feature = "naga-oil")]

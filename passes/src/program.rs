@@ -30,6 +30,7 @@ pub struct SourceFile {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SourceMap {
     files: Vec<SourceFile>,
+    absent: Vec<String>,
 }
 
 /// A place in the author's source.
@@ -79,6 +80,19 @@ impl SourceMap {
         if let Some(added) = self.files.last_mut() {
             added.is_imported = true;
         }
+    }
+
+    /// Notes a file that was looked for in vain before another was found: were it there, the program would be another.
+    pub fn add_absent(&mut self, name: impl Into<String>) {
+        let name = name.into();
+        if !self.absent.contains(&name) {
+            self.absent.push(name);
+        }
+    }
+
+    /// Files that were looked for in vain.
+    pub fn absent(&self) -> &[String] {
+        &self.absent
     }
 
     /// The files, in the order they were added.

@@ -36,6 +36,8 @@ pub(super) struct Chosen {
     pub drawn: Vec<Drawn>,
     /// Files that its own include.
     pub included: Vec<PathBuf>,
+    /// Files that were looked for before those were found.
+    pub absent: Vec<PathBuf>,
 }
 
 /// Chooses the plans of a material.
@@ -64,6 +66,8 @@ pub(super) fn choose(
     let inputs = Inputs::of(&parsed, &builder.options.defines, &state);
     let included = parsed.program.sources().files().iter().skip(sources.len());
     let mut included: Vec<PathBuf> = included.map(|f| PathBuf::from(&f.name)).collect();
+    let absent = parsed.program.sources().absent().iter();
+    let absent = absent.map(PathBuf::from).collect();
     // Both stages may include it.
     included.sort();
     included.dedup();
@@ -81,18 +85,15 @@ pub(super) fn choose(
         facts: &facts,
         sources,
     };
-    let variant = match obeyed {
-        None if matches!(keeping, Keeping::Foreign(_)) => {
-            let why = match keeping {
-                Keeping::Foreign(error) => error.to_string(),
-                _ => String::new(),
-            };
+    let variant = match (keeping, obeyed) {
+        (Keeping::Foreign(error), _) => {
+            let why = error.to_string();
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
             (original.clone(), vec![why])
         }
-        Some(Ok(plan)) => (plan, Vec::new()),
+        (_, Some(Ok(plan))) => (plan, Vec::new()),
         // No lock, or one of other materials.
-        None | Some(Err(Mismatch::NoMaterial { .. })) => {
+        (_, None | Some(Err(Mismatch::NoMaterial { .. }))) => {
             let others = lock.map(|lock| lock.same_files(name, &inputs));
             if let Some([first, ..]) = others.as_deref() {
                 let why = format!(
@@ -102,7 +103,7 @@ pub(super) fn choose(
             }
             seen.plan(&original, "variant", &own.unwrap_or_default(), warnings)
         }
-        Some(Err(mismatch)) => {
+        (_, Some(Err(mismatch))) => {
             let measured = locked.and_then(|l| l.measured.as_ref());
             let scene = measured.map_or(String::new(), |m| {
                 format!(" (it was measured on the scene `{}`)", m.scene)
@@ -130,7 +131,11 @@ pub(super) fn choose(
         .into_iter()
         .map(|(name, (plan, left_out))| emitted(builder, name, plan, left_out, sources, warnings))
         .collect::<Result<_, _>>()?;
-    Ok(Chosen { drawn, included })
+    Ok(Chosen {
+        drawn,
+        included,
+        absent,
+    })
 }
 
 /// The shader, with the entry points that are asked for, or else those of the lock where the shader still has them.

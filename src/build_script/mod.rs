@@ -363,6 +363,7 @@ impl Builder {
         let kept = stamp::Kept {
             warnings: made.warnings.clone(),
             included: made.included,
+            absent: made.absent,
         };
         stamp::write(&folder, &key, kept, hashes).map_err(|error| Error::Write {
             path: folder,
@@ -417,6 +418,7 @@ impl Builder {
         Ok(Made {
             module: module.map_err(|why| Error::Module { file: file(), why })?,
             included: chosen.included,
+            absent: chosen.absent,
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
             warnings,
         })
@@ -470,6 +472,7 @@ struct Made {
     module: String,
     files: Vec<(String, Vec<File>)>,
     included: Vec<PathBuf>,
+    absent: Vec<PathBuf>,
     warnings: Vec<String>,
 }
 

@@ -52,6 +52,8 @@ pub(super) struct Compiled {
     pub text: String,
     /// The other files that it was made of, each with its path and its text.
     pub imported: Vec<(String, String)>,
+    /// Files that were looked for in vain before another was found.
+    pub absent: Vec<String>,
 }
 
 /// What a build without a dialect's feature says.

@@ -164,15 +164,18 @@ pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
     let sources = plain.as_slice();
     let mut map = SourceMap::new();
     let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
-    for (name, text) in imported.into_iter().flatten() {
-        map.add_imported(name, text);
+    for (imported, absent) in imported {
+        for (name, text) in imported {
+            map.add_imported(name, text);
+        }
+        absent.into_iter().for_each(|name| map.add_absent(name));
     }
     let (parsed, map) = parse_mapped(sources, &bases, map, options);
     parsed.map_err(|e| e.with_sources(&map))
 }
 
-/// A source, and the files that its text was made of.
-type Translated<'a> = (Cow<'a, Source>, Vec<(String, String)>);
+/// A source, the files that its text was made of, and those that were looked for in vain.
+type Translated<'a> = (Cow<'a, Source>, (Vec<(String, String)>, Vec<String>));
 
 /// The source in a language that is read here: of naga_oil's dialect and of WESL, the WGSL that they come to.
 fn translated<'a>(source: &'a Source, options: &Options) -> Result<Translated<'a>, Error> {
@@ -198,15 +201,19 @@ fn translated<'a>(source: &'a Source, options: &Options) -> Result<Translated<'a
     };
     let _ = options;
     Ok(match compiled {
-        None => (Cow::Borrowed(source), Vec::new()),
-        Some(dialect::Compiled { text, imported }) => {
+        None => (Cow::Borrowed(source), Default::default()),
+        Some(dialect::Compiled {
+            text,
+            imported,
+            absent,
+        }) => {
             let wgsl = Source {
                 name: format!("{} (as WGSL)", source.name),
                 text,
                 language: Some(Language::Wgsl),
                 stage: source.stage,
             };
-            (Cow::Owned(wgsl), imported)
+            (Cow::Owned(wgsl), (imported, absent))
         }
     })
 }

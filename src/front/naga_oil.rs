@@ -28,7 +28,11 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
         .map_err(|invalid| Error::invalid(&invalid))?;
     let text = wgsl::write(&program, &source.name, "")
         .map_err(|e| Error::new(Code::Unsupported, e.to_string()))?;
-    Ok(Compiled { text, imported })
+    Ok(Compiled {
+        text,
+        imported,
+        absent: Vec::new(),
+    })
 }
 
 /// The module, and the files of the modules that it imports.

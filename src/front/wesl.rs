@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use wesl::syntax::PathOrigin;
@@ -37,6 +37,7 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
         root,
         include: &options.include,
         read: RefCell::default(),
+        absent: RefCell::default(),
     };
     let path = ModulePath::new(PathOrigin::Absolute, components);
     let compile = CompileOptions {
@@ -50,11 +51,13 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
         Error::new(Code::Parse, format!("{}: {first}", source.name)).note(message.clone())
     })?;
     let imported = resolver.read.into_inner().into_iter();
+    let absent = resolver.absent.into_inner();
     Ok(Compiled {
         text,
         imported: imported
             .map(|(path, text)| (path.display().to_string(), text))
             .collect(),
+        absent: absent.iter().map(|p| p.display().to_string()).collect(),
     })
 }
 
@@ -82,6 +85,8 @@ struct Packages<'a> {
     include: &'a [PathBuf],
     /// What was read, by path.
     read: RefCell<BTreeMap<PathBuf, String>>,
+    /// What was looked for and was not there.
+    absent: RefCell<BTreeSet<PathBuf>>,
 }
 
 impl Packages<'_> {
@@ -127,9 +132,10 @@ impl Resolver for Packages<'_> {
             for ending in ["wesl", "wgsl"] {
                 let file = root.join(&below).with_extension(ending);
                 if let Ok(text) = std::fs::read_to_string(&file) {
-                    self.read.borrow_mut().insert(file, text.clone());
+                    self.read.borrow_mut().insert(file.clone(), text.clone());
                     return Ok(Cow::Owned(text));
                 }
+                self.absent.borrow_mut().insert(file);
             }
         }
         Err(ResolveError::ModuleNotFound(

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -28,6 +28,8 @@ pub(super) struct Files {
     stage: ShaderStage,
     /// What was read, by the path where it was found.
     pub read: Rc<RefCell<HashMap<PathBuf, String>>>,
+    /// Where a file was looked for in vain before it was found.
+    pub absent: Rc<RefCell<BTreeSet<PathBuf>>>,
     /// The macros of all of it.
     macros: Macros,
     /// What the preprocessor was given in place of what was read.
@@ -49,6 +51,7 @@ impl Files {
             most: options.limits.source_bytes,
             stage,
             read: Rc::default(),
+            absent: Rc::default(),
             macros: Macros::default(),
             rewritten: Rc::default(),
         }
@@ -118,9 +121,19 @@ impl Files {
         };
         let mut ending = path;
         let mut found = beside.canonicalize();
+        let is_there = |path: &PathBuf| {
+            let is_there = path.exists();
+            if !is_there {
+                self.absent.borrow_mut().insert(path.clone());
+            }
+            is_there
+        };
+        if found.is_err() {
+            is_there(&beside);
+        }
         while found.is_err() {
             let below = |d: &PathBuf| d.join(ending);
-            if let Some(hit) = self.include.iter().map(below).find(|p| p.exists()) {
+            if let Some(hit) = self.include.iter().map(below).find(is_there) {
                 found = hit.canonicalize();
                 break;
             }

@@ -175,6 +175,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         .check(input.text, folder)
         .map_err(|e| Error::new(Code::Parse, e.to_string()))?;
     let (read, rewritten) = (Rc::clone(&files.read), Rc::clone(&files.rewritten));
+    let absent = Rc::clone(&files.absent);
     let text = own.as_ref().map_or(input.text, |own| &own.text);
     // The lexer knows Vulkan's types from 4.60 on.
     let text = match vulkan {
@@ -257,6 +258,9 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     match parsed {
         Ok(tree) => {
             add_silent(&read.borrow(), map);
+            for path in absent.borrow().iter() {
+                map.add_absent(path.to_string_lossy());
+            }
             Ok(Unit {
                 tree,
                 dialect,
