@@ -28,6 +28,10 @@ pub(super) struct Files {
     stage: ShaderStage,
     /// What was read, by the path where it was found.
     pub read: Rc<RefCell<HashMap<PathBuf, String>>>,
+    /// Where a file was found, by the path that was asked for.
+    pub found: Rc<RefCell<HashMap<PathBuf, PathBuf>>>,
+    /// What a file that was found is called: as it was asked for where it is there, so that messages say what the author wrote.
+    pub shown: Rc<RefCell<HashMap<PathBuf, PathBuf>>>,
     /// Where a file was looked for in vain before it was found.
     pub absent: Rc<RefCell<BTreeSet<PathBuf>>>,
     /// The macros of all of it.
@@ -51,6 +55,8 @@ impl Files {
             most: options.limits.source_bytes,
             stage,
             read: Rc::default(),
+            found: Rc::default(),
+            shown: Rc::default(),
             absent: Rc::default(),
             macros: Macros::default(),
             rewritten: Rc::default(),
@@ -227,6 +233,17 @@ impl FileSystem for Files {
     fn canonicalize(&self, path: &Path) -> Result<PathBuf, io::Error> {
         let found = self.find(path)?;
         let text = self.text(&found)?;
+        let is_there = match &self.root {
+            Some(root) => root.join(path).exists(),
+            None => path.exists(),
+        };
+        let name = if is_there { path } else { &found };
+        let mut shown = self.shown.borrow_mut();
+        shown
+            .entry(found.clone())
+            .or_insert_with(|| name.to_owned());
+        let mut all = self.found.borrow_mut();
+        all.insert(path.to_owned(), found.clone());
         self.read.borrow_mut().insert(found.clone(), text);
         Ok(found)
     }
