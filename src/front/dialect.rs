@@ -47,6 +47,10 @@ impl Dialect {
 }
 
 /// The WGSL that a file comes to, and what it came of.
+#[cfg_attr(
+    not(any(feature = "naga-oil", feature = "wesl")),
+    allow(dead_code, reason = "a build with neither makes none")
+)]
 pub(super) struct Compiled {
     /// WGSL.
     pub text: String,
