@@ -78,7 +78,7 @@ pub struct Locked {
     pub recipe: Recipe,
     /// What it was made of.
     pub inputs: Inputs,
-    /// BLAKE3 of the WGSL that came of it, comments apart, in hex.
+    /// BLAKE3 of the WGSL that came of it, comments and blanks at the ends of lines apart, in hex.
     pub shaders: String,
     /// What the passes read of the scene, as far as it is about this material.
     #[serde(default, skip_serializing_if = "is_nothing")]
@@ -118,7 +118,7 @@ pub struct Inputs {
 pub struct HashedSource {
     /// File name, without its folder.
     pub file: String,
-    /// BLAKE3 of the text in hex, of any line endings.
+    /// BLAKE3 of the text in hex: without comments, empty lines and what blanks end a line.
     pub blake3: String,
 }
 
@@ -164,6 +164,16 @@ pub enum LockError {
         /// Where and why.
         message: String,
     },
+    /// Another preshade wrote it, with keys or a schema that this one does not know.
+    #[error("{}: written by another preshade ({by}), and this is {TOOL}: {message}", path.display())]
+    Foreign {
+        /// The file, or nothing where a text was read.
+        path: PathBuf,
+        /// Its schema, or who wrote it.
+        by: String,
+        /// What is not known.
+        message: String,
+    },
 }
 
 /// A lock does not fit what is there now.
@@ -205,8 +215,11 @@ pub enum Mismatch {
     #[error("preshade.lock was written for other entry points")]
     EntryPoints,
     /// Another pipeline state.
-    #[error("preshade.lock was written for another pipeline state")]
-    State,
+    #[error("preshade.lock was written for another pipeline state: {fields}")]
+    State {
+        /// Fields that differ, with what each was and is.
+        fields: String,
+    },
     /// A step does not apply any more.
     #[error("a step of preshade.lock no longer applies: {0}")]
     Refused(Box<Refusal>),
@@ -222,12 +235,17 @@ impl Inputs {
     /// Of a material as it is read now.
     pub fn of(parsed: &front::Parsed, defines: &[(String, String)], state: &MaterialState) -> Self {
         let files = parsed.program.sources().files();
+        let mut sources: Vec<HashedSource> = Vec::new();
+        for file in files {
+            let hashed = HashedSource::of(&file.name, &file.text);
+            // Both stages may include one file.
+            if !sources.contains(&hashed) {
+                sources.push(hashed);
+            }
+        }
         Self {
             tool: TOOL.to_owned(),
-            sources: files
-                .iter()
-                .map(|f| HashedSource::of(&f.name, &f.text))
-                .collect(),
+            sources,
             defines: defines.iter().cloned().collect(),
             vertex: parsed.vertex.clone(),
             fragment: parsed.fragment.clone(),
@@ -281,8 +299,46 @@ impl Inputs {
         if (&self.vertex, &self.fragment) != (&now.vertex, &now.fragment) {
             return Some(Mismatch::EntryPoints);
         }
-        (self.state != now.state).then_some(Mismatch::State)
+        (self.state != now.state).then(|| Mismatch::State {
+            fields: differing(&self.state, &now.state),
+        })
     }
+}
+
+/// The fields of two states that differ: `multisample.count is 4, and was 1`.
+fn differing(then: &MaterialState, now: &MaterialState) -> String {
+    use serde_json::Value;
+    fn walk(at: &str, then: &Value, now: &Value, out: &mut Vec<String>) {
+        let below = |key: &str| match at {
+            "" => key.to_owned(),
+            _ => format!("{at}.{key}"),
+        };
+        match (then, now) {
+            _ if then == now => {}
+            (Value::Object(a), Value::Object(b)) => {
+                let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
+                keys.sort_unstable();
+                keys.dedup();
+                let of = |all: &serde_json::Map<String, Value>, key: &String| {
+                    all.get(key).cloned().unwrap_or(Value::Null)
+                };
+                for key in keys {
+                    walk(&below(key), &of(a, key), &of(b, key), out);
+                }
+            }
+            (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+                for (i, (a, b)) in a.iter().zip(b).enumerate() {
+                    walk(&below(&i.to_string()), a, b, out);
+                }
+            }
+            _ => out.push(format!("{at} is {now}, and was {then}")),
+        }
+    }
+    // Plain data: serialising it cannot fail.
+    let value = |state: &MaterialState| serde_json::to_value(state).unwrap_or_default();
+    let mut out = Vec::new();
+    walk("", &value(then), &value(now), &mut out);
+    out.join("; ")
 }
 
 impl HashedSource {
@@ -291,9 +347,35 @@ impl HashedSource {
         let file = path.file_name().unwrap_or(path.as_os_str());
         Self {
             file: file.to_string_lossy().into_owned(),
-            blake3: hash(&text.replace("\r\n", "\n")),
+            blake3: hash(&said(text)),
         }
     }
+}
+
+/// What a text says, whoever comments on it and whatever ends its lines: comments are one blank, blanks that end a line and lines of nothing else are gone. That it is the same is a hint: what
+/// is shipped is what comes of it, which has a hash of its own. (Comments nest, as WGSL's do and GLSL's do not.)
+fn said(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    let mut depth = 0_u32;
+    let mut rest = text;
+    while let Some(c) = rest.chars().next() {
+        let (opens, closes) = (rest.starts_with("/*"), rest.starts_with("*/"));
+        let mut length = c.len_utf8();
+        if opens {
+            (depth, length) = (depth + 1, 2);
+        } else if closes && depth > 0 {
+            (depth, length) = (depth - 1, 2);
+            plain.push(' ');
+        } else if depth == 0 && rest.starts_with("//") {
+            length = rest.find(['\n', '\r']).unwrap_or(rest.len());
+        } else if depth == 0 || c == '\n' {
+            plain.push(c);
+        }
+        rest = &rest[length..];
+    }
+    let lines = plain.split(['\r', '\n']).map(str::trim_end);
+    let lines: Vec<&str> = lines.filter(|line| !line.is_empty()).collect();
+    lines.join("\n")
 }
 
 fn hash(text: &str) -> String {
@@ -388,20 +470,33 @@ fn own<T: Clone>(all: &[T], is_own: impl Fn(&T) -> bool) -> Vec<T> {
     all.iter().filter(|one| is_own(one)).cloned().collect()
 }
 
-/// Hash of the WGSL of a plan, in the order of its programs, without lines that are comments.
+/// Hash of the WGSL of a plan, in the order of its programs, as [`said`].
 fn hash_shaders(plan: &Plan) -> Result<String, emit::Error> {
     let files = emit::emit(plan, &[Target::Wgsl], &emit::Options::default())?;
     let mut text = String::new();
     for file in files.iter().filter(|f| f.name.ends_with(".wgsl")) {
         text.push_str(&file.name);
         text.push('\n');
-        let content = String::from_utf8_lossy(&file.bytes);
-        for line in content.lines().filter(|l| !l.starts_with("//")) {
-            text.push_str(line);
-            text.push('\n');
-        }
+        text.push_str(&said(&String::from_utf8_lossy(&file.bytes)));
+        text.push('\n');
     }
     Ok(hash(&text))
+}
+
+/// Which other preshade a file says that it is of: by another schema of locks, or by the tool of a material.
+fn written_by_another(text: &str) -> Option<String> {
+    let file: serde_json::Value = serde_json::from_str(text).ok()?;
+    let schema = file.get("schema")?.as_str()?;
+    if !schema.starts_with("preshade.lock.") {
+        return None;
+    }
+    if schema != SCHEMA {
+        return Some(schema.to_owned());
+    }
+    let materials = file.get("materials")?.as_object()?.values();
+    let tools = materials.filter_map(|m| m.pointer("/inputs/tool")?.as_str());
+    let mut others = tools.filter(|tool| *tool != TOOL);
+    others.next().map(str::to_owned)
 }
 
 impl Lock {
@@ -435,6 +530,11 @@ impl Lock {
                 path: path.to_owned(),
                 message,
             }),
+            Err(LockError::Foreign { by, message, .. }) => Err(LockError::Foreign {
+                path: path.to_owned(),
+                by,
+                message,
+            }),
             read => read,
         }
     }
@@ -442,19 +542,17 @@ impl Lock {
     /// Reads the text of a file.
     ///
     /// # Errors
-    /// It is no lock file, or of another version.
+    /// It is no lock file, or one that another preshade wrote and this one cannot read.
     pub fn parse(text: &str) -> Result<Self, LockError> {
-        let syntax = |message: String| LockError::Syntax {
-            path: PathBuf::from(FILE_NAME),
-            message,
+        let path = PathBuf::from(FILE_NAME);
+        let message = match serde_json::from_str::<Self>(text) {
+            Ok(lock) if lock.schema == SCHEMA => return Ok(lock),
+            Ok(lock) => format!("its schema is `{}`, not `{SCHEMA}`", lock.schema),
+            Err(error) => error.to_string(),
         };
-        let lock: Self = serde_json::from_str(text).map_err(|e| syntax(e.to_string()))?;
-        match lock.schema == SCHEMA {
-            true => Ok(lock),
-            false => Err(syntax(format!(
-                "its schema is `{}`, not `{SCHEMA}`",
-                lock.schema
-            ))),
+        match written_by_another(text) {
+            Some(by) => Err(LockError::Foreign { path, by, message }),
+            None => Err(LockError::Syntax { path, message }),
         }
     }
 
@@ -563,9 +661,32 @@ mod tests {
     }
 
     #[test]
-    fn line_endings_do_not_count() {
-        let now = inputs(&TEXT.replace('\n', "\r\n"));
-        assert!(locked().check("lit", &now).is_ok());
+    fn comments_and_line_endings_do_not_count() {
+        let lock = locked();
+        for text in [
+            TEXT.replace('\n', "\r\n"),
+            TEXT.replace('\n', "\r\r\n"),
+            format!("// what it is\n\n/* of /* whom */ */\n{TEXT}\r// c"),
+            TEXT.replace(" }\n", " } // as it is  \n\n\t \n"),
+        ] {
+            let chosen = lock.check("lit", &inputs(&text)).unwrap();
+            assert!(chosen.apply(&original(&text)).is_ok(), "{text}");
+        }
+        let within = TEXT.replace("1.0", "1.0 /* and 2.0 */ + 1.0");
+        assert!(lock.check("lit", &inputs(&within)).is_err());
+    }
+
+    #[test]
+    fn a_lock_of_another_preshade_is_told_from_garbage() {
+        let text = locked().to_json();
+        let later = text.replace("preshade.lock.v1", "preshade.lock.v2");
+        let said = Lock::parse(&later).unwrap_err();
+        assert!(matches!(said, LockError::Foreign { .. }), "{said}");
+        let more = text.replace("\"shaders\"", "\"more\": 1, \"shaders\"");
+        let said = Lock::parse(&more.replace(TOOL, "preshade 9.0.0")).unwrap_err();
+        assert!(said.to_string().contains("preshade 9.0.0"), "{said}");
+        let said = Lock::parse(&more).unwrap_err();
+        assert!(matches!(said, LockError::Syntax { .. }), "{said}");
     }
 
     #[test]
@@ -581,7 +702,7 @@ mod tests {
             Mismatch::NoMaterial { .. }
         ));
         let edited = lock
-            .check("lit", &inputs(&format!("{TEXT}//")))
+            .check("lit", &inputs(&TEXT.replace("1.0", "0.5")))
             .unwrap_err();
         assert_eq!(
             edited.to_string(),
@@ -594,7 +715,14 @@ mod tests {
             defines.to_string(),
             "preshade.lock was written with other definitions (FOG)"
         );
-        assert_eq!(with(&|now| now.state.depth_write = false), Mismatch::State);
+        let state = with(&|now| {
+            now.state.depth_write = false;
+            now.state.multisample.count = 4;
+        });
+        assert_eq!(
+            state.to_string(),
+            "preshade.lock was written for another pipeline state: depth_write is false, and was true; multisample.count is 4, and was 1"
+        );
         assert_eq!(
             with(&|now| now.vertex = "vs_main".to_owned()),
             Mismatch::EntryPoints

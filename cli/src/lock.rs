@@ -16,7 +16,14 @@ use crate::output;
 /// Keeps the first plan that `decision` draws with, and tells which files changed. What cannot be kept of a material is told, and the others are.
 pub fn keep(scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Failure> {
     let mut locks: BTreeMap<PathBuf, Lock> = BTreeMap::new();
-    for material in &scene.materials {
+    for (index, material) in scene.materials.iter().enumerate() {
+        let is_seen = is_seen(decision, index);
+        if !is_seen {
+            output::message(&format!(
+                "note: no camera sees `{}`: it is left as written",
+                material.name
+            ));
+        }
         let Some(path) = beside(scene, material) else {
             output::message(&format!(
                 "note: `{}` comes from no file, so nothing is kept of it",
@@ -24,7 +31,7 @@ pub fn keep(scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Fai
             ));
             continue;
         };
-        match locked(material, facts, decision) {
+        match locked(material, facts, decision, is_seen) {
             Ok(locked) => {
                 if !locks.contains_key(&path) {
                     let lock = Lock::read(&path)?.unwrap_or_default();
@@ -63,10 +70,22 @@ fn beside(scene: &Scene, material: &Material) -> Option<PathBuf> {
     Some(whole.with_file_name(FILE_NAME))
 }
 
-fn locked(material: &Material, facts: &Facts, decision: &Decision) -> Result<Locked, Failure> {
+/// Whether anything of a material lies in any view: of one that does not, no figure of the frame speaks.
+fn is_seen(decision: &Decision, material: usize) -> bool {
+    let mut views = decision.views.iter();
+    views.any(|v| v.materials.get(material).is_none_or(|m| m.rasterised > 0.0))
+}
+
+fn locked(
+    material: &Material,
+    facts: &Facts,
+    decision: &Decision,
+    is_seen: bool,
+) -> Result<Locked, Failure> {
     let plan = decision.drawn().first().copied().unwrap_or_default();
     let chosen = decision.plans.get(plan);
     let recipe = chosen.and_then(|p| p.recipes.get(&material.name));
+    let recipe = recipe.filter(|_| is_seen);
     let recipe = recipe.map_or(Ok(Recipe::default()), |r| Recipe::parse_list(r))?;
     let parsed = Parsed {
         program: material.program.clone(),
@@ -75,7 +94,7 @@ fn locked(material: &Material, facts: &Facts, decision: &Decision) -> Result<Loc
     };
     let defines: Vec<(String, String)> = material.defines.clone().into_iter().collect();
     let inputs = Inputs::of(&parsed, &defines, &material.state);
-    let measured = measured(decision, plan);
+    let measured = measured(decision, plan).filter(|_| is_seen);
     Ok(Locked::resolve(
         &material.plan(),
         &recipe,

@@ -11,13 +11,15 @@ use crate::reflect::{self, Io};
 use crate::state::Topology;
 
 /// Limits by WebGPU's name, with the value that every WebGPU device has.
-pub const DEFAULTS: [(&str, u64); 15] = [
+pub const DEFAULTS: [(&str, u64); 16] = [
     ("maxBindGroups", 4),
     ("maxBindingsPerBindGroup", 1000),
     ("maxColorAttachmentBytesPerSample", 32),
     ("maxColorAttachments", 8),
     ("maxComputeInvocationsPerWorkgroup", 256),
     ("maxComputeWorkgroupSizeX", 256),
+    // What a device of wgpu's has; immediates are a feature there.
+    ("maxImmediateSize", 0),
     ("maxInterStageShaderVariables", 16),
     ("maxSampledTexturesPerShaderStage", 16),
     ("maxSamplersPerShaderStage", 16),
@@ -79,6 +81,10 @@ fn needed(pass: &GpuPass, program: &Program) -> BTreeMap<&'static str, u64> {
     needed.extend([
         ("maxColorAttachmentBytesPerSample", bytes_per_sample(pass)),
         ("maxColorAttachments", pass.targets.len() as u64),
+        (
+            "maxImmediateSize",
+            reflect::immediate_size(program, &reflect::stages(pass)).into(),
+        ),
         ("maxInterStageShaderVariables", inter_stage(pass, program)),
         ("maxVertexAttributes", locations.max().unwrap_or(0)),
     ]);

@@ -367,7 +367,7 @@ pub struct GpuPass {
     pub bindings: Vec<BindingUse>,
     /// Vertex attributes its vertex entry point reads.
     pub attributes: Vec<AttributeUse>,
-    /// WebGPU features it needs, in WebGPU's spelling.
+    /// Features it needs, in WebGPU's spelling; in wgpu's, `wgpu-vertex-writable-storage` say, where WebGPU has none.
     pub features: Vec<String>,
     /// WebGPU limits it needs above their defaults, by WebGPU's name. Counted of the pass by itself: what else a host binds with it adds.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -662,7 +662,12 @@ impl Plan {
             targets,
             bindings: Vec::new(),
             attributes: Vec::new(),
-            features: Vec::new(),
+            features: match state.depth_format {
+                DepthFormat::Depth32floatStencil8 => {
+                    vec![crate::reflect::DEPTH32FLOAT_STENCIL8.to_owned()]
+                }
+                _ => Vec::new(),
+            },
             limits: BTreeMap::new(),
             draws: Draws::All,
             geometry: Geometry::AsGiven,

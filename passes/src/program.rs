@@ -21,6 +21,8 @@ pub struct SourceFile {
     pub base: u32,
     /// Where each line begins in the text, so that a place in a long file is found without reading it again.
     lines: Vec<u32>,
+    /// Its text is part of another file's already, as that of a module that was imported: no span lies in it.
+    pub is_imported: bool,
 }
 
 /// The author's files in one address space of byte offsets, as naga's [`naga::Span`] needs it: a module linked from two files
@@ -28,6 +30,7 @@ pub struct SourceFile {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SourceMap {
     files: Vec<SourceFile>,
+    absent: Vec<String>,
 }
 
 /// A place in the author's source.
@@ -62,8 +65,34 @@ impl SourceMap {
             lines: std::iter::once(0).chain(ends).collect(),
             text,
             base,
+            is_imported: false,
         });
         base
+    }
+
+    /// Adds a file that the text of another was made of, once: what rests on the program rests on it, and no span lies in it.
+    pub fn add_imported(&mut self, name: impl Into<String>, text: impl Into<String>) {
+        let name = name.into();
+        if self.files.iter().any(|f| f.is_imported && f.name == name) {
+            return;
+        }
+        self.add(name, text);
+        if let Some(added) = self.files.last_mut() {
+            added.is_imported = true;
+        }
+    }
+
+    /// Notes a file that was looked for in vain before another was found: were it there, the program would be another.
+    pub fn add_absent(&mut self, name: impl Into<String>) {
+        let name = name.into();
+        if !self.absent.contains(&name) {
+            self.absent.push(name);
+        }
+    }
+
+    /// Files that were looked for in vain.
+    pub fn absent(&self) -> &[String] {
+        &self.absent
     }
 
     /// The files, in the order they were added.
@@ -190,7 +219,9 @@ impl Program {
     /// The author's own text, where it is one file that says just what this program is: no transform has touched it.
     pub fn author_text(&self) -> Option<&str> {
         match self.sources.files() {
-            [file] if self.as_written => Some(&file.text),
+            [file, imported @ ..] if self.as_written && imported.iter().all(|f| f.is_imported) => {
+                Some(&file.text)
+            }
             _ => None,
         }
     }

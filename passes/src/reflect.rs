@@ -252,16 +252,14 @@ pub fn bindings(
 /// geometry, keeps that source.
 pub fn fill(pass: &mut GpuPass, program: &Program) {
     let module = program.module();
-    let stages: Vec<(ShaderStage, &str)> = [
-        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
-        (ShaderStage::Fragment, pass.fragment.as_deref()),
-    ]
-    .into_iter()
-    .filter_map(|(stage, name)| Some((stage, name?)))
-    .collect();
-    let bindings = bindings(program, &stages, &pass.bindings);
-    pass.features = features(pass, module);
+    let bindings = bindings(program, &stages(pass), &pass.bindings);
     pass.bindings = bindings;
+    // The format of the depth is the plan's: who knows it has said so before.
+    let depth = pass.features.iter().find(|f| *f == DEPTH32FLOAT_STENCIL8);
+    let depth = depth.filter(|_| pass.depth.is_some()).cloned();
+    pass.features = features(pass, program);
+    pass.features.extend(depth);
+    pass.features.sort_unstable();
     pass.attributes = match program.entry_point(ShaderStage::Vertex, &pass.vertex) {
         None => Vec::new(),
         Some((_, entry)) => inputs(module, &entry.function)
@@ -280,14 +278,40 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
     pass.limits = crate::limits::above_default(pass, program);
 }
 
+/// The feature that the depth format of its name needs.
+pub const DEPTH32FLOAT_STENCIL8: &str = "depth32float-stencil8";
+
+/// The entry points that a pass draws with.
+pub fn stages(pass: &GpuPass) -> Vec<(ShaderStage, &str)> {
+    let fragment = pass.fragment.as_deref();
+    let vertex = (ShaderStage::Vertex, pass.vertex.as_str());
+    let fragment = fragment.map(|name| (ShaderStage::Fragment, name));
+    std::iter::once(vertex).chain(fragment).collect()
+}
+
+/// Bytes of immediate data that entry points read: 0 where there is none.
+pub fn immediate_size(program: &Program, stages: &[(ShaderStage, &str)]) -> u32 {
+    let module = program.module();
+    let entries = stages.iter();
+    let entries = entries.filter_map(|(stage, name)| program.entry_point(*stage, name));
+    entries
+        .flat_map(|(index, _)| {
+            let info = program.info().get_entry_point(index);
+            let globals = module.global_variables.iter();
+            globals.filter(move |(handle, global)| {
+                global.space == AddressSpace::Immediate && !info[*handle].is_empty()
+            })
+        })
+        .map(|(_, global)| module.types[global.ty].inner.size(module.to_ctx()))
+        .max()
+        .unwrap_or(0)
+}
+
 /// Fills a compute pass's bindings, features and limits from the entry point it names, as [`fill`] does.
 pub fn fill_compute(pass: &mut ComputePass, program: &Program) {
     let stages = [(ShaderStage::Compute, pass.entry_point.as_str())];
     pass.bindings = bindings(program, &stages, &pass.bindings);
-    pass.features = match half_precision(program.module()) {
-        true => vec!["shader-f16".to_owned()],
-        false => Vec::new(),
-    };
+    pass.features = of_module(program, &stages, &pass.bindings);
     pass.limits = crate::limits::of_compute(pass);
 }
 
@@ -312,18 +336,139 @@ fn half_precision(module: &Module) -> bool {
             .any(|f| f.expressions.iter().any(|(_, e)| converts(e)))
 }
 
-/// WebGPU features that a pass needs, by name: from its state, and from the module it draws with.
-fn features(pass: &GpuPass, module: &Module) -> Vec<String> {
-    let half_precision = half_precision(module);
+/// Whether an entry point of the stage, or any function, has a statement or an input of subgroups.
+fn uses_subgroups(module: &Module, stage: ShaderStage) -> bool {
+    fn in_block(block: &naga::Block) -> bool {
+        use naga::Statement as S;
+        block.iter().any(|statement| match statement {
+            S::SubgroupBallot { .. }
+            | S::SubgroupGather { .. }
+            | S::SubgroupCollectiveOperation { .. } => true,
+            S::Block(inner) => in_block(inner),
+            S::If { accept, reject, .. } => in_block(accept) || in_block(reject),
+            S::Switch { cases, .. } => cases.iter().any(|c| in_block(&c.body)),
+            S::Loop {
+                body, continuing, ..
+            } => in_block(body) || in_block(continuing),
+            _ => false,
+        })
+    }
+    let is_builtin = |binding: &Option<Binding>| {
+        use naga::BuiltIn as B;
+        matches!(
+            binding,
+            Some(Binding::BuiltIn(
+                B::SubgroupSize | B::SubgroupInvocationId | B::NumSubgroups | B::SubgroupId
+            ))
+        )
+    };
+    let mut entries = module.entry_points.iter().filter(|e| e.stage == stage);
+    entries.any(|e| {
+        in_block(&e.function.body)
+            || inputs(module, &e.function)
+                .iter()
+                .any(|i| is_builtin(&i.binding))
+            || module.functions.iter().any(|(_, f)| in_block(&f.body))
+    })
+}
+
+/// Features that a module needs for the entry points given, `bindings` being what they use.
+fn of_module(
+    program: &Program,
+    stages: &[(ShaderStage, &str)],
+    bindings: &[BindingUse],
+) -> Vec<String> {
+    let module = program.module();
+    let subgroups = |stage| stages.iter().any(|s| s.0 == stage) && uses_subgroups(module, stage);
+    let (vertex, others) = (
+        subgroups(ShaderStage::Vertex),
+        subgroups(ShaderStage::Fragment) || subgroups(ShaderStage::Compute),
+    );
+    let storage = |wanted: &dyn Fn(&str, &str) -> bool| {
+        bindings.iter().any(|b| match &b.layout {
+            Some(BindingLayout::StorageTexture { access, format, .. }) => wanted(access, format),
+            _ => false,
+        })
+    };
+    let writes = |b: &BindingUse| match (&b.layout, b.kind) {
+        (Some(BindingLayout::StorageTexture { access, .. }), _) => access != "read-only",
+        (_, kind) => kind == BindingKind::StorageReadWrite,
+    };
+    let array =
+        |b: &BindingUse, is: &dyn Fn(BindingKind) -> bool| is_array(module, b) && is(b.kind);
+    let is_buffer = |kind| {
+        use BindingKind as K;
+        matches!(kind, K::Uniform | K::StorageRead | K::StorageReadWrite)
+    };
+    let is_storage = |kind| {
+        use BindingKind as K;
+        matches!(
+            kind,
+            K::StorageRead | K::StorageReadWrite | K::StorageTexture
+        )
+    };
+    [
+        ("bgra8unorm-storage", storage(&|_, f| f == "bgra8unorm")),
+        ("immediates", immediate_size(program, stages) > 0),
+        ("shader-f16", half_precision(module)),
+        ("subgroups", vertex || others),
+        (
+            "wgpu-buffer-binding-array",
+            bindings.iter().any(|b| array(b, &is_buffer)),
+        ),
+        (
+            "wgpu-storage-resource-binding-array",
+            bindings.iter().any(|b| array(b, &is_storage)),
+        ),
+        ("wgpu-subgroup-vertex", vertex),
+        // WebGPU reads and writes one texture in formats of one channel of 32 bits alone.
+        (
+            "wgpu-texture-adapter-specific-format-features",
+            storage(&|access, f| {
+                access == "read-write" && !["r32float", "r32sint", "r32uint"].contains(&f)
+            }),
+        ),
+        (
+            "wgpu-texture-binding-array",
+            bindings.iter().any(|b| array(b, &|k| !is_buffer(k))),
+        ),
+        (
+            "wgpu-texture-format-16-bit-norm",
+            storage(&|_, f| is_16_bit_norm(f)),
+        ),
+        (
+            "wgpu-vertex-writable-storage",
+            bindings.iter().any(|b| b.visibility.vertex && writes(b)),
+        ),
+    ]
+    .into_iter()
+    .filter(|(_, needed)| *needed)
+    .map(|(name, _)| name.to_owned())
+    .collect()
+}
+
+fn is_16_bit_norm(format: &str) -> bool {
+    format.ends_with("16unorm") || format.ends_with("16snorm")
+}
+
+/// Whether a binding is of several resources (`binding_array`), which a plan's layout has no word for.
+pub fn is_array(module: &Module, binding: &BindingUse) -> bool {
+    module.global_variables.iter().any(|(_, g)| {
+        let at = g.binding.map(|b| (b.group, b.binding));
+        at == Some((binding.group, binding.binding))
+            && matches!(module.types[g.ty].inner, TypeInner::BindingArray { .. })
+    })
+}
+
+/// Features that a pass needs, by WebGPU's name or, where only wgpu has one, by wgpu's: from its state, and from the module it draws with. Its bindings must be filled in.
+fn features(pass: &GpuPass, program: &Program) -> Vec<String> {
+    let module = program.module();
     let is = |b: &Option<Binding>, builtin: naga::BuiltIn| *b == Some(Binding::BuiltIn(builtin));
-    let stages = [
-        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
-        (ShaderStage::Fragment, pass.fragment.as_deref()),
-    ];
+    let own_stages = stages(pass);
     let io: Vec<Io> = module
         .entry_points
         .iter()
-        .filter(|e| stages.contains(&(e.stage, Some(e.name.as_str()))))
+        .filter(|e| own_stages.contains(&(e.stage, e.name.as_str())))
         .flat_map(|e| {
             inputs(module, &e.function)
                 .into_iter()
@@ -339,7 +484,12 @@ fn features(pass: &GpuPass, module: &Module) -> Vec<String> {
             })
         )
     };
-    [
+    let target = |wanted: &dyn Fn(&str, bool) -> bool| {
+        let mut targets = pass.targets.iter().flatten();
+        targets.any(|t| wanted(&t.format, t.blend.is_some()))
+    };
+    let several = pass.multisample.count > 1;
+    let own = [
         (
             "clip-distances",
             io.iter()
@@ -348,16 +498,47 @@ fn features(pass: &GpuPass, module: &Module) -> Vec<String> {
         ("depth-clip-control", pass.primitive.unclipped_depth),
         ("dual-source-blending", io.iter().any(|i| dual(&i.binding))),
         (
+            "float32-blendable",
+            target(&|f, blended| blended && f.ends_with("32float")),
+        ),
+        (
             "primitive-index",
             io.iter()
                 .any(|i| is(&i.binding, naga::BuiltIn::PrimitiveIndex)),
         ),
-        ("shader-f16", half_precision),
+        (
+            "rg11b10ufloat-renderable",
+            target(&|f, _| f == "rg11b10ufloat"),
+        ),
+        (
+            "wgpu-texture-format-16-bit-norm",
+            target(&|f, _| is_16_bit_norm(f)),
+        ),
+        // wgpu knows of no target of them that all adapters have.
+        (
+            "wgpu-texture-adapter-specific-format-features",
+            target(&|f, _| is_16_bit_norm(f)),
+        ),
+        // WebGPU has one sample or four, and those not in the widest formats.
+        (
+            "wgpu-texture-adapter-specific-format-features",
+            ![1, 4].contains(&pass.multisample.count)
+                || several
+                    && target(&|f, _| {
+                        ["r32uint", "r32sint", "rg32", "rgba32"]
+                            .iter()
+                            .any(|w| f.starts_with(w))
+                    }),
+        ),
     ]
     .into_iter()
     .filter(|(_, needed)| *needed)
-    .map(|(name, _)| name.to_owned())
-    .collect()
+    .map(|(name, _)| name.to_owned());
+    let mut all: Vec<String> = own.collect();
+    all.extend(of_module(program, &stages(pass), &pass.bindings));
+    all.sort_unstable();
+    all.dedup();
+    all
 }
 
 /// A scalar, vector or matrix type in WGSL's spelling.

@@ -1,14 +1,66 @@
 //! Bind groups of a generated material: the author's resources are laid out alike in every pass, so that one bind group serves them all.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::{BindingSource, BindingUse, Plan};
+use preshade_passes::plan::{BindingLayout, BindingSource, BindingUse, Plan};
 
 use super::generate::json;
 use super::wgpu_words as words;
 
+/// What a host says of the author's resources that no shader does, by group and binding.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Said {
+    /// Buffers that are bound at a dynamic offset.
+    pub dynamic: BTreeSet<(u32, u32)>,
+    /// Textures that cannot be filtered, and samplers that do not filter.
+    pub unfilterable: BTreeSet<(u32, u32)>,
+}
+
+impl Said {
+    /// `wgpu::BindingType` of a binding, as Rust.
+    fn binding_type(&self, binding: &BindingUse) -> String {
+        let at = (binding.group, binding.binding);
+        let of_author = binding.source == BindingSource::Author;
+        words::binding_type(
+            binding,
+            of_author && self.dynamic.contains(&at),
+            of_author && self.unfilterable.contains(&at),
+        )
+    }
+
+    /// What is said of no binding that it can be said of.
+    fn amiss(&self, used: &BTreeMap<(u32, u32), BindingUse>) -> Option<String> {
+        let is = |at: &(u32, u32), fits: fn(&BindingLayout) -> bool| {
+            used.get(at)
+                .and_then(|b| b.layout.as_ref())
+                .is_some_and(fits)
+        };
+        let buffer = |layout: &BindingLayout| matches!(layout, BindingLayout::Buffer { .. });
+        let filtered = |layout: &BindingLayout| match layout {
+            BindingLayout::Sampler { ty } => ty == "filtering",
+            BindingLayout::Texture { sample_type, .. } => {
+                ["float", "unfilterable-float"].contains(&sample_type.as_str())
+            }
+            _ => false,
+        };
+        let dynamic = self.dynamic.iter().find(|at| !is(at, buffer));
+        if let Some((group, binding)) = dynamic {
+            return Some(format!(
+                "a dynamic offset is asked for at group {group}, binding {binding}, where the shader has no buffer"
+            ));
+        }
+        let unfilterable = self.unfilterable.iter().find(|at| !is(at, filtered));
+        unfilterable.map(|(group, binding)| {
+            format!("no filtering is asked for at group {group}, binding {binding}, where the shader has no texture of floats and no sampler that filters")
+        })
+    }
+}
+
 /// The author's resources by group and binding, each as all passes of all plans together see it.
-pub(super) struct Shared(BTreeMap<(u32, u32), Resource>);
+pub(super) struct Shared<'s> {
+    resources: BTreeMap<(u32, u32), Resource>,
+    said: &'s Said,
+}
 
 struct Resource {
     name: String,
@@ -62,9 +114,16 @@ impl Stages {
     }
 }
 
-impl Shared {
+impl<'s> Shared<'s> {
     /// Of the plans of one material.
-    pub(super) fn of<'p>(plans: impl Iterator<Item = &'p Plan>) -> Self {
+    ///
+    /// # Errors
+    /// Something is said of what is not there.
+    pub(super) fn of<'p>(
+        plans: impl Iterator<Item = &'p Plan>,
+        said: &'s Said,
+    ) -> Result<Self, String> {
+        let mut used: BTreeMap<(u32, u32), BindingUse> = BTreeMap::new();
         let mut all: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
         for plan in plans {
             let raster = plan.passes.iter().map(|p| (&p.bindings, Kind::Raster));
@@ -76,16 +135,23 @@ impl Shared {
                     }
                     let stages = Stages::of(binding, kind);
                     let key = (binding.group, binding.binding);
+                    used.entry(key).or_insert_with(|| binding.clone());
                     let resource = all.entry(key).or_insert_with(|| Resource {
                         name: binding.name.clone(),
-                        ty: words::binding_type(binding),
+                        ty: said.binding_type(binding),
                         stages,
                     });
                     resource.stages = resource.stages.and(stages);
                 }
             }
         }
-        Self(all)
+        match said.amiss(&used) {
+            None => Ok(Self {
+                resources: all,
+                said,
+            }),
+            Some(why) => Err(why),
+        }
     }
 
     /// The bind groups of a pass that uses `bindings`, as Rust: of each group that it uses anything of, all that the author has in it.
@@ -103,13 +169,13 @@ impl Shared {
             return "&[]".to_owned();
         }
         let mut entries: BTreeMap<u32, String> = BTreeMap::new();
-        for ((_, at), resource) in self.0.range((group, 0)..=(group, u32::MAX)) {
+        for ((_, at), resource) in self.resources.range((group, 0)..=(group, u32::MAX)) {
             let Resource { name, ty, stages } = resource;
             entries.insert(*at, entry(name, "Source::Author", *at, *stages, ty));
         }
         for binding in own {
-            let ty = words::binding_type(binding);
-            let shared = self.0.get(&(group, binding.binding));
+            let ty = self.said.binding_type(binding);
+            let shared = self.resources.get(&(group, binding.binding));
             let is_shared = binding.source == BindingSource::Author
                 && shared.is_some_and(|resource| resource.ty == ty);
             if !is_shared {

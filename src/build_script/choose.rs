@@ -10,7 +10,7 @@ use super::generate::Drawn;
 use super::{Asked, Builder, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::lock::{Inputs, Lock, Locked, Mismatch};
+use crate::lock::{Inputs, Lock, LockError, Locked, Mismatch};
 use crate::recipe::{Recipe, Step};
 
 /// The variants of a material for which nothing is asked: what needs no scene.
@@ -20,12 +20,24 @@ pub(super) const BY_DEFAULT: [(&str, &str); 3] = [
     ("shadow", "shadow"),
 ];
 
+/// A lock file, as far as it can be read.
+pub(super) enum Keeping {
+    /// There is none.
+    Nothing,
+    /// This preshade's.
+    Own(Lock),
+    /// Another preshade's: obeyed by none but that one.
+    Foreign(LockError),
+}
+
 /// What a material is built as.
 pub(super) struct Chosen {
     /// The original, the material's own variant, then those with names of their own.
     pub drawn: Vec<Drawn>,
     /// Files that its own include.
     pub included: Vec<PathBuf>,
+    /// Files that were looked for before those were found.
+    pub absent: Vec<PathBuf>,
 }
 
 /// Chooses the plans of a material.
@@ -33,10 +45,18 @@ pub(super) fn choose(
     builder: &Builder,
     name: &str,
     sources: &[front::Source],
-    lock: Option<&Lock>,
+    keeping: &Keeping,
     warnings: &mut Vec<String>,
 ) -> Result<Chosen, Error> {
-    let Asked { own, named } = builder.recipes()?;
+    let Asked {
+        own,
+        named,
+        is_default,
+    } = builder.recipes()?;
+    let lock = match keeping {
+        Keeping::Own(lock) => Some(lock),
+        Keeping::Nothing | Keeping::Foreign(_) => None,
+    };
     let locked = lock.and_then(|lock| lock.materials.get(name));
     // The pipeline state and the entry points are no part of the shader: what the lock says of them holds also where the shader was edited.
     let state = builder.state.clone();
@@ -46,17 +66,34 @@ pub(super) fn choose(
     let inputs = Inputs::of(&parsed, &builder.options.defines, &state);
     let included = parsed.program.sources().files().iter().skip(sources.len());
     let mut included: Vec<PathBuf> = included.map(|f| PathBuf::from(&f.name)).collect();
+    let absent = parsed.program.sources().absent().iter();
+    let absent = absent.map(PathBuf::from).collect();
     // Both stages may include it.
     included.sort();
     included.dedup();
     let fragment = parsed.fragment.as_deref();
     let original = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);
 
-    let obeyed = lock.map(|lock| lock.check(name, &inputs)?.apply(&original));
-    let variant = match obeyed {
-        Some(Ok(plan)) => (plan, Vec::new()),
+    let checked = lock.map(|lock| lock.check(name, &inputs));
+    // What was seen of the scene holds for all that is made of the same shader.
+    let facts = match &checked {
+        Some(Ok(locked)) => locked.facts.clone(),
+        _ => Facts::default(),
+    };
+    let obeyed = checked.map(|locked| locked?.apply(&original));
+    let seen = Seen {
+        facts: &facts,
+        sources,
+    };
+    let variant = match (keeping, obeyed) {
+        (Keeping::Foreign(error), _) => {
+            let why = error.to_string();
+            warnings.push(warning(sources, &format!("{why}. The original is shipped")));
+            (original.clone(), vec![why])
+        }
+        (_, Some(Ok(plan))) => (plan, Vec::new()),
         // No lock, or one of other materials.
-        None | Some(Err(Mismatch::NoMaterial { .. })) => {
+        (_, None | Some(Err(Mismatch::NoMaterial { .. }))) => {
             let others = lock.map(|lock| lock.same_files(name, &inputs));
             if let Some([first, ..]) = others.as_deref() {
                 let why = format!(
@@ -64,10 +101,14 @@ pub(super) fn choose(
                 );
                 warnings.push(warning(sources, &why));
             }
-            without_scene(&original, &own.unwrap_or_default(), sources, warnings)
+            seen.plan(&original, "variant", &own.unwrap_or_default(), warnings)
         }
-        Some(Err(mismatch)) => {
-            let why = format!("{mismatch}; run `preshade plan --lock` again");
+        (_, Some(Err(mismatch))) => {
+            let measured = locked.and_then(|l| l.measured.as_ref());
+            let scene = measured.map_or(String::new(), |m| {
+                format!(" (it was measured on the scene `{}`)", m.scene)
+            });
+            let why = format!("{mismatch}; run `preshade plan SCENE --one --lock` again{scene}");
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
             (original.clone(), vec![why])
         }
@@ -77,13 +118,24 @@ pub(super) fn choose(
         ("variant".to_owned(), variant),
     ];
     for (name, recipe) in named {
-        plans.push((name, without_scene(&original, &recipe, sources, warnings)));
+        // What nobody asked for is told by `LEFT_OUT` alone.
+        let mut unasked = Vec::new();
+        let warnings = match is_default {
+            true => &mut unasked,
+            false => &mut *warnings,
+        };
+        let plan = seen.plan(&original, &name, &recipe, warnings);
+        plans.push((name, plan));
     }
     let drawn = plans
         .into_iter()
         .map(|(name, (plan, left_out))| emitted(builder, name, plan, left_out, sources, warnings))
         .collect::<Result<_, _>>()?;
-    Ok(Chosen { drawn, included })
+    Ok(Chosen {
+        drawn,
+        included,
+        absent,
+    })
 }
 
 /// The shader, with the entry points that are asked for, or else those of the lock where the shader still has them.
@@ -106,55 +158,87 @@ fn parse(
     front::parse(sources, options).map_err(Error::Shader)
 }
 
-/// The steps of `recipe` that apply and need no scene; why others are left out.
-fn without_scene(
-    original: &Plan,
-    recipe: &Recipe,
-    sources: &[front::Source],
-    warnings: &mut Vec<String>,
-) -> (Plan, Vec<String>) {
-    let (mut plan, mut left_out) = (original.clone(), Vec::new());
-    for step in &recipe.steps {
-        let one = Recipe {
-            steps: vec![step.clone()],
-        };
-        let why = match one.apply(&plan, &Facts::default()) {
-            Err(refusal) => {
-                warnings.push(refused(sources, &refusal));
-                refusal.to_string()
-            }
-            Ok(next) => match needs_scene(step, &next.contract) {
-                None => {
-                    plan = next;
-                    continue;
+/// What a build may rest on.
+struct Seen<'s> {
+    /// What a lock that fits knows of the scene.
+    facts: &'s Facts,
+    sources: &'s [front::Source],
+}
+
+impl Seen<'_> {
+    /// The steps of `recipe` that apply and need no more of a scene than is known; why others are left out. `name` is the variant's.
+    fn plan(
+        &self,
+        original: &Plan,
+        name: &str,
+        recipe: &Recipe,
+        warnings: &mut Vec<String>,
+    ) -> (Plan, Vec<String>) {
+        let (mut plan, mut left_out) = (original.clone(), Vec::new());
+        for step in &recipe.steps {
+            let one = Recipe {
+                steps: vec![step.clone()],
+            };
+            let after = match left_out.is_empty() {
+                true => "",
+                false => " (what was to come before it is left out)",
+            };
+            let why = match one.apply(&plan, self.facts) {
+                Err(refusal) => {
+                    let of = format!("in `{name}`: ");
+                    warnings.push(refused(self.sources, &refusal, &of, after));
+                    refusal.to_string()
                 }
-                Some(why) => {
-                    warnings.push(warning(sources, &why));
-                    why
-                }
-            },
-        };
-        left_out.push(why);
+                Ok(next) => match self.needs_scene(step, name, &next.contract) {
+                    None => {
+                        plan = next;
+                        continue;
+                    }
+                    Some(why) => {
+                        warnings.push(warning(self.sources, &why));
+                        why
+                    }
+                },
+            };
+            left_out.push(why);
+        }
+        (plan, left_out)
     }
-    (plan, left_out)
+
+    /// Why a promise cannot be relied on before a scene was measured, if it cannot.
+    fn needs_scene(&self, step: &Step, name: &str, contract: &Contract) -> Option<String> {
+        let is_unknown = |a: &&Assumption| match a {
+            Assumption::NoDepthTies => self.facts.depth_ties != Some(0),
+            Assumption::NumbersOfTheScene => true,
+            _ => false,
+        };
+        let given = contract.given().iter().find(is_unknown);
+        let why = match (contract.budgets().first(), given) {
+            (Some(budget), _) => format!("it promises no more than {budget}"),
+            (None, Some(Assumption::NoDepthTies)) => {
+                "it rests on there being no depth ties".to_owned()
+            }
+            (None, Some(_)) => "it rests on the numbers of a scene".to_owned(),
+            (None, None) => return None,
+        };
+        let remedy = match (name, given) {
+            ("variant", _) => {
+                "`preshade plan SCENE --one --lock` measures, and keeps in preshade.lock what it chooses, which need not be this"
+            }
+            (_, Some(Assumption::NoDepthTies)) if contract.budgets().is_empty() => {
+                "a preshade.lock of this material in which no depths tied (`preshade plan SCENE --one --lock`) would say so"
+            }
+            _ => {
+                "a preshade.lock keeps one recipe a material, for `variant` alone: this one `preshade rewrite` makes, and `preshade verify` measures"
+            }
+        };
+        Some(format!(
+            "`{step}` is left out of `{name}`: {why}, which only a scene can show; {remedy}"
+        ))
+    }
 }
 
-/// Why a promise cannot be relied on before a scene was measured, if it cannot.
-fn needs_scene(step: &Step, contract: &Contract) -> Option<String> {
-    let of_a_scene = [Assumption::NoDepthTies, Assumption::NumbersOfTheScene];
-    let given = contract.given().iter().find(|a| of_a_scene.contains(a));
-    let why = match (contract.budgets().first(), given) {
-        (Some(budget), _) => format!("it promises no more than {budget}"),
-        (None, Some(Assumption::NoDepthTies)) => "it rests on there being no depth ties".to_owned(),
-        (None, Some(_)) => "it rests on the numbers of a scene".to_owned(),
-        (None, None) => return None,
-    };
-    Some(format!(
-        "`{step}` is left out: {why}, which only a scene can show; `preshade plan --lock` measures and keeps the choice in preshade.lock"
-    ))
-}
-
-fn refused(sources: &[front::Source], refusal: &Refusal) -> String {
+fn refused(sources: &[front::Source], refusal: &Refusal, of: &str, after: &str) -> String {
     let Refusal {
         pass,
         code,
@@ -162,7 +246,8 @@ fn refused(sources: &[front::Source], refusal: &Refusal) -> String {
         remedy,
         location,
     } = refusal;
-    let text = format!("{pass} does not apply [{code}]: {reason}; to make it legal: {remedy}");
+    let text =
+        format!("{of}{pass} does not apply{after} [{code}]: {reason}; to make it legal: {remedy}");
     match location {
         Some(at) => one_line(&format!("{}:{}:{}: {text}", at.file, at.line, at.column)),
         None => warning(sources, &text),

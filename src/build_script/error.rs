@@ -24,6 +24,14 @@ pub enum Error {
     /// The shader is not one that preshade can read.
     #[error("{}", .0.render(front::Color::Never))]
     Shader(front::Error),
+    /// The module has no words for what the shader or the state needs.
+    #[error("{file}: {why}")]
+    Module {
+        /// The shader.
+        file: String,
+        /// What there is no word for.
+        why: String,
+    },
     /// A pass cannot be read.
     #[error(transparent)]
     Recipe(#[from] RecipeError),
@@ -33,14 +41,23 @@ pub enum Error {
     /// A plan cannot be written as WGSL.
     #[error(transparent)]
     Emit(#[from] emit::Error),
-    /// The files cannot be written.
-    #[error("{0}")]
-    Write(#[source] io::Error),
+    /// A file cannot be written.
+    #[error("{}: {error}", path.display())]
+    Write {
+        /// The file, or the folder that it should be in.
+        path: PathBuf,
+        /// Why not.
+        #[source]
+        error: io::Error,
+    },
     /// A material's name must be able to begin a file's, and a variant's to be a module's.
     #[error(
-        "`{0}` cannot be the name of a material (it begins a file's) or of a variant (it is a module's: small letters, digits and `_`, and not `original` or `variant`)"
+        "`{0}` cannot be the name of a material (it begins a file's: no `/ \\ : * ? \" < > |`, no point at either end, no `.rs`) or of a variant (it is a module's: small letters, digits and `_`, no word of Rust's, and not `original`, `variant` or `wgpu`)"
     )]
     Name(String),
+    /// Two variants of a material have one name.
+    #[error("two variants are called `{0}`")]
+    Twice(String),
     /// A build script compiles two materials to one module.
     #[error(
         "`{name}` is compiled twice, of {first} and of {second}, with other options or of other files: the module of one would take the other's place; give one of them another `name`"

@@ -37,6 +37,36 @@ pub struct Pass {
     pub geometry: &'static str,
     /// Uniforms that must come from another view than the camera's: the light's, for a shadow pass.
     pub view_dependent: &'static [&'static str],
+    /// Bytes of immediate data that the host sets before it draws.
+    pub immediate_size: u32,
+    /// Pipeline-overridable constants of the pass: given by [`PipelineOptions::constants`].
+    pub overrides: &'static [Override],
+    /// Keys of those that the material has and this pass does not read.
+    pub unread_overrides: &'static [&'static str],
+    /// The samples of a pixel may be others than [`Pass::multisample`] says: [`PipelineOptions::samples`].
+    pub samples_are_free: bool,
+}
+
+/// A pipeline-overridable constant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Override {
+    /// Its `@id`, or else its name.
+    pub key: &'static str,
+    /// It has no default, and has to be given.
+    pub is_needed: bool,
+}
+
+/// What a host knows of a pipeline only when it runs. The default is what the build script was told.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PipelineOptions<'a> {
+    /// Formats of the scene's colours, by location, as the surface has them: each of the same kind of numbers as what the build was told. Where there is none the build's is taken.
+    pub formats: &'a [Option<wgpu::TextureFormat>],
+    /// Samples of a pixel of the scene's attachments; those of `ATTACHMENTS` are then made by [`Attachment::texture_with`]. Passes of shadow maps keep theirs.
+    pub samples: Option<u32>,
+    /// Of the index buffer, where strips are drawn; 32 bits by default.
+    pub strip_index_format: Option<wgpu::IndexFormat>,
+    /// Values of the material's pipeline-overridable constants, by `@id` or else by name. Give the same to each of its passes: one that does not read it takes none.
+    pub constants: &'a [(&'a str, f64)],
 }
 
 /// When a pass runs.
@@ -218,27 +248,44 @@ pub struct Assumed {
 pub enum Place {
     /// A scalar of a uniform buffer, so many bytes into its binding.
     Uniform {
+        /// Bind group.
         group: u32,
+        /// Binding.
         binding: u32,
+        /// Bytes into it.
         offset: u32,
     },
     /// A component of a vertex attribute, the same for every vertex and instance of a draw.
-    Attribute { location: u32, component: u32 },
+    Attribute {
+        /// Location.
+        location: u32,
+        /// Component, from 0.
+        component: u32,
+    },
     /// A channel of a texture, the same in every texel of every level.
     Texture {
+        /// Bind group.
         group: u32,
+        /// Binding.
         binding: u32,
+        /// Channel, from 0.
         channel: u32,
     },
     /// A pipeline-overridable constant, which the texts have already: a host sets none.
-    Override { name: &'static str },
+    Override {
+        /// The author's name for it.
+        name: &'static str,
+    },
 }
 
 /// The type of a scalar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScalarType {
+    /// `f32`.
     F32,
+    /// `i32`.
     I32,
+    /// `u32`.
     U32,
 }
 
@@ -267,7 +314,7 @@ impl Assumed {
     }
 }
 
-/// The host's vertex buffers do not hold what a pass reads.
+/// What a host has does not fit a pass: vertex buffers, formats, samples or constants.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unfit(pub String);
 
@@ -316,13 +363,17 @@ fn group_layouts(device: &wgpu::Device, groups: &[&[Binding]]) -> Vec<wgpu::Bind
     groups.iter().map(layout).collect()
 }
 
-fn pipeline_layout(device: &wgpu::Device, groups: &[&[Binding]]) -> wgpu::PipelineLayout {
+fn pipeline_layout(
+    device: &wgpu::Device,
+    groups: &[&[Binding]],
+    immediate_size: u32,
+) -> wgpu::PipelineLayout {
     let layouts = group_layouts(device, groups);
     let layouts: Vec<Option<&wgpu::BindGroupLayout>> = layouts.iter().map(Some).collect();
     device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
         bind_group_layouts: &layouts,
-        immediate_size: 0,
+        immediate_size,
     })
 }
 
@@ -390,36 +441,135 @@ impl Pass {
         device: &wgpu::Device,
         buffers: &[wgpu::VertexBufferLayout<'_>],
     ) -> Result<wgpu::RenderPipeline, Unfit> {
-        let depth = self.depth.as_ref().map(|d| d.state.clone());
-        self.pipeline_with(device, buffers, depth)
+        self.pipeline_with(device, buffers, &PipelineOptions::default())
     }
 
-    fn pipeline_with(
+    /// As [`Pass::pipeline`], with what the host knows only now: the surface's format, say.
+    ///
+    /// # Errors
+    /// As [`Pass::vertex_buffers`]; a format of another kind of numbers, samples that the variant was not made for, a constant that the material has not, or one without a value.
+    pub fn pipeline_with(
+        &self,
+        device: &wgpu::Device,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+        options: &PipelineOptions<'_>,
+    ) -> Result<wgpu::RenderPipeline, Unfit> {
+        let depth = self.depth.as_ref().map(|d| d.state.clone());
+        self.pipeline_of(device, buffers, depth, options)
+    }
+
+    /// The colour targets, with the formats that the host has.
+    fn targets_with(
+        &self,
+        options: &PipelineOptions<'_>,
+    ) -> Result<Vec<Option<wgpu::ColorTargetState>>, Unfit> {
+        let kind = |format: wgpu::TextureFormat| {
+            let sampled = format.sample_type(None, None);
+            match sampled {
+                Some(wgpu::TextureSampleType::Uint) => Some("unsigned integers"),
+                Some(wgpu::TextureSampleType::Sint) => Some("signed integers"),
+                Some(wgpu::TextureSampleType::Float { .. }) => Some("floats"),
+                _ => None,
+            }
+        };
+        let mut targets = self.targets.to_vec();
+        for (at, target) in targets.iter_mut().enumerate() {
+            let of_scene = self.colors.get(at).and_then(|c| c.as_ref());
+            let of_scene = of_scene.is_some_and(|c| c.attachment.is_none());
+            let given = options.formats.get(at).copied().flatten();
+            let (Some(target), Some(format), true) = (target, given, of_scene) else {
+                continue;
+            };
+            if kind(format).is_none() || kind(format) != kind(target.format) {
+                return Err(Unfit(format!(
+                    "the pass `{}` was made for {:?} at location {at}, which {format:?} cannot take the place of",
+                    self.role, target.format
+                )));
+            }
+            target.format = format;
+        }
+        Ok(targets)
+    }
+
+    /// The samples of a pixel, as the host has them.
+    fn samples_with(&self, options: &PipelineOptions<'_>) -> Result<u32, Unfit> {
+        let built = self.multisample.count;
+        match options.samples {
+            Some(samples) if samples == built || self.phase == Phase::Shadow => Ok(built),
+            Some(samples) if self.samples_are_free => Ok(samples),
+            Some(samples) => Err(Unfit(format!(
+                "the pass `{}` is of a variant that was made for {built} samples a pixel, not for {samples}",
+                self.role
+            ))),
+            None => Ok(built),
+        }
+    }
+
+    /// Of the host's constants those that the pass reads.
+    fn constants_with<'a>(
+        &self,
+        options: &PipelineOptions<'a>,
+    ) -> Result<Vec<(&'a str, f64)>, Unfit> {
+        let mut own = Vec::new();
+        for (key, value) in options.constants {
+            if self.overrides.iter().any(|o| o.key == *key) {
+                own.push((*key, *value));
+            } else if !self.unread_overrides.contains(key) {
+                return Err(Unfit(format!("the material has no override `{key}`")));
+            }
+        }
+        let is_given = |o: &&Override| own.iter().any(|(key, _)| *key == o.key);
+        let missing = self.overrides.iter().filter(|o| o.is_needed);
+        match missing.clone().find(|o| !is_given(o)) {
+            Some(o) => Err(Unfit(format!(
+                "the override `{}` has no default: give it in `PipelineOptions::constants`",
+                o.key
+            ))),
+            None => Ok(own),
+        }
+    }
+
+    fn pipeline_of(
         &self,
         device: &wgpu::Device,
         buffers: &[wgpu::VertexBufferLayout<'_>],
         depth_stencil: Option<wgpu::DepthStencilState>,
+        options: &PipelineOptions<'_>,
     ) -> Result<wgpu::RenderPipeline, Unfit> {
         let buffers = self.vertex_buffers(buffers)?;
+        let targets = self.targets_with(options)?;
+        let multisample = wgpu::MultisampleState {
+            count: self.samples_with(options)?,
+            ..self.multisample
+        };
+        let constants = self.constants_with(options)?;
+        let compilation = || wgpu::PipelineCompilationOptions {
+            constants: &constants,
+            ..wgpu::PipelineCompilationOptions::default()
+        };
+        let mut primitive = self.primitive;
+        if primitive.strip_index_format.is_some() && options.strip_index_format.is_some() {
+            primitive.strip_index_format = options.strip_index_format;
+        }
         let module = module(device, self.role, self.wgsl);
         Ok(
             device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
                 label: Some(self.role),
-                layout: Some(&pipeline_layout(device, self.groups)),
+                layout: Some(&pipeline_layout(device, self.groups, self.immediate_size)),
                 vertex: wgpu::VertexState {
                     module: &module,
                     entry_point: Some(self.vertex),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    compilation_options: compilation(),
                     buffers: &buffers.layouts(),
                 },
-                primitive: self.primitive,
+                primitive,
                 depth_stencil,
-                multisample: self.multisample,
+                multisample,
                 fragment: self.fragment.map(|entry| wgpu::FragmentState {
                     module: &module,
                     entry_point: Some(entry),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    targets: self.targets,
+                    compilation_options: compilation(),
+                    targets: &targets,
                 }),
                 multiview_mask: None,
                 cache: None,
@@ -438,7 +588,7 @@ impl Compute {
     pub fn pipeline(&self, device: &wgpu::Device) -> wgpu::ComputePipeline {
         device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(self.entry_point),
-            layout: Some(&pipeline_layout(device, self.groups)),
+            layout: Some(&pipeline_layout(device, self.groups, 0)),
             module: &module(device, self.entry_point, self.wgsl),
             entry_point: Some(self.entry_point),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
@@ -498,11 +648,21 @@ impl Color {
 impl Attachment {
     /// The texture.
     pub fn texture(&self, device: &wgpu::Device, size: wgpu::Extent3d) -> wgpu::Texture {
+        self.texture_with(device, size, self.samples)
+    }
+
+    /// The texture, of so many samples a pixel: for passes that are made with [`PipelineOptions::samples`].
+    pub fn texture_with(
+        &self,
+        device: &wgpu::Device,
+        size: wgpu::Extent3d,
+        samples: u32,
+    ) -> wgpu::Texture {
         device.create_texture(&wgpu::TextureDescriptor {
             label: Some(self.name),
             size,
             mip_level_count: 1,
-            sample_count: self.samples,
+            sample_count: samples,
             dimension: wgpu::TextureDimension::D2,
             format: self.format,
             usage: self.usage,
@@ -567,13 +727,36 @@ impl SelfTest {
         queue: &wgpu::Queue,
         size: wgpu::Extent3d,
         buffers: &[wgpu::VertexBufferLayout<'_>],
+        draw: impl FnMut(&Pass, &dyn Fn(&str) -> Option<wgpu::TextureView>, &mut wgpu::RenderPass<'_>),
+    ) -> Result<Tested, Unfit> {
+        let options = PipelineOptions::default();
+        self.run_with(device, queue, size, buffers, &options, draw)
+    }
+
+    /// As [`SelfTest::run`], of pipelines that are made with `options`.
+    ///
+    /// # Errors
+    /// As [`Pass::pipeline_with`].
+    pub fn run_with(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        size: wgpu::Extent3d,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+        options: &PipelineOptions<'_>,
         mut draw: impl FnMut(
             &Pass,
             &dyn Fn(&str) -> Option<wgpu::TextureView>,
             &mut wgpu::RenderPass<'_>,
         ),
     ) -> Result<Tested, Unfit> {
-        let texture = |a: &Attachment| (a.name, a.texture(device, size));
+        let samples = |a: &Attachment| {
+            let draws = self.runs.iter().flat_map(|r| r.draws);
+            let mut on_it = draws.filter(|d| d.attachment == a.name);
+            let is_scenes = on_it.any(|d| d.pass.phase != Phase::Shadow);
+            options.samples.filter(|_| is_scenes).unwrap_or(a.samples)
+        };
+        let texture = |a: &Attachment| (a.name, a.texture_with(device, size, samples(a)));
         let textures: Vec<(&str, wgpu::Texture)> = self.attachments.iter().map(texture).collect();
         let view = |name: &str| {
             let found = textures.iter().find(|(n, _)| *n == name);
@@ -596,6 +779,7 @@ impl SelfTest {
                     device,
                     size,
                     buffers,
+                    options,
                     test,
                     first,
                     query,
@@ -657,6 +841,7 @@ impl SelfTest {
         device: &wgpu::Device,
         size: wgpu::Extent3d,
         buffers: &[wgpu::VertexBufferLayout<'_>],
+        options: &PipelineOptions<'_>,
         test: &TestDraw,
         first: bool,
         query: u32,
@@ -681,13 +866,14 @@ impl SelfTest {
             stencil: wgpu::StencilState::default(),
             ..own.state.clone()
         };
-        let pipeline = pass.pipeline_with(device, buffers, Some(state))?;
+        let pipeline = pass.pipeline_of(device, buffers, Some(state), options)?;
+        let samples = pass.samples_with(options)?;
         // Nobody looks at the colours, but a driver that is given others may compile another vertex stage.
         let target = |target: &Option<wgpu::ColorTargetState>| {
             let colour = Attachment {
                 name: "self-test",
                 format: target.as_ref()?.format,
-                samples: pass.multisample.count,
+                samples,
                 usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
             };
             Some(
@@ -696,7 +882,8 @@ impl SelfTest {
                     .create_view(&wgpu::TextureViewDescriptor::default()),
             )
         };
-        let colours: Vec<Option<wgpu::TextureView>> = pass.targets.iter().map(target).collect();
+        let colours: Vec<Option<wgpu::TextureView>> =
+            pass.targets_with(options)?.iter().map(target).collect();
         let ops = Ops {
             clear_first: true,
             store: wgpu::StoreOp::Store,

@@ -42,10 +42,11 @@ mod generate;
 #[cfg(all(test, feature = "verify"))]
 #[allow(dead_code)]
 mod host;
+mod names;
 mod stamp;
 mod wgpu_words;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -53,8 +54,11 @@ use preshade_passes::state::MaterialState;
 
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::lock::Lock;
+use crate::lock::{Lock, LockError};
 use crate::recipe::Recipe;
+
+use bindings::Said;
+use choose::Keeping;
 
 pub use error::Error;
 
@@ -83,6 +87,8 @@ pub struct Builder {
     targets: Vec<Target>,
     lock: Option<PathBuf>,
     types: Option<String>,
+    wgpu: Option<String>,
+    said: Said,
     out_dir: Option<PathBuf>,
 }
 
@@ -189,6 +195,27 @@ impl Builder {
         self
     }
 
+    /// Where the generated module finds wgpu 30, if not as the crate `wgpu`: `eframe::wgpu`, `crate::gfx::wgpu`.
+    #[must_use]
+    pub fn wgpu(mut self, path: impl Into<String>) -> Self {
+        self.wgpu = Some(path.into());
+        self
+    }
+
+    /// The buffer of the author's that is bound there has a dynamic offset.
+    #[must_use]
+    pub fn dynamic_offset(mut self, group: u32, binding: u32) -> Self {
+        self.said.dynamic.insert((group, binding));
+        self
+    }
+
+    /// The texture of the author's that is bound there is of a format that cannot be filtered (`r32float`, say), or the sampler there filters nothing.
+    #[must_use]
+    pub fn unfilterable(mut self, group: u32, binding: u32) -> Self {
+        self.said.unfilterable.insert((group, binding));
+        self
+    }
+
     /// Folder for output; the default is cargo's `OUT_DIR`, and `include_variant!` looks nowhere else.
     #[must_use]
     pub fn out_dir(mut self, path: impl Into<PathBuf>) -> Self {
@@ -221,7 +248,10 @@ impl Builder {
         /// Modules that this process compiled: of which files, and how.
         static CLAIMED: Mutex<BTreeMap<PathBuf, (String, String)>> = Mutex::new(BTreeMap::new());
         let name = self.material(files)?;
-        let module = self.output_folder()?.join(format!("{name}.rs"));
+        // Not all file systems tell capitals from small letters.
+        let module = self
+            .output_folder()?
+            .join(format!("{}.rs", name.to_lowercase()));
         let shown: Vec<String> = files.iter().map(|f| slashes(f)).collect();
         let second = shown.join(" and ");
         let mut claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -301,9 +331,14 @@ impl Builder {
         }
         let lock = lock_text
             .as_deref()
-            .map(|text| Lock::parse_file(text, &lock_path))
-            .transpose()?;
-        let made = self.make(&name, files, texts, lock.as_ref())?;
+            .map(|text| Lock::parse_file(text, &lock_path));
+        let lock = match lock {
+            None => Keeping::Nothing,
+            Some(Ok(lock)) => Keeping::Own(lock),
+            Some(Err(error @ LockError::Foreign { .. })) => Keeping::Foreign(error),
+            Some(Err(error)) => return Err(Error::Lock(error)),
+        };
+        let made = self.make(&name, files, texts, &lock)?;
         read.extend(made.included.iter().cloned());
         let mut written = Vec::new();
         let mut hashes = Vec::new();
@@ -316,7 +351,11 @@ impl Builder {
             .iter()
             .map(|(variant, files)| (folder.join(variant), files.as_slice()));
         for (folder, files) in folders.chain([(out.clone(), root.as_slice())]) {
-            written.extend(emit::write(&folder, files).map_err(Error::Write)?);
+            let failed = |error| Error::Write {
+                path: folder.clone(),
+                error,
+            };
+            written.extend(emit::write(&folder, files).map_err(failed)?);
             let below = folder.strip_prefix(&out).unwrap_or(&folder).to_owned();
             hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
         }
@@ -324,8 +363,12 @@ impl Builder {
         let kept = stamp::Kept {
             warnings: made.warnings.clone(),
             included: made.included,
+            absent: made.absent,
         };
-        stamp::write(&folder, &key, kept, hashes).map_err(Error::Write)?;
+        stamp::write(&folder, &key, kept, hashes).map_err(|error| Error::Write {
+            path: folder,
+            error,
+        })?;
         Ok(Built {
             module,
             read,
@@ -344,7 +387,7 @@ impl Builder {
             Some(bare.unwrap_or(&stem).to_owned())
         });
         match name {
-            Some(name) if !name.is_empty() && !name.contains(['/', '\\']) => Ok(name),
+            Some(name) if names::is_a_files(&name) => Ok(name),
             name => Err(Error::Name(name.unwrap_or_default())),
         }
     }
@@ -355,7 +398,7 @@ impl Builder {
         name: &str,
         files: &[&Path],
         texts: Vec<String>,
-        lock: Option<&Lock>,
+        lock: &Keeping,
     ) -> Result<Made, Error> {
         let sources: Vec<front::Source> = files
             .iter()
@@ -365,9 +408,17 @@ impl Builder {
         let mut warnings = Vec::new();
         let chosen = choose::choose(self, name, &sources, lock, &mut warnings)?;
         let drawn = chosen.drawn;
+        let module = generate::Module {
+            types: self.types.as_deref(),
+            wgpu: self.wgpu.as_deref(),
+            said: &self.said,
+        };
+        let module = generate::material(name, &drawn, &module);
+        let file = || sources.first().map_or(String::new(), |s| s.name.clone());
         Ok(Made {
-            module: generate::material(name, &drawn, self.types.as_deref()),
+            module: module.map_err(|why| Error::Module { file: file(), why })?,
             included: chosen.included,
+            absent: chosen.absent,
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
             warnings,
         })
@@ -382,26 +433,27 @@ impl Builder {
             return Ok(Asked {
                 own: None,
                 named: named.collect::<Result<_, Error>>()?,
+                is_default: true,
             });
         }
         let own = match self.passes.is_empty() {
             true => None,
             false => Some(Recipe::parse(&self.passes)?),
         };
+        let mut taken = BTreeSet::new();
         let named = self.variants.iter().map(|(name, steps)| {
-            let word = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
-            let starts = name.starts_with(|c: char| c.is_ascii_lowercase());
-            if !starts
-                || !name.chars().all(word)
-                || ["original", "variant"].contains(&name.as_str())
-            {
+            if !names::is_a_modules(name) {
                 return Err(Error::Name(name.clone()));
+            }
+            if !taken.insert(name) {
+                return Err(Error::Twice(name.clone()));
             }
             Ok((name.clone(), Recipe::parse(steps)?))
         });
         Ok(Asked {
             own,
             named: named.collect::<Result<_, Error>>()?,
+            is_default: false,
         })
     }
 }
@@ -412,12 +464,15 @@ struct Asked {
     own: Option<Recipe>,
     /// Of variants with names.
     named: Vec<(String, Recipe)>,
+    /// Nobody asked for any: they are what needs no scene.
+    is_default: bool,
 }
 
 struct Made {
     module: String,
     files: Vec<(String, Vec<File>)>,
     included: Vec<PathBuf>,
+    absent: Vec<PathBuf>,
     warnings: Vec<String>,
 }
 

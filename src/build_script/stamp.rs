@@ -17,6 +17,8 @@ struct Stamp {
     warnings: Vec<String>,
     /// Files that the material's own include, and BLAKE3.
     included: Vec<(PathBuf, String)>,
+    /// Files that were looked for before those were found, and were not there.
+    absent: Vec<PathBuf>,
     /// Path below the folder for output, and BLAKE3.
     files: Vec<(String, String)>,
 }
@@ -49,6 +51,7 @@ pub(super) fn hashed(folder: &Path, file: &File) -> (String, String) {
 pub(super) struct Kept {
     pub warnings: Vec<String>,
     pub included: Vec<PathBuf>,
+    pub absent: Vec<PathBuf>,
 }
 
 /// What the last build told, if it was of the same and its files are all still there.
@@ -61,10 +64,12 @@ pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> 
     };
     let holds = stamp.key == key
         && stamp.included.iter().all(|(p, h)| is_there(p, h))
+        && !stamp.absent.iter().any(|p| p.exists())
         && stamp.files.iter().all(|(p, h)| is_there(&out.join(p), h));
     holds.then(|| Kept {
         warnings: stamp.warnings,
         included: stamp.included.into_iter().map(|(path, _)| path).collect(),
+        absent: stamp.absent,
     })
 }
 
@@ -72,18 +77,28 @@ pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> 
 pub(super) fn write(
     folder: &Path,
     key: &str,
-    Kept { warnings, included }: Kept,
+    Kept {
+        warnings,
+        included,
+        absent,
+    }: Kept,
     files: Vec<(String, String)>,
 ) -> io::Result<()> {
+    // A file that is gone by now has no bytes: the next build, too, begins anew.
     let hashed = |path: PathBuf| {
-        let bytes = std::fs::read(&path)?;
-        Ok((path, hash(&bytes)))
+        let bytes = std::fs::read(&path).ok()?;
+        Some((path, hash(&bytes)))
     };
-    let included: io::Result<_> = included.into_iter().map(hashed).collect();
+    let all = included.len();
+    let included: Vec<_> = included.into_iter().filter_map(hashed).collect();
     let stamp = Stamp {
-        key: key.to_owned(),
+        key: match included.len() == all {
+            true => key.to_owned(),
+            false => String::new(),
+        },
         warnings,
-        included: included?,
+        included,
+        absent,
         files,
     };
     let file = File {

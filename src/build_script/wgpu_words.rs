@@ -9,7 +9,7 @@ use preshade_passes::state::{
     PrimitiveState, StencilFace, StencilState, Topology,
 };
 
-/// `wgpu::PrimitiveState`. Strips are indexed by 32 bits.
+/// `wgpu::PrimitiveState`. Strips are indexed by 32 bits, where a host says nothing else.
 pub(super) fn primitive(p: &PrimitiveState) -> String {
     let strip = match p.topology {
         Topology::LineStrip | Topology::TriangleStrip => "Some(wgpu::IndexFormat::Uint32)",
@@ -90,6 +90,61 @@ pub(super) fn attachment_format(format: &AttachmentFormat) -> String {
     }
 }
 
+/// Colour formats that can be drawn to, in WebGPU's spelling.
+const TARGETS: [&str; 39] = [
+    "r8unorm",
+    "r8uint",
+    "r8sint",
+    "r16unorm",
+    "r16uint",
+    "r16sint",
+    "r16float",
+    "rg8unorm",
+    "rg8uint",
+    "rg8sint",
+    "r32uint",
+    "r32sint",
+    "r32float",
+    "rg16unorm",
+    "rg16uint",
+    "rg16sint",
+    "rg16float",
+    "rgba8unorm",
+    "rgba8unorm-srgb",
+    "rgba8uint",
+    "rgba8sint",
+    "bgra8unorm",
+    "bgra8unorm-srgb",
+    "rgb10a2uint",
+    "rgb10a2unorm",
+    "rg11b10ufloat",
+    "rg32uint",
+    "rg32sint",
+    "rg32float",
+    "rgba16unorm",
+    "rgba16uint",
+    "rgba16sint",
+    "rgba16float",
+    "rgba32uint",
+    "rgba32sint",
+    "rgba32float",
+    "r16snorm",
+    "rg16snorm",
+    "rgba16snorm",
+];
+
+/// Why no pipeline can draw to a format of this name; `None` where one can.
+pub(super) fn no_target(name: &str) -> Option<String> {
+    if TARGETS.contains(&name) {
+        return None;
+    }
+    let near = crate::nearest::nearest(name, TARGETS);
+    let near = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+    Some(format!(
+        "there is no colour format `{name}` that can be drawn to, in WebGPU's spelling{near}"
+    ))
+}
+
 /// A colour format in WebGPU's spelling, `rgba8unorm-srgb`, in wgpu's: `Rgba8UnormSrgb`.
 pub(super) fn color_format(name: &str) -> String {
     let (name, srgb) = match name.strip_suffix("-srgb") {
@@ -140,8 +195,8 @@ fn blend(b: &Blend) -> String {
     )
 }
 
-/// `wgpu::BindingType`.
-pub(super) fn binding_type(binding: &BindingUse) -> String {
+/// `wgpu::BindingType`; `dynamic` and `unfilterable` are what the host says of it.
+pub(super) fn binding_type(binding: &BindingUse, dynamic: bool, unfilterable: bool) -> String {
     let Some(layout) = &binding.layout else {
         return match binding.kind {
             BindingKind::AccelerationStructure => {
@@ -161,12 +216,12 @@ pub(super) fn binding_type(binding: &BindingUse) -> String {
                 _ => "Storage { read_only: true }",
             };
             format!(
-                "wgpu::BindingType::Buffer {{ ty: wgpu::BufferBindingType::{ty}, has_dynamic_offset: false, min_binding_size: std::num::NonZeroU64::new({min_binding_size}) }}"
+                "wgpu::BindingType::Buffer {{ ty: wgpu::BufferBindingType::{ty}, has_dynamic_offset: {dynamic}, min_binding_size: std::num::NonZeroU64::new({min_binding_size}) }}"
             )
         }
         BindingLayout::Sampler { ty } => {
             let ty = match ty.as_str() {
-                "filtering" => "Filtering",
+                "filtering" if !unfilterable => "Filtering",
                 "comparison" => "Comparison",
                 _ => "NonFiltering",
             };
@@ -178,7 +233,7 @@ pub(super) fn binding_type(binding: &BindingUse) -> String {
             multisampled,
         } => {
             let ty = match sample_type.as_str() {
-                "float" => "Float { filterable: true }",
+                "float" if !unfilterable => "Float { filterable: true }",
                 "depth" => "Depth",
                 "sint" => "Sint",
                 "uint" => "Uint",
@@ -242,27 +297,38 @@ pub(super) fn vertex_format(ty: &str) -> Option<(&'static str, u64)> {
     })
 }
 
-/// `wgpu::Features`, of WebGPU's names.
-pub(super) fn features(names: &[String]) -> String {
-    let known = names.iter().filter_map(|name| {
-        Some(match name.as_str() {
-            "clip-distances" => "CLIP_DISTANCES",
-            "depth-clip-control" => "DEPTH_CLIP_CONTROL",
-            "depth32float-stencil8" => "DEPTH32FLOAT_STENCIL8",
-            "dual-source-blending" => "DUAL_SOURCE_BLENDING",
-            "float32-blendable" => "FLOAT32_BLENDABLE",
-            "float32-filterable" => "FLOAT32_FILTERABLE",
-            "indirect-first-instance" => "INDIRECT_FIRST_INSTANCE",
-            "primitive-index" => "PRIMITIVE_INDEX",
-            "rg11b10ufloat-renderable" => "RG11B10UFLOAT_RENDERABLE",
-            "shader-f16" => "SHADER_F16",
-            "subgroups" => "SUBGROUP",
-            _ => return None,
+/// `wgpu::Features`, of WebGPU's names and, where only wgpu has one, of wgpu's.
+///
+/// # Errors
+/// There is no such feature.
+pub(super) fn features(names: &[String]) -> Result<String, String> {
+    names
+        .iter()
+        .try_fold("wgpu::Features::empty()".to_owned(), |text, name| {
+            let name = match name.as_str() {
+                "bgra8unorm-storage" => "BGRA8UNORM_STORAGE",
+                "clip-distances" => "CLIP_DISTANCES",
+                "depth-clip-control" => "DEPTH_CLIP_CONTROL",
+                "depth32float-stencil8" => "DEPTH32FLOAT_STENCIL8",
+                "dual-source-blending" => "DUAL_SOURCE_BLENDING",
+                "float32-blendable" => "FLOAT32_BLENDABLE",
+                "float32-filterable" => "FLOAT32_FILTERABLE",
+                "immediates" => "IMMEDIATES",
+                "indirect-first-instance" => "INDIRECT_FIRST_INSTANCE",
+                "primitive-index" => "PRIMITIVE_INDEX",
+                "rg11b10ufloat-renderable" => "RG11B10UFLOAT_RENDERABLE",
+                "shader-f16" => "SHADER_F16",
+                "subgroups" => "SUBGROUP",
+                "wgpu-subgroup-vertex" => "SUBGROUP_VERTEX",
+                "wgpu-texture-adapter-specific-format-features" => {
+                    "TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES"
+                }
+                "wgpu-texture-format-16-bit-norm" => "TEXTURE_FORMAT_16BIT_NORM",
+                "wgpu-vertex-writable-storage" => "VERTEX_WRITABLE_STORAGE",
+                _ => return Err(format!("it needs the feature `{name}`, which wgpu has not")),
+            };
+            Ok(format!("{text}.union(wgpu::Features::{name})"))
         })
-    });
-    known.fold("wgpu::Features::empty()".to_owned(), |text, name| {
-        format!("{text}.union(wgpu::Features::{name})")
-    })
 }
 
 /// A function that raises `wgpu::Limits`, of WebGPU's names.

@@ -2,7 +2,7 @@
 
 use naga::{Module, ShaderStage, compact};
 use preshade_passes::plan::Plan;
-use preshade_passes::program::{Invalid, Program};
+use preshade_passes::program::Program;
 
 use super::{Error, Stage};
 
@@ -32,11 +32,12 @@ pub(super) fn reduce(plan: &Plan, key: &str, stages: &[Stage]) -> Result<Program
 }
 
 /// The program with one entry point and what that needs, no more.
+#[cfg(feature = "glsl")]
 pub(super) fn to_stage(
     program: &Program,
     stage: ShaderStage,
     entry: &str,
-) -> Result<Program, Box<Invalid>> {
+) -> Result<Program, Box<preshade_passes::program::Invalid>> {
     program.with_module(reduced(program, |s, name| s == stage && name == entry))
 }
 

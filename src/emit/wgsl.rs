@@ -84,6 +84,7 @@ pub(super) fn header(plan: &Plan, program: &Program) -> String {
         .sources()
         .files()
         .iter()
+        .filter(|f| !f.is_imported)
         .map(|f| f.name.rsplit(['/', '\\']).next().unwrap_or(&f.name))
         .collect();
     let one_line = |s: &str| s.replace(|c: char| c.is_control(), "?");

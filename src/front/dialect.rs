@@ -46,6 +46,20 @@ impl Dialect {
     }
 }
 
+/// The WGSL that a file comes to, and what it came of.
+#[cfg_attr(
+    not(any(feature = "naga-oil", feature = "wesl")),
+    allow(dead_code, reason = "a build with neither makes none")
+)]
+pub(super) struct Compiled {
+    /// WGSL.
+    pub text: String,
+    /// The other files that it was made of, each with its path and its text.
+    pub imported: Vec<(String, String)>,
+    /// Files that were looked for in vain before another was found.
+    pub absent: Vec<String>,
+}
+
 /// What a build without a dialect's feature says.
 #[cfg_attr(
     all(feature = "naga-oil", feature = "wesl"),
@@ -62,7 +76,17 @@ pub(super) fn not_built(source: &Source, language: &str, feature: &str) -> Error
     .note(format!("build preshade with the feature `{feature}`"))
 }
 
-/// Files below the folders given, with one of the endings, each once and with its path; the same order each time.
+/// A folder that holds what tools made: cargo's and others' caches, which say so by a file (the Cache Directory Tagging Specification), and a build script's folder for output.
+#[cfg(feature = "naga-oil")]
+fn is_made(folder: &Path) -> bool {
+    let is_out = || {
+        let out = std::env::var_os("OUT_DIR").and_then(|out| Path::new(&out).canonicalize().ok());
+        out.is_some() && out == folder.canonicalize().ok()
+    };
+    folder.join("CACHEDIR.TAG").is_file() || is_out()
+}
+
+/// Files below the folders given, with one of the endings, each once and with its path; the same order each time. Folders below them that tools made are left out.
 #[cfg(feature = "naga-oil")]
 pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::PathBuf, String)> {
     type Seen = std::collections::HashSet<std::path::PathBuf>;
@@ -75,19 +99,21 @@ pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::Pa
         let entries = std::fs::read_dir(folder).into_iter().flatten();
         let mut paths: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
         paths.sort();
-        for path in paths {
-            // A link may lead back, and one folder given may lie in another.
-            let is_new = path.canonicalize().is_ok_and(|whole| seen.insert(whole));
-            if !is_new {
-                continue;
-            }
-            if path.is_dir() {
-                walk(&path, ending, seen, out);
-            } else if path.extension().is_some_and(|e| e == ending)
+        // What lies in a folder goes before what lies below it.
+        let (below, files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.is_dir());
+        // A link may lead back, and one folder given may lie in another.
+        let mut is_new = |path: &Path| path.canonicalize().is_ok_and(|whole| seen.insert(whole));
+        for path in files {
+            if path.extension().is_some_and(|e| e == ending)
+                && is_new(&path)
                 && let Ok(text) = std::fs::read_to_string(&path)
             {
                 out.push((path, text));
             }
+        }
+        let below: Vec<_> = below.into_iter().filter(|path| is_new(path)).collect();
+        for folder in below.iter().filter(|folder| !is_made(folder)) {
+            walk(folder, ending, seen, out);
         }
     }
     let mut seen = Seen::new();

@@ -161,16 +161,26 @@ pub struct Parsed {
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
     let translated = sources.iter().map(|source| translated(source, options));
     let translated = translated.collect::<Result<Vec<_>, _>>()?;
-    let plain: Vec<Source> = translated.into_iter().map(Cow::into_owned).collect();
+    let (plain, imported): (Vec<Cow<'_, Source>>, Vec<_>) = translated.into_iter().unzip();
+    let plain: Vec<Source> = plain.into_iter().map(Cow::into_owned).collect();
     let sources = plain.as_slice();
     let mut map = SourceMap::new();
     let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
+    for (imported, absent) in imported {
+        for (name, text) in imported {
+            map.add_imported(name, text);
+        }
+        absent.into_iter().for_each(|name| map.add_absent(name));
+    }
     let (parsed, map) = parse_mapped(sources, &bases, map, options);
     parsed.map_err(|e| e.with_sources(&map))
 }
 
+/// A source, the files that its text was made of, and those that were looked for in vain.
+type Translated<'a> = (Cow<'a, Source>, (Vec<(String, String)>, Vec<String>));
+
 /// The source in a language that is read here: of naga_oil's dialect and of WESL, the WGSL that they come to.
-fn translated<'a>(source: &'a Source, options: &Options) -> Result<Cow<'a, Source>, Error> {
+fn translated<'a>(source: &'a Source, options: &Options) -> Result<Translated<'a>, Error> {
     let dialect = match source.language() {
         Some(Language::Wgsl) => Dialect::of(source),
         _ => Dialect::Plain,
@@ -193,13 +203,20 @@ fn translated<'a>(source: &'a Source, options: &Options) -> Result<Cow<'a, Sourc
     };
     let _ = options;
     Ok(match compiled {
-        None => Cow::Borrowed(source),
-        Some(text) => Cow::Owned(Source {
-            name: format!("{} (as WGSL)", source.name),
+        None => (Cow::Borrowed(source), Default::default()),
+        Some(dialect::Compiled {
             text,
-            language: Some(Language::Wgsl),
-            stage: source.stage,
-        }),
+            imported,
+            absent,
+        }) => {
+            let wgsl = Source {
+                name: format!("{} (as WGSL)", source.name),
+                text,
+                language: Some(Language::Wgsl),
+                stage: source.stage,
+            };
+            (Cow::Owned(wgsl), (imported, absent))
+        }
     })
 }
 

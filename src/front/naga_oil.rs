@@ -1,6 +1,6 @@
 //! naga_oil's dialect, Bevy's until 0.19: modules that name themselves by `#define_import_path`, put together by the crate [`naga_oil`](https://docs.rs/naga_oil).
 //!
-//! Modules are looked for in the WGSL files below the folders of `Options::include`, and beside the file. What the composer makes is a module, which is written as WGSL and read
+//! Modules are looked for in the WGSL files beside the file, then below its folder, then below the folders of `Options::include`. What the composer makes is a module, which is written as WGSL and read
 //! as any other: places are those of that text. The composer's own errors have the author's. What the file's entry points do not reach is left out: the composer brings each imported
 //! module whole, and a file's imports are not all of one pipeline (Bevy's `mesh.wgsl` imports bindings of the pre-pass and of the main pass, which have the same numbers).
 
@@ -16,21 +16,27 @@ use naga_oil::compose::{
 };
 use preshade_passes::program::{Language, Program};
 
-use super::dialect::{Defined, beside, definitions, files_below, path_of};
+use super::dialect::{Compiled, Defined, beside, definitions, files_below, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
 use crate::emit::wgsl;
 
 /// The WGSL that a file and all that it imports come to.
-pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Error> {
-    let module = compose(source, options)?;
+pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
+    let (module, imported) = compose(source, options)?;
     let program = Program::new(module, Arc::default(), Language::Wgsl)
         .map_err(|invalid| Error::invalid(&invalid))?;
-    wgsl::write(&program, &source.name, "")
-        .map_err(|e| Error::new(Code::Unsupported, e.to_string()))
+    let text = wgsl::write(&program, &source.name, "")
+        .map_err(|e| Error::new(Code::Unsupported, e.to_string()))?;
+    Ok(Compiled {
+        text,
+        imported,
+        absent: Vec::new(),
+    })
 }
 
-fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
+/// The module, and the files of the modules that it imports.
+fn compose(source: &Source, options: &Options) -> Result<(Module, Vec<(String, String)>), Error> {
     let defines: HashMap<String, ShaderDefValue> = definitions(options)?
         .into_iter()
         .map(|(name, value)| {
@@ -43,31 +49,33 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
         })
         .collect();
     let path = path_of(source, options);
-    let mut folders: Vec<&Path> = vec![beside(&path)];
+    let own = beside(&path).to_owned();
+    let mut folders: Vec<&Path> = vec![&own];
     folders.extend(options.include.iter().map(PathBuf::as_path));
     let mut library = Library {
         files: HashMap::new(),
         twice: HashMap::new(),
+        imported: Vec::new(),
         composer: Composer::non_validating().with_capabilities(Capabilities::all()),
     };
+    let own_file = path.canonicalize().ok();
     for (path, text) in files_below(&folders, "wgsl") {
         let (name, imports, _) = get_preprocessor_data(&text);
         if let Some(name) = name {
             let imports = imports.into_iter().map(|i| i.import).collect();
-            let path = path.display().to_string();
-            match library.files.get(&name) {
-                None => {
-                    let file = File {
-                        path,
-                        text,
-                        imports,
-                    };
-                    library.files.insert(name, file);
-                }
-                // Files of other names are a package's choices (Bevy has one for want of meshlets): the first goes.
-                Some(first) if first.text == text || !same_file_name(&first.path, &path) => {}
-                Some(_) => drop(library.twice.entry(name).or_insert(path)),
+            // The file itself goes by what it was given as, which need not be what is on the disk.
+            if own_file.is_some() && own_file == path.canonicalize().ok() {
+                continue;
             }
+            let place = Place::of(&path, &own);
+            let path = path.display().to_string();
+            let file = File {
+                path,
+                text,
+                imports,
+                place,
+            };
+            library.know(name, file);
         }
     }
     let (_, imports, _) = get_preprocessor_data(&source.text);
@@ -83,28 +91,66 @@ fn compose(source: &Source, options: &Options) -> Result<Module, Error> {
     let mut module = made.map_err(|e| library.error(&source.name, &e))?;
     plain_names(&mut module);
     compact::compact(&mut module, compact::KeepUnused::No);
-    Ok(module)
+    Ok((module, library.imported))
 }
 
-fn same_file_name(a: &str, b: &str) -> bool {
-    Path::new(a).file_name() == Path::new(b).file_name()
+/// Where a file lies that names itself a module: what is nearer to the shader goes before what is farther.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    /// In the shader's own folder.
+    Own,
+    /// Below it.
+    Below,
+    /// In a folder that the user includes.
+    Included,
+}
+
+impl Place {
+    fn of(path: &Path, own: &Path) -> Self {
+        match path.parent() {
+            Some(folder) if folder == own => Self::Own,
+            _ if path.starts_with(own) => Self::Below,
+            _ => Self::Included,
+        }
+    }
 }
 
 struct File {
     path: String,
     text: String,
     imports: Vec<String>,
+    place: Place,
+}
+
+impl File {
+    /// Whether both are a package's choices for one module, of which the first goes: files of other names in one of its folders (Bevy has one for want of meshlets).
+    fn is_choice_beside(&self, other: &Self) -> bool {
+        let (a, b) = (Path::new(&self.path), Path::new(&other.path));
+        self.place == Place::Included && a.parent() == b.parent() && a.file_name() != b.file_name()
+    }
 }
 
 struct Library {
     /// By the name that a module gives itself.
     files: HashMap<String, File>,
-    /// Another file with the same name, for a module and for itself, and another text, as two versions of a package have it.
+    /// Another file with the same name for a module and another text, as two versions of a package have it.
     twice: HashMap<String, String>,
+    /// Files whose modules were added, each with its text.
+    imported: Vec<(String, String)>,
     composer: Composer,
 }
 
 impl Library {
+    /// Takes a file as the module `name`, where none that is nearer is that already. Files are told from near to far.
+    fn know(&mut self, name: String, file: File) {
+        match self.files.get(&name) {
+            None => drop(self.files.insert(name, file)),
+            Some(first) if first.place < file.place && file.place != Place::Included => {}
+            Some(first) if first.text == file.text || first.is_choice_beside(&file) => {}
+            Some(_) => drop(self.twice.entry(name).or_insert(file.path)),
+        }
+    }
+
     /// Adds a module behind those that it imports. One that is not found is left for the composer to name, should it be needed.
     fn add(&mut self, name: &str) -> Result<(), Error> {
         let Some(file) = self.files.remove(name) else {
@@ -127,8 +173,13 @@ impl Library {
                 file_path: &file.path,
                 ..ComposableModuleDescriptor::default()
             });
-        let failed = added.map(|_| ()).err();
-        failed.map_or(Ok(()), |e| Err(self.error(&file.path, &e)))
+        match added.map(|_| ()) {
+            Ok(()) => {
+                self.imported.push((file.path, file.text));
+                Ok(())
+            }
+            Err(e) => Err(self.error(&file.path, &e)),
+        }
     }
 
     fn error(&self, path: &str, error: &ComposerError) -> Error {

@@ -4,17 +4,19 @@
 //! `Options::include` that is called as the package, or below the package's folder in one. Places are those of the WGSL that came of it, which joins the material's files.
 
 use std::borrow::Cow;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use wesl::syntax::PathOrigin;
 use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
 
-use super::dialect::{Defined, beside, definitions, path_of};
+use super::dialect::{Compiled, Defined, beside, definitions, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
 
 /// The WGSL that a file and all that it imports come to.
-pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Error> {
+pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
     let mut features = Features {
         default: Feature::Disable,
         ..Features::default()
@@ -34,6 +36,8 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Erro
         main: (components.clone(), source.text.clone()),
         root,
         include: &options.include,
+        read: RefCell::default(),
+        absent: RefCell::default(),
     };
     let path = ModulePath::new(PathOrigin::Absolute, components);
     let compile = CompileOptions {
@@ -41,10 +45,19 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<String, Erro
         ..CompileOptions::default()
     };
     let compiled = wesl::compile_sourcemap(&path, &resolver, &EscapeMangler, &compile);
-    compiled.map(|c| c.to_string()).map_err(|e| {
+    let text = compiled.map(|c| c.to_string()).map_err(|e| {
         let message = without_colors(&e.to_string());
         let first = message.lines().next().unwrap_or_default();
         Error::new(Code::Parse, format!("{}: {first}", source.name)).note(message.clone())
+    })?;
+    let imported = resolver.read.into_inner().into_iter();
+    let absent = resolver.absent.into_inner();
+    Ok(Compiled {
+        text,
+        imported: imported
+            .map(|(path, text)| (path.display().to_string(), text))
+            .collect(),
+        absent: absent.iter().map(|p| p.display().to_string()).collect(),
     })
 }
 
@@ -70,6 +83,10 @@ struct Packages<'a> {
     main: (Vec<String>, String),
     root: PathBuf,
     include: &'a [PathBuf],
+    /// What was read, by path.
+    read: RefCell<BTreeMap<PathBuf, String>>,
+    /// What was looked for and was not there.
+    absent: RefCell<BTreeSet<PathBuf>>,
 }
 
 impl Packages<'_> {
@@ -115,8 +132,10 @@ impl Resolver for Packages<'_> {
             for ending in ["wesl", "wgsl"] {
                 let file = root.join(&below).with_extension(ending);
                 if let Ok(text) = std::fs::read_to_string(&file) {
+                    self.read.borrow_mut().insert(file.clone(), text.clone());
                     return Ok(Cow::Owned(text));
                 }
+                self.absent.borrow_mut().insert(file);
             }
         }
         Err(ResolveError::ModuleNotFound(

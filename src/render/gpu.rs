@@ -38,8 +38,9 @@ pub struct AdapterReport {
     pub features: Vec<String>,
 }
 
-/// WebGPU's names of the features a plan may ask for.
-const PLAN_FEATURES: [(&str, Features); 12] = [
+/// WebGPU's names of the features a plan may ask for, or wgpu's where only that has one.
+const PLAN_FEATURES: [(&str, Features); 17] = [
+    ("bgra8unorm-storage", Features::BGRA8UNORM_STORAGE),
     ("clip-distances", Features::CLIP_DISTANCES),
     ("depth-clip-control", Features::DEPTH_CLIP_CONTROL),
     ("depth32float-stencil8", Features::DEPTH32FLOAT_STENCIL8),
@@ -55,6 +56,19 @@ const PLAN_FEATURES: [(&str, Features); 12] = [
     ("shader-f16", Features::SHADER_F16),
     ("subgroups", Features::SUBGROUP),
     ("timestamp-query", Features::TIMESTAMP_QUERY),
+    ("wgpu-subgroup-vertex", Features::SUBGROUP_VERTEX),
+    (
+        "wgpu-texture-adapter-specific-format-features",
+        Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES,
+    ),
+    (
+        "wgpu-texture-format-16-bit-norm",
+        Features::TEXTURE_FORMAT_16BIT_NORM,
+    ),
+    (
+        "wgpu-vertex-writable-storage",
+        Features::VERTEX_WRITABLE_STORAGE,
+    ),
 ];
 
 /// What is switched on where the adapter has it: what plans may ask for, and what measuring needs.

@@ -33,6 +33,7 @@ fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
         "maxStorageTexturesPerShaderStage" => l.max_storage_textures_per_shader_stage.into(),
         "maxUniformBufferBindingSize" => l.max_uniform_buffer_binding_size,
         "maxUniformBuffersPerShaderStage" => l.max_uniform_buffers_per_shader_stage.into(),
+        "maxImmediateSize" => l.max_immediate_size.into(),
         "maxVertexAttributes" => l.max_vertex_attributes.into(),
         _ => return None,
     })
@@ -62,6 +63,7 @@ pub(super) fn raise(l: &mut wgpu::Limits, name: &str, value: u64) -> Option<()> 
         "maxStorageBuffersPerShaderStage" => &mut l.max_storage_buffers_per_shader_stage,
         "maxStorageTexturesPerShaderStage" => &mut l.max_storage_textures_per_shader_stage,
         "maxUniformBuffersPerShaderStage" => &mut l.max_uniform_buffers_per_shader_stage,
+        "maxImmediateSize" => &mut l.max_immediate_size,
         "maxVertexAttributes" => &mut l.max_vertex_attributes,
         _ => return None,
     };

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -26,8 +26,14 @@ pub(super) struct Files {
     most: u64,
     /// The lines of another stage are left blank in what is included too.
     stage: ShaderStage,
-    /// What was read, by the path asked for.
+    /// What was read, by the path where it was found.
     pub read: Rc<RefCell<HashMap<PathBuf, String>>>,
+    /// Where a file was found, by the path that was asked for.
+    pub found: Rc<RefCell<HashMap<PathBuf, PathBuf>>>,
+    /// What a file that was found is called: as it was asked for where it is there, so that messages say what the author wrote.
+    pub shown: Rc<RefCell<HashMap<PathBuf, PathBuf>>>,
+    /// Where a file was looked for in vain before it was found.
+    pub absent: Rc<RefCell<BTreeSet<PathBuf>>>,
     /// The macros of all of it.
     macros: Macros,
     /// What the preprocessor was given in place of what was read.
@@ -49,6 +55,9 @@ impl Files {
             most: options.limits.source_bytes,
             stage,
             read: Rc::default(),
+            found: Rc::default(),
+            shown: Rc::default(),
+            absent: Rc::default(),
             macros: Macros::default(),
             rewritten: Rc::default(),
         }
@@ -118,9 +127,19 @@ impl Files {
         };
         let mut ending = path;
         let mut found = beside.canonicalize();
+        let is_there = |path: &PathBuf| {
+            let is_there = path.exists();
+            if !is_there {
+                self.absent.borrow_mut().insert(path.clone());
+            }
+            is_there
+        };
+        if found.is_err() {
+            is_there(&beside);
+        }
         while found.is_err() {
             let below = |d: &PathBuf| d.join(ending);
-            if let Some(hit) = self.include.iter().map(below).find(|p| p.exists()) {
+            if let Some(hit) = self.include.iter().map(below).find(is_there) {
                 found = hit.canonicalize();
                 break;
             }
@@ -214,7 +233,17 @@ impl FileSystem for Files {
     fn canonicalize(&self, path: &Path) -> Result<PathBuf, io::Error> {
         let found = self.find(path)?;
         let text = self.text(&found)?;
-        self.read.borrow_mut().insert(path.to_owned(), text.clone());
+        let is_there = match &self.root {
+            Some(root) => root.join(path).exists(),
+            None => path.exists(),
+        };
+        let name = if is_there { path } else { &found };
+        let mut shown = self.shown.borrow_mut();
+        shown
+            .entry(found.clone())
+            .or_insert_with(|| name.to_owned());
+        let mut all = self.found.borrow_mut();
+        all.insert(path.to_owned(), found.clone());
         self.read.borrow_mut().insert(found.clone(), text);
         Ok(found)
     }

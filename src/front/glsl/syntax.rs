@@ -175,6 +175,8 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         .check(input.text, folder)
         .map_err(|e| Error::new(Code::Parse, e.to_string()))?;
     let (read, rewritten) = (Rc::clone(&files.read), Rc::clone(&files.rewritten));
+    let (found, shown) = (Rc::clone(&files.found), Rc::clone(&files.shown));
+    let absent = Rc::clone(&files.absent);
     let text = own.as_ref().map_or(input.text, |own| &own.text);
     // The lexer knows Vulkan's types from 4.60 on.
     let text = match vulkan {
@@ -223,12 +225,14 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     let mut files: HashMap<FileId, (u32, Option<Rewritten>)> = HashMap::new();
     let mut span = |id: FileId, start: TextSize, end: TextSize| {
         let (base, rewritten) = files.entry(id).or_insert_with(|| {
+            // The preprocessor knows it by the path that was asked for.
             let path = processor.resolve(id);
-            let text = path.and_then(|p| read.borrow().get(p).cloned());
+            let path = path.and_then(|p| found.borrow().get(p).cloned());
+            let text = path.as_ref().and_then(|p| read.borrow().get(p).cloned());
             match (path, text) {
                 (Some(path), Some(text)) => (
-                    map.add(path.to_string_lossy(), text),
-                    rewritten.borrow().get(path).cloned(),
+                    map.add(name(&shown.borrow(), &path), text),
+                    rewritten.borrow().get(&path).cloned(),
                 ),
                 _ => (input.base, own.clone()),
             }
@@ -256,7 +260,10 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     }
     match parsed {
         Ok(tree) => {
-            add_silent(&read.borrow(), map);
+            add_silent(&read.borrow(), &shown.borrow(), map);
+            for path in absent.borrow().iter() {
+                map.add_absent(path.to_string_lossy());
+            }
             Ok(Unit {
                 tree,
                 dialect,
@@ -269,17 +276,26 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     }
 }
 
+/// What a file that was found is called.
+fn name(shown: &HashMap<PathBuf, PathBuf>, path: &Path) -> String {
+    let shown = shown.get(path).map_or(path, PathBuf::as_path);
+    shown.to_string_lossy().into_owned()
+}
+
 /// Adds to `map` the files of which no word is left, which define macros and nothing else: the text rests on them too.
-fn add_silent(read: &HashMap<PathBuf, String>, map: &mut SourceMap) {
-    let mut silent: Vec<(&PathBuf, &String)> = read
+fn add_silent(
+    read: &HashMap<PathBuf, String>,
+    shown: &HashMap<PathBuf, PathBuf>,
+    map: &mut SourceMap,
+) {
+    let mut silent: Vec<(String, &String)> = read
         .iter()
-        // Each is also there by the path that it was asked for by.
-        .filter(|(path, _)| path.canonicalize().is_ok_and(|whole| whole == **path))
-        .filter(|(path, _)| !map.files().iter().any(|f| Path::new(&f.name) == **path))
+        .map(|(path, text)| (name(shown, path), text))
+        .filter(|(name, _)| !map.files().iter().any(|f| f.name == *name))
         .collect();
     silent.sort();
-    for (path, text) in silent {
-        map.add(path.to_string_lossy(), text);
+    for (name, text) in silent {
+        map.add(name, text);
     }
 }
 

@@ -12,7 +12,6 @@ mod leaf {
 }
 
 /// What it made of `shaders/ground.wgsl`, for which it was asked nothing. It draws with the leaf's types where both are in one frame; here it is only built.
-#[allow(unused)]
 mod ground {
     preshade::include_variant!("ground");
 }

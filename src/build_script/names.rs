@@ -1,0 +1,58 @@
+//! What materials and variants may be called.
+
+/// Rust's keywords, strict and reserved, of all editions, in small letters.
+const KEYWORDS: [&str; 52] = [
+    "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate",
+    "do", "dyn", "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl",
+    "in", "let", "loop", "macro", "match", "mod", "move", "mut", "override", "priv", "pub", "ref",
+    "return", "self", "static", "struct", "super", "trait", "true", "try", "type", "typeof",
+    "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
+];
+
+/// What a module of the name would hide in the generated one: its crates, and the types that need no path.
+const HIDDEN: [&str; 23] = [
+    "alloc",
+    "bool",
+    "char",
+    "core",
+    "f16",
+    "f32",
+    "f64",
+    "f128",
+    "i8",
+    "i16",
+    "i32",
+    "i64",
+    "i128",
+    "isize",
+    "preshade_generated",
+    "std",
+    "str",
+    "u8",
+    "u16",
+    "u32",
+    "u64",
+    "usize",
+    "wgpu",
+];
+
+/// Whether a variant's module may be called so.
+pub(super) fn is_a_modules(name: &str) -> bool {
+    let word = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    let reserved = ["original", "variant", "u128"];
+    name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name.chars().all(word)
+        && !KEYWORDS.contains(&name)
+        && !HIDDEN.contains(&name)
+        && !reserved.contains(&name)
+}
+
+/// Whether files and a folder may be called so, on any system, and none of them as another's module.
+pub(super) fn is_a_files(name: &str) -> bool {
+    let amiss = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
+    !name.is_empty()
+        && !name.contains(amiss)
+        && !name.starts_with('.')
+        && !name.ends_with(['.', ' '])
+        && !name.to_lowercase().ends_with(".rs")
+}
