@@ -568,7 +568,21 @@ fn shaders_that_do_more_than_shade() {
     let mask = "struct O { @location(0) c: vec4<f32>, @builtin(sample_mask) m: u32 }\n@fragment fn fs() -> O { return O(vec4<f32>(1.0), 1u); }\n";
     let forced = "@early_depth_test(force) @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { if p.x < 3.0 { discard; } return vec4<f32>(1.0); }\n";
     let depth = "@fragment fn fs() -> @builtin(frag_depth) f32 { return 0.5; }\n";
+    // Left by the discard alone where `x` is not above 0.
+    let marched = "@fragment fn fs(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {
+        var x = at.x - 8.0;
+        loop { x = x * 1.7; if x > 4.0 { break; } if x <= 0.0 { discard; } }
+        return fract(x);
+    }\n";
+    let counted = "@fragment fn fs(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {
+        var x = at.x - 8.0;
+        for (var i = 0; i < 8; i++) { x = x * 1.7; if x > 4.0 { break; } if x <= 0.0 { discard; } }
+        return fract(x);
+    }\n";
     for (text, recipe, code) in [
+        (format!("{VERTEX}{marched}"), "early-discard", "depth-loop"),
+        (format!("{VERTEX}{marched}"), "depth-prepass", "applies"),
+        (format!("{VERTEX}{counted}"), "early-discard", "applies"),
         (
             format!("{storage}{vertex_store}{FLAT}"),
             "depth-prepass",

@@ -41,6 +41,7 @@ use crate::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
 use crate::self_test;
+use crate::slice::{self, Criterion, OutputFilter};
 use crate::state::{CompareFunction, DepthDirection, DepthState};
 
 mod gradients;
@@ -256,6 +257,20 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             "the material writes depth, which a read-only attachment cannot take",
             "take attachment=own",
         ));
+    }
+    if let Some(fragment) = opaque.fragment.filter(|_| opaque.decides.depth) {
+        let decided = [Criterion::Output(OutputFilter::FragDepth)];
+        let slice = slice::backward(&opaque.graph, fragment, &decided);
+        if let Some(span) = slice.endless_loop(&opaque.graph) {
+            // Run twice, and ahead of discards that may be all that ends it.
+            let refusal = Refusal::new(
+                name,
+                "depth-loop",
+                "the depth that the material writes rests on a loop that is not seen to end, which the prologue would run a second time, without the discards that leave it",
+                "count its turns by constants (for i < 32), or take depth-prepass",
+            );
+            refusals.push(refusal.at(opaque.program.sources(), span));
+        }
     }
     if params.attachment == MainAttachment::Readonly && params.mode == Mode::Invert {
         refusals.push(Refusal::new(

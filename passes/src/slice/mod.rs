@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, Statement};
 
-use crate::graph::{Cell, FunctionId, Graph, StmtId, operands};
+use crate::graph::{Cell, FunctionId, Graph, StmtId, counted, operands};
 use crate::reflect;
 
 pub(crate) mod components;
@@ -164,6 +164,20 @@ impl Slice {
     /// Whether it keeps all of the entry point.
     pub fn is_whole(&self) -> bool {
         self.root().coverage == Coverage::Whole
+    }
+
+    /// A kept loop that is not seen to end ([`counted::trips`]), in any of its functions. Ahead of the discards that are not part of the slice, it may not end where the
+    /// original's leaves the shader.
+    pub fn endless_loop(&self, graph: &Graph<'_>) -> Option<Span> {
+        self.parts.iter().find_map(|part| {
+            let f = graph.function(part.function);
+            let found = f.statements.iter().find(|(id, n)| {
+                part.kept.statements[id.index()]
+                    && matches!(n.statement, Statement::Loop { .. })
+                    && counted::trips(graph.module(), f, *id).is_none()
+            });
+            found.map(|(_, n)| n.span)
+        })
     }
 
     /// Number of kept statements, `Emit`s apart, over all functions.
