@@ -306,9 +306,28 @@ fn included_files_are_found_and_pointed_at() {
         include: vec![dir.join("lib")],
         ..Options::default()
     };
-    let found = front::parse(&sources, &options).unwrap_err();
-    let at = found.location().unwrap();
-    assert!(at.file.ends_with("tint.glsl") && at.line == 2, "{found}");
+    let angles = texts(
+        "attribute vec4 p; void main() { gl_Position = p; }",
+        &fragment.replace("\"tint.glsl\"", "<tint.glsl>"),
+    );
+    for sources in [sources, angles] {
+        let found = front::parse(&sources, &options).unwrap_err();
+        let at = found.location().unwrap();
+        assert!(at.file.ends_with("tint.glsl") && at.line == 2, "{found}");
+    }
+    // A guard that another file takes back ends nothing.
+    let write = |name: &str, text: &str| std::fs::write(dir.join("lib").join(name), text).unwrap();
+    write(
+        "q.glsl",
+        "#ifndef Q\n#define Q\n#include \"u.glsl\"\n#include \"q.glsl\"\n#endif\n",
+    );
+    write("u.glsl", "#undef Q\n");
+    let endless = texts(
+        "attribute vec4 p; void main() { gl_Position = p; }",
+        &fragment.replace("tint.glsl", "q.glsl"),
+    );
+    let error = front::parse(&endless, &options).unwrap_err();
+    assert!(error.message().contains("#undef Q"), "{error}");
     std::fs::remove_dir_all(dir).unwrap();
 }
 

@@ -384,18 +384,21 @@ fn a_full_disk_loses_nothing_that_was_told() {
 #[test]
 fn reports_escape_every_name() {
     let evil = "<script>alert(1)<\\\\/script><img src=x onerror=alert(2)>&\\\"'";
-    let scene = format!("name = \"{evil}\"\n{}", SCENE.replace("MATERIAL", evil))
-        .replace(
-            "mesh = \"wall\"",
-            &format!("mesh = \"wall\"\nname = \"{evil}\""),
-        )
-        .replace("eye =", &format!("name = \"{evil}\"\neye ="));
+    let of_material = |name: &str| {
+        format!("name = \"{evil}\"\n{}", SCENE.replace("MATERIAL", name))
+            .replace(
+                "mesh = \"wall\"",
+                &format!("mesh = \"wall\"\nname = \"{evil}\""),
+            )
+            .replace("eye =", &format!("name = \"{evil}\"\neye ="))
+    };
+    let scene = of_material(evil);
     let here = folder("names", &scene, "let drawn_by_script_tag = 1;");
-    // Where shaders are written too, a name may not lead out of the folder.
+    // Where shaders are written too, a material's name begins their names.
     let output = run(&here, &["plan", "a.toml", "--time", "no", "--out", "plan"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("cannot begin a file name"));
-    fs::write(here.join("b.toml"), scene.replace("<\\\\/script>", "")).unwrap();
+    fs::write(here.join("b.toml"), of_material("alert(1)&'")).unwrap();
     let explore: &[&str] = &["explore", "--seconds", "4", "--pass", "depth-prepass"];
     let verify: &[&str] = &["verify", "--time", "no", "--pass", "depth-prepass"];
     let plan: &[&str] = &["plan", "--time", "no"];

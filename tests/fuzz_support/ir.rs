@@ -5,6 +5,7 @@ use naga::{
 };
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
+use preshade::passes::program::Program;
 use preshade::recipe::Recipe;
 
 use super::{Bytes, emitted, recipes::materials};
@@ -119,6 +120,13 @@ fn change(function: &mut Function, bytes: &mut Bytes<'_>) {
     }
 }
 
+/// Whether naga's own writer makes a text of it that naga's own parser reads: its validator lets an expression rest on one that was evaluated in a block which has ended.
+fn is_text(program: &Program) -> bool {
+    let flags = naga::back::wgsl::WriterFlags::empty();
+    let text = naga::back::wgsl::write_string(program.module(), program.info(), flags);
+    text.is_ok_and(|text| naga::front::wgsl::parse_str(&text).is_ok())
+}
+
 /// Changes one statement somewhere in a block. What naga's validator takes and no front end makes is left out: a path without its return, code behind a discard that is always reached.
 fn disturb(block: &mut naga::Block, depth: usize, bytes: &mut Bytes<'_>) {
     let n = block.len();
@@ -188,6 +196,9 @@ pub fn ir(data: &[u8]) -> bool {
     let Ok(program) = program.with_module(module) else {
         return false;
     };
+    if !is_text(&program) {
+        return false;
+    }
     let state = preshade::passes::state::MaterialState::default();
     let plan = Plan::original(
         name,

@@ -275,27 +275,33 @@ pub fn below_each(values: &Values<'_, '_>, of: &[ValueId]) -> Vec<f64> {
     let mut reached = vec![0_u64; order.len().div_ceil(64)];
     let reach = |reached: &mut [u64], at: usize| reached[at / 64] |= 1 << (at % 64);
     for some in sorted.chunks(Above::MOST) {
+        // Operands stand behind, but those of a circle: what is reached lies between these.
+        let mut from = some.first().map_or(0, |i| place[of[*i]]);
+        let mut last = from;
         for (bit, i) in some.iter().enumerate() {
             resting[place[of[*i]]].insert(bit);
             reach(&mut reached, place[of[*i]]);
+            last = last.max(place[of[*i]]);
         }
         // A circle is passed again until nothing changes: as often as loops are nested.
         let mut changed = true;
         while std::mem::take(&mut changed) {
-            let mut at = 0;
-            while let Some(next) = next_set(&reached, at) {
+            let mut at = from;
+            while let Some(next) = next_set(&reached[..=last / 64], at) {
                 let above = resting[next];
                 for operand in operands(order[next]).iter().map(|o| place[*o]) {
                     let more = resting[operand].join(&above);
                     changed |= more && operand <= next;
                     reach(&mut reached, operand);
+                    last = last.max(operand);
+                    from = from.min(operand);
                 }
                 at = next + 1;
             }
         }
         let mut shared: BTreeMap<Above, f64> = BTreeMap::new();
-        let mut at = 0;
-        while let Some(next) = next_set(&reached, at) {
+        let mut at = from;
+        while let Some(next) = next_set(&reached[..=last / 64], at) {
             let above = std::mem::take(&mut resting[next]);
             let cost = values.values[order[next]].cost;
             if cost > 0.0 {
@@ -303,7 +309,7 @@ pub fn below_each(values: &Values<'_, '_>, of: &[ValueId]) -> Vec<f64> {
             }
             at = next + 1;
         }
-        reached.fill(0);
+        reached[from / 64..=last / 64].fill(0);
         for (above, cost) in shared {
             for bit in above.iter() {
                 costs[some[bit]] += cost;

@@ -70,6 +70,12 @@ impl Files {
     pub fn check(&mut self, text: &str, folder: &Path) -> io::Result<Option<Rewritten>> {
         let mut counted = Counted::new();
         self.count(text, folder, &mut counted)?;
+        // A guard that any of the files takes back is none: then it is as if each were unguarded.
+        if let Some(name) = self.taken_back(text, &counted)? {
+            return Err(refused(format!(
+                "a file includes itself behind `#ifndef {name}`, and `#undef {name}` takes that back: nothing is seen to end it"
+            )));
+        }
         let mut texts = vec![Cow::Borrowed(text)];
         for found in counted.keys() {
             texts.push(Cow::Owned(self.text(found)?));
@@ -78,10 +84,44 @@ impl Files {
         Ok(self.macros.rewrite(text))
     }
 
+    /// The name that guards a file which includes itself, below it or at once, and that some text undefines.
+    fn taken_back(&self, text: &str, counted: &Counted) -> io::Result<Option<String>> {
+        let mut undefined = undefined(text);
+        let mut guards = Vec::new();
+        for found in counted.keys() {
+            let inner = self.text(found)?;
+            undefined.extend(self::undefined(&inner));
+            let (again, name) = (self.reaches(found, found)?, guard(&inner));
+            guards.extend(name.filter(|_| again));
+        }
+        Ok(guards.into_iter().find(|name| undefined.contains(name)))
+    }
+
+    /// Whether what `from` includes, at whatever remove, is `to`.
+    fn reaches(&self, from: &Path, to: &Path) -> io::Result<bool> {
+        let mut seen = BTreeSet::new();
+        let mut left = vec![from.to_owned()];
+        while let Some(file) = left.pop() {
+            let folder = file.parent().unwrap_or(Path::new("")).to_owned();
+            for name in included(&self.text(&file)?)? {
+                let Ok(found) = self.find(&folder.join(name)) else {
+                    continue;
+                };
+                if found == to {
+                    return Ok(true);
+                }
+                if seen.insert(found.clone()) {
+                    left.push(found);
+                }
+            }
+        }
+        Ok(false)
+    }
+
     /// Inclusions below a text, its files' own among them.
     fn count(&self, text: &str, folder: &Path, counted: &mut Counted) -> io::Result<u64> {
         let mut all: u64 = 0;
-        for name in included(text) {
+        for name in included(text)? {
             let path = folder.join(&name);
             let Ok(found) = self.find(&path) else {
                 continue;
@@ -89,7 +129,7 @@ impl Files {
             let below = match counted.get(&found) {
                 Some(known) => {
                     let inner = self.text(&found)?;
-                    match (is_guarded(&inner), known) {
+                    match (guard(&inner).is_some(), known) {
                         (true, _) => 1,
                         (false, Some(n)) => *n,
                         (false, None) => {
@@ -184,31 +224,63 @@ impl Files {
 }
 
 /// The names in a text's `#include`s, with conditions left aside.
-fn included(text: &str) -> Vec<String> {
-    directives(text)
-        .filter_map(|d| {
-            let name = d.strip_prefix("include")?.trim();
-            let name = name.strip_prefix(['"', '<'])?;
-            Some(name[..name.find(['"', '>'])?].to_owned())
-        })
-        .collect()
+///
+/// # Errors
+/// One that a macro names: what it comes to is known only once it is read.
+fn included(text: &str) -> io::Result<Vec<String>> {
+    let mut names = Vec::new();
+    for directive in directives(text) {
+        let Some(rest) = directive.strip_prefix("include") else {
+            continue;
+        };
+        if rest.starts_with(|c: char| c.is_alphanumeric() || c == '_') {
+            continue;
+        }
+        let name = rest.trim();
+        let quoted = name.strip_prefix(['"', '<']);
+        let ended = quoted.and_then(|q| Some(q[..q.find(['"', '>'])?].to_owned()));
+        names.push(ended.ok_or_else(|| {
+            refused(format!(
+                "`#include {name}` names its file by a macro: write the name in quotes"
+            ))
+        })?);
+    }
+    Ok(names)
 }
 
-/// Whether a text defines what its first line asks for, and never takes it back: the second time it is empty.
-fn is_guarded(text: &str) -> bool {
-    let mut all = directives(text);
-    let asked = all.next();
-    let Some(name) = asked.as_deref().and_then(|d| d.strip_prefix("ifndef")) else {
-        return false;
-    };
-    let name = name.trim();
-    let defines = |d: &str| {
-        let defined = d.strip_prefix("define").map(str::trim);
-        defined.is_some_and(|d| {
-            d.split(|c: char| !(c.is_alphanumeric() || c == '_')).next() == Some(name)
-        })
-    };
-    all.next().is_some_and(|d| defines(&d)) && !all.any(|d| d.starts_with("undef"))
+/// The name that a text asks for and defines first, with all else behind it up to the end and none for when it is defined: the second time such a text is empty.
+fn guard(text: &str) -> Option<String> {
+    let all: Vec<String> = directives(text).collect();
+    let name = all.first()?.strip_prefix("ifndef")?.trim();
+    let defined = all.get(1)?.strip_prefix("define")?.trim();
+    if defined
+        .split(|c: char| !(c.is_alphanumeric() || c == '_'))
+        .next()
+        != Some(name)
+    {
+        return None;
+    }
+    let mut depth = 0;
+    for (i, directive) in all.iter().enumerate() {
+        if directive.starts_with("if") {
+            depth += 1;
+        } else if directive.starts_with("endif") {
+            depth -= 1;
+            if depth == 0 {
+                return (i + 1 == all.len()).then(|| name.to_owned());
+            }
+        } else if depth == 1 && (directive.starts_with("else") || directive.starts_with("elif")) {
+            return None;
+        }
+    }
+    None
+}
+
+/// The names that a text's `#undef`s take back.
+fn undefined(text: &str) -> BTreeSet<String> {
+    directives(text)
+        .filter_map(|d| Some(d.strip_prefix("undef")?.trim().to_owned()))
+        .collect()
 }
 
 /// What follows the `#` of each directive, comments and continued lines taken out.
@@ -216,10 +288,16 @@ fn directives(text: &str) -> impl Iterator<Item = String> {
     let joined = text.replace("\\\r\n", "").replace("\\\n", "");
     let mut plain = String::with_capacity(joined.len());
     let mut rest = joined.as_str();
-    while let Some(at) = rest.find("/*") {
+    // Whichever begins first, as the preprocessor has it: a `/*` behind `//` opens nothing.
+    while let Some(at) = rest.find("//").into_iter().chain(rest.find("/*")).min() {
         plain.push_str(&rest[..at]);
         plain.push(' ');
-        rest = rest[at..].split_once("*/").map_or("", |(_, after)| after);
+        rest = match rest[at..].starts_with("//") {
+            true => rest[at..].find('\n').map_or("", |end| &rest[at + end..]),
+            false => rest[at + 2..]
+                .split_once("*/")
+                .map_or("", |(_, after)| after),
+        };
     }
     plain.push_str(rest);
     let of_line = |line: &str| Some(line.trim().strip_prefix('#')?.trim().to_owned());
@@ -248,8 +326,9 @@ impl FileSystem for Files {
         Ok(found)
     }
 
+    /// Asked of names in angle brackets, below the folder of the text: they are looked up as those in quotes are.
     fn exists(&self, path: &Path) -> bool {
-        path.exists()
+        self.find(path).is_ok()
     }
 
     fn read(&self, path: &Path) -> Result<Cow<'_, str>, io::Error> {
@@ -272,20 +351,29 @@ impl FileSystem for Files {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
     #[test]
     fn names_and_guards_are_seen_through_comments_and_continued_lines() {
         let text = "// #include \"no\"\n#include \"a\"\n  # /* x */ include <b> // c\n#inc\\\nlude \"d\"\n/*\n#include \"e\"\n*/";
-        assert_eq!(included(text), ["a", "b", "d"]);
+        assert_eq!(included(text).unwrap(), ["a", "b", "d"]);
+        // A comment that opens behind a comment of one line.
+        assert_eq!(included("// /*\n#include \"a\"\n").unwrap(), ["a"]);
+        assert!(included("#define F \"f\"\n#include F\n").is_err());
+        let is_guarded = |text: &str| guard(text).is_some();
         assert!(is_guarded(
-            "/* it */\n#ifndef A_H\n#define A_H\nfloat f;\n#endif\n"
+            "/* it */\n#ifndef A_H\n#define A_H\n#ifdef B\n#else\n#endif\nfloat f;\n#endif\n"
         ));
         assert!(!is_guarded("#ifndef A_H\n#define A_HH\n#endif\n"));
-        assert!(!is_guarded(
-            "#ifndef A_H\n#define A_H\n#undef A_H\n#endif\n"
-        ));
         assert!(!is_guarded("#if 1\n#define A\n#endif\n"));
+        // What stands for when it is defined, and behind it.
+        assert!(!is_guarded(
+            "#ifndef A\n#define A\n#else\n#include \"a\"\n#endif\n"
+        ));
+        assert!(!is_guarded(
+            "#ifndef A\n#define A\n#endif\n#include \"a\"\n"
+        ));
     }
 }

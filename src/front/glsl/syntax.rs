@@ -185,6 +185,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     };
     let text = ended(text).ok_or_else(|| Error::new(Code::Parse, UNENDED))?;
     let mut processor = Processor::new_with_fs(files);
+    processor.system_paths_mut().push(folder.to_owned());
     let file = processor
         .open_source(&text, folder)
         .with_state(state(dialect, &input.options.defines));

@@ -1,6 +1,6 @@
 //! Translation validation on an adapter: what a variant promises of its stages, held against the original's by running both there, as compute stages, on random and adversarial inputs.
 //!
-//! [`preshade_passes::validate`] has the promises, the inputs and the judge; this is what runs them ([`Runner`]). A stage becomes a compute stage ([`harness`], of functions that `rewrite` changed and
+//! [`preshade_passes::validate`] has the promises, the inputs and the judge; this is what runs them ([`Runner`]). A stage becomes a compute stage (`harness`, of functions that `rewrite` changed and
 //! a `body` of our own); one invocation runs one input. So the compilers of the adapter take part, which no interpreter knows. What a draw alone has (interpolation by a rasteriser, derivatives,
 //! texels) is given as inputs, the same to both.
 
