@@ -57,7 +57,7 @@ pub fn check(groups: &[(&str, &[Case])], measured: &dyn Fn() -> Results) {
         // Those that were not drawn this time stay as they are.
         if let Some(before) = read(&folder)
             .into_iter()
-            .find(|r| r.adapter == results.adapter)
+            .find(|r| same(&r.adapter, &results.adapter))
         {
             let is_new = |o: &Outcome| results.outcomes.iter().all(|n| n.name != o.name);
             let kept: Vec<Outcome> = before.outcomes.into_iter().filter(is_new).collect();
@@ -85,6 +85,11 @@ pub fn check(groups: &[(&str, &[Case])], measured: &dyn Fn() -> Results) {
         have == page,
         "docs/stability.md is not what its cases and files say: UPDATE_PAGES=1 cargo test --test stability"
     );
+}
+
+/// Whether two reports are of one adapter and driver, whichever features were asked after.
+fn same(a: &AdapterReport, b: &AdapterReport) -> bool {
+    (&a.name, &a.driver, &a.backend) == (&b.name, &b.driver, &b.backend)
 }
 
 fn read(folder: &Path) -> Vec<Results> {
