@@ -91,10 +91,14 @@ impl Files {
         for found in counted.keys() {
             let inner = self.text(found)?;
             undefined.extend(self::undefined(&inner));
-            let (again, name) = (self.reaches(found, found)?, guard(&inner));
-            guards.extend(name.filter(|_| again));
+            guards.extend(guard(&inner).map(|name| (found, name)));
         }
-        Ok(guards.into_iter().find(|name| undefined.contains(name)))
+        for (found, name) in guards {
+            if undefined.contains(&name) && self.reaches(found, found)? {
+                return Ok(Some(name));
+            }
+        }
+        Ok(None)
     }
 
     /// Whether what `from` includes, at whatever remove, is `to`.
