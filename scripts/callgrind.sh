@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Instructions of each step of the compiler, counted by callgrind: unlike times they are the same on a busy machine, to a fraction of a percent.
+# Instructions of each step of the compiler, in millions, counted by callgrind: unlike times they are the same on a busy machine, to a fraction of a percent.
+# Behind each count stands what the size before it is multiplied by. The reading that a step needs is taken off.
 # Usage: scripts/callgrind.sh [EXPRESSIONS..]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -7,25 +8,34 @@ sizes=("$@")
 [ ${#sizes[@]} -gt 0 ] || sizes=(100 1000 10000)
 command -v valgrind >/dev/null || { echo "error: valgrind is not installed" >&2; exit 2; }
 
-# The newest of the bench's binaries is the one that was just built.
-cargo bench -p preshade --bench growth --no-run 2>/dev/null
-binary=$(ls -t target/release/deps/growth-* | grep -v '\.d$' | head -1)
+binary=$(cargo bench -p preshade --bench growth --no-run --message-format=json 2>/dev/null |
+  sed -n 's/.*"executable":"\([^"]*growth-[^"]*\)".*/\1/p' | tail -1)
 counts=$(mktemp)
 trap 'rm -f "$counts"' EXIT
 
-# All steps but `naga` count the reading that they need before them.
 instructions() {
   valgrind --tool=callgrind --callgrind-out-file=/dev/null "$binary" --only "$@" 2>"$counts" >/dev/null
   awk '/Collected :/ { print $4 }' "$counts"
 }
 
+declare -A reading
 printf '%-20s' step
-for shape in one many; do for size in "${sizes[@]}"; do printf '%16s' "$shape $size"; done; done
+for shape in one many; do for size in "${sizes[@]}"; do printf '%18s' "$shape $size"; done; done
 printf '\n'
 for step in naga read graph depth-prepass early-discard shadow hoist visibility-buffer wgsl; do
   printf '%-20s' "$step"
   for shape in one many; do
-    for size in "${sizes[@]}"; do printf '%16s' "$(instructions "$step" "$shape" "$size")"; done
+    before=
+    for size in "${sizes[@]}"; do
+      count=$(instructions "$step" "$shape" "$size")
+      case $step in
+        naga) ;;
+        read) reading[$shape$size]=$count ;;
+        *) count=$((count - ${reading[$shape$size]})) ;;
+      esac
+      printf '%18s' "$(awk -v n="$count" -v b="$before" 'BEGIN { printf "%.1f%s", n / 1e6, b ? sprintf(" x%.1f", n / b) : "" }')"
+      before=$count
+    done
   done
   printf '\n'
 done

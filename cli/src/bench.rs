@@ -342,6 +342,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
         [0.0, 0.0, 0.0, 1.0],
         Material {
             name: "bounds".to_owned(),
+            file: None,
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,

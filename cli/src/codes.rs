@@ -17,11 +17,31 @@ pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
     })
 }
 
-/// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`. Of a pass, what it does.
+/// Every code, pass and assumption, by name alone.
+fn list() -> String {
+    let codes: Vec<&str> = all().map(|(code, _)| code).collect();
+    let passes: Vec<&str> = PASSES.iter().map(|p| p.info().name).collect();
+    let assumptions = Assumption::all();
+    let given: Vec<&str> = assumptions.iter().map(|(name, _)| name.as_str()).collect();
+    [
+        ("Refusals and errors", codes),
+        ("Passes", passes),
+        ("What contracts take as given", given),
+    ]
+    .iter()
+    .map(|(of, names)| format!("{of}:\n  {}\n", names.join("\n  ")))
+    .collect::<Vec<_>>()
+    .join("\n")
+}
+
+/// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`. Of a pass, what it does; of no code, which there are.
 ///
 /// # Errors
 /// There is none of that name; those of a similar one, or all.
 pub fn explain(code: &str) -> Result<String, Failure> {
+    if code.is_empty() {
+        return Ok(list());
+    }
     let bare = code.rsplit(['/', '[']).next().unwrap_or(code);
     let bare = bare.trim_end_matches(']');
     if let Some((code, text)) = all().find(|(known, _)| *known == bare) {

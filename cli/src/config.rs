@@ -324,22 +324,28 @@ pub fn path(arguments: &Arguments) -> Option<PathBuf> {
 /// The file that a flag or the environment names.
 fn asked(arguments: &Arguments) -> Option<PathBuf> {
     let variable = || std::env::var_os("PRESHADE_CONFIG").filter(|v| !v.is_empty());
-    named(&arguments.words).or_else(|| variable().map(PathBuf::from))
+    let flag = early(arguments, "--config");
+    flag.or_else(variable).map(PathBuf::from)
 }
 
-/// The file that `--config` names, looked for ahead of the command line's own reading.
-fn named(arguments: &[OsString]) -> Option<PathBuf> {
-    let mut arguments = arguments.iter();
-    while let Some(argument) = arguments.next() {
-        let text = argument.to_string_lossy();
+/// What `--color` or the environment says of colours, ahead of the command line's own reading, which may complain.
+pub fn color(arguments: &Arguments) -> Option<OsString> {
+    early(arguments, "--color").or_else(|| std::env::var_os(variable("color")))
+}
+
+/// The value of a flag, looked for ahead of the command line's own reading.
+fn early(arguments: &Arguments, flag: &str) -> Option<OsString> {
+    let mut words = arguments.words.iter();
+    while let Some(word) = words.next() {
+        let text = word.to_string_lossy();
         if text == "--" {
             return None;
         }
-        if text == "--config" {
-            return arguments.next().map(PathBuf::from);
+        if text == flag {
+            return words.next().cloned();
         }
-        if let Some(path) = text.strip_prefix("--config=") {
-            return Some(PathBuf::from(path));
+        if let Some(value) = text.strip_prefix(flag).and_then(|t| t.strip_prefix('=')) {
+            return Some(value.into());
         }
     }
     None
@@ -375,11 +381,17 @@ fn variable(long: &str) -> String {
     format!("{PREFIX}{}", long.replace('-', "_").to_uppercase())
 }
 
+/// Commands about preshade itself: where shaders go is nothing to them.
+pub const OF_ITSELF: [&str; 2] = ["man", "completions"];
+
 /// The flags of a command that can stand in a file.
 fn keys(command: &Command) -> impl Iterator<Item = (&str, &Arg)> {
-    let flags = command
-        .get_arguments()
-        .filter_map(|a| Some((a.get_long()?, a)));
+    let of = match OF_ITSELF.contains(&command.get_name()) {
+        true => None,
+        false => Some(command),
+    };
+    let flags = of.into_iter().flat_map(Command::get_arguments);
+    let flags = flags.filter_map(|a| Some((a.get_long()?, a)));
     flags.filter(|(long, _)| !NOT_KEYS.contains(long))
 }
 

@@ -1,11 +1,11 @@
 //! `preshade plan --lock`: a decision kept for builds without a GPU, in a `preshade.lock` beside each material's shader.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use preshade::decide::Decision;
 use preshade::front::Parsed;
-use preshade::lock::{FILE_NAME, Inputs, Lock, Locked, Measured};
+use preshade::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::scene::{Material, Scene};
@@ -13,9 +13,48 @@ use preshade::scene::{Material, Scene};
 use crate::Failure;
 use crate::output;
 
+/// The lock files beside a scene's shaders, as they were before anything was measured.
+#[derive(Debug, Default)]
+pub struct Locks(BTreeMap<PathBuf, Lock>);
+
+impl Locks {
+    /// Reads them. One that another preshade wrote is told, and will be written anew.
+    ///
+    /// # Errors
+    /// One cannot be read, or is none: what stands in it may be somebody's.
+    pub fn read(scene: &Scene) -> Result<Self, Failure> {
+        let mut locks = BTreeMap::new();
+        for path in scene.materials.iter().filter_map(beside) {
+            if locks.contains_key(&path) {
+                continue;
+            }
+            let lock = match Lock::read(&path) {
+                Ok(lock) => lock.unwrap_or_default(),
+                Err(foreign @ LockError::Foreign { .. }) => {
+                    output::message(&format!(
+                        "note: {foreign}; it is written anew, with what is chosen now alone"
+                    ));
+                    Lock::default()
+                }
+                Err(error) => {
+                    return Err(Failure(format!(
+                        "error: {error}\nhelp: mend it, or remove it to have it written anew"
+                    )));
+                }
+            };
+            locks.insert(path, lock);
+        }
+        Ok(Self(locks))
+    }
+}
+
 /// Keeps the first plan that `decision` draws with, and tells which files changed. What cannot be kept of a material is told, and the others are.
-pub fn keep(scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Failure> {
-    let mut locks: BTreeMap<PathBuf, Lock> = BTreeMap::new();
+pub fn keep(
+    scene: &Scene,
+    facts: &Facts,
+    decision: &Decision,
+    Locks(mut locks): Locks,
+) -> Result<(), Failure> {
     for (index, material) in scene.materials.iter().enumerate() {
         let is_seen = is_seen(decision, index);
         if !is_seen {
@@ -24,22 +63,17 @@ pub fn keep(scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Fai
                 material.name
             ));
         }
-        let Some(path) = beside(scene, material) else {
+        let Some(path) = beside(material) else {
             output::message(&format!(
-                "note: `{}` comes from no file, so nothing is kept of it",
+                "note: `{}` is no material of a scene file, so nothing is kept of it",
                 material.name
             ));
             continue;
         };
         match locked(material, facts, decision, is_seen) {
             Ok(locked) => {
-                if !locks.contains_key(&path) {
-                    let lock = Lock::read(&path)?.unwrap_or_default();
-                    locks.insert(path.clone(), lock);
-                }
-                if let Some(lock) = locks.get_mut(&path) {
-                    lock.materials.insert(material.name.clone(), locked);
-                }
+                let lock = locks.entry(path).or_default();
+                lock.materials.insert(material.name.clone(), locked);
             }
             Err(Failure(why)) => output::message(&format!(
                 "warning: the choice for `{}` is not kept: {why}",
@@ -47,11 +81,17 @@ pub fn keep(scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Fai
             )),
         }
     }
+    let mut failed = Vec::new();
     for (path, lock) in &locks {
         let is_new = !path.exists();
-        match lock.write(path)? {
-            true => output::message(&format!("wrote {}", path.display())),
-            false => output::message(&format!("{} is up to date", path.display())),
+        match lock.write(path) {
+            Ok(true) => output::message(&format!("wrote {}", path.display())),
+            Ok(false) => output::message(&format!("{} is up to date", path.display())),
+            // The others are kept.
+            Err(error) => {
+                failed.push(format!("error: {error}"));
+                continue;
+            }
         }
         if is_new {
             output::message(
@@ -59,15 +99,15 @@ pub fn keep(scene: &Scene, facts: &Facts, decision: &Decision) -> Result<(), Fai
             );
         }
     }
-    Ok(())
+    match failed.is_empty() {
+        true => Ok(()),
+        false => Err(Failure(failed.join("\n"))),
+    }
 }
 
 /// The lock file in the folder of a material's first file.
-fn beside(scene: &Scene, material: &Material) -> Option<PathBuf> {
-    let first = material.program.sources().files().first()?;
-    let shown = Path::new(&first.name);
-    let whole = scene.files.iter().find(|f| f.ends_with(shown))?;
-    Some(whole.with_file_name(FILE_NAME))
+fn beside(material: &Material) -> Option<PathBuf> {
+    Some(material.file.as_ref()?.with_file_name(FILE_NAME))
 }
 
 /// Whether anything of a material lies in any view: of one that does not, no figure of the frame speaks.

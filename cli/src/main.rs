@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use clap::parser::ValueSource;
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use config::{Arguments, Config};
 use preshade::nearest::nearest;
 use watch::Reads;
@@ -67,8 +67,8 @@ contract, 2 bad usage or input."
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
-    /// What a code in brackets means: `blended` of `note[depth-prepass/blended]`.
-    #[arg(long, value_name = "CODE")]
+    /// What a code in brackets means: `blended` of `note[depth-prepass/blended]`. Without a code, which there are.
+    #[arg(long, value_name = "CODE", num_args = 0..=1, default_missing_value = "")]
     explain: Option<String>,
     /// Colours on stderr; NO_COLOR counts where this is auto.
     #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = Colors::Auto, help_heading = "All commands")]
@@ -97,7 +97,7 @@ enum Colors {
     Never,
 }
 
-/// As `--color` says; set once, before anything is printed.
+/// As `--color` says; set once, before anything is printed in colour.
 static COLORS: OnceLock<Colors> = OnceLock::new();
 
 #[derive(Subcommand)]
@@ -155,6 +155,7 @@ impl Command {
             Self::Plan(a) => {
                 return Some(Reads {
                     files: a.reads(),
+                    trees: a.folders(),
                     ..Reads::default()
                 });
             }
@@ -275,6 +276,15 @@ fn main() -> ExitCode {
     }
 }
 
+/// What there is to say, in the colours that are asked for.
+fn command_line() -> clap::Command {
+    Cli::command().color(match COLORS.get() {
+        Some(Colors::Always) => ColorChoice::Always,
+        Some(Colors::Never) => ColorChoice::Never,
+        Some(Colors::Auto) | None => ColorChoice::Auto,
+    })
+}
+
 /// Reads the command line over the environment over the configuration, and does what they say.
 fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
     if worker::mine().is_none() {
@@ -284,6 +294,10 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
         }
     }
     let arguments = Arguments::of(arguments, &Cli::command());
+    let color = config::color(&arguments);
+    if let Some(color) = color.and_then(|c| Colors::from_str(c.to_str()?, true).ok()) {
+        COLORS.get_or_init(|| color);
+    }
     let CommandLine {
         cli,
         command,
@@ -340,13 +354,13 @@ struct CommandLine {
 /// Reads a command line; help and versions are printed here, and end the process.
 fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
     // These must not rest on what is in a file.
-    let plain = Cli::command().try_get_matches_from(&arguments.words);
+    let plain = command_line().try_get_matches_from(&arguments.words);
     let needs_no_file = match &plain {
         Err(error) if !error.use_stderr() => error.exit(),
         Err(_) => false,
         Ok(matches) => {
             matches.value_source("explain").is_some()
-                || matches!(matches.subcommand_name(), Some("man" | "completions"))
+                || matches!(matches.subcommand_name(), Some(name) if config::OF_ITSELF.contains(&name))
         }
     };
     let config = match Config::read(arguments, &Cli::command()) {
@@ -357,7 +371,7 @@ fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
         }
         Err(failure) => return Err(failure),
     };
-    let mut command = config.apply(Cli::command());
+    let mut command = config.apply(command_line());
     let usage = |error: clap::Error| {
         let text = match color_on_stderr() {
             true => error.render().ansi().to_string(),

@@ -6,8 +6,8 @@ use std::path::{Component, Path, PathBuf};
 
 use preshade::passes::pass::Refusal;
 
-use crate::Failure;
 use crate::input::{ShaderArgs, is_stdin};
+use crate::{Failure, config};
 
 /// One material, or the materials of one scene.
 pub struct Job {
@@ -235,7 +235,7 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let entries = std::fs::read_dir(path).map_err(told)?;
         let files: Result<Vec<PathBuf>, _> = entries.map(|e| e.map(|e| e.path())).collect();
         let mut found = files.map_err(told)?;
-        found.retain(|f| ending(f) == "toml");
+        found.retain(|f| is_scene(f));
         if found.is_empty() {
             return Err(Failure(format!(
                 "error: {}: no scene (.toml) is in it",
@@ -246,6 +246,11 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         all.extend(found);
     }
     Ok(all)
+}
+
+/// Whether a file is a scene by its name, which that of the flags' values is not.
+pub fn is_scene(path: &Path) -> bool {
+    ending(path) == "toml" && path.file_name() != Some(config::FILE.as_ref())
 }
 
 /// Refuses scenes whose folders below one `--out` would be the same.

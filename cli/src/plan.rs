@@ -22,6 +22,7 @@ use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::kept::{Kept, reopened};
 use crate::limits::LimitArgs;
+use crate::lock::{self, Locks};
 use crate::many;
 use crate::output::{self, Progress};
 use crate::rewrite::check_name;
@@ -104,12 +105,17 @@ impl Args {
     /// The files that it reads.
     pub fn reads(&self) -> Vec<PathBuf> {
         let of_scene = |path: &PathBuf| {
-            let scene = scene::load_within(path, &Variables::new(), self.limits.access());
+            let scene = scene(self, path);
             scene.map(|s| s.files).unwrap_or_default()
         };
         let scenes = many::scenes(&self.scenes).unwrap_or_default();
         let below: Vec<PathBuf> = scenes.iter().flat_map(of_scene).collect();
         self.scenes.iter().cloned().chain(below).collect()
+    }
+
+    /// The folders that it finds scenes in.
+    pub fn folders(&self) -> Vec<PathBuf> {
+        self.scenes.iter().filter(|s| s.is_dir()).cloned().collect()
     }
 }
 
@@ -225,6 +231,10 @@ fn one(
     bar: &Progress,
     keep: &mut dyn FnMut(&SceneSoFar),
 ) -> Result<Outcome, Failure> {
+    let locks = match args.lock {
+        true => Some(Locks::read(&scene)?),
+        false => None,
+    };
     let effects = measure::effects(&scene).unwrap_or_default();
     let scene = grouped(args, scene)?;
     let settings = settings(args, model);
@@ -252,8 +262,8 @@ fn one(
         planned.write(dir, json, page)
     };
     output::both(printed, written(), out)?;
-    if args.lock {
-        crate::lock::keep(&scene, &facts, &decision)?;
+    if let Some(locks) = locks {
+        lock::keep(&scene, &facts, &decision, locks)?;
     }
     Ok(match decision.is_broken() {
         true => Outcome::ContractBroken,
@@ -393,7 +403,13 @@ fn model(
         bar.set_position((done * 1000.0) as u64);
     })?;
     if let Some(path) = &args.model {
-        std::fs::write(path, model.to_json()? + "\n").map_err(|e| told(path, &e))?;
+        let (folder, name) = (path.parent(), path.file_name());
+        let file = emit::File {
+            name: name.unwrap_or_default().to_string_lossy().into_owned(),
+            bytes: (model.to_json()? + "\n").into_bytes(),
+        };
+        let folder = folder.filter(|f| *f != Path::new(""));
+        emit::write(folder.unwrap_or(Path::new(".")), &[file]).map_err(|e| told(path, &e))?;
         bar.suspend(|| output::message(&format!("wrote {}", path.display())));
     }
     Ok((model, observations))

@@ -6,7 +6,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use notify_debouncer_full::new_debouncer;
-use notify_debouncer_full::notify::{EventKind, RecursiveMode};
+use notify_debouncer_full::notify::{self, EventKind, RecursiveMode};
 
 use crate::output::{self, count};
 use crate::{Failure, Outcome, many};
@@ -19,7 +19,7 @@ const QUIET: Duration = Duration::from_millis(80);
 pub struct Reads {
     /// Files by name, there or not.
     pub files: Vec<PathBuf>,
-    /// Folders that it finds shaders in.
+    /// Folders that it finds shaders or scenes in.
     pub trees: Vec<PathBuf>,
     /// Folders that `#include` and `#import` are looked up in.
     pub includes: Vec<PathBuf>,
@@ -65,6 +65,15 @@ impl Awaited {
         above.chain(there.iter().cloned()).collect()
     }
 
+    /// What the system is asked to tell of.
+    fn watched(&self) -> Vec<(PathBuf, RecursiveMode)> {
+        let trees = self.trees.iter().filter(|t| t.is_dir()).cloned();
+        let trees = trees.map(|tree| (tree, RecursiveMode::Recursive));
+        let folders = self.folders().into_iter();
+        let folders = folders.map(|folder| (folder, RecursiveMode::NonRecursive));
+        folders.chain(trees).collect()
+    }
+
     /// Whether a change at `path` can make another outcome, after one that was `last`.
     fn concerns(&self, path: &Path, last: Last) -> bool {
         let path = whole(path);
@@ -83,7 +92,10 @@ impl Awaited {
         match last {
             // Whatever was missing may have come.
             Last::Failed => is_below(&self.trees) || is_below(&self.includes) || is_beside(),
-            Last::Fine => is_below(&self.trees) && (many::is_shader(&path) || path.is_dir()),
+            Last::Fine => {
+                let is_found = many::is_shader(&path) || many::is_scene(&path) || path.is_dir();
+                is_below(&self.trees) && is_found
+            }
         }
     }
 }
@@ -104,6 +116,7 @@ pub fn run<C: FnOnce() -> Result<Outcome, Failure>>(
     round: impl Fn() -> Result<(Reads, C), Failure>,
 ) -> Result<Outcome, Failure> {
     let mut awaited = Awaited::default();
+    let mut told = BTreeSet::new();
     loop {
         let now = round();
         if let Ok((reads, _)) = &now {
@@ -112,12 +125,23 @@ pub fn run<C: FnOnce() -> Result<Outcome, Failure>>(
         // Anew each time: a folder that is made again is another one to the system.
         let (send, changes) = mpsc::channel();
         let mut watcher = new_debouncer(QUIET, None, send)?;
-        for folder in awaited.folders() {
-            // One that went away meanwhile is told of by the one above.
-            let _ = watcher.watch(&folder, RecursiveMode::NonRecursive);
+        let (mut watched, mut failed) = (0, None);
+        for (folder, mode) in awaited.watched() {
+            match watcher.watch(&folder, mode) {
+                Ok(()) => watched += 1,
+                // One that went away meanwhile is told of by the one above.
+                Err(e) if is_gone(&e) => {}
+                Err(e) => {
+                    let message = format!("{}: {e}", folder.display());
+                    if told.insert(message.clone()) {
+                        output::message(&format!("warning: not watched: {message}"));
+                    }
+                    failed = Some(message);
+                }
+            }
         }
-        for tree in awaited.trees.iter().filter(|t| t.is_dir()) {
-            let _ = watcher.watch(tree, RecursiveMode::Recursive);
+        if let (0, Some(why)) = (watched, failed) {
+            return Err(Failure(format!("error: nothing can be watched: {why}")));
         }
         let last = match now.and_then(|(_, command)| command()) {
             Ok(Outcome::Fine) => Last::Fine,
@@ -151,6 +175,15 @@ fn wait(changes: &Changes, awaited: &Awaited, last: Last) -> Result<(), Failure>
         if changed {
             return Ok(());
         }
+    }
+}
+
+/// Whether a folder could not be watched because it is not there.
+fn is_gone(error: &notify::Error) -> bool {
+    match &error.kind {
+        notify::ErrorKind::PathNotFound => true,
+        notify::ErrorKind::Io(e) => e.kind() == std::io::ErrorKind::NotFound,
+        _ => false,
     }
 }
 

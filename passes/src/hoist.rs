@@ -21,7 +21,7 @@
 //!
 //! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and values that may not be finite at a vertex stay, each with its reason.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
 
@@ -37,6 +37,7 @@ use crate::slice::{self, Criterion};
 use crate::state::ColorTarget;
 
 mod advice;
+mod below;
 mod candidates;
 pub mod choose;
 mod circle;
@@ -300,7 +301,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let precision = material.precision(facts);
-        let judged = candidates::judge(values, material, params, &precision, facts);
+        let assumed = travel::assumed(values, &precision);
+        let judged = candidates::judge(values, material, params, &precision, facts, &assumed);
         let terms = params.terms(facts);
         let left = left(values, &judged, terms.weakest);
         match choose::choose(values, &judged, precision.most, &terms) {
@@ -322,7 +324,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                 Err((Box::new(unknown_values(&judged.unknown)), left))
             }
             None => {
-                let advice = Advice::on(values, material, params, &precision, facts);
+                let given = [&assumed, &judged];
+                let advice = Advice::on(values, material, params, &precision, facts, given);
                 let mut refusal = Box::new(advice.refusal());
                 let best = params.best_measured(material.name, facts);
                 refusal.reason.push_str(&best);
@@ -487,7 +490,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     /// Operations that the carried values are made of: each may round another way than it did.
     fn roundings(&self) -> u32 {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
-        choose::below(self.values, of).0.ceil() as u32
+        below::below(self.values, of).0.ceil() as u32
     }
 }
 
@@ -585,7 +588,10 @@ fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
     slice::backward(values.graph, values.entry, &criteria).hash
 }
 
-/// Named values and results of calls that stay, the dearest first: those whose users could not take them along either.
+/// Most values of which it is told why they stay.
+pub const MOST_LEFT: usize = 1_000;
+
+/// Named values and results of calls that stay, the [`MOST_LEFT`] dearest of them, the dearest first: those whose users could not take them along either.
 fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
     let sources = values.graph.program().sources();
     let staying = (0..values.values.len())
@@ -605,19 +611,21 @@ fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
         });
     let staying: Vec<(ValueId, String, String)> = staying.collect();
     let ids: Vec<ValueId> = staying.iter().map(|(id, ..)| *id).collect();
-    let costs = choose::below_each(values, &ids);
+    let costs = below::dearest(values, &ids, MOST_LEFT, 0.0);
+    let costs: BTreeMap<ValueId, f64> = costs.into_iter().collect();
     let mut left: Vec<Left> = staying
         .into_iter()
-        .zip(costs)
-        .filter(|(_, cost)| *cost > 0.0)
-        .map(|((id, name, reason), cost)| Left {
-            name,
-            reason,
-            cost: cost.round(),
-            location: span(values, id).and_then(|s| sources.locate(s)),
+        .filter_map(|(id, name, reason)| {
+            Some(Left {
+                name,
+                reason,
+                cost: costs.get(&id).filter(|c| **c > 0.0)?.round(),
+                location: span(values, id).and_then(|s| sources.locate(s)),
+            })
         })
         .collect();
     left.sort_by(|a, b| b.cost.total_cmp(&a.cost).then_with(|| a.name.cmp(&b.name)));
     left.dedup_by(|a, b| a.name == b.name && a.location == b.location);
+    left.truncate(MOST_LEFT);
     left
 }

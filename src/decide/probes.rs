@@ -244,6 +244,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
         clear_color: [0.0, 0.0, 0.0, 1.0],
         materials: vec![Material {
             name: "probe".to_owned(),
+            file: None,
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,

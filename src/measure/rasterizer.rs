@@ -124,6 +124,7 @@ fn drawn(gpu: &Gpu, source: &str, triangle: &[[f32; 3]; 3]) -> Result<ColorImage
     let parsed = parsed.map_err(|e| failed(e.to_string()))?;
     let material = Material {
         name: "rasterizer".to_owned(),
+        file: None,
         program: parsed.program,
         vertex: parsed.vertex,
         fragment: parsed.fragment,

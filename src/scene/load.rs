@@ -364,6 +364,7 @@ impl Loader<'_> {
         })?;
         let mut material = Material {
             name: name.to_owned(),
+            file: self.folder.whole(files[0].get_ref()),
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,

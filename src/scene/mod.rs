@@ -110,6 +110,8 @@ pub enum DrawOrder {
 pub struct Material {
     /// Name; emitted files begin with it.
     pub name: String,
+    /// Whole path of the first of its shader files; `None` of one that was made up.
+    pub file: Option<std::path::PathBuf>,
     /// The author's program.
     pub program: Program,
     /// Vertex entry point.

@@ -76,6 +76,11 @@ impl Folder {
         Ok((shown.display().to_string(), bytes))
     }
 
+    /// The whole path of a file that was read.
+    pub(super) fn whole(&self, name: &str) -> Option<PathBuf> {
+        self.base.join(name).canonicalize().ok()
+    }
+
     /// Whole paths of the files that were read, sorted.
     pub(super) fn files(&self) -> Vec<PathBuf> {
         self.read.borrow().iter().cloned().collect()

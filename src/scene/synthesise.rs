@@ -90,6 +90,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         }],
         materials: vec![Material {
             name,
+            file: None,
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,

@@ -1,7 +1,7 @@
 //! What to say where nothing pays: the one thing that would let a value travel, or that there is none.
 
 use super::choose::{self, Terms};
-use super::travel::{self, Class, Finite, Judged, Precision};
+use super::travel::{Class, Judged, Precision};
 use super::values::Values;
 use super::{Hoist, Material, Params};
 use crate::pass::{Facts, Pass, Refusal};
@@ -24,13 +24,14 @@ pub(super) enum Advice {
 }
 
 impl Advice {
-    /// For a material of which nothing travels under `params` and `facts`.
+    /// For a material of which nothing travels under `params` and `facts`. `assumed` and `judged` are the verdicts where all is finite, and those that nothing travels under.
     pub(super) fn on(
         values: &Values<'_, '_>,
         material: &Material<'_>,
         params: &Params,
         precision: &Precision,
         facts: &Facts,
+        [assumed, judged]: [&Judged; 2],
     ) -> Self {
         let terms = Terms {
             weakest: Class::Smooth,
@@ -38,7 +39,7 @@ impl Advice {
         };
         let pays =
             |judged: &Judged| choose::choose(values, judged, precision.most, &terms).is_some();
-        if !pays(&travel::judge(values, Finite::Assumed, precision)) {
+        if !pays(assumed) {
             return Self::Nothing;
         }
         let was_measured = facts
@@ -50,7 +51,8 @@ impl Advice {
             Class::Smooth if was_measured => Self::Error,
             Class::Smooth => Self::Finite,
             _ if params.allow.is_some() => Self::Allow,
-            _ if pays(&travel::judge(values, params.finite, precision)) => Self::Budget,
+            // No choice and no measurement stand behind them here.
+            _ if pays(judged) => Self::Budget,
             _ => Self::Finite,
         }
     }

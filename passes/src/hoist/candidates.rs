@@ -2,24 +2,25 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::choose;
 use super::single::{Candidates, Stages};
 use super::travel::{self, Class, Finite, Judged, Precision, Stays, Verdict};
 use super::values::{ValueId, Values};
 use super::{Material, Params, name, span};
+use super::{below, choose};
 use crate::graph::FunctionId;
 use crate::pass::{Facts, Frequency, Refusal};
 use crate::plan::Plan;
 use crate::program::{Location, SourceMap};
 use crate::slice::{self, Criterion};
 
-/// How each value may travel, as far as the code shows it and what was measured allows it.
+/// How each value may travel, as far as the code shows it and what was measured allows it. `assumed` is [`travel::assumed`].
 pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &Material<'_>,
     params: &Params,
     precision: &Precision,
     facts: &Facts,
+    assumed: &Judged,
 ) -> Judged {
     let measured: BTreeMap<&str, &Frequency> = facts
         .frequencies
@@ -29,9 +30,11 @@ pub(super) fn judge(
         .collect();
     let rests_on_measurement = !measured.is_empty() && params.weakest() == Class::Smooth;
     if params.carry.is_none() && !rests_on_measurement {
-        return travel::judge(values, params.finite, precision);
+        return Judged {
+            verdicts: travel::under(params.finite, values, precision, &assumed.verdicts),
+            ..assumed.clone()
+        };
     }
-    let assumed = travel::judge(values, Finite::Assumed, precision);
     match &params.carry {
         Some(carry) => {
             let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
@@ -39,7 +42,7 @@ pub(super) fn judge(
         }
         None => Judged {
             verdicts: as_measured(values, &assumed.verdicts, &measured, params),
-            ..assumed
+            ..assumed.clone()
         },
     }
 }
@@ -47,16 +50,13 @@ pub(super) fn judge(
 /// Of values that may travel as approximations those of these ids alone.
 fn as_chosen(
     values: &Values<'_, '_>,
-    assumed: Judged,
+    assumed: &Judged,
     carry: &BTreeSet<&str>,
     finite: Finite,
     precision: &Precision,
 ) -> Judged {
     let chosen = find(values, &assumed.verdicts, carry);
-    let mut verdicts = match finite {
-        Finite::Proved => travel::proved(values, precision, assumed.verdicts.clone()),
-        Finite::Assumed => assumed.verdicts.clone(),
-    };
+    let mut verdicts = travel::under(finite, values, precision, &assumed.verdicts);
     for (v, verdict) in verdicts.iter_mut().enumerate() {
         if chosen.contains_key(&v) {
             *verdict = assumed.verdicts[v].clone();
@@ -69,7 +69,7 @@ fn as_chosen(
     Judged {
         verdicts,
         unknown: unknown.map(|id| (*id).to_owned()).collect(),
-        ..assumed
+        ..assumed.clone()
     }
 }
 
@@ -165,24 +165,28 @@ fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict], most: usize) -> Vec<(V
     let smooth: Vec<ValueId> = (0..values.values.len())
         .filter(|v| is_smooth(&verdicts[*v]))
         .collect();
-    let costs = choose::below_each(values, &smooth);
     let price = |v| choose::SMOOTH_PRICE * f64::from(width(v).unwrap_or(1));
-    let costs: BTreeMap<ValueId, f64> = smooth
-        .into_iter()
-        .zip(costs)
-        .filter(|(v, cost)| *cost > price(*v))
-        .collect();
-    // Of the names of one value the last: a call's result rather than what the callee returns.
-    let is_last = |v: ValueId, cost: f64| {
-        !users[v]
-            .iter()
-            .any(|u| costs.get(u) == Some(&cost) && width(*u) == width(v))
-    };
-    let all = costs.iter().map(|(v, cost)| (*v, *cost));
-    let mut found: Vec<(ValueId, f64)> = all.filter(|(v, cost)| is_last(*v, *cost)).collect();
-    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    found.truncate(most);
-    found
+    // Names of one value are told apart below: more of them than are wanted.
+    let mut looked_at = 4 * most;
+    loop {
+        let costs = below::dearest(values, &smooth, looked_at, choose::SMOOTH_PRICE);
+        let costs = costs.into_iter().filter(|(v, cost)| *cost > price(*v));
+        let costs: BTreeMap<ValueId, f64> = costs.collect();
+        // Of the names of one value the last: a call's result rather than what the callee returns.
+        let is_last = |v: ValueId, cost: f64| {
+            !users[v]
+                .iter()
+                .any(|u| costs.get(u) == Some(&cost) && width(*u) == width(v))
+        };
+        let all = costs.iter().map(|(v, cost)| (*v, *cost));
+        let mut found: Vec<(ValueId, f64)> = all.filter(|(v, cost)| is_last(*v, *cost)).collect();
+        if found.len() >= most || looked_at >= smooth.len() {
+            found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+            found.truncate(most);
+            return found;
+        }
+        looked_at *= 4;
+    }
 }
 
 /// Longest piece of source that names a value, in characters.

@@ -1,12 +1,12 @@
 //! The choice of what to hoist: minimum cuts over a sweep of what transport costs, the best of those that fit.
 
-use std::collections::BTreeMap;
+use std::borrow::Cow;
 
 use naga::{Binding, BuiltIn, TypeInner};
 
+use super::below::below;
 use super::cut::{self, Cut, Item};
 use super::pack::{self, Load, Slot};
-use super::reach::with_operands;
 use super::travel::{Carriage, Class, Judged, Verdict};
 use super::values::{Node, Value, ValueId, Values};
 use crate::graph::rate::Interpolated;
@@ -115,7 +115,7 @@ pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option
 fn cut_at(
     values: &Values<'_, '_>,
     verdicts: &[Verdict],
-    items: &[Item],
+    items: &[Item<'_>],
     cut: &Cut,
     before: f64,
 ) -> Option<Choice> {
@@ -165,19 +165,19 @@ fn cut_at(
 }
 
 /// What a fragment pays under a cut: transport, and what it computes.
-fn total(items: &[Item], cut: &Cut) -> f64 {
+fn total(items: &[Item<'_>], cut: &Cut) -> f64 {
     let transport: f64 = cut.carried.iter().filter_map(|id| items[*id].price).sum();
     let computed = (0..items.len()).filter(|i| cut.computed[*i]);
     transport + computed.filter_map(|i| items[i].cost).sum::<f64>()
 }
 
 /// The values as what a cut chooses from.
-fn items(
-    values: &Values<'_, '_>,
+fn items<'v>(
+    values: &'v Values<'_, '_>,
     verdicts: &[Verdict],
     allowed: impl Fn(&Carriage) -> bool,
-) -> Vec<Item> {
-    let item = |id: ValueId, value: &Value| {
+) -> Vec<Item<'v>> {
+    let item = |id: ValueId, value: &'v Value| {
         let (cost, price) = match &value.node {
             Node::Input(i) => match values.inputs.get(*i).map(|io| (&io.binding, io.ty)) {
                 Some((Some(Binding::Location { .. }), ty)) => {
@@ -202,7 +202,7 @@ fn items(
         Item {
             cost,
             price,
-            operands: value.operands.clone(),
+            operands: Cow::Borrowed(&value.operands),
         }
     };
     let all = values.values.iter().enumerate();
@@ -240,120 +240,4 @@ fn depth(values: &Values<'_, '_>, id: ValueId) -> f64 {
         context = caller;
     }
     depth
-}
-
-/// Cost of computing values and all they rest on, each once, and the inputs among that.
-pub fn below(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> (f64, Vec<usize>) {
-    let held = with_operands(values, of.collect());
-    let (mut cost, mut inputs) = (0.0, Vec::new());
-    for (value, _) in values.values.iter().zip(held).filter(|(_, held)| *held) {
-        cost += value.cost;
-        if let Node::Input(i) = value.node {
-            inputs.push(i);
-        }
-    }
-    inputs.sort_unstable();
-    (cost, inputs)
-}
-
-/// Cost of computing each of several values by itself, with all it rests on: [`below`] of each.
-///
-/// What values share is counted once for each, so that this cannot be had from the costs of their operands. The walk is shared by as many of them as an `Above`
-/// holds, and parts of the graph that the same ones rest on are added up before they are counted.
-pub fn below_each(values: &Values<'_, '_>, of: &[ValueId]) -> Vec<f64> {
-    let operands = |id: ValueId| values.values[id].operands.as_slice();
-    let order = cut::users_first(0..values.values.len(), values.values.len(), operands);
-    let mut place = vec![0; order.len()];
-    for (at, id) in order.iter().enumerate() {
-        place[*id] = at;
-    }
-    let mut sorted: Vec<usize> = (0..of.len()).collect();
-    sorted.sort_by_key(|i| place[of[*i]]);
-    let mut costs = vec![0.0; of.len()];
-    // By place, so that a walk goes upwards; `reached` keeps it to what is there.
-    let mut resting = vec![Above::default(); order.len()];
-    let mut reached = vec![0_u64; order.len().div_ceil(64)];
-    let reach = |reached: &mut [u64], at: usize| reached[at / 64] |= 1 << (at % 64);
-    for some in sorted.chunks(Above::MOST) {
-        // Operands stand behind, but those of a circle: what is reached lies between these.
-        let mut from = some.first().map_or(0, |i| place[of[*i]]);
-        let mut last = from;
-        for (bit, i) in some.iter().enumerate() {
-            resting[place[of[*i]]].insert(bit);
-            reach(&mut reached, place[of[*i]]);
-            last = last.max(place[of[*i]]);
-        }
-        // A circle is passed again until nothing changes: as often as loops are nested.
-        let mut changed = true;
-        while std::mem::take(&mut changed) {
-            let mut at = from;
-            while let Some(next) = next_set(&reached[..=last / 64], at) {
-                let above = resting[next];
-                for operand in operands(order[next]).iter().map(|o| place[*o]) {
-                    let more = resting[operand].join(&above);
-                    changed |= more && operand <= next;
-                    reach(&mut reached, operand);
-                    last = last.max(operand);
-                    from = from.min(operand);
-                }
-                at = next + 1;
-            }
-        }
-        let mut shared: BTreeMap<Above, f64> = BTreeMap::new();
-        let mut at = from;
-        while let Some(next) = next_set(&reached[..=last / 64], at) {
-            let above = std::mem::take(&mut resting[next]);
-            let cost = values.values[order[next]].cost;
-            if cost > 0.0 {
-                *shared.entry(above).or_default() += cost;
-            }
-            at = next + 1;
-        }
-        reached[from / 64..=last / 64].fill(0);
-        for (above, cost) in shared {
-            for bit in above.iter() {
-                costs[some[bit]] += cost;
-            }
-        }
-    }
-    costs
-}
-
-/// Which of some values rest on one.
-#[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
-struct Above([u64; 8]);
-
-impl Above {
-    const MOST: usize = 8 * 64;
-
-    fn insert(&mut self, bit: usize) {
-        self.0[bit / 64] |= 1 << (bit % 64);
-    }
-
-    /// Takes in all of `other`; whether any was new.
-    fn join(&mut self, other: &Self) -> bool {
-        let mut new = 0;
-        for (mine, more) in self.0.iter_mut().zip(other.0) {
-            new |= more & !*mine;
-            *mine |= more;
-        }
-        new != 0
-    }
-
-    fn iter(&self) -> impl Iterator<Item = usize> {
-        let first = next_set(&self.0, 0);
-        std::iter::successors(first, |at| next_set(&self.0, at + 1))
-    }
-}
-
-/// The first bit that is set from `from` on.
-fn next_set(words: &[u64], from: usize) -> Option<usize> {
-    let first = words.get(from / 64)? & (u64::MAX << (from % 64));
-    if first != 0 {
-        return Some(from / 64 * 64 + first.trailing_zeros() as usize);
-    }
-    let rest = words.iter().enumerate().skip(from / 64 + 1);
-    rest.filter(|(_, word)| **word != 0)
-        .map(|(i, word)| i * 64 + word.trailing_zeros() as usize)
-        .next()
 }

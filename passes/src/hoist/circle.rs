@@ -6,15 +6,16 @@ use naga::Statement;
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::DiGraph;
 
-use super::values::{Node, ValueId, Values};
+use super::values::{Node, Value, ValueId, Values};
 use crate::graph::counted;
 use crate::graph::memory::Origin;
 
 /// The values so that each comes after all that rest on it, those in a circle together.
-pub fn circles(values: &Values<'_, '_>) -> Vec<Vec<ValueId>> {
-    let mut graph = DiGraph::<(), ()>::with_capacity(values.values.len(), 0);
-    let nodes: Vec<_> = values.values.iter().map(|_| graph.add_node(())).collect();
-    for (id, value) in values.values.iter().enumerate() {
+pub fn circles(values: &[Value]) -> Vec<Vec<ValueId>> {
+    let edges = values.iter().map(|v| v.operands.len()).sum();
+    let mut graph = DiGraph::<(), ()>::with_capacity(values.len(), edges);
+    let nodes: Vec<_> = values.iter().map(|_| graph.add_node(())).collect();
+    for (id, value) in values.iter().enumerate() {
         for operand in &value.operands {
             graph.add_edge(nodes[id], nodes[*operand], ());
         }

@@ -19,19 +19,21 @@
 //! computed in any case; whoever needs a value that may not computes it, and where that is one value only, the two are one node; and what rests on an
 //! input that is not there cannot be computed at all. The flow is left with the values that may travel, and what several of them share.
 
+use std::borrow::Cow;
+
 use rustc_hash::FxHashSet;
 
 use super::flow::{ArcId, Network};
 
 /// A value in the cut problem.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Item {
+pub struct Item<'a> {
     /// What computing it costs a fragment, apart from its operands; `None` for what no fragment can compute.
     pub cost: Option<f64>,
     /// What carrying it costs a fragment; `None` for what may not travel.
     pub price: Option<f64>,
     /// Items it is computed from.
-    pub operands: Vec<usize>,
+    pub operands: Cow<'a, [usize]>,
 }
 
 /// The cheapest choice.
@@ -54,13 +56,13 @@ fn capacity(cost: f64) -> u64 {
 
 /// The cheapest way to have every one of `roots`; `None` where there is none: a root may not travel and rests on what no fragment can compute.
 /// Among equally cheap ways the one that computes least is taken.
-pub fn minimum(items: &[Item], roots: &[usize]) -> Option<Cut> {
+pub fn minimum(items: &[Item<'_>], roots: &[usize]) -> Option<Cut> {
     sweep(items, roots, &[1.0])?.pop()
 }
 
 /// The cheapest ways, one for each multiple of the prices; these in ascending order. `None` as of [`minimum`]: what there is to choose from is the same at
 /// any price.
-pub fn sweep(items: &[Item], roots: &[usize], multiples: &[f64]) -> Option<Vec<Cut>> {
+pub fn sweep(items: &[Item<'_>], roots: &[usize], multiples: &[f64]) -> Option<Vec<Cut>> {
     let mut network = Contracted::new(items, roots)?;
     Some(multiples.iter().map(|m| network.cut(items, *m)).collect())
 }
@@ -86,7 +88,7 @@ struct Contracted {
 const INFINITE: u64 = u64::MAX / 4;
 
 impl Contracted {
-    fn new(items: &[Item], roots: &[usize]) -> Option<Self> {
+    fn new(items: &[Item<'_>], roots: &[usize]) -> Option<Self> {
         let order = users_first(roots.iter().copied(), items.len(), |i| &items[i].operands);
         let users = users(items, &order);
         let impossible = impossible(items, &users);
@@ -97,7 +99,7 @@ impl Contracted {
         let mut of_source = vec![false; items.len()];
         let operands_of_forced = (0..items.len())
             .filter(|i| forced[*i])
-            .flat_map(|i| &items[i].operands);
+            .flat_map(|i| items[i].operands.iter());
         for item in operands_of_forced.chain(roots) {
             of_source[*item] = true;
         }
@@ -140,7 +142,7 @@ impl Contracted {
         Some(this)
     }
 
-    fn connect(&mut self, items: &[Item]) {
+    fn connect(&mut self, items: &[Item<'_>]) {
         let mut costs = vec![0; self.network.nodes()];
         let mut joined: FxHashSet<(usize, usize)> = FxHashSet::default();
         for (i, item) in items.iter().enumerate() {
@@ -155,7 +157,7 @@ impl Contracted {
                 continue;
             }
             costs[computed] += item.cost.map_or(0, capacity);
-            for operand in &item.operands {
+            for operand in item.operands.iter() {
                 let Some(operand) = self.needed[*operand] else {
                     continue;
                 };
@@ -172,7 +174,7 @@ impl Contracted {
         }
     }
 
-    fn cut(&mut self, items: &[Item], multiple: f64) -> Cut {
+    fn cut(&mut self, items: &[Item<'_>], multiple: f64) -> Cut {
         for (item, arc, before) in &mut self.prices {
             let price = capacity(items[*item].price.unwrap_or_default() * multiple);
             self.network.widen(*arc, price.saturating_sub(*before));
@@ -195,10 +197,10 @@ impl Contracted {
 }
 
 /// The items that each is an operand of, among some.
-fn users(items: &[Item], among: &[usize]) -> Vec<Vec<usize>> {
+fn users(items: &[Item<'_>], among: &[usize]) -> Vec<Vec<usize>> {
     let mut users = vec![Vec::new(); items.len()];
     for item in among {
-        for operand in &items[*item].operands {
+        for operand in items[*item].operands.iter() {
             users[*operand].push(*item);
         }
     }
@@ -206,7 +208,7 @@ fn users(items: &[Item], among: &[usize]) -> Vec<Vec<usize>> {
 }
 
 /// Items that no fragment can compute: not by themselves, or they rest on such that may not travel either.
-fn impossible(items: &[Item], users: &[Vec<usize>]) -> Vec<bool> {
+fn impossible(items: &[Item<'_>], users: &[Vec<usize>]) -> Vec<bool> {
     let mut impossible = vec![false; items.len()];
     let mut stack: Vec<usize> = (0..items.len())
         .filter(|i| items[*i].cost.is_none())
@@ -220,12 +222,12 @@ fn impossible(items: &[Item], users: &[Vec<usize>]) -> Vec<bool> {
 }
 
 /// Items that are computed whatever is carried: a way to them from a root leads over none that may travel.
-fn forced(items: &[Item], roots: &[usize]) -> Vec<bool> {
+fn forced(items: &[Item<'_>], roots: &[usize]) -> Vec<bool> {
     let mut forced = vec![false; items.len()];
     let mut stack = roots.to_vec();
     while let Some(item) = stack.pop() {
         if items[item].price.is_none() && !std::mem::replace(&mut forced[item], true) {
-            stack.extend(&items[item].operands);
+            stack.extend(items[item].operands.iter());
         }
     }
     forced
@@ -271,7 +273,7 @@ mod tests {
     use super::*;
 
     /// Every choice of carried items tried; the cost of the cheapest that works.
-    fn brute_force(items: &[Item], roots: &[usize]) -> Option<f64> {
+    fn brute_force(items: &[Item<'_>], roots: &[usize]) -> Option<f64> {
         (0..1_u32 << items.len())
             .filter_map(|carried| {
                 let is_carried = |i: usize| carried >> i & 1 == 1;
@@ -283,7 +285,7 @@ mod tests {
                         continue;
                     }
                     cost += items[i].cost?;
-                    stack.extend(&items[i].operands);
+                    stack.extend(items[i].operands.iter());
                 }
                 for item in (0..items.len())
                     .filter(|i| is_carried(*i))
@@ -309,7 +311,7 @@ mod tests {
         }
     }
 
-    fn random(seed: u64) -> (Vec<Item>, Vec<usize>) {
+    fn random(seed: u64) -> (Vec<Item<'static>>, Vec<usize>) {
         let mut random = Random(seed);
         let count = 2 + random.below(13) as usize;
         let items = (0..count)
@@ -331,7 +333,7 @@ mod tests {
                 Item {
                     cost: (!is_input || random.below(6) == 0).then(|| random.below(9) as f64),
                     price: (is_input || random.below(3) > 0).then(|| 1.0 + random.below(6) as f64),
-                    operands,
+                    operands: Cow::Owned(operands),
                 }
             })
             .collect();
@@ -390,7 +392,7 @@ mod tests {
                 continue;
             };
             for (multiple, cut) in multiples.iter().zip(swept) {
-                let scaled: Vec<Item> = items
+                let scaled: Vec<Item<'_>> = items
                     .iter()
                     .map(|item| Item {
                         price: item.price.map(|p| p * multiple),
@@ -403,7 +405,7 @@ mod tests {
     }
 
     /// A stage of `count` statements `x = x * a + sin(x + b)` one after another, of which every `stays`-th value may not travel.
-    fn straight_line(count: usize, stays: usize) -> Vec<Item> {
+    fn straight_line(count: usize, stays: usize) -> Vec<Item<'static>> {
         let mut items = vec![Item {
             price: Some(4.0),
             ..Item::default()
@@ -420,7 +422,7 @@ mod tests {
                 items.push(Item {
                     cost: Some(cost),
                     price: (items.len() % stays > 0).then_some(4.0),
-                    operands,
+                    operands: operands.into(),
                 });
             }
         }
@@ -455,12 +457,12 @@ mod tests {
         let sum = |a, b| Item {
             cost: Some(1.0),
             price: Some(4.0),
-            operands: vec![a, b],
+            operands: vec![a, b].into(),
         };
         let root = Item {
             cost: Some(9.0),
             price: None,
-            operands: vec![3, 4],
+            operands: vec![3, 4].into(),
         };
         let items = [
             input.clone(),

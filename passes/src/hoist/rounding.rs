@@ -8,14 +8,13 @@
 //! Where an operation jumps, or its slope has no bound in those intervals (a division by what may be 0, `normalize` of what may be short), any error may come of the last bit:
 //! then it is infinite.
 
-use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOperator};
 
-use super::circle::circles;
 use super::range::{AllRanges, Range, dimension, terms};
 use super::travel;
-use super::values::{ContextId, Node, ValueId, Values};
+use super::values::{ContextId, Node, Users, ValueId, Values};
 use crate::bound::Accuracy;
 use crate::graph::rate::Rate;
 use crate::pass::SourceRange;
@@ -48,7 +47,7 @@ pub struct Roundings {
     carried: Vec<f64>,
     /// What comes of it that a value is rounded anew, since something under it differs.
     anew: Vec<f64>,
-    users: Vec<Vec<ValueId>>,
+    users: Arc<Users>,
 }
 
 impl Roundings {
@@ -58,14 +57,11 @@ impl Roundings {
         known: &[SourceRange],
         may: impl Fn(ValueId) -> bool,
     ) -> Self {
-        let circles = circles(values);
-        let ranges = AllRanges::new(values, &circles, known, f64::from(ORDINARY));
-        let slopes = Slopes {
-            values,
-            ranges: &ranges,
-        };
-        let errors = slopes.errors(&circles);
-        let gains = slopes.gains(&circles);
+        let circles = values.circles();
+        let ranges = AllRanges::new(values, circles, known, f64::from(ORDINARY));
+        let slopes = Slopes::new(values, &ranges);
+        let errors = slopes.errors(circles);
+        let gains = slopes.gains(circles);
         // What has no gain, nothing rests on.
         let through = |id: ValueId, error: f64| match gains[id] {
             0.0 => 0.0,
@@ -79,17 +75,18 @@ impl Roundings {
                 .map(|id| through(id, errors[id] + interpolated(id)))
                 .collect(),
             anew: all().map(|id| through(id, slopes.own(id))).collect(),
-            users: values.users(),
+            users: Arc::clone(values.users()),
         };
+        let mut above = Above::new(values.values.len());
         let mut followed = 0;
         for id in all().filter(|id| may(*id)) {
             let own = this.carried[id];
             if own > MOST {
                 this.each[id] = own;
             } else if !own.is_nan() && followed <= MOST_FOLLOWED {
-                let above = this.above(&[id]);
+                let above = above.of(&this.users, &[id]);
                 followed += above.len();
-                this.each[id] = this.sum(&[id], &above);
+                this.each[id] = this.sum(&[id], above);
             }
         }
         this
@@ -102,38 +99,87 @@ impl Roundings {
 
     /// Of several that are carried together.
     pub fn together(&self, ids: &[ValueId]) -> f64 {
-        self.sum(ids, &self.above(ids))
+        self.sum(ids, Above::new(self.each.len()).of(&self.users, ids))
     }
 
-    fn sum(&self, ids: &[ValueId], above: &BTreeSet<ValueId>) -> f64 {
+    fn sum(&self, ids: &[ValueId], above: &[ValueId]) -> f64 {
         let carried: f64 = ids.iter().map(|id| self.carried[*id]).sum();
         let total = carried + above.iter().map(|id| self.anew[*id]).sum::<f64>();
         if total.is_nan() { f64::INFINITY } else { total }
     }
+}
 
-    /// All that rests on some values, themselves left out.
-    fn above(&self, ids: &[ValueId]) -> BTreeSet<ValueId> {
-        let mut found = BTreeSet::new();
-        let mut work: Vec<ValueId> = ids
-            .iter()
-            .flat_map(|id| &self.users[*id])
-            .copied()
-            .collect();
-        while let Some(at) = work.pop() {
-            if found.insert(at) {
-                work.extend(&self.users[at]);
+/// Walks from values to all that rests on them, as often as is asked.
+struct Above {
+    /// The last walk that came to each value.
+    seen: Vec<usize>,
+    walks: usize,
+    found: Vec<ValueId>,
+}
+
+impl Above {
+    fn new(values: usize) -> Self {
+        Self {
+            seen: vec![0; values],
+            walks: 0,
+            found: Vec::new(),
+        }
+    }
+
+    /// All that rests on some values, in ascending order; themselves left out, unless they rest on one another.
+    fn of(&mut self, users: &Users, ids: &[ValueId]) -> &[ValueId] {
+        self.walks += 1;
+        self.found.clear();
+        let mut next = 0;
+        self.reach(ids.iter().flat_map(|id| &users[*id]));
+        while let Some(at) = self.found.get(next).copied() {
+            next += 1;
+            self.reach(users[at].iter());
+        }
+        // A sum of floats is one of its order too.
+        self.found.sort_unstable();
+        &self.found
+    }
+
+    fn reach<'a>(&mut self, ids: impl Iterator<Item = &'a ValueId>) {
+        for id in ids {
+            if std::mem::replace(&mut self.seen[*id], self.walks) != self.walks {
+                self.found.push(*id);
             }
         }
-        found
     }
 }
 
 struct Slopes<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     ranges: &'v AllRanges,
+    /// How steep each value is in each of its operands, one value's behind the other's.
+    steep: Vec<f64>,
+    /// Where each value's begin in `steep`.
+    start: Vec<usize>,
 }
 
-impl Slopes<'_, '_, '_> {
+impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
+    fn new(values: &'v Values<'g, 'p>, ranges: &'v AllRanges) -> Self {
+        let mut this = Self {
+            values,
+            ranges,
+            steep: Vec::new(),
+            start: Vec::with_capacity(values.values.len()),
+        };
+        for id in 0..values.values.len() {
+            this.start.push(this.steep.len());
+            this.find(id);
+        }
+        this
+    }
+
+    /// A value's operands, each with how steep it is in it.
+    fn operands(&self, id: ValueId) -> impl Iterator<Item = (ValueId, f64)> {
+        let operands = self.values.values[id].operands.iter().copied();
+        operands.zip(self.steep[self.start[id]..].iter().copied())
+    }
+
     /// How far each value, computed of interpolated varyings, may be from the one computed at the vertices and interpolated; its own interpolation apart.
     fn errors(&self, circles: &[Vec<ValueId>]) -> Vec<f64> {
         let values = &self.values.values;
@@ -151,10 +197,9 @@ impl Slopes<'_, '_, '_> {
             errors[id] = match values[id].node {
                 Node::Input(_) => INTERPOLATION * UNIT_ROUNDOFF * magnitude,
                 _ => {
-                    let operands = values[id].operands.iter();
-                    operands
-                        .filter(|o| errors[**o] != 0.0)
-                        .map(|o| errors[*o] * self.slope(id, *o))
+                    self.operands(id)
+                        .filter(|(o, _)| errors[*o] != 0.0)
+                        .map(|(o, slope)| errors[o] * slope)
                         .sum::<f64>()
                         + self.own(id)
                 }
@@ -199,10 +244,10 @@ impl Slopes<'_, '_, '_> {
             if gains[id] == 0.0 {
                 continue;
             }
-            for operand in &values[id].operands {
+            for (operand, slope) in self.operands(id) {
                 // What is the same in both stages passes nothing on.
-                if !is_of_draw(self.values, *operand) {
-                    gains[*operand] += gains[id] * self.slope(id, *operand);
+                if !is_of_draw(self.values, operand) {
+                    gains[operand] += gains[id] * slope;
                 }
             }
         }
@@ -293,24 +338,38 @@ impl Slopes<'_, '_, '_> {
         }
     }
 
-    /// How steep a value is in one of its operands, every component of it.
-    fn slope(&self, id: ValueId, operand: ValueId) -> f64 {
-        let (context, e, path) = match &self.values.values[id].node {
-            Node::Control(..) => return f64::INFINITY,
-            Node::Input(_) | Node::Version(..) => return self.chooses(operand),
-            Node::Expression(context, e, path) => (*context, *e, path),
+    /// Finds how steep a value is in each of its operands, every component of it.
+    fn find(&mut self, id: ValueId) {
+        let values = self.values;
+        let operands = &values.values[id].operands;
+        let first = self.steep.len();
+        let own = match &values.values[id].node {
+            Node::Expression(context, e, path) if path.is_empty() => {
+                let expressions = &values.function(*context).function.expressions;
+                Some((*context, &expressions[*e]))
+            }
+            _ => None,
         };
-        let expression = &self.values.function(context).function.expressions[e];
-        match expression {
-            Expression::Load { .. } | Expression::CallResult(_) => self.chooses(operand),
-            _ if !path.is_empty() => self.chooses(operand),
+        let own =
+            own.filter(|(_, e)| !matches!(e, Expression::Load { .. } | Expression::CallResult(_)));
+        if is_of_draw(values, id) {
+            // Asked for by nobody: its operands are the same in both stages too.
+            self.steep.resize(first + operands.len(), 0.0);
+        } else if let Node::Control(..) = values.values[id].node {
+            self.steep.resize(first + operands.len(), f64::INFINITY);
+        } else if let Some((context, expression)) = own {
+            self.steep.resize(first + operands.len(), 0.0);
             // The same operand may stand in several places.
-            _ => self
-                .places(context, expression)
-                .into_iter()
-                .filter(|(o, _)| self.values.named(context, *o) == Some(operand))
-                .map(|(_, slope)| slope)
-                .sum(),
+            for (e, slope) in self.places(context, expression) {
+                let named = values.named(context, e);
+                if let Some(place) = operands.iter().position(|o| named == Some(*o)) {
+                    self.steep[first + place] += slope;
+                }
+            }
+        } else {
+            for operand in operands {
+                self.steep.push(self.chooses(*operand));
+            }
         }
     }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::candidates::{self, Candidate};
-use super::travel::{self, Class, Finite, Precision, Verdict};
+use super::travel::{self, Class, Precision, Verdict};
 use super::values::{ValueId, Values};
 use super::{Found, Hoist, Material, Params, choose, hoisted, refuse};
 use crate::graph::Graph;
@@ -60,7 +60,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
         precision: &Precision,
     ) -> Result<Self, Box<Refusal>> {
         let values = stages.material.values(graph)?;
-        let verdicts = travel::judge(&values, Finite::Assumed, precision).verdicts;
+        let verdicts = travel::assumed(&values, precision).verdicts;
         let sources = stages.material.program.sources();
         let found = candidates::describe(&values, &verdicts, sources);
         Ok(Self {

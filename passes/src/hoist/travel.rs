@@ -1,12 +1,12 @@
 //! Which values may travel from the vertex stage, as what, and why the others stay.
 
 use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
 
 use naga::{BinaryOperator, Expression, MathFunction, ScalarKind, Statement, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::circle::circles;
 use super::form::{Form, forms};
 use super::range::AllRanges;
 use super::reach::{with_operands, with_users};
@@ -155,9 +155,9 @@ pub struct Judged {
     /// For each value.
     pub verdicts: Vec<Verdict>,
     /// What carrying values may change an output by.
-    pub roundings: Roundings,
+    pub roundings: Arc<Roundings>,
     /// Whether it is affine in varyings.
-    pub affine: Vec<bool>,
+    pub affine: Arc<[bool]>,
     /// Ids of a choice made before that none of the values has.
     pub unknown: Vec<String>,
 }
@@ -179,36 +179,28 @@ impl Precision {
     };
 }
 
-/// For each value, how it may be carried or why it stays.
-pub fn judge(values: &Values<'_, '_>, finite: Finite, precision: &Precision) -> Judged {
-    let assumed = judge_finite(values, precision);
+/// Verdicts, of those under [`Finite::Assumed`].
+pub(super) fn under(
+    finite: Finite,
+    values: &Values<'_, '_>,
+    precision: &Precision,
+    assumed: &[Verdict],
+) -> Vec<Verdict> {
+    let verdicts = assumed.iter().cloned();
     match finite {
-        Finite::Proved => Judged {
-            verdicts: proved(values, precision, assumed.verdicts),
-            ..assumed
-        },
-        Finite::Assumed => assumed,
+        Finite::Assumed => verdicts.collect(),
+        Finite::Proved => verdicts
+            .zip(hazards(values, &precision.ranges))
+            .map(|(verdict, hazard)| match (verdict, hazard) {
+                (Ok(carriage), Some(hazard)) if carriage.class == Class::Smooth => Err(hazard),
+                (verdict, _) => verdict,
+            })
+            .collect(),
     }
 }
 
-/// Verdicts under [`Finite::Proved`], of those under [`Finite::Assumed`].
-pub(super) fn proved(
-    values: &Values<'_, '_>,
-    precision: &Precision,
-    assumed: Vec<Verdict>,
-) -> Vec<Verdict> {
-    let hazards = hazards(values, &precision.ranges).into_iter();
-    let verdicts = assumed.into_iter().zip(hazards);
-    verdicts
-        .map(|(verdict, hazard)| match (verdict, hazard) {
-            (Ok(carriage), Some(hazard)) if carriage.class == Class::Smooth => Err(hazard),
-            (verdict, _) => verdict,
-        })
-        .collect()
-}
-
-/// Verdicts under [`Finite::Assumed`].
-fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
+/// For each value, how it may be carried or why it stays, where all values are finite at every vertex.
+pub(super) fn assumed(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let forms = forms(values);
     let endless = endless(values);
     let turning = turning(values);
@@ -265,6 +257,7 @@ fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
             }
             let expression = &values.function(context).function.expressions[e];
             if let Some(operation) = jump(expression) {
+                let operation = operation.to_owned();
                 return Err(Stays::Discontinuous { operation });
             }
             Ok(carriage(Class::Smooth, interpolated, at))
@@ -272,7 +265,7 @@ fn judge_finite(values: &Values<'_, '_>, precision: &Precision) -> Judged {
         .collect();
     Judged {
         verdicts,
-        roundings,
+        roundings: Arc::new(roundings),
         affine: forms.iter().map(|f| *f == Form::Affine).collect(),
         unknown: Vec::new(),
     }
@@ -381,9 +374,9 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
 }
 
 /// The name of an operation whose result jumps.
-pub(crate) fn jump(expression: &Expression) -> Option<String> {
+pub(crate) fn jump(expression: &Expression) -> Option<&'static str> {
     use BinaryOperator as B;
-    let name = match expression {
+    Some(match expression {
         Expression::Math { fun, .. } => match fun {
             MathFunction::Floor => "floor",
             MathFunction::Ceil => "ceil",
@@ -417,14 +410,13 @@ pub(crate) fn jump(expression: &Expression) -> Option<String> {
         },
         Expression::Relational { .. } => "a test",
         _ => return None,
-    };
-    Some(name.to_owned())
+    })
 }
 
 /// For each value, an operation in or below it whose result may be NaN or infinite.
 fn hazards(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<Option<Stays>> {
     let signs = Signs::new(values);
-    let ranges = AllRanges::new(values, &circles(values), known, sign::LARGEST_INPUT);
+    let ranges = AllRanges::new(values, values.circles(), known, sign::LARGEST_INPUT);
     let users = values.users();
     let hazard = |id: ValueId| {
         let (context, e, _) = values.expression(id)?;

@@ -4,11 +4,16 @@
 //! a function used twice may have one of its uses moved. The nodes are expressions, versions of memory and what decides whether a statement runs;
 //! operands may be circular where a loop carries a value from turn to turn.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
+use std::num::NonZeroU32;
+use std::ops::Index;
+use std::sync::Arc;
 
 use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
 use rustc_hash::FxHashMap;
 
+use super::circle;
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
@@ -77,6 +82,12 @@ pub struct Values<'g, 'p> {
     /// Those of `roots` that decide which fragments there are, and how deep: discards, the depth and the sample mask.
     pub coverage: Vec<ValueId>,
     index: FxHashMap<Node, ValueId>,
+    /// The values of whole expressions, by context and by the expression's place in its arena; empty of a context that has no room.
+    named: Vec<Box<[Option<NonZeroU32>]>>,
+    /// Room left in `named`.
+    room: usize,
+    users: Arc<Users>,
+    circles: OnceCell<Vec<Vec<ValueId>>>,
     children: BTreeMap<(ContextId, StmtId), ContextId>,
     /// Own facts, before what operands add.
     own: Vec<Fact>,
@@ -84,6 +95,47 @@ pub struct Values<'g, 'p> {
 
 /// Most values that are looked at: beyond it the calls of a shader are nested too deeply to tell them all apart.
 pub const MOST_VALUES: usize = 200_000;
+
+/// Most places that values are looked up in directly: many calls of a large function, of each of which little is observed, go by their hashes.
+const MOST_NAMED: usize = 8 * MOST_VALUES;
+
+/// For each value, those that it is an operand of, in ascending order: `users[value]`.
+#[derive(Debug, Default)]
+pub struct Users {
+    /// Where each value's begin; one more than there are values.
+    start: Vec<usize>,
+    of: Vec<ValueId>,
+}
+
+impl Users {
+    fn new(values: &[Value]) -> Self {
+        let mut start = vec![0; values.len() + 1];
+        let operands = || values.iter().flat_map(|v| &v.operands);
+        for operand in operands() {
+            start[*operand + 1] += 1;
+        }
+        for i in 0..values.len() {
+            start[i + 1] += start[i];
+        }
+        let mut next = start.clone();
+        let mut of = vec![0; operands().count()];
+        for (user, value) in values.iter().enumerate() {
+            for operand in &value.operands {
+                of[next[*operand]] = user;
+                next[*operand] += 1;
+            }
+        }
+        Self { start, of }
+    }
+}
+
+impl Index<ValueId> for Users {
+    type Output = [ValueId];
+
+    fn index(&self, value: ValueId) -> &[ValueId] {
+        &self.of[self.start[value]..self.start[value + 1]]
+    }
+}
 
 /// A shader with more than [`MOST_VALUES`] values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -112,6 +164,10 @@ impl<'g, 'p> Values<'g, 'p> {
             roots: Vec::new(),
             coverage: Vec::new(),
             index: FxHashMap::default(),
+            named: Vec::new(),
+            room: MOST_NAMED,
+            users: Arc::default(),
+            circles: OnceCell::new(),
             children: BTreeMap::new(),
             own: Vec::new(),
         };
@@ -145,6 +201,7 @@ impl<'g, 'p> Values<'g, 'p> {
                 return Err(TooLarge);
             }
         }
+        this.users = Arc::new(Users::new(&this.values));
         this.find_facts();
         Ok(this)
     }
@@ -175,15 +232,14 @@ impl<'g, 'p> Values<'g, 'p> {
         }
     }
 
+    /// The values so that each comes after all that rest on it, those in a circle together.
+    pub fn circles(&self) -> &[Vec<ValueId>] {
+        self.circles.get_or_init(|| circle::circles(&self.values))
+    }
+
     /// The values that each value is an operand of.
-    pub fn users(&self) -> Vec<Vec<ValueId>> {
-        let mut users = vec![Vec::new(); self.values.len()];
-        for (user, value) in self.values.iter().enumerate() {
-            for operand in &value.operands {
-                users[*operand].push(user);
-            }
-        }
-        users
+    pub fn users(&self) -> &Arc<Users> {
+        &self.users
     }
 
     /// The rate of what decides whether a statement runs in a context.
@@ -288,6 +344,11 @@ impl<'g, 'p> Values<'g, 'p> {
             return *known;
         }
         let id = self.values.len();
+        if let Node::Expression(context, e, path) = &node
+            && path.is_empty()
+        {
+            self.name(*context, *e, id);
+        }
         self.index.insert(node.clone(), id);
         self.values.push(Value {
             node,
@@ -325,7 +386,40 @@ impl<'g, 'p> Values<'g, 'p> {
 
     /// The value that an expression is, if anything observed rests on it.
     pub fn named(&self, context: ContextId, e: Handle<Expression>) -> Option<ValueId> {
+        if let Some(known) = self.named.get(context).and_then(|n| n.get(e.index())) {
+            // One that merely names another value has none of its own.
+            match known {
+                Some(id) => return Some(id.get() as usize - 1),
+                None if !self.is_name(context, e) => return None,
+                None => {}
+            }
+        }
         self.get(&self.resolve(context, e, Vec::new()))
+    }
+
+    /// Notes the value of a whole expression.
+    fn name(&mut self, context: ContextId, e: Handle<Expression>, id: ValueId) {
+        if self.named.len() <= context {
+            self.named.resize_with(context + 1, Box::default);
+        }
+        if self.named[context].is_empty() {
+            let expressions = self.function(context).function.expressions.len();
+            let Some(room) = self.room.checked_sub(expressions) else {
+                return;
+            };
+            self.room = room;
+            self.named[context] = vec![None; expressions].into();
+        }
+        let id = u32::try_from(id + 1).ok().and_then(NonZeroU32::new);
+        self.named[context][e.index()] = id;
+    }
+
+    /// Whether an expression may be but another name of a value: [`Self::resolve`] looks through it.
+    fn is_name(&self, context: ContextId, e: Handle<Expression>) -> bool {
+        matches!(
+            self.function(context).function.expressions[e],
+            Expression::AccessIndex { .. } | Expression::FunctionArgument(_)
+        )
     }
 
     /// The node of an expression, or of the part of it at a path: what merely names another value is that value.
@@ -418,7 +512,7 @@ impl<'g, 'p> Values<'g, 'p> {
         for (value, own) in self.values.iter_mut().zip(&self.own) {
             value.fact = *own;
         }
-        let users = self.users();
+        let users = Arc::clone(&self.users);
         let mut work: Vec<ValueId> = (0..self.values.len()).collect();
         let mut queued = vec![true; self.values.len()];
         while let Some(id) = work.pop() {

@@ -133,7 +133,6 @@ type Pair = (u64, u64, bool, usize);
 /// The values of a stage.
 struct Looked<'g, 'p> {
     values: Values<'g, 'p>,
-    users: Vec<Vec<ValueId>>,
     /// Of each value what it is computed of.
     hashes: Vec<u64>,
     /// Functions that are more than one basic block, calls included.
@@ -145,11 +144,9 @@ struct Looked<'g, 'p> {
 impl<'g, 'p> Looked<'g, 'p> {
     fn new(graph: &'g Graph<'p>, entry: usize) -> Result<Self, TooLarge> {
         let values = Values::new(graph, entry)?;
-        let users = values.users();
         let (branches, blocks) = blocks(graph, FunctionId::EntryPoint(entry));
         let mut this = Self {
             values,
-            users,
             hashes: Vec::new(),
             branches,
             blocks,
@@ -249,7 +246,7 @@ impl<'g, 'p> Looked<'g, 'p> {
             if self.values.roots.binary_search(&at).is_ok() {
                 found.insert(usize::MAX);
             }
-            for user in &self.users[at] {
+            for user in &self.values.users()[at] {
                 match self.copied(*user).contains(&at) {
                     true if seen.insert(*user) && seen.len() <= MOST_COPIES => work.push(*user),
                     true => {}
@@ -368,7 +365,7 @@ impl<'g, 'p> Looked<'g, 'p> {
         let mut work: Vec<ValueId> = from.into_iter().collect();
         while let Some(id) = work.pop() {
             if !std::mem::replace(&mut reached[id], true) {
-                work.extend(&self.users[id]);
+                work.extend(&self.values.users()[id]);
             }
         }
         reached

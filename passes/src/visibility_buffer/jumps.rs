@@ -223,6 +223,6 @@ fn jumps(expression: &Expression) -> Option<String> {
                 | MathFunction::Pack2x16float,
             ..
         } => Some("packing".to_owned()),
-        _ => jump(expression),
+        _ => jump(expression).map(str::to_owned),
     }
 }
