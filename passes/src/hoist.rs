@@ -56,6 +56,7 @@ pub mod sign;
 mod single;
 pub mod travel;
 mod turn;
+mod users;
 pub mod values;
 mod vertex;
 

@@ -35,6 +35,7 @@ pub fn dearest(
     let mut left: Vec<usize> = of.iter().map(|id| walk.place[*id]).collect();
     left.sort_unstable();
     left.dedup();
+    let depths = walk.depths();
     let mut found: Vec<(usize, f64)> = Vec::new();
     while !left.is_empty() {
         let bounds = walk.bounds(&found);
@@ -43,8 +44,11 @@ pub fn dearest(
             .get(most.saturating_sub(1))
             .map_or(least, |(_, cost)| cost.max(least));
         left.retain(|at| bounds[*at] > enough);
-        // The dearest first, and of those that may be as dear whoever rests on the others.
-        left.sort_by(|a, b| bounds[*b].total_cmp(&bounds[*a]).then(a.cmp(b)));
+        // The dearest first. Of those that may be as dear, the callers' values: what a call returns bounds all that is computed in it. Then whoever rests on the others.
+        left.sort_by(|a, b| {
+            let dearer = bounds[*b].total_cmp(&bounds[*a]);
+            dearer.then_with(|| (depths[*a], *a).cmp(&(depths[*b], *b)))
+        });
         let mut some: Vec<usize> = left.drain(..left.len().min(Above::MOST)).collect();
         some.sort_unstable();
         let costs = walk.costs(&some);
@@ -80,6 +84,20 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
             order,
             place,
         }
+    }
+
+    /// By place, how many calls lead to each.
+    fn depths(&self) -> Vec<u32> {
+        let mut of_context: Vec<u32> = Vec::with_capacity(self.values.contexts.len());
+        for context in &self.values.contexts {
+            let caller = context.call.map(|(caller, _)| of_context[caller] + 1);
+            of_context.push(caller.unwrap_or_default());
+        }
+        let depth = |id: &ValueId| match self.values.values[*id].node {
+            Node::Input(_) => 0,
+            Node::Expression(c, ..) | Node::Version(c, _) | Node::Control(c, _) => of_context[c],
+        };
+        self.order.iter().map(depth).collect()
     }
 
     /// By place, what each costs at most: what it was found to, or the least of what its users may.

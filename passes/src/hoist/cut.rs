@@ -24,6 +24,7 @@ use std::borrow::Cow;
 use rustc_hash::FxHashSet;
 
 use super::flow::{ArcId, Network};
+use super::users::Users;
 
 /// A value in the cut problem.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -197,18 +198,19 @@ impl Contracted {
 }
 
 /// The items that each is an operand of, among some.
-fn users(items: &[Item<'_>], among: &[usize]) -> Vec<Vec<usize>> {
-    let mut users = vec![Vec::new(); items.len()];
-    for item in among {
-        for operand in items[*item].operands.iter() {
-            users[*operand].push(*item);
-        }
-    }
-    users
+fn users(items: &[Item<'_>], among: &[usize]) -> Users {
+    let operands = |item: &usize| {
+        items[*item]
+            .operands
+            .iter()
+            .copied()
+            .zip(std::iter::repeat(*item))
+    };
+    Users::new(items.len(), among.iter().flat_map(operands))
 }
 
 /// Items that no fragment can compute: not by themselves, or they rest on such that may not travel either.
-fn impossible(items: &[Item<'_>], users: &[Vec<usize>]) -> Vec<bool> {
+fn impossible(items: &[Item<'_>], users: &Users) -> Vec<bool> {
     let mut impossible = vec![false; items.len()];
     let mut stack: Vec<usize> = (0..items.len())
         .filter(|i| items[*i].cost.is_none())

@@ -3,11 +3,14 @@
 //! A flow stays one while capacities grow, so that the next maximum is found from where the last one stood: what a sweep of prices needs, and what a function
 //! from a network to its flow cannot give. A phase costs what it visits, up to the distance of the sink, not the size of the network.
 
+use super::users::Users;
+
 /// An arc's index; the one after an even index runs the other way.
 pub type ArcId = usize;
 
 #[derive(Clone, Copy, Debug)]
 struct Arc {
+    from: usize,
     to: usize,
     /// What may still flow.
     residual: u64,
@@ -17,13 +20,16 @@ struct Arc {
 #[derive(Clone, Debug)]
 pub struct Network {
     arcs: Vec<Arc>,
-    /// Arcs that leave each node, those that run against a flow among them.
-    leaving: Vec<Vec<ArcId>>,
+    nodes: usize,
+    /// Arcs that leave each node, those that run against a flow among them; of those that there were at the last flow.
+    leaving: Users,
     /// Distance from the source in arcs, of nodes visited in this phase.
     level: Vec<u32>,
     /// The first arc of each node that may still lead on in this phase.
     next: Vec<usize>,
     work: u64,
+    /// Arcs that `leaving` has.
+    known: usize,
 }
 
 /// Not visited in this phase.
@@ -34,10 +40,12 @@ impl Network {
     pub fn new(nodes: usize) -> Self {
         Self {
             arcs: Vec::new(),
-            leaving: vec![Vec::new(); nodes],
+            nodes,
+            leaving: Users::new(nodes, std::iter::empty()),
             level: vec![FAR; nodes],
             next: vec![0; nodes],
             work: 0,
+            known: 0,
         }
     }
 
@@ -45,8 +53,7 @@ impl Network {
     pub fn arc(&mut self, from: usize, to: usize, capacity: u64) -> ArcId {
         let id = self.arcs.len();
         for (from, to, residual) in [(from, to, capacity), (to, from, 0)] {
-            self.leaving[from].push(self.arcs.len());
-            self.arcs.push(Arc { to, residual });
+            self.arcs.push(Arc { from, to, residual });
         }
         id
     }
@@ -58,7 +65,7 @@ impl Network {
 
     /// Number of nodes.
     pub fn nodes(&self) -> usize {
-        self.leaving.len()
+        self.nodes
     }
 
     /// Arcs looked at so far: the time that flows took, on any machine.
@@ -69,6 +76,11 @@ impl Network {
 
     /// Lets as much more flow as can; returns how much that is.
     pub fn augment(&mut self, source: usize, sink: usize) -> u64 {
+        let arcs = self.arcs.iter().enumerate();
+        if arcs.len() != self.known {
+            self.known = arcs.len();
+            self.leaving = Users::new(self.nodes, arcs.map(|(id, arc)| (arc.from, id)));
+        }
         let mut more = 0;
         loop {
             let visited = self.levels(source, sink);
@@ -88,12 +100,12 @@ impl Network {
 
     /// Whether more could flow from the source to each node: the smallest source side of all minimum cuts, where the flow is greatest.
     pub fn reached(&self, source: usize) -> Vec<bool> {
-        let mut reached = vec![false; self.leaving.len()];
+        let mut reached = vec![false; self.nodes];
         let mut stack = vec![source];
         reached[source] = true;
         while let Some(node) = stack.pop() {
             for arc in &self.leaving[node] {
-                let Arc { to, residual } = self.arcs[*arc];
+                let Arc { to, residual, .. } = self.arcs[*arc];
                 if residual > 0 && !std::mem::replace(&mut reached[to], true) {
                     stack.push(to);
                 }
@@ -114,7 +126,7 @@ impl Network {
             }
             for arc in &self.leaving[node] {
                 self.work += 1;
-                let Arc { to, residual } = self.arcs[*arc];
+                let Arc { to, residual, .. } = self.arcs[*arc];
                 if residual > 0 && self.level[to] == FAR {
                     self.level[to] = self.level[node] + 1;
                     visited.push(to);
@@ -157,11 +169,11 @@ impl Network {
 
     /// The next arc of a node that is open and leads one level on.
     fn onward(&mut self, node: usize) -> Option<ArcId> {
-        while let Some(arc) = self.leaving[node].get(self.next[node]) {
+        while let Some(arc) = self.leaving.nth(node, self.next[node]) {
             self.work += 1;
-            let Arc { to, residual } = self.arcs[*arc];
+            let Arc { to, residual, .. } = self.arcs[arc];
             if residual > 0 && self.level[to] != FAR && self.level[to] == self.level[node] + 1 {
-                return Some(*arc);
+                return Some(arc);
             }
             self.next[node] += 1;
         }

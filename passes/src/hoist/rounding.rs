@@ -14,7 +14,8 @@ use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOp
 
 use super::range::{AllRanges, Range, dimension, terms};
 use super::travel;
-use super::values::{ContextId, Node, Users, ValueId, Values};
+use super::users::Users;
+use super::values::{ContextId, Node, ValueId, Values};
 use crate::bound::Accuracy;
 use crate::graph::rate::Rate;
 use crate::pass::SourceRange;

@@ -7,13 +7,13 @@
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::num::NonZeroU32;
-use std::ops::Index;
 use std::sync::Arc;
 
 use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
 use rustc_hash::FxHashMap;
 
 use super::circle;
+use super::users::Users;
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
@@ -99,44 +99,6 @@ pub const MOST_VALUES: usize = 200_000;
 /// Most places that values are looked up in directly: many calls of a large function, of each of which little is observed, go by their hashes.
 const MOST_NAMED: usize = 8 * MOST_VALUES;
 
-/// For each value, those that it is an operand of, in ascending order: `users[value]`.
-#[derive(Debug, Default)]
-pub struct Users {
-    /// Where each value's begin; one more than there are values.
-    start: Vec<usize>,
-    of: Vec<ValueId>,
-}
-
-impl Users {
-    fn new(values: &[Value]) -> Self {
-        let mut start = vec![0; values.len() + 1];
-        let operands = || values.iter().flat_map(|v| &v.operands);
-        for operand in operands() {
-            start[*operand + 1] += 1;
-        }
-        for i in 0..values.len() {
-            start[i + 1] += start[i];
-        }
-        let mut next = start.clone();
-        let mut of = vec![0; operands().count()];
-        for (user, value) in values.iter().enumerate() {
-            for operand in &value.operands {
-                of[next[*operand]] = user;
-                next[*operand] += 1;
-            }
-        }
-        Self { start, of }
-    }
-}
-
-impl Index<ValueId> for Users {
-    type Output = [ValueId];
-
-    fn index(&self, value: ValueId) -> &[ValueId] {
-        &self.of[self.start[value]..self.start[value + 1]]
-    }
-}
-
 /// A shader with more than [`MOST_VALUES`] values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the fragment stage has more than {MOST_VALUES} values, each call's counted apart")]
@@ -201,7 +163,9 @@ impl<'g, 'p> Values<'g, 'p> {
                 return Err(TooLarge);
             }
         }
-        this.users = Arc::new(Users::new(&this.values));
+        let operands = this.values.iter().enumerate();
+        let operands = operands.flat_map(|(user, v)| v.operands.iter().map(move |o| (*o, user)));
+        this.users = Arc::new(Users::new(this.values.len(), operands));
         this.find_facts();
         Ok(this)
     }

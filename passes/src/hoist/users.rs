@@ -1,0 +1,44 @@
+//! Who uses what, without an allocation for each.
+
+use std::ops::Index;
+
+/// For each of some things, others, in the order in which they were given: `users[thing]`.
+#[derive(Clone, Debug, Default)]
+pub struct Users {
+    /// Where each thing's begin; one more than there are things.
+    start: Vec<usize>,
+    of: Vec<usize>,
+}
+
+impl Users {
+    /// Of `count` things, from pairs of a thing and one that uses it.
+    pub fn new(count: usize, pairs: impl Iterator<Item = (usize, usize)> + Clone) -> Self {
+        let mut start = vec![0; count + 1];
+        for (thing, _) in pairs.clone() {
+            start[thing + 1] += 1;
+        }
+        for i in 0..count {
+            start[i + 1] += start[i];
+        }
+        let mut next = start.clone();
+        let mut of = vec![0; start[count]];
+        for (thing, user) in pairs {
+            of[next[thing]] = user;
+            next[thing] += 1;
+        }
+        Self { start, of }
+    }
+
+    /// Of a thing, the one at a place among its own.
+    pub fn nth(&self, thing: usize, place: usize) -> Option<usize> {
+        self[thing].get(place).copied()
+    }
+}
+
+impl Index<usize> for Users {
+    type Output = [usize];
+
+    fn index(&self, thing: usize) -> &[usize] {
+        &self.of[self.start[thing]..self.start[thing + 1]]
+    }
+}
