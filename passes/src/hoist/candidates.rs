@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::choose;
 use super::single::{Candidates, Stages};
-use super::travel::{self, Class, Finite, Judged, Precision, Stays, Verdict};
+use super::travel::{self, Assumed, Class, Judged, Precision, Stays, Verdict};
 use super::values::{ValueId, Values};
 use super::{Material, Params, name, span};
 use crate::graph::FunctionId;
@@ -29,13 +29,13 @@ pub(super) fn judge(
         .collect();
     let rests_on_measurement = !measured.is_empty() && params.weakest() == Class::Smooth;
     if params.carry.is_none() && !rests_on_measurement {
-        return travel::judge(values, params.finite, precision);
+        return travel::judge(values, params.assumed(), precision);
     }
-    let assumed = travel::judge(values, Finite::Assumed, precision);
+    let assumed = travel::judge(values, Assumed::ALL, precision);
     match &params.carry {
         Some(carry) => {
             let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-            as_chosen(values, assumed, &carry, params.finite, precision)
+            as_chosen(values, assumed, &carry, params.assumed(), precision)
         }
         None => Judged {
             verdicts: as_measured(values, &assumed.verdicts, &measured, params),
@@ -49,14 +49,11 @@ fn as_chosen(
     values: &Values<'_, '_>,
     assumed: Judged,
     carry: &BTreeSet<&str>,
-    finite: Finite,
+    otherwise: Assumed,
     precision: &Precision,
 ) -> Judged {
     let chosen = find(values, &assumed.verdicts, carry);
-    let mut verdicts = match finite {
-        Finite::Proved => travel::proved(values, precision, assumed.verdicts.clone()),
-        Finite::Assumed => assumed.verdicts.clone(),
-    };
+    let mut verdicts = travel::held_back(values, otherwise, precision, assumed.verdicts.clone());
     for (v, verdict) in verdicts.iter_mut().enumerate() {
         if chosen.contains_key(&v) {
             *verdict = assumed.verdicts[v].clone();

@@ -13,8 +13,8 @@ use std::collections::BTreeSet;
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOperator};
 
 use super::circle::circles;
+use super::jumps;
 use super::range::{AllRanges, Range, dimension, terms};
-use super::travel;
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::bound::Accuracy;
 use crate::graph::rate::Rate;
@@ -341,7 +341,7 @@ impl Slopes<'_, '_, '_> {
             let operands = crate::graph::operands::of_expression(expression);
             operands.into_iter().map(|o| (o, slope)).collect()
         };
-        if travel::jump(expression).is_some() {
+        if jumps::jump(expression).is_some() {
             return all(f64::INFINITY);
         }
         match expression {
