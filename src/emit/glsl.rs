@@ -29,6 +29,7 @@ use self::author::Authored;
 use self::text::Dialect;
 use super::overrides::{self, Settled};
 use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
+use super::text::Spelling;
 use super::{ClipSpace, Error, Options, Target, reduce};
 
 /// The program made ready to be written under its author's names.
@@ -214,6 +215,7 @@ pub(super) fn write(
     )
     .and_then(|mut writer| writer.write())
     .map_err(failed)?;
+    text = super::text::exact_floats(&text, Spelling::Glsl);
 
     // A struct shared by both stages marks the fragment's input invariant too, which WGSL lets pass; GLSL qualifies only outputs so.
     if stage == ShaderStage::Fragment {
