@@ -3,9 +3,9 @@
 mod author;
 mod depth;
 mod es100;
+mod layout;
 mod loosen;
 mod read_back;
-mod std140;
 mod text;
 mod twins;
 mod words;
@@ -38,7 +38,7 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
         author::Failed::Layout(what) => Error::Inexpressible {
             file: name.to_owned(),
             target,
-            what: format!("{what}, which a block laid out by std140 has not"),
+            what: format!("{what}, which neither std140 nor std430 has there"),
             remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
         },
         author::Failed::Samplers => {

@@ -13,8 +13,8 @@ use preshade_passes::declared::{Chosen, Declaration, Declared, Located, Type as 
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
 
+use super::layout;
 use super::loosen::{self, Loose};
-use super::std140;
 use super::twins::{self, Inseparable, Twins};
 use super::words;
 
@@ -30,7 +30,7 @@ pub(in crate::emit) struct Authored {
     pub(super) members: HashMap<String, Vec<Member>>,
     /// Structs of samplers alone, inner ones first: name and members.
     pub(super) structs: Vec<(String, Vec<Member>)>,
-    /// What fills the gaps of structs in uniform blocks, by mark.
+    /// What fills the gaps of structs in blocks, by mark.
     pub(super) paddings: HashMap<String, Vec<u32>>,
     /// Blocks, by naga's name of their variable.
     pub(super) blocks: HashMap<String, Block>,
@@ -88,6 +88,10 @@ pub(super) struct Block {
     pub instance: Option<String>,
     /// A block whose members are written in it, not in a struct that it holds.
     pub opened: bool,
+    /// A storage block by std140.
+    pub std140: bool,
+    /// The mark of its struct where naga writes the members in the block: the last has no length.
+    pub of: Option<String>,
 }
 
 /// An input of the vertex stage, or an output of the fragment stage.
@@ -219,9 +223,20 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
     out.textures(&module, declared, &names);
     out.blocks(&module, declared, &marks);
     out.interface(&module, declared);
-    let paddings = std140::paddings(&module, declared.loose).map_err(Failed::Layout)?;
+    let layouts = layout::layouts(&module, declared.loose).map_err(Failed::Layout)?;
+    for (_, global) in module.global_variables.iter() {
+        if let Some(binding) = global.binding
+            && layouts.std140.contains(&binding)
+        {
+            for name in out.resource_names(global, binding) {
+                if let Some(block) = out.blocks.get_mut(&name) {
+                    block.std140 = true;
+                }
+            }
+        }
+    }
     let types = out.mark_structs(&mut module, &marks);
-    for (ty, floats) in paddings {
+    for (ty, floats) in layouts.paddings {
         if let Some(mark) = types.get(&ty) {
             out.paddings.insert(mark.clone(), floats);
         }
@@ -399,10 +414,13 @@ impl Authored {
                 None => Word::Nothing,
             };
             self.resource(global, binding, &word);
+            let open = ty.inner.is_dynamically_sized(&module.types) && !members.is_empty();
             let block = Block {
                 name,
                 instance,
                 opened,
+                std140: false,
+                of: open.then(|| marks.of_type(global.ty)),
             };
             for variable in self.resource_names(global, binding) {
                 self.blocks.insert(variable, block.clone());

@@ -142,7 +142,7 @@ fn type_lines(ty: &Declares, path: &str, out: &mut BTreeSet<String>) {
     }
 }
 
-/// The uniform blocks: each number where the plan's buffer has it.
+/// The blocks: each number where the plan's buffer has it.
 fn blocks(
     authored: &Authored,
     said: &StageFile,
@@ -162,25 +162,34 @@ fn blocks(
             let binding = global.binding.as_ref();
             binding.is_some_and(|b| [b.group, b.binding] == at)
         };
-        let uniform = |g: &GlobalVariable| (g.space == AddressSpace::Uniform).then_some(g.ty);
+        let in_block = |g: &GlobalVariable| {
+            let is = matches!(
+                g.space,
+                AddressSpace::Uniform | AddressSpace::Storage { .. }
+            );
+            is.then_some(g.ty)
+        };
         // Another stage may have another variable there.
         let mut own = module
             .global_variables
             .iter()
             .filter(|(handle, _)| used.is_none_or(|used| !used[*handle].is_empty()));
         let own = own.find(|(_, g)| is_at(g, block.binding));
-        let Some(wanted) = own.and_then(|(_, g)| uniform(g)) else {
+        let Some(wanted) = own.and_then(|(_, g)| in_block(g)) else {
             continue;
         };
         // A block that the stage does not read is not kept.
         let at = [found.binding.group, found.binding.binding];
         let mut own = read.global_variables.iter().map(|(_, g)| g);
-        let Some(mut found) = own.find(|g| is_at(g, at)).and_then(uniform) else {
+        let Some(mut found) = own.find(|g| is_at(g, at)).and_then(in_block) else {
             continue;
         };
         let mut rest = String::new();
         // A block of one variable, where the program has the variable.
-        if !matches!(module.types[wanted].inner, TypeInner::Struct { .. })
+        let said = authored.blocks.values();
+        let opened = said.into_iter().find(|b| b.name == block.block);
+        let opened = opened.is_some_and(|b| b.opened || b.of.is_some());
+        if !opened
             && let TypeInner::Struct { members, .. } = &read.types[found].inner
             && let Some(member) = members.first()
         {
@@ -225,6 +234,18 @@ fn offsets(
         TypeInner::Array { base, size, stride } => {
             let path = format!("{path}[{size:?} by {stride}]");
             offsets(module, *base, at, &path, name, out);
+        }
+        // Within structs some are read as arrays of their columns.
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar,
+        } => {
+            let width = u32::from(scalar.width);
+            let stride = width * if *rows as u32 == 2 { 2 } else { 4 };
+            let path = format!("{path}[Constant({}) by {stride}]", *columns as u32);
+            let column = format!("vec{}<f{}>", *rows as u32, 8 * width);
+            out.insert(path, format!("{column} at {at}"));
         }
         _ => {
             let ty = reflect::wgsl_type(module, ty);

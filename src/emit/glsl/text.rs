@@ -9,7 +9,7 @@ use naga::ShaderStage;
 use preshade_passes::declared::{Chosen, Type as Declares};
 
 use super::author::{Authored, Input, Member, MemberType, Word};
-use super::std140;
+use super::layout;
 use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
 use crate::emit::text::{self, Kind};
 
@@ -45,7 +45,7 @@ pub(super) fn named(
 ) -> Result<(String, StageFile), Unexpected> {
     let constructed = match authored.paddings.is_empty() {
         true => naga.to_owned(),
-        false => std140::padded_constructors(naga, &authored.paddings),
+        false => layout::padded_constructors(naga, &authored.paddings),
     };
     let items = items(&constructed)?;
     let mut structs: HashMap<&str, String> = HashMap::new();
@@ -54,7 +54,7 @@ pub(super) fn named(
             && let Some(mark) = words(text).nth(1)
         {
             let text = match authored.paddings.get(mark) {
-                Some(floats) => std140::padded_struct(text, floats)?,
+                Some(floats) => layout::padded_struct(text, floats)?,
                 None => (*text).to_owned(),
             };
             structs.insert(mark, text);
@@ -445,6 +445,10 @@ fn declaration(
         out.renamed_blocks
             .insert(old.to_owned(), block.name.clone());
         let head = head.trim_end().trim_end_matches(old);
+        let head = &match block.std140 {
+            true => head.replacen("std430", "std140", 1),
+            false => head.to_owned(),
+        };
         let inner = free.iter().rev().nth(1).and_then(|ty| structs.get(ty));
         let line = match inner {
             Some(of) if block.opened => {
@@ -461,7 +465,12 @@ fn declaration(
             }
             _ => {
                 out.note_types(text);
-                format!("{head}{} {}", block.name, rewrite.plain(&text[open..]))
+                let of = block.of.as_ref().and_then(|of| authored.paddings.get(of));
+                let rest = match of {
+                    Some(floats) => layout::padded_struct(&text[open..], floats)?,
+                    None => text[open..].to_owned(),
+                };
+                format!("{head}{} {}", block.name, rewrite.plain(&rest))
             }
         };
         out.declarations.push(line);

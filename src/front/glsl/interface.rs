@@ -6,10 +6,10 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use naga::{ShaderStage, Span};
+use naga::{Module, ShaderStage, Span, TypeInner};
 
 use super::stage::{Stage, Variable, unsupported};
-use super::ty::{Member, Struct, Ty};
+use super::ty::{Member, Rules, Struct, Ty};
 use crate::front::error::{Code, Error};
 
 /// Group and binding.
@@ -31,6 +31,40 @@ pub(super) struct Bound {
     pub slots: [Slot; 2],
 }
 
+/// A block that is printed without its instance's name.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Opened {
+    pub slot: Slot,
+    pub instance: String,
+    /// The members' own names, padding among them.
+    pub members: Vec<String>,
+}
+
+impl Opened {
+    /// Gives the block and its members their names back.
+    pub(super) fn close(&self, module: &mut Module) {
+        let at = |g: &&mut naga::GlobalVariable| {
+            let bound = g.binding.as_ref();
+            bound.is_some_and(|b| (b.group, b.binding) == self.slot)
+        };
+        let mut globals = module.global_variables.iter_mut().map(|(_, g)| g);
+        let Some(global) = globals.find(at) else {
+            return;
+        };
+        global.name = Some(self.instance.clone());
+        let handle = global.ty;
+        let mut ty = module.types[handle].clone();
+        if let TypeInner::Struct { members, .. } = &mut ty.inner
+            && members.len() == self.members.len()
+        {
+            for (member, name) in members.iter_mut().zip(&self.members) {
+                member.name = Some(name.clone());
+            }
+            module.types.replace(handle, ty);
+        }
+    }
+}
+
 /// What both stages declare alike.
 #[derive(Debug, Default)]
 pub(super) struct Interface {
@@ -43,6 +77,8 @@ pub(super) struct Interface {
     pub uniform_block: [String; 2],
     /// By path: `map`, `material.diffuse`, `maps[2]`.
     pub samplers: BTreeMap<String, Bound>,
+    /// Structs that storage blocks have by std430 and anything else has otherwise, each with its name there.
+    pub tight: HashMap<String, String>,
     pub opaque: HashMap<String, Slot>,
     pub blocks: HashMap<String, Slot>,
     /// Locations of inputs and outputs by key, a map for each stage.
@@ -52,6 +88,8 @@ pub(super) struct Interface {
     pub interpolation: HashMap<String, [Option<&'static str>; 2]>,
     /// Names that are taken.
     pub names: HashSet<String>,
+    /// Blocks of the stage that is printed.
+    pub opened: Vec<Opened>,
 }
 
 /// The stage's index in the maps above.
@@ -192,14 +230,24 @@ impl Interface {
         }
         for stage in stages.iter_mut() {
             for block in stage.blocks.clone() {
-                if block.qualifiers.storage == Some(super::stage::Storage::Uniform)
-                    && !block.qualifiers.says("push_constant")
-                {
+                if block.rules() == Rules::Std140 {
                     for member in &block.members {
                         stage.structs.host(&member.ty);
                     }
                 }
             }
+        }
+        let mut tight = Vec::new();
+        for stage in stages.iter() {
+            for block in stage.blocks.iter().filter(|b| b.rules() == Rules::Std430) {
+                for member in &block.members {
+                    stage.structs.not_tight(&member.ty, &mut tight);
+                }
+            }
+        }
+        for name in tight {
+            let own = self.fresh(&format!("{name}_std430"));
+            self.tight.insert(name, own);
         }
         self.uniform_block = [self.fresh("Uniforms"), self.fresh("uniforms")];
         Ok(())
