@@ -65,6 +65,10 @@ pub(super) struct Uniform {
     pub of: Option<String>,
     /// Where its struct has samplers alone: that one's name.
     pub of_samplers: Option<String>,
+    /// The author's `layout(location = ..)`.
+    pub location: Option<u32>,
+    /// The author's `layout(binding = ..)` of an array of samplers.
+    pub unit: Option<u32>,
 }
 
 /// A sampler, or a struct of samplers, within a struct.
@@ -514,7 +518,7 @@ impl Authored {
                 self.words.insert(naga(*location), Word::Path(name));
                 continue;
             };
-            let Declaration { name, ty } = &said.declaration;
+            let Declaration { name, ty, .. } = &said.declaration;
             let name = self.taken.claim(name, scope);
             let parts = parts(ty);
             for (i, part) in parts.iter().enumerate() {
@@ -638,6 +642,8 @@ impl Authored {
                     types.get(&ty).cloned()
                 }),
                 of_samplers,
+                location: uniform.location,
+                unit: first_unit(declared, uniform),
             });
         }
     }
@@ -674,7 +680,7 @@ impl Authored {
     /// The members without data.
     fn sampler_members(&mut self, declared: &[Declaration]) -> Vec<Member> {
         let mut out = Vec::new();
-        for Declaration { name, ty } in declared {
+        for Declaration { name, ty, .. } in declared {
             if ty.has_data() || !ty.has_samplers() {
                 continue;
             }
@@ -704,6 +710,24 @@ impl Authored {
         self.structs.push((name.clone(), members));
         name
     }
+}
+
+/// The number that the author gave to an array of samplers, which is that of its first.
+fn first_unit(declared: &Declared, uniform: &Declaration) -> Option<u32> {
+    let mut first = uniform.name.clone();
+    let mut ty = &uniform.ty;
+    while let Declares::Array(of, _) = ty {
+        first.push_str("[0]");
+        ty = of;
+    }
+    let sampler = declared.samplers.iter().find(|s| s.path == first)?;
+    let mut numbers = declared.numbers.iter();
+    let numbered = numbers.find(|n| n.binding == sampler.texture)?;
+    matches!(
+        (ty, &uniform.ty),
+        (Declares::Sampler(_), Declares::Array(..))
+    )
+    .then_some(numbered.number)
 }
 
 /// How the parts of an input are reached that has several locations: a matrix's columns, an array's elements.

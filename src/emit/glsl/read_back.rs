@@ -118,9 +118,31 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
         .filter(|t| t.sampler.is_some())
         .map(|t| t.name.clone())
         .collect();
+    for sampler in &read.samplers {
+        let mut all = said.textures.iter();
+        let unit = all.find(|t| t.name == sampler.path).map(|t| t.unit);
+        if let Some(unit) = unit
+            && let Some(wrong) = number(read, sampler.texture, unit, &sampler.path)
+        {
+            return Some(wrong);
+        }
+    }
     let found = read.samplers.iter().map(|s| s.path.clone()).collect();
     let lost = wanted.difference(&found).next()?;
     Some(format!("the sampler `{lost}` is lost"))
+}
+
+/// Another number in the text than the plan tells.
+fn number(
+    read: &Declared,
+    at: naga::ResourceBinding,
+    told: Option<u32>,
+    name: &str,
+) -> Option<String> {
+    let found = read.numbers.iter().find(|n| n.binding == at);
+    let found = found.map(|n| n.number);
+    let word = |n: Option<u32>| n.map_or("no number".to_owned(), |n| format!("the number {n}"));
+    (found != told).then(|| format!("`{name}` has {}, not {}", word(found), word(told)))
 }
 
 /// A line for each part of a type, whatever its structs are called and in whatever order their members are.
@@ -158,6 +180,9 @@ fn blocks(
         let Some(found) = declared.blocks.iter().find(|b| b.name == block.block) else {
             return Some(format!("the block `{}` is lost", block.block));
         };
+        if let Some(wrong) = number(declared, found.binding, block.slot, &block.block) {
+            return Some(wrong);
+        }
         let is_at = |global: &GlobalVariable, at: [u32; 2]| {
             let binding = global.binding.as_ref();
             binding.is_some_and(|b| [b.group, b.binding] == at)

@@ -89,8 +89,13 @@ pub(super) fn named(
     uniforms(authored, dialect, &mut out, &paths, &mut said, loose);
     for texture in &mut said.textures {
         if let Some(Word::Path(path)) = authored.words.get(&texture.name) {
+            // An array has one number, from which its elements count on, where the author gave it.
             if path.contains(['.', '[']) {
-                texture.unit = None;
+                let root = path.split('[').next().unwrap_or_default();
+                let mut all = authored.uniforms.iter();
+                let whole = all.find(|u| u.name == root && dialect == Dialect::Desktop);
+                let given = whole.is_some_and(|u| u.unit.is_some());
+                texture.unit = texture.unit.filter(|_| given);
             }
             texture.name = path.clone();
         }
@@ -568,24 +573,30 @@ fn uniforms(
         let sampled: Vec<&String> = paths.iter().filter(|p| part(p)).collect();
         own.extend(sampled.iter().map(|p| p.as_str()));
         let read = uniform.mark.as_ref().and_then(|mark| out.loose.get(mark));
+        let explicit = dialect == Dialect::Desktop;
+        let location = uniform.location.filter(|_| explicit);
+        let layout = layout_of(location, uniform.unit.filter(|_| explicit));
         if let Some([ty, dimensions]) = read {
-            lines.push(format!("uniform {ty} {name}{dimensions};"));
+            lines.push(format!("{layout}uniform {ty} {name}{dimensions};"));
         } else if sampled.is_empty() {
             continue;
         } else if let Some(of) = &uniform.of_samplers {
             out.of_samplers.insert(of.clone());
             lines.push(format!(
-                "uniform {of} {name}{};",
+                "{layout}uniform {of} {name}{};",
                 uniform.declares.dimensions()
             ));
         } else if let Declares::Sampler(_) = uniform.declares {
-            let line = out.samplers.get(name).map(|[_, line]| line.clone());
+            let line = out.samplers.get(name).map(|[_, line]| match location {
+                Some(n) => line.replacen("layout(", &format!("layout(location = {n}, "), 1),
+                None => line.clone(),
+            });
             lines.extend(line);
         } else if let Declares::Sampler(declared) = uniform.declares.innermost() {
             let of = sampled.first().and_then(|p| out.samplers.get(*p));
             let ty = of.map_or_else(|| sampler_type(declared, dialect), |[ty, _]| ty.clone());
             lines.push(format!(
-                "uniform {ty} {name}{};",
+                "{layout}uniform {ty} {name}{};",
                 uniform.declares.dimensions()
             ));
         } else if let Some(of) = &uniform.of
@@ -594,7 +605,7 @@ fn uniforms(
             // Its samplers alone are read: the whole is declared all the same.
             out.used.insert(of.clone());
             lines.push(format!(
-                "uniform {ty} {name}{};",
+                "{layout}uniform {ty} {name}{};",
                 uniform.declares.dimensions()
             ));
         }
@@ -605,6 +616,7 @@ fn uniforms(
                 name: name.to_owned(),
                 binding,
                 offset: uniform.offset,
+                location,
             });
         }
         if uniform.mark.is_some() && uniform.declares.has_samplers() {
@@ -619,6 +631,16 @@ fn uniforms(
         .collect();
     out.uniforms = lines;
     out.uniforms.extend(others);
+}
+
+/// `layout(..)` with what there is, and a space behind it.
+fn layout_of(location: Option<u32>, binding: Option<u32>) -> String {
+    let of = |word: &str, n: Option<u32>| n.map(|n| format!("{word} = {n}"));
+    let said = [of("location", location), of("binding", binding)];
+    match said.into_iter().flatten().collect::<Vec<_>>()[..] {
+        [] => String::new(),
+        ref said => format!("layout({}) ", said.join(", ")),
+    }
 }
 
 /// Notes the structs of samplers that structs with samplers have within them.

@@ -29,6 +29,8 @@ pub(super) struct Pair {
 pub(super) struct Bound {
     pub pair: Pair,
     pub slots: [Slot; 2],
+    /// What the author numbered it.
+    pub number: Option<u32>,
 }
 
 /// A block that is printed without its instance's name.
@@ -282,7 +284,12 @@ impl Interface {
                     continue;
                 }
                 let set = block.qualifiers.number("set").unwrap_or(0);
-                match claim(at, "block", explicit(&block.qualifiers), &mut taken) {
+                // OpenGL numbers uniform and storage blocks apart.
+                let kind = match block.qualifiers.storage {
+                    Some(super::stage::Storage::Buffer) => "storage block",
+                    _ => "uniform block",
+                };
+                match claim(at, kind, explicit(&block.qualifiers), &mut taken) {
                     Some(slot) => {
                         self.blocks.insert(block.name.clone(), slot);
                     }
@@ -343,6 +350,7 @@ impl Interface {
                         Bound {
                             pair,
                             slots: [texture.unwrap_or((u32::MAX, 0)); 2],
+                            number: slot.map(|(_, number)| number),
                         },
                     );
                     waiting.push((Waiting::Sampler(path), set));

@@ -59,7 +59,13 @@ pub(super) fn parse(
     }
     let as_they_are = || match options.clip_space {
         Some(ClipSpace::OpenGl) => None,
-        _ => as_they_are(texts, options).map(|modules| (modules, Declared::default())),
+        _ => as_they_are(texts, options).map(|modules| {
+            let declared = Declared {
+                numbers: declared::as_bound(&modules),
+                ..Declared::default()
+            };
+            (modules, declared)
+        }),
     };
     let lost = texts.iter().any(|t| is_evaluated_otherwise(t.text));
     if !lost && let Some(read) = as_they_are() {
