@@ -30,7 +30,7 @@ const RECIPES: [&str; 7] = [
     "specialize:fold=rounding",
     "hoist:allow=exact",
     "hoist:allow=rounding",
-    "hoist:budget=0.01,finite=assumed",
+    "hoist:budget=0.01,finite=assumed,jumps=carried",
     "trim-loop:budget=0.1",
     "skip-taps:budget=0.1,threshold=0.02",
 ];

@@ -232,7 +232,7 @@ const FOUNDATIONS: [Foundation; 1] = [Foundation {
     pass: "tessellate",
     on: "hoist",
     needs: "budget",
-    given: &["budget=1", "finite=assumed", "threshold=1"],
+    given: &["budget=1", "finite=assumed", "jumps=carried", "threshold=1"],
     each: "form",
 }];
 
@@ -347,7 +347,7 @@ mod tests {
         };
         assert_eq!(
             founded("tessellate:level=1..8", &["depth-prepass", "hoist"]).unwrap(),
-            "hoist:budget=1,finite=assumed,threshold=1,tessellate:level=1..8,form=all"
+            "hoist:budget=1,finite=assumed,jumps=carried,threshold=1,tessellate:level=1..8,form=all"
         );
         assert_eq!(
             founded("tessellate", &["hoist:budget=0.1"]).unwrap(),

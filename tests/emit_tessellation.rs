@@ -21,7 +21,7 @@ fn plan(fixture: &str, recipe: &[&str]) -> Plan {
         .unwrap_or_else(|r| panic!("{r}"))
 }
 
-const HOIST: &str = "hoist:budget=0.05,finite=assumed";
+const HOIST: &str = "hoist:budget=0.05,finite=assumed,jumps=carried";
 
 fn text<'a>(files: &'a [File], name: &str) -> &'a str {
     let file = files.iter().find(|f| f.name == name);

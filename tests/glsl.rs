@@ -184,7 +184,7 @@ fn the_passes_take_it() {
         );
         let mut recipes = vec!["depth-prepass", "early-discard"];
         if name.starts_with("seed4") {
-            recipes.push("hoist:budget=0.05,finite=assumed");
+            recipes.push("hoist:budget=0.05,finite=assumed,jumps=carried");
         }
         for recipe in recipes {
             let variant = Recipe::parse([recipe])

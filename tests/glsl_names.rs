@@ -11,6 +11,15 @@ use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 
 fn emitted(name: &str, vertex: &str, fragment: &str) -> Vec<File> {
+    emitted_for(
+        name,
+        vertex,
+        fragment,
+        &[Target::Glsl450, Target::GlslEs300],
+    )
+}
+
+fn emitted_for(name: &str, vertex: &str, fragment: &str, targets: &[Target]) -> Vec<File> {
     let sources = [
         Source::new(format!("{name}.vert"), vertex),
         Source::new(format!("{name}.frag"), fragment),
@@ -25,8 +34,8 @@ fn emitted(name: &str, vertex: &str, fragment: &str) -> Vec<File> {
         &MaterialState::default(),
     );
     let mut files = Vec::new();
-    for target in [Target::Glsl450, Target::GlslEs300] {
-        match emit::emit(&plan, &[target], &emit::Options::default()) {
+    for target in targets {
+        match emit::emit(&plan, &[*target], &emit::Options::default()) {
             Ok(emitted) => files.extend(emitted),
             // GLSL ES 3.00 has neither.
             Err(emit::Error::Inexpressible { what, .. })
@@ -292,4 +301,159 @@ fn a_stage_has_its_own_functions() {
         assert!(text.contains(own) && !text.contains(other), "{text}");
     }
     accept::accept(&[("own".to_owned(), files)]);
+}
+
+const NUMBERED_VERTEX: &str = "#version 450
+layout(location = 3) in vec3 position;
+layout(location = 1) in mat2 turn;
+in vec2 unnumbered;
+layout(std140, binding = 2) uniform Camera { mat4 view; } camera;
+layout(location = 5) out vec2 uv;
+void main() { uv = turn * unnumbered; gl_Position = camera.view * vec4(position, 1.0); }
+";
+
+const NUMBERED_FRAGMENT: &str = "#version 450
+layout(location = 5) in vec2 uv;
+layout(binding = 2) uniform sampler2D map;
+layout(binding = 4) uniform sampler2D maps[2];
+uniform sampler2D first;
+layout(std140, binding = 7) uniform Tints { vec4 tints[2]; };
+uniform Free { vec4 free; };
+layout(std430, binding = 2) readonly buffer Lights { vec4 lights[]; };
+layout(location = 9) uniform vec4 tint;
+layout(location = 1) out vec4 color;
+void main() {
+    color = texture(map, uv) + texture(maps[1], uv) + texture(first, uv) + tints[1] + free + lights[2] + tint;
+}
+";
+
+/// What the author numbered is bound by number.
+#[test]
+fn numbers_are_the_authors() {
+    let (vertex, fragment) = (NUMBERED_VERTEX, NUMBERED_FRAGMENT);
+    let files = emitted_for("numbered", vertex, fragment, &[Target::Glsl450]);
+    let vertex = text(&files, "numbered.main.vert");
+    for line in [
+        "layout(location = 3) in vec3 position;",
+        "layout(location = 1) in mat2 turn;",
+        "\nin vec2 unnumbered;",
+        "layout(std140, binding = 2) uniform Camera {",
+        "layout(location = 5) smooth out vec2 uv;",
+    ] {
+        assert!(vertex.contains(line), "{line}\n{vertex}");
+    }
+    let fragment = text(&files, "numbered.main.frag");
+    for line in [
+        "layout(location = 5) smooth in vec2 uv;",
+        "layout(binding = 2) uniform sampler2D map;",
+        "layout(binding = 4) uniform sampler2D maps[2];",
+        "layout(binding = 0) uniform sampler2D first;",
+        "layout(std140, binding = 7) uniform Tints {",
+        "layout(std140, binding = 0) uniform Free {",
+        "layout(std430, binding = 2) readonly buffer Lights {",
+        "layout(location = 9) uniform vec4 tint;",
+        "layout(location = 1) out vec4 color;",
+    ] {
+        assert!(fragment.contains(line), "{line}\n{fragment}");
+    }
+    let plan: emit::PlanFile = serde_json::from_str(text(&files, "numbered.plan.json")).unwrap();
+    let said = &plan.files[0].fragment[&Target::Glsl450];
+    let units: Vec<_> = said
+        .textures
+        .iter()
+        .map(|t| (t.name.as_str(), t.unit))
+        .collect();
+    let expected = [("first", Some(0)), ("map", Some(2)), ("maps[1]", Some(5))];
+    assert_eq!(units, expected);
+    let mut slots: Vec<_> = said
+        .blocks
+        .iter()
+        .map(|b| (b.block.as_str(), b.slot))
+        .collect();
+    slots.sort_unstable();
+    let expected = [("Free", Some(0)), ("Lights", Some(2)), ("Tints", Some(7))];
+    assert_eq!(slots, expected);
+    assert_eq!(said.uniforms[0].location, Some(9));
+    accept::accept(&[("numbered".to_owned(), files)]);
+}
+
+/// Of Vulkan's GLSL, which naga reads as it is, the numbers stay too; OpenGL has no sets, so that what those alone tell apart gets the next number that is free.
+#[test]
+fn numbers_of_what_is_read_as_it_is_stay() {
+    let vertex = "#version 450
+layout(location = 0) in vec3 position;
+layout(set = 0, binding = 3) uniform Camera { mat4 view; } camera;
+void main() { gl_Position = camera.view * vec4(position, 1.0); }
+";
+    let fragment = "#version 450
+layout(set = 0, binding = 6) uniform texture2D map;
+layout(set = 0, binding = 7) uniform sampler map_sampler;
+layout(set = 1, binding = 3) uniform Tint { vec4 tint; } tinted;
+layout(location = 0) out vec4 color;
+void main() { color = texture(sampler2D(map, map_sampler), vec2(0.5)) * tinted.tint; }
+";
+    let files = emitted("sets", vertex, fragment);
+    let found = text(&files, "sets.main.vert");
+    assert!(found.contains("binding = 3) uniform"), "{found}");
+    let found = text(&files, "sets.main.frag");
+    assert!(
+        found.contains("layout(binding = 6) uniform sampler2D map;"),
+        "{found}"
+    );
+    assert!(found.contains("binding = 0) uniform"), "{found}");
+    accept::accept(&[("sets".to_owned(), files)]);
+}
+
+/// Floats come back to their bits by any compiler: the largest is no infinity, the smallest no zero.
+#[test]
+fn floats_are_written_with_all_their_digits() {
+    let fragment = "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 0) out vec4 color;
+void main() {
+    float nearest = min(uv.x, 3.402823466e+38) + max(uv.y, -3.402823466e+38);
+    color = vec4(nearest, uv.x * 1.401298464e-45, uv.y + 1.175494351e-38, uv.x * -0.0 + 16777217.0);
+}
+";
+    let vertex = "#version 450
+layout(location = 0) in vec3 position;
+layout(location = 0) out vec2 uv;
+void main() { uv = position.xy; gl_Position = vec4(position, 1.0); }
+";
+    let files = emitted("floats", vertex, fragment);
+    for name in ["floats.main.frag", "floats.main.es.frag"] {
+        let text = text(&files, name);
+        assert!(!text.contains("3.4028235e38"), "{text}");
+        for number in [
+            "3.40282346e38",
+            "1e-45",
+            "1.1754944e-38",
+            "-0.0",
+            "16777216.0",
+        ] {
+            assert!(text.contains(number), "{number}\n{text}");
+        }
+    }
+    accept::accept(&[("floats".to_owned(), files)]);
+    let of = of_wgsl_text(vertex, fragment);
+    assert!(
+        of.contains("3.40282346e38f") && of.contains("1e-45f"),
+        "{of}"
+    );
+    let errors = accept::tint_says(std::slice::from_ref(&of));
+    assert!(errors[0].is_empty(), "{errors:?}\n{of}");
+}
+
+/// A pair as WGSL.
+fn of_wgsl_text(vertex: &str, fragment: &str) -> String {
+    let sources = [
+        Source::new("m.vert", vertex),
+        Source::new("m.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+    let state = MaterialState::default();
+    let (vertex, fragment) = (&parsed.vertex, parsed.fragment.as_deref());
+    let plan = Plan::original("m", parsed.program, vertex, fragment, &state);
+    let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+    text(&files, "m.main.wgsl").to_owned()
 }

@@ -129,6 +129,26 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
     );
 }
 
+/// A number packed into bytes stays where nothing was measured, whatever the budget. Interpolated all the same, by the user's word, the picture is another.
+#[test]
+fn what_is_packed_into_bytes_is_not_interpolated() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hoist/packed.toml");
+    let scene = preshade::scene::load(&path).unwrap();
+    let report = |recipe: &str| {
+        let recipe = Recipe::parse([recipe]).unwrap();
+        verified(&scene, &recipe, &Facts::default())
+    };
+    let carried = report("hoist:budget=1,finite=assumed,jumps=carried");
+    let error = carried.error.unwrap();
+    assert!(error.max_abs > 0.5, "{}", error.max_abs);
+    let kept = report("hoist:budget=1,finite=assumed");
+    assert!(
+        matches!(kept.verdict, Verdict::NotMeasured { .. }),
+        "{:?}",
+        kept.verdict
+    );
+}
+
 /// Ranges are those of the scene's own numbers: strata's colours, and its world, which the box and the sphere fill.
 #[test]
 fn a_scene_tells_between_which_numbers_it_lies() {

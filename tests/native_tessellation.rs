@@ -19,7 +19,7 @@ mod render_support;
 
 use native::{Attribute, Native, PatchDraw};
 
-const HOIST: &str = "hoist:budget=0.05,finite=assumed";
+const HOIST: &str = "hoist:budget=0.05,finite=assumed,jumps=carried";
 
 /// A scene of the fixtures at half its size: one draw of one material.
 fn load(name: &str) -> Scene {

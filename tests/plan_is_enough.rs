@@ -544,9 +544,13 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
     let recipe = match case {
         Case::Packed => Some("early-discard:texture=packed"),
         Case::Read => Some("early-discard"),
-        Case::Pulled => Some("hoist:budget=1,finite=assumed,tessellate:level=4"),
-        Case::Adaptive => Some("hoist:budget=1,finite=assumed,tessellate:level=8,edge-pixels=5"),
-        Case::Shared => Some("hoist:budget=1,finite=assumed,tessellate:level=8,form=shared"),
+        Case::Pulled => Some("hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=4"),
+        Case::Adaptive => {
+            Some("hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=8,edge-pixels=5")
+        }
+        Case::Shared => {
+            Some("hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=8,form=shared")
+        }
         Case::Ids => Some("visibility-buffer"),
         Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id"),
         Case::Computed => Some("visibility-buffer:form=compute"),

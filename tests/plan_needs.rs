@@ -77,7 +77,7 @@ fn draw(scene: &Scene, plans: &[Plan], needs: &Needs) -> Result<(), Error> {
 
 #[test]
 fn a_device_with_what_the_plans_name_and_no_more_draws_them() {
-    let smooth = "hoist:budget=1,finite=assumed";
+    let smooth = "hoist:budget=1,finite=assumed,jumps=carried";
     for (scene, steps) in [
         ("simple.toml", &["depth-prepass"][..]),
         ("simple.toml", &["early-discard"]),

@@ -115,8 +115,8 @@ fn other_passes_work_on_what_is_left() {
     ];
     let within = [
         "specialize,visibility-buffer:budget=0.05",
-        "specialize,hoist:budget=0.05,finite=assumed",
-        "specialize,hoist:budget=0.05,finite=assumed,depth-prepass",
+        "specialize,hoist:budget=0.05,finite=assumed,jumps=carried",
+        "specialize,hoist:budget=0.05,finite=assumed,jumps=carried,depth-prepass",
     ];
     for recipe in bits.into_iter().chain(within) {
         let variant = specialized(&scene, recipe);

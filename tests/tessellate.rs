@@ -80,7 +80,7 @@ fn color(rendered: &Rendered) -> &ColorImage {
     rendered.colors[0].as_ref().unwrap()
 }
 
-const HOIST: &str = "hoist:budget=0.05,finite=assumed";
+const HOIST: &str = "hoist:budget=0.05,finite=assumed,jumps=carried";
 
 /// Every pattern in every form.
 const PARAMETERS: [&str; 6] = [

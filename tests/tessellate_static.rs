@@ -32,7 +32,7 @@ struct VertexOut { @builtin(position) clip: vec4<f32>, @location(0) local: vec3<
 }
 ";
 
-const HOIST: &str = "hoist:budget=0.5,finite=assumed";
+const HOIST: &str = "hoist:budget=0.5,finite=assumed,jumps=carried";
 
 fn camera(angle: f32, time: f32) -> Frame {
     let eye = Mat4::from_rotation_y(angle).transform_point3(Vec3::new(0.3, 0.4, 2.6));

@@ -15,8 +15,8 @@ use fixtures_support::{COMPOSED, RECIPES, materials, original};
 const MORE: [&str; 5] = [
     "trim-loop:budget=0.1",
     "hoist:allow=rounding",
-    "hoist:budget=0.02,finite=assumed,depth-prepass:form=equal",
-    "hoist:budget=0.02,finite=assumed,early-discard",
+    "hoist:budget=0.02,finite=assumed,jumps=carried,depth-prepass:form=equal",
+    "hoist:budget=0.02,finite=assumed,jumps=carried,early-discard",
     "visibility-buffer",
 ];
 

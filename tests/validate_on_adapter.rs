@@ -211,7 +211,10 @@ fn the_fixtures_agree_on_the_adapter() {
     {
         let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
         let original = original(&files);
-        for recipe in ["depth-prepass", "hoist:budget=0.02,finite=assumed"] {
+        for recipe in [
+            "depth-prepass",
+            "hoist:budget=0.02,finite=assumed,jumps=carried",
+        ] {
             let recipe = Recipe::parse_list(recipe).unwrap();
             let Ok(variant) = recipe.apply(&original, &Facts::without_ties()) else {
                 continue;

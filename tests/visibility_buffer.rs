@@ -965,7 +965,7 @@ fn what_was_hoisted_is_split_too() {
     let mut scene = floor(shader("hoisted", "", "", "", body));
     let tint = Value::Numbers(vec![0.9, 0.7, 0.5, 1.0]);
     scene.draws[0].values.insert("object.tint".to_owned(), tint);
-    let recipe = Recipe::parse_list("hoist:budget=1,finite=assumed").unwrap();
+    let recipe = Recipe::parse_list("hoist:budget=1,finite=assumed,jumps=carried").unwrap();
     let hoisted: Vec<Plan> = originals(&scene)
         .iter()
         .map(|p| recipe.apply(p, &Facts::default()).unwrap())

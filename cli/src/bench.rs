@@ -102,7 +102,10 @@ const FORMS: [(&str, &str); 4] = [
 ];
 
 /// The hand-written hoist, and the recipe that should match it.
-const HOISTED: [(&str, &str); 1] = [("vertex hoist", "hoist:budget=1,finite=assumed")];
+const HOISTED: [(&str, &str); 1] = [(
+    "vertex hoist",
+    "hoist:budget=1,finite=assumed,jumps=carried",
+)];
 
 const ORDERS: [(&str, u32); 3] = [("back to front", 0), ("shuffled", 2), ("front to back", 1)];
 

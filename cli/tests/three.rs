@@ -6,6 +6,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
 
 fn project() -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
@@ -25,8 +26,10 @@ fn run(program: impl AsRef<Path>, arguments: &[&str]) -> String {
     said
 }
 
-/// The packages of the lock file, where those that are there are not newer.
+/// The packages of the lock file, where those that are there are not newer. One test at a time puts them there.
 fn install() {
+    static ONE: Mutex<()> = Mutex::new(());
+    let _one = ONE.lock();
     let modified = |path: &str| fs::metadata(project().join(path)).and_then(|m| m.modified());
     let locked = modified("package-lock.json").unwrap();
     if modified("node_modules/.package-lock.json").map_or(true, |there| there < locked) {
@@ -52,4 +55,14 @@ fn three_js_draws_the_same_pictures() {
         "{}",
         run("node", &["test.mjs", screenshots.to_str().unwrap()])
     );
+}
+
+/// What is written for WebGL 1 is drawn by WebGL 1, beside the author's text.
+#[test]
+fn webgl_1_draws_what_is_written_for_it() {
+    install();
+    let fixture = |e: &str| format!("../../fixtures/glsl/dialects/es100-textured.{e}");
+    let preshade = env!("CARGO_BIN_EXE_preshade");
+    let arguments = ["webgl1.mjs", preshade, &fixture("vert"), &fixture("frag")];
+    println!("{}", run("node", &arguments));
 }

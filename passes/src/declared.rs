@@ -14,6 +14,8 @@ pub struct Declared {
     pub samplers: Vec<CombinedSampler>,
     /// The uniform and storage blocks.
     pub blocks: Vec<Block>,
+    /// What the author's text numbers by `layout(binding = ..)`, whatever the IR has it at.
+    pub numbers: Vec<Numbered>,
     /// The inputs of the vertex stage.
     pub attributes: Vec<Located>,
     /// The outputs of the fragment stage.
@@ -41,6 +43,17 @@ pub struct Declaration {
     pub name: String,
     /// Type.
     pub ty: Type,
+    /// `layout(location = ..)` of a uniform outside of blocks, where the author gave it (OpenGL 4.3).
+    pub location: Option<u32>,
+}
+
+/// A block, a texture, a combined sampler or an image that its author has numbered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Numbered {
+    /// Where it is bound in the IR; of a combined sampler its texture.
+    pub binding: ResourceBinding,
+    /// `layout(binding = ..)`; of an array's element the array's and the element's own.
+    pub number: u32,
 }
 
 /// A type as GLSL has it.

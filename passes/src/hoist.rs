@@ -19,7 +19,9 @@
 //! | affine in varyings of one interpolation class, with coefficients of the draw, reaching nothing that jumps and nothing without a bounded slope (`normalize`, a division) | as those | `Rounding` |
 //! | any other that a vertex stage can have | interpolated | `Approximate`, under the user's budget |
 //!
-//! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and values that may not be finite at a vertex stay, each with its reason.
+//! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and values that may not be finite at a vertex stay, each with its reason. So does what rests on a jump (a depth
+//! packed into bytes, a branch, `2 * fract(x)`), and what a jump is made of that comes again and again (`fract`, `floor`, `%`, an integer). A jump is none where the range of its operand has none in it.
+//! Noise rests on `floor` and changes slowly all the same, for its cells meet, which no rule here sees: it travels where it was measured (`verify`), where `carry` names it, or by `jumps=carried`.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -46,6 +48,7 @@ mod flow;
 mod form;
 pub(crate) mod hoisted;
 pub(crate) mod isolate;
+pub(crate) mod jumps;
 pub mod pack;
 mod params;
 mod range;
@@ -302,8 +305,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let precision = material.precision(facts);
-        let assumed = travel::assumed(values, &precision);
-        let judged = candidates::judge(values, material, params, &precision, facts, &assumed);
+        let all = travel::judge(values, &precision);
+        let judged = candidates::judge(values, material, params, &precision, facts, &all);
         let terms = params.terms(facts);
         let left = left(values, &judged, terms.weakest);
         match choose::choose(values, &judged, precision.most, &terms) {
@@ -325,7 +328,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                 Err((Box::new(unknown_values(&judged.unknown)), left))
             }
             None => {
-                let given = [&assumed, &judged];
+                let given = [&all, &judged];
                 let advice = Advice::on(values, material, params, &precision, facts, given);
                 let mut refusal = Box::new(advice.refusal());
                 let best = params.best_measured(material.name, facts);

@@ -41,6 +41,7 @@ fn budget() -> Params {
     Params {
         budget: Some(0.02),
         finite: preshade_passes::hoist::travel::Finite::Assumed,
+        jumps: preshade_passes::hoist::travel::Jumps::Carried,
         ..Params::default()
     }
 }
@@ -242,6 +243,94 @@ fn affine_work_that_reaches_a_jump_needs_a_budget() {
     assert_eq!(plan.contract.kind(), "approximate");
 }
 
+/// What stays where nothing is said of jumps.
+fn without_jumps() -> Params {
+    Params {
+        jumps: hoist::travel::Jumps::Stay,
+        ..budget()
+    }
+}
+
+#[test]
+fn what_rests_on_a_jump_stays() {
+    let dear = "sin(in.world.x * 3.0) * cos(in.world.y * 2.0) * exp(-in.world.z * in.world.z)";
+    let packed = "let d = 0.5 + 0.4 * sin(in.world.x) * cos(in.world.z);
+    let p = fract(vec4(16777216.0, 65536.0, 256.0, 1.0) * d);
+    let value = p.x + p.y - p.z / 256.0 + sin(p.w);";
+    for (jump, body) in [
+        ("fract", format!("let value = 2.0 * fract({dear});")),
+        ("fract", packed.to_owned()),
+        (
+            "floor",
+            format!("let f = {dear};\n    let value = f - floor(f);"),
+        ),
+        ("ceil", format!("let value = sin(ceil({dear}));")),
+        ("round", format!("let value = 0.25 * round(4.0 * {dear});")),
+        ("trunc", format!("let value = 0.25 * trunc(4.0 * {dear});")),
+        (
+            "step",
+            format!("let value = mix(0.25, 0.75, step(0.1, {dear}));"),
+        ),
+        ("sign", format!("let value = 0.5 * sign({dear});")),
+        ("%", format!("let value = 3.0 * (({dear}) % 0.2);")),
+        (
+            "a comparison",
+            format!("let value = sin(select(0.0, 2.0, {dear} > 0.1));"),
+        ),
+        (
+            "a comparison",
+            format!(
+                "var value = in.world.x;\n    if {dear} > 0.1 {{ value = sin(in.world.y); }}\n    value = cos(value);"
+            ),
+        ),
+        (
+            "a conversion to an integer",
+            format!("let value = 0.1 * f32(i32(8.0 * {dear}));"),
+        ),
+        (
+            "an integer",
+            format!("let value = unpack4x8unorm(pack4x8unorm(vec4({dear}))).y * 2.0;"),
+        ),
+    ] {
+        let source = material("", &format!("{body}\n    return vec4(value);"));
+        let plan = original(&source);
+        let left = left(&plan, &without_jumps(), "value");
+        assert_eq!(
+            left,
+            format!("`{jump}` jumps: interpolation would make up values between"),
+            "{body}"
+        );
+        let text = match sites(&plan, &without_jumps()).sites.is_empty() {
+            true => String::new(),
+            false => hoisted(&source, &without_jumps()).1,
+        };
+        assert!(!text.contains("value`"), "{text}");
+        // The author's word, for noise.
+        let (_, text) = hoisted(&source, &budget());
+        assert!(text.starts_with("// carries `value`"), "{body}\n{text}");
+    }
+}
+
+#[test]
+fn a_jump_that_does_not_happen_holds_nothing_back() {
+    for value in [
+        // What is below 1 by its own terms has no whole number in it.
+        "sin(floor(0.25 + 0.5 * saturate(in.world.x)) + in.world.y) * cos(in.world.z)",
+        "sin(in.world.x) * cos(in.world.y) * select(0.5, 2.0, 3.0 + sin(in.world.z) > 1.0)",
+        "sin(in.world.x) * cos(in.world.y) * atan2(in.world.z, 2.0 + sin(in.world.x))",
+        // One number for the draw.
+        "sin(in.world.x) * cos(in.world.y) * floor(scene.time)",
+        "sin(in.world.x) * cos(in.world.y) * select(0.5, 2.0, scene.time > 1.0)",
+    ] {
+        let source = material(
+            "",
+            &format!("let value = {value};\n    return vec4(value);"),
+        );
+        let (_, text) = hoisted(&source, &without_jumps());
+        assert!(text.starts_with("// carries `value`"), "{value}\n{text}");
+    }
+}
+
 /// The open example of Mesa's `nir_opt_varyings`, from text to text: three inputs of which two sums are needed.
 #[test]
 fn three_inputs_are_carried_as_two_sums() {
@@ -437,7 +526,7 @@ fn values_that_are_not_there_are_named() {
 #[test]
 fn advice_comes_to_an_end() {
     use preshade_passes::hoist::Allow;
-    use preshade_passes::hoist::travel::Finite;
+    use preshade_passes::hoist::travel::{Finite, Jumps};
     let sources = [
         NOISE.to_owned(),
         material("", "return vec4(in.world, 1.0);"),
@@ -463,7 +552,7 @@ fn advice_comes_to_an_end() {
                 if !sites.sites.is_empty() {
                     break "hoisted";
                 }
-                assert!(advised < 2, "{source}: {:?}", sites.refusals);
+                assert!(advised < 3, "{source}: {:?}", sites.refusals);
                 advised += 1;
                 let remedy = &sites.refusals[0].remedy;
                 if remedy.contains("at any budget") {
@@ -472,6 +561,9 @@ fn advice_comes_to_an_end() {
                 }
                 if remedy.contains("finite=assumed") {
                     params.finite = Finite::Assumed;
+                }
+                if remedy.contains("jumps=carried") {
+                    params.jumps = Jumps::Carried;
                 }
                 params.allow = params
                     .allow

@@ -3,12 +3,14 @@
 mod author;
 mod depth;
 mod es100;
+mod layout;
 mod loosen;
 mod read_back;
-mod std140;
 mod text;
 mod twins;
 mod words;
+
+use std::collections::HashSet;
 
 use naga::back::glsl::{
     self, BindingMap, Options as WriterOptions, PipelineOptions, Version, Writer, WriterFlags,
@@ -29,6 +31,7 @@ use self::author::Authored;
 use self::text::Dialect;
 use super::overrides::{self, Settled};
 use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
+use super::text::Spelling;
 use super::{ClipSpace, Error, Options, Target, reduce};
 
 /// The program made ready to be written under its author's names.
@@ -37,7 +40,7 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
         author::Failed::Layout(what) => Error::Inexpressible {
             file: name.to_owned(),
             target,
-            what: format!("{what}, which a block laid out by std140 has not"),
+            what: format!("{what}, which neither std140 nor std430 has there"),
             remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
         },
         author::Failed::Samplers => {
@@ -78,8 +81,7 @@ pub(super) fn write_named(
         },
         false => *options,
     };
-    let numbered = program.module();
-    let (mut text, mut said) = write(program, numbered, stage, entry, name, target, &options)?;
+    let (mut text, mut said) = write(program, program, stage, entry, name, target, &options)?;
     for texture in &mut said.textures {
         let [group, binding] = texture.texture;
         if let Some(author) = authored.twins.get(&ResourceBinding { group, binding }) {
@@ -161,7 +163,7 @@ fn refuse_later_functions(text: &str, name: &str, target: Target) -> Result<(), 
 /// The text, and what `plan.json` says of it. `name` is the file's. Bindings are numbered as those of `numbered`, which has all stages of the program.
 pub(super) fn write(
     program: &Program,
-    numbered: &Module,
+    numbered: &Program,
     stage: ShaderStage,
     entry: &str,
     name: &str,
@@ -184,7 +186,7 @@ pub(super) fn write(
     let (version, binding_map) = match target {
         Target::GlslEs300 | Target::GlslEs100 => (Version::new_gles(300), BindingMap::default()),
         Target::GlslTess => (Version::Desktop(400), BindingMap::default()),
-        Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(numbered)),
+        Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(numbered.module())),
         _ => (Version::Desktop(450), binding_map(numbered)),
     };
     let mut writer_flags = WriterFlags::TEXTURE_SHADOW_LOD;
@@ -214,6 +216,7 @@ pub(super) fn write(
     )
     .and_then(|mut writer| writer.write())
     .map_err(failed)?;
+    text = super::text::exact_floats(&text, Spelling::Glsl);
 
     // A struct shared by both stages marks the fragment's input invariant too, which WGSL lets pass; GLSL qualifies only outputs so.
     if stage == ShaderStage::Fragment {
@@ -272,12 +275,21 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
     })
 }
 
-/// Slots for `layout(binding = ..)`: OpenGL numbers uniform blocks, storage blocks, textures and images apart, each from 0, in the order of group and
-/// binding. All stages of a program share them.
-fn binding_map(module: &Module) -> BindingMap {
+/// Slots for `layout(binding = ..)`: OpenGL numbers uniform blocks, storage blocks, textures and images apart, each from 0. What the author has numbered keeps its number, the first where
+/// several have one (OpenGL has no sets); all else gets those that are free, in the order of group and binding. All stages of a program share them.
+fn binding_map(program: &Program) -> BindingMap {
+    let module = program.module();
+    let said = &program.declared().numbers;
+    let loose = program.declared().loose;
+    let is_used = |handle: Handle<GlobalVariable>| {
+        let mut entries = 0..module.entry_points.len();
+        entries.any(|i| !program.info().get_entry_point(i)[handle].is_empty())
+    };
     let mut bound: Vec<(ResourceBinding, u8)> = module
         .global_variables
         .iter()
+        // Uniforms that are variables of their own are no block any more.
+        .filter(|(handle, g)| loose.is_none() || g.binding != loose || is_used(*handle))
         .filter_map(|(_, g)| {
             let kind = match (g.space, &module.types[g.ty].inner) {
                 (naga::AddressSpace::Uniform, _) => 0,
@@ -297,12 +309,22 @@ fn binding_map(module: &Module) -> BindingMap {
         })
         .collect();
     bound.sort_by_key(|(b, _)| (b.group, b.binding));
-    let mut next = [0u8; 4];
+    let mut taken: HashSet<(u8, u8)> = HashSet::new();
     let mut map = BindingMap::default();
+    for (binding, kind) in &bound {
+        let own = said.iter().find(|n| n.binding == *binding);
+        let own = own.and_then(|n| u8::try_from(n.number).ok());
+        if let Some(own) = own.filter(|own| taken.insert((*kind, *own))) {
+            map.insert(*binding, own);
+        }
+    }
     for (binding, kind) in bound {
-        let slot = &mut next[kind as usize];
-        map.insert(binding, *slot);
-        *slot = slot.saturating_add(1);
+        if map.contains_key(&binding) {
+            continue;
+        }
+        let mut all = 0..=u8::MAX;
+        let free = all.find(|n| taken.insert((kind, *n)));
+        map.insert(binding, free.unwrap_or(u8::MAX));
     }
     map
 }

@@ -154,7 +154,7 @@ pub struct GlslTexture {
     pub texture: [u32; 2],
     /// Group and binding of the sampler; none where the texture is only fetched from.
     pub sampler: Option<[u32; 2]>,
-    /// `layout(binding = ..)` in the text; none in GLSL ES 3.00, where the host sets the uniform.
+    /// `layout(binding = ..)` in the text, of an array's element the array's and the element's own: the author's number where there is one. None in GLSL ES 3.00, where the host sets the uniform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<u32>,
     /// In GLSL ES 1.00, which fetches no texel by its number: the uniform `vec2` that a host sets to the texture's width and height. The texture is then bound unfiltered (`NEAREST`),
@@ -170,7 +170,7 @@ pub struct GlslBlock {
     pub block: String,
     /// Group and binding.
     pub binding: [u32; 2],
-    /// `layout(binding = ..)` in the text; none in GLSL ES 3.00, where the host sets it (`glUniformBlockBinding`).
+    /// `layout(binding = ..)` in the text, the author's number where there is one; none in GLSL ES 3.00, where the host sets it (`glUniformBlockBinding`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slot: Option<u32>,
 }
@@ -184,6 +184,9 @@ pub struct GlslUniform {
     pub binding: [u32; 2],
     /// Offset of the value in that buffer, in bytes.
     pub offset: u32,
+    /// `layout(location = ..)` in the text, where the author gave it; none in GLSL ES 3.00.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub location: Option<u32>,
 }
 
 /// An input of the vertex stage.

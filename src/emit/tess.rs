@@ -17,9 +17,7 @@
 
 use std::collections::BTreeMap;
 
-use naga::{
-    AddressSpace, Binding, BuiltIn, Module, Sampling, Scalar, ScalarKind, ShaderStage, TypeInner,
-};
+use naga::{AddressSpace, Binding, BuiltIn, Sampling, Scalar, ScalarKind, ShaderStage, TypeInner};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -77,7 +75,7 @@ pub(super) fn write(
     };
     let hoisted = native::native(plan).ok();
     // Of which the author's vertex stage alone has no more than a part.
-    let all = program.module();
+    let all = program;
     let mut files = Vec::new();
     for stage in stages {
         let name = |extension: &str| format!("{}.{}{extension}", stage.stem, infix(target));
@@ -115,7 +113,7 @@ fn file(name: String, text: String) -> File {
 /// A vertex or fragment stage as naga writes it.
 fn plain(
     program: &Program,
-    numbered: &Module,
+    numbered: &Program,
     stage: &Stage,
     name: &str,
     target: Target,
@@ -290,7 +288,7 @@ void main() {
 /// The evaluation stage, made of what naga writes for a vertex stage.
 fn evaluation_text(
     hoisted: &Native,
-    numbered: &Module,
+    numbered: &Program,
     entry: &str,
     target: Target,
     options: &Options,

@@ -80,6 +80,50 @@ pub(super) fn rename_words<'a>(
     out
 }
 
+/// How a language spells a float of 32 bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Spelling {
+    /// `1.5f`.
+    Wgsl,
+    /// `1.5`, or `1e-7`.
+    Glsl,
+}
+
+/// `text` with each float so that any compiler reads the bits that naga wrote: the shortest digits that come back to the largest float are above it, which Tint refuses and ANGLE takes for infinity. In
+/// WGSL naga writes no exponents; here those numbers have one that Rust gives one to.
+pub(super) fn exact_floats(text: &str, spelling: Spelling) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut copied = 0;
+    for (kind, range) in tokens(text) {
+        let word = &text[range.clone()];
+        if kind != Kind::Number || word.starts_with("0x") {
+            continue;
+        }
+        let digits = match spelling {
+            Spelling::Wgsl => word.strip_suffix('f'),
+            Spelling::Glsl => word.contains(['.', 'e']).then_some(word),
+        };
+        let Some(value) = digits.and_then(|d| d.parse::<f32>().ok()) else {
+            continue;
+        };
+        let spelled = match value == f32::MAX {
+            true => "3.40282346e38".to_owned(),
+            false => format!("{value:?}"),
+        };
+        if spelling == Spelling::Wgsl && !spelled.contains('e') || spelled == word {
+            continue;
+        }
+        out.push_str(&text[copied..range.start]);
+        out.push_str(&spelled);
+        if spelling == Spelling::Wgsl {
+            out.push('f');
+        }
+        copied = range.end;
+    }
+    out.push_str(&text[copied..]);
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,5 +146,43 @@ mod tests {
         let text = "uv_ + uv_1 * a.uv_";
         assert_eq!(rename_words(text, Words::All, rename), "uv + uv_1 * a.uv");
         assert_eq!(rename_words(text, Words::Free, rename), "uv + uv_1 * a.uv_");
+    }
+
+    #[test]
+    fn floats_come_back_to_their_bits() {
+        let smallest = f32::from_bits(1);
+        for value in [
+            f32::MAX,
+            -f32::MAX,
+            f32::from_bits(f32::MAX.to_bits() - 1),
+            smallest,
+            f32::from_bits(0x007f_ffff),
+            f32::MIN_POSITIVE,
+            1e16,
+            16_777_216.0,
+            0.1,
+            -0.0,
+            1e-5,
+        ] {
+            for (spelling, written) in [
+                (Spelling::Wgsl, format!("x = {value}f;")),
+                (Spelling::Glsl, format!("x = {value:?};")),
+            ] {
+                let text = exact_floats(&written, spelling);
+                let number = text.trim_start_matches("x = ").trim_end_matches(['f', ';']);
+                // As a compiler may: by way of a double, whose magnitude must not pass the largest float.
+                let read: f64 = number.parse().unwrap_or(f64::NAN);
+                assert!(read.abs() <= f64::from(f32::MAX), "{text}");
+                assert_eq!((read as f32).to_bits(), value.to_bits(), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_float_stays() {
+        let text = "array<f32, 4>(1f, 2.5f, 3i, 4u, 0x1f, 1.5h) // 1e9";
+        assert_eq!(exact_floats(text, Spelling::Wgsl), text);
+        let text = "vec2 a[3] = f(1.0, 2u, 3, 1e-7, 1.5LF);";
+        assert_eq!(exact_floats(text, Spelling::Glsl), text);
     }
 }

@@ -5,7 +5,7 @@ use preshade_passes::contract::{Budget, Contract};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 
-use super::{Error, Target, fingerprint, prepare, repair, tidy};
+use super::{Error, Target, fingerprint, prepare, repair, text, tidy};
 
 /// Writes a reduced program; `name` is the file's, for errors, and `header` its first lines.
 pub(crate) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
@@ -33,7 +33,7 @@ pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String)
     writer
         .write(prepared.module(), prepared.info())
         .map_err(|e| failed(e.to_string()))?;
-    let written = writer.finish();
+    let written = text::exact_floats(&writer.finish(), text::Spelling::Wgsl);
     let repaired =
         repair::repair(prepared.module(), &written).map_err(|what| Error::Inexpressible {
             file: name.to_owned(),

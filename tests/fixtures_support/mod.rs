@@ -20,15 +20,15 @@ pub const RECIPES: [&str; 13] = [
     "early-discard:quad=lane,budget=0.02",
     "early-discard:quad=lane,mode=invert",
     "hoist",
-    "hoist:budget=0.02,finite=assumed",
+    "hoist:budget=0.02,finite=assumed,jumps=carried",
     "skip-taps:budget=1",
 ];
 
 /// Recipes of several steps, separated by commas, shown to other compilers only: most of their text is the same for every material.
 pub const COMPOSED: [&str; 13] = [
-    "hoist:budget=0.02,finite=assumed,tessellate:level=3",
-    "hoist:budget=0.02,finite=assumed,tessellate:level=2,pattern=uniform,form=shared",
-    "hoist:budget=0.02,finite=assumed,tessellate:level=2,depth-prepass",
+    "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=3",
+    "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,pattern=uniform,form=shared",
+    "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,depth-prepass",
     "visibility-buffer:formats=any,budget=1",
     "visibility-buffer:ids=unindexed,form=compute,budget=1",
     "visibility-buffer:select=tiles,budget=1",
@@ -37,7 +37,7 @@ pub const COMPOSED: [&str; 13] = [
     "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0",
     "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,depth-prepass:form=equal",
     "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,early-discard:texture=float",
-    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,hoist:budget=0.02,finite=assumed",
+    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,hoist:budget=0.02,finite=assumed,jumps=carried",
     "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,skip-taps:budget=1",
     "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,visibility-buffer:formats=any,budget=1",
 ];

@@ -139,7 +139,7 @@ fn base() -> Scene {
     scene
 }
 
-pub const HOISTED: &str = "hoist:budget=0.05,finite=assumed";
+pub const HOISTED: &str = "hoist:budget=0.05,finite=assumed,jumps=carried";
 
 /// The table of `docs/stability.md`.
 pub fn table() -> String {

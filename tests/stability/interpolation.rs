@@ -11,8 +11,7 @@ const BIASED: &str = "depth-prepass";
 const EQUAL: &str = "depth-prepass:form=equal";
 const EARLY: &str = "early-discard";
 const VISIBLE: &str = "visibility-buffer";
-const EDGES: &str =
-    "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8";
+const EDGES: &str = "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8";
 
 /// The difference of a corner and the pixel by way of an origin far from both.
 const AFAR_A: &str = "((a.xy + vec2(4096f * a.w)) - (clip + vec2(4096f)) * a.w)";
@@ -27,7 +26,10 @@ const HIDDEN: &[(&str, Expect)] = &[
     ("hoist:budget=0.05", Holds),
 ];
 const ASSUMED: &str = "all values taken to be finite";
-const FINITE: Mutation = Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05");
+const FINITE: Mutation = Mutation::Recipe(
+    "hoist:budget=0.05,finite=assumed,jumps=carried",
+    "hoist:budget=0.05",
+);
 
 pub const CASES: &[Case] = &[
     Case {
@@ -205,7 +207,10 @@ pub const CASES: &[Case] = &[
         ],
         mutation: (
             "all values taken to be finite",
-            Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
+            Mutation::Recipe(
+                "hoist:budget=0.05,finite=assumed,jumps=carried",
+                "hoist:budget=0.05",
+            ),
         ),
     },
     Case {
@@ -247,26 +252,26 @@ pub const CASES: &[Case] = &[
         setups: DIRECTIONS,
         recipes: &[
             (
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=2",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=2",
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=3,pattern=uniform",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=3,pattern=uniform",
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=5,form=shared",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=5,form=shared",
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=8",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=8",
                 Holds,
             ),
         ],
         mutation: (
             "each triangle divides its edges as its longest one",
             Mutation::Text(
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8",
                 &[
                     ("segments = ac;", "segments = inner;"),
                     ("segments = bc;", "segments = inner;"),
@@ -281,22 +286,22 @@ pub const CASES: &[Case] = &[
         setups: DIRECTIONS,
         recipes: &[
             (
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8",
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=7,edge-pixels=5",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=7,edge-pixels=5",
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=40,edge-pixels=2",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=40,edge-pixels=2",
                 Holds,
             ),
         ],
         mutation: (
             "each triangle divides its edges as its longest one",
             Mutation::Text(
-                "hoist:budget=0.05,finite=assumed,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8",
                 &[
                     ("segments = ac;", "segments = inner;"),
                     ("segments = bc;", "segments = inner;"),

@@ -98,7 +98,7 @@ pub const CASES: &[Case] = &[
             (BIASED, Holds),
             (EQUAL, Untied),
             (EARLY, Holds),
-            ("hoist:budget=0.05,finite=assumed", Holds),
+            ("hoist:budget=0.05,finite=assumed,jumps=carried", Holds),
         ],
         mutation: (
             "positions in the world, all moved by 10,000,000",
@@ -114,7 +114,7 @@ pub const CASES: &[Case] = &[
             (BIASED, Holds),
             (EARLY, Holds),
             ("hoist", Holds),
-            ("hoist:budget=0.05,finite=assumed", Holds),
+            ("hoist:budget=0.05,finite=assumed,jumps=carried", Holds),
         ],
         mutation: (
             "the hash computed at vertices, by hand",
@@ -144,7 +144,10 @@ pub const CASES: &[Case] = &[
         ],
         mutation: (
             "all values taken to be finite",
-            Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
+            Mutation::Recipe(
+                "hoist:budget=0.05,finite=assumed,jumps=carried",
+                "hoist:budget=0.05",
+            ),
         ),
     },
     Case {
@@ -159,7 +162,10 @@ pub const CASES: &[Case] = &[
         ],
         mutation: (
             "all values taken to be finite",
-            Mutation::Recipe("hoist:budget=0.05,finite=assumed", "hoist:budget=0.05"),
+            Mutation::Recipe(
+                "hoist:budget=0.05,finite=assumed,jumps=carried",
+                "hoist:budget=0.05",
+            ),
         ),
     },
     Case {

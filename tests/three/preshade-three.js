@@ -82,7 +82,7 @@ export function capture(renderer, material, { depthFormat = 'depth24plus' } = {}
 /**
  * A plan with its shaders. `edit` may change a stage's text before it is compiled, given the pass's role and `vertex` or `fragment`.
  *
- * @returns {Promise<{ plan: object, passes: { pass: object, vertex: string, fragment: string, textures: object[] }[] }>}
+ * @returns {Promise<{ plan: object, passes: { pass: object, vertex: string, fragment: string, textures: object[], blocks: object[] }[] }>}
  */
 export async function loadVariant(url, { edit = (text) => text } = {}) {
     const plan = await (await fetched(url)).json();
@@ -101,6 +101,7 @@ export async function loadVariant(url, { edit = (text) => text } = {}) {
                 vertex: await read(pass.role, 'vertex', vertex),
                 fragment: await read(pass.role, 'fragment', fragment),
                 textures: [...(vertex.textures ?? []), ...(fragment.textures ?? [])],
+                blocks: [...(vertex.blocks ?? []), ...(fragment.blocks ?? [])],
             };
         }),
     );
@@ -143,7 +144,7 @@ function refuse(plan) {
  * The author's material as one pass of a plan draws it: everything is read through to the author's object, so that whatever is set there later counts here as well, but for the text and
  * the state that are the plan's. `isRawShaderMaterial` has three.js take the text as it is; uniforms stay those of the material's own kind.
  */
-function passMaterial(author, { pass, vertex, fragment, textures }, attachments) {
+function passMaterial(author, { pass, vertex, fragment, textures, blocks }, attachments) {
     const depth = pass.depth;
     const biased = depth.bias.constant !== 0 || depth.bias.slope_scale !== 0;
     const own = {
@@ -171,8 +172,14 @@ function passMaterial(author, { pass, vertex, fragment, textures }, attachments)
         customProgramCacheKey: () => `${vertex}\n${fragment}`,
     };
     const descriptor = (value) => ({ value, writable: true, configurable: true, enumerable: true });
-    const properties = Object.entries(own).map(([key, value]) => [key, descriptor(value)]);
-    return Object.create(author, Object.fromEntries(properties));
+    const properties = Object.fromEntries(Object.entries(own).map(([key, value]) => [key, descriptor(value)]));
+    // three.js binds each group to a block of the program: one of this pass has to be there. Only its shader materials have groups at all, and before r173 it asks every raw material for them.
+    properties.uniformsGroups = {
+        get: () => (author.uniformsGroups ?? []).filter(({ name }) => blocks.some(({ block }) => block === name)),
+        configurable: true,
+        enumerable: true,
+    };
+    return Object.create(author, properties);
 }
 
 /** Uniforms for what a pass reads of other passes; `attachments` fills in the textures whenever it makes them. */

@@ -23,6 +23,8 @@ import {
     SphereGeometry,
     TorusGeometry,
     TorusKnotGeometry,
+    Uniform,
+    UniformsGroup,
     Vector2,
     Vector3,
     GLSL3,
@@ -35,6 +37,14 @@ const FOG = { color: new Color(0x9db4c9), density: 0.017 };
 
 async function text(name) {
     return (await fetch(new URL(`shaders/${name}`, import.meta.url))).text();
+}
+
+/** A uniform block of three.js's, with its uniforms by name. */
+function group(name, values) {
+    const made = new UniformsGroup().setName(name);
+    made.named = Object.fromEntries(Object.entries(values).map(([key, value]) => [key, new Uniform(value)]));
+    for (const uniform of Object.values(made.named)) made.add(uniform);
+    return made;
 }
 
 async function materials() {
@@ -76,10 +86,12 @@ async function materials() {
             leafMap: { value: map.leaf },
             veinMap: { value: map.vein },
             cutoff: { value: 0.5 },
-            time: { value: 0 },
-            wind: { value: 0.06 },
         },
     });
+    leaf.uniformsGroups = [
+        group('Weather', { time: 0, wind: 0.06 }),
+        group('Air', { fogColor: FOG.color, fogDensity: FOG.density }),
+    ];
     // The seamless tiling put into three.js's own material, by the hook that there is for it.
     const bronze = new MeshStandardMaterial({ name: 'bronze', map: map.bronze, metalness: 0.75, roughness: 0.42 });
     bronze.onBeforeCompile = (shader) => {
@@ -292,7 +304,7 @@ export async function makeScene() {
     camera.position.set(3.2, 2.6, 13.9);
     camera.lookAt(-0.6, 2.4, 0);
     const at = (seconds) => {
-        made.leaf.uniforms.time.value = seconds;
+        made.leaf.uniformsGroups[0].named.time.value = seconds;
     };
     return { scene, camera, materials: made, at };
 }

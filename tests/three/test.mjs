@@ -79,7 +79,7 @@ async function changes(page) {
                 const { color, wind, ...others } = of;
                 const to = window.page.materials[material];
                 if (color) to.color.set(color);
-                if (wind) to.uniforms.wind.value = wind;
+                if (wind) to.uniformsGroups[0].named.wind.value = wind;
                 Object.assign(to, others);
             }
         }, values);

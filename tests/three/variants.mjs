@@ -30,7 +30,7 @@ export const VARIANTS = [
         label: 'Hoist, within a budget',
         recipe: ['hoist'],
         // The stone's weathering changes slowly; what the others would carry (where in a hexagon a point lies) does not, and nothing here measures it.
-        of: { stone: ['hoist:budget=0.05,metric=max_abs'] },
+        of: { stone: ['hoist:budget=0.05,metric=max_abs,jumps=carried'] },
     },
     {
         name: 'hoist-prepass',

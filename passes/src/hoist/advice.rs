@@ -1,7 +1,7 @@
 //! What to say where nothing pays: the one thing that would let a value travel, or that there is none.
 
 use super::choose::{self, Terms};
-use super::travel::{Class, Judged, Precision};
+use super::travel::{self, Assumed, Class, Judged, Jumps, Precision};
 use super::values::Values;
 use super::{Hoist, Material, Params};
 use crate::pass::{Facts, Pass, Refusal};
@@ -15,6 +15,8 @@ pub(super) enum Advice {
     Allow,
     /// Values at vertices taken for finite: by the author's word, or as measured.
     Finite,
+    /// Values that rest on what jumps taken for smooth, in the same ways.
+    Jumps,
     /// A larger error than the one allowed, for some were measured.
     Error,
     /// A choice anew.
@@ -24,14 +26,14 @@ pub(super) enum Advice {
 }
 
 impl Advice {
-    /// For a material of which nothing travels under `params` and `facts`. `assumed` and `judged` are the verdicts where all is finite, and those that nothing travels under.
+    /// For a material of which nothing travels under `params` and `facts`. `all` and `judged` are the verdicts under [`Assumed::ALL`], and those that nothing travels under.
     pub(super) fn on(
         values: &Values<'_, '_>,
         material: &Material<'_>,
         params: &Params,
         precision: &Precision,
         facts: &Facts,
-        [assumed, judged]: [&Judged; 2],
+        [all, judged]: [&Judged; 2],
     ) -> Self {
         let terms = Terms {
             weakest: Class::Smooth,
@@ -39,9 +41,17 @@ impl Advice {
         };
         let pays =
             |judged: &Judged| choose::choose(values, judged, precision.most, &terms).is_some();
-        if !pays(assumed) {
+        if !pays(all) {
             return Self::Nothing;
         }
+        let under = |assumed: Assumed| Judged {
+            verdicts: travel::held_back(values, assumed, precision, &all.verdicts),
+            ..all.clone()
+        };
+        let carried = Assumed {
+            jumps: Jumps::Carried,
+            ..params.assumed()
+        };
         let was_measured = facts
             .frequencies
             .iter()
@@ -49,10 +59,10 @@ impl Advice {
         match params.weakest() {
             _ if params.carry.is_some() => Self::Choice,
             Class::Smooth if was_measured => Self::Error,
-            Class::Smooth => Self::Finite,
-            _ if params.allow.is_some() => Self::Allow,
+            weakest if weakest != Class::Smooth && params.allow.is_some() => Self::Allow,
             // No choice and no measurement stand behind them here.
-            _ if pays(judged) => Self::Budget,
+            weakest if weakest != Class::Smooth && pays(judged) => Self::Budget,
+            _ if params.jumps == Jumps::Stay && pays(&under(carried)) => Self::Jumps,
             _ => Self::Finite,
         }
     }
@@ -67,6 +77,9 @@ impl Advice {
             }
             Self::Finite => {
                 "what would pay is not seen to be finite at every vertex: `preshade verify` with hoist:budget=0.01 draws it, and says what `rewrite` may take; or take it for finite, with hoist:budget=0.01,finite=assumed"
+            }
+            Self::Jumps => {
+                "what would pay rests on what jumps (explain says on what): `preshade verify` with hoist:budget=0.01 draws it, and says what `rewrite` may take; or take it to change slowly over a triangle, as noise does, with jumps=carried beside the budget"
             }
             Self::Error => {
                 "allow a larger error; explain lists what stays, and why each value does"

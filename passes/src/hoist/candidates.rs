@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::single::{Candidates, Stages};
-use super::travel::{self, Class, Finite, Judged, Precision, Stays, Verdict};
+use super::travel::{self, Assumed, Class, Judged, Precision, Stays, Verdict};
 use super::values::{ValueId, Values};
 use super::{Material, Params, name, span};
 use super::{below, choose};
@@ -13,14 +13,14 @@ use crate::plan::Plan;
 use crate::program::{Location, SourceMap};
 use crate::slice::{self, Criterion};
 
-/// How each value may travel, as far as the code shows it and what was measured allows it. `assumed` is [`travel::assumed`].
+/// How each value may travel, as far as the code shows it and what was measured allows it. `all` is [`travel::judge`]'s.
 pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &Material<'_>,
     params: &Params,
     precision: &Precision,
     facts: &Facts,
-    assumed: &Judged,
+    all: &Judged,
 ) -> Judged {
     let measured: BTreeMap<&str, &Frequency> = facts
         .frequencies
@@ -31,18 +31,18 @@ pub(super) fn judge(
     let rests_on_measurement = !measured.is_empty() && params.weakest() == Class::Smooth;
     if params.carry.is_none() && !rests_on_measurement {
         return Judged {
-            verdicts: travel::under(params.finite, values, precision, &assumed.verdicts),
-            ..assumed.clone()
+            verdicts: travel::held_back(values, params.assumed(), precision, &all.verdicts),
+            ..all.clone()
         };
     }
     match &params.carry {
         Some(carry) => {
             let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
-            as_chosen(values, assumed, &carry, params.finite, precision)
+            as_chosen(values, all, &carry, params.assumed(), precision)
         }
         None => Judged {
-            verdicts: as_measured(values, &assumed.verdicts, &measured, params),
-            ..assumed.clone()
+            verdicts: as_measured(values, &all.verdicts, &measured, params),
+            ..all.clone()
         },
     }
 }
@@ -50,16 +50,16 @@ pub(super) fn judge(
 /// Of values that may travel as approximations those of these ids alone.
 fn as_chosen(
     values: &Values<'_, '_>,
-    assumed: &Judged,
+    all: &Judged,
     carry: &BTreeSet<&str>,
-    finite: Finite,
+    otherwise: Assumed,
     precision: &Precision,
 ) -> Judged {
-    let chosen = find(values, &assumed.verdicts, carry);
-    let mut verdicts = travel::under(finite, values, precision, &assumed.verdicts);
+    let chosen = find(values, &all.verdicts, carry);
+    let mut verdicts = travel::held_back(values, otherwise, precision, &all.verdicts);
     for (v, verdict) in verdicts.iter_mut().enumerate() {
         if chosen.contains_key(&v) {
-            *verdict = assumed.verdicts[v].clone();
+            *verdict = all.verdicts[v].clone();
         } else if is_smooth(verdict) {
             *verdict = Err(Stays::NotChosen);
         }
@@ -69,7 +69,7 @@ fn as_chosen(
     Judged {
         verdicts,
         unknown: unknown.map(|id| (*id).to_owned()).collect(),
-        ..assumed.clone()
+        ..all.clone()
     }
 }
 

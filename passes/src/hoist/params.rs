@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Hoist;
 use super::choose::Terms;
-use super::travel::{Class, Finite};
+use super::travel::{Assumed, Class, Finite, Jumps};
 use crate::pass::{Facts, Frequency, Pass, Refusal};
 
 /// The weakest promise a value may travel under.
@@ -67,6 +67,9 @@ pub struct Params {
     pub metric: Metric,
     /// What may be assumed of values at vertices that were not measured.
     pub finite: Finite,
+    /// What may be assumed of values that rest on what jumps, and were not measured; default: `stay`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub jumps: Jumps,
     /// Largest measured error, by `metric`, of a value that travels as an approximation; default: the budget. Values that were not measured are not held back
     /// where nothing was.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -81,6 +84,10 @@ pub struct Params {
     pub vertices_per_fragment: Option<f64>,
 }
 
+fn is_default(jumps: &Jumps) -> bool {
+    *jumps == Jumps::default()
+}
+
 /// Taken where nothing was measured: triangles of about ten pixels, each vertex shared by a few of them.
 const VERTICES_PER_FRAGMENT: f64 = 0.05;
 
@@ -93,6 +100,13 @@ impl Params {
             (Some(Allow::Exact), _) => Class::Exact,
             (Some(Allow::Rounding), _) | (None, None) => Class::Affine,
             (Some(Allow::Approximate), _) | (None, Some(_)) => Class::Smooth,
+        }
+    }
+
+    pub(super) fn assumed(&self) -> Assumed {
+        Assumed {
+            finite: self.finite,
+            jumps: self.jumps,
         }
     }
 

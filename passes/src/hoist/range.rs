@@ -112,6 +112,11 @@ impl Range {
         }
     }
 
+    /// What a division by `divisor` may give.
+    pub(super) fn over(self, divisor: Self) -> Self {
+        self.times(divisor.inverse())
+    }
+
     /// Through a function that never falls.
     fn rising(self, function: impl Fn(f64) -> f64) -> Self {
         Self::ordered(function(self.low), function(self.high))

@@ -12,8 +12,8 @@ use std::sync::Arc;
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOperator};
 
+use super::jumps;
 use super::range::{AllRanges, Range, dimension, terms};
-use super::travel;
 use super::users::Users;
 use super::values::{ContextId, Node, ValueId, Values};
 use crate::bound::Accuracy;
@@ -401,7 +401,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
             let operands = crate::graph::operands::of_expression(expression);
             operands.into_iter().map(|o| (o, slope)).collect()
         };
-        if travel::jump(expression).is_some() {
+        if jumps::jump(expression).is_some() {
             return all(f64::INFINITY);
         }
         match expression {

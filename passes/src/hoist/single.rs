@@ -36,7 +36,7 @@ impl<'p> Stages<'p> {
 pub struct Candidates<'a, 'p> {
     stages: &'a Stages<'p>,
     values: Values<'a, 'p>,
-    /// How each value may travel where everything is finite.
+    /// How each value may travel where everything is finite and nothing jumps.
     verdicts: Vec<Verdict>,
     found: Vec<(ValueId, Candidate)>,
 }
@@ -60,7 +60,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
         precision: &Precision,
     ) -> Result<Self, Box<Refusal>> {
         let values = stages.material.values(graph)?;
-        let verdicts = travel::assumed(&values, precision).verdicts;
+        let verdicts = travel::judge(&values, precision).verdicts;
         let sources = stages.material.program.sources();
         let found = candidates::describe(&values, &verdicts, sources);
         Ok(Self {

@@ -3,11 +3,12 @@
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
-use naga::{BinaryOperator, Expression, MathFunction, ScalarKind, Statement, TypeInner};
+use naga::{ScalarKind, Statement, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::form::{Form, forms};
+use super::jumps;
 use super::range::AllRanges;
 use super::reach::{with_operands, with_users};
 use super::rounding::Roundings;
@@ -74,6 +75,11 @@ pub enum Stays {
         /// The operation.
         operation: String,
     },
+    /// What rests on it jumps again and again: being off by a little, it would be off by all.
+    Reaches {
+        /// The operation that jumps.
+        operation: String,
+    },
     /// It is not one of those that were chosen.
     NotChosen,
     /// It was measured: the picture differs by more than is wanted.
@@ -116,6 +122,10 @@ impl std::fmt::Display for Stays {
                     "`{operation}` jumps: interpolation would make up values between"
                 )
             }
+            Self::Reaches { operation } => write!(
+                f,
+                "`{operation}` of what rests on it jumps again and again, wherever a little more is another number"
+            ),
             Self::NotChosen => f.write_str("it is not among the chosen values"),
             Self::Measured { error } => write!(f, "carried alone it makes an error of {error}"),
             Self::MeasuredNotFinite => {
@@ -144,6 +154,34 @@ pub enum Finite {
     Proved,
     /// All values are taken to be finite at every vertex.
     Assumed,
+}
+
+/// What may be assumed of values that rest on what jumps: a `floor`, a comparison, an integer, a branch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Jumps {
+    /// They stay, but for those whose jumps are seen not to happen.
+    #[default]
+    Stay,
+    /// They are taken to change slowly over a triangle all the same, as noise does whose cells meet.
+    Carried,
+}
+
+/// What is assumed of values that were not measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Assumed {
+    /// Of their being finite.
+    pub finite: Finite,
+    /// Of their jumps.
+    pub jumps: Jumps,
+}
+
+impl Assumed {
+    /// All that can be.
+    pub const ALL: Self = Self {
+        finite: Finite::Assumed,
+        jumps: Jumps::Carried,
+    };
 }
 
 /// What each value may travel as, or why it stays.
@@ -179,28 +217,34 @@ impl Precision {
     };
 }
 
-/// Verdicts, of those under [`Finite::Assumed`].
-pub(super) fn under(
-    finite: Finite,
+/// Of verdicts under [`Assumed::ALL`] those under `assumed`.
+pub(super) fn held_back(
     values: &Values<'_, '_>,
+    assumed: Assumed,
     precision: &Precision,
-    assumed: &[Verdict],
+    all: &[Verdict],
 ) -> Vec<Verdict> {
-    let verdicts = assumed.iter().cloned();
-    match finite {
-        Finite::Assumed => verdicts.collect(),
-        Finite::Proved => verdicts
-            .zip(hazards(values, &precision.ranges))
-            .map(|(verdict, hazard)| match (verdict, hazard) {
-                (Ok(carriage), Some(hazard)) if carriage.class == Class::Smooth => Err(hazard),
-                (verdict, _) => verdict,
-            })
-            .collect(),
+    let mut verdicts = all.to_vec();
+    let mut hold = |reasons: Vec<Option<Stays>>| {
+        for (verdict, reason) in verdicts.iter_mut().zip(reasons) {
+            if let (Ok(carriage), Some(reason)) = (&*verdict, reason)
+                && carriage.class == Class::Smooth
+            {
+                *verdict = Err(reason);
+            }
+        }
+    };
+    if assumed.jumps == Jumps::Stay {
+        hold(jumps::reached(values, &precision.ranges));
     }
+    if assumed.finite == Finite::Proved {
+        hold(hazards(values, &precision.ranges));
+    }
+    verdicts
 }
 
-/// For each value, how it may be carried or why it stays, where all values are finite at every vertex.
-pub(super) fn assumed(values: &Values<'_, '_>, precision: &Precision) -> Judged {
+/// For each value, how it may be carried or why it stays, under [`Assumed::ALL`].
+pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let forms = forms(values);
     let endless = endless(values);
     let turning = turning(values);
@@ -256,7 +300,7 @@ pub(super) fn assumed(values: &Values<'_, '_>, precision: &Precision) -> Judged 
                 return Ok(carriage(Class::Affine, interpolated, at));
             }
             let expression = &values.function(context).function.expressions[e];
-            if let Some(operation) = jump(expression) {
+            if let Some(operation) = jumps::jump(expression) {
                 let operation = operation.to_owned();
                 return Err(Stays::Discontinuous { operation });
             }
@@ -371,46 +415,6 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
     let all = 0..values.values.len();
     let loops: Vec<ValueId> = all.filter(|id| ends_unseen(*id)).collect();
     with_users(values, loops)
-}
-
-/// The name of an operation whose result jumps.
-pub(crate) fn jump(expression: &Expression) -> Option<&'static str> {
-    use BinaryOperator as B;
-    Some(match expression {
-        Expression::Math { fun, .. } => match fun {
-            MathFunction::Floor => "floor",
-            MathFunction::Ceil => "ceil",
-            MathFunction::Round => "round",
-            MathFunction::Trunc => "trunc",
-            MathFunction::Fract => "fract",
-            MathFunction::Step => "step",
-            MathFunction::Sign => "sign",
-            MathFunction::Modf | MathFunction::Frexp => "modf",
-            MathFunction::QuantizeToF16 => "quantizeToF16",
-            // At its cut, behind the origin; where reflection is total; where the side turns.
-            MathFunction::Atan2 => "atan2",
-            MathFunction::Refract => "refract",
-            MathFunction::FaceForward => "faceForward",
-            _ => return None,
-        },
-        Expression::Binary { op, .. } => match op {
-            B::Modulo => "%",
-            B::Equal | B::NotEqual | B::Less | B::LessEqual | B::Greater | B::GreaterEqual => {
-                "a comparison"
-            }
-            B::And | B::ExclusiveOr | B::InclusiveOr | B::ShiftLeft | B::ShiftRight => {
-                "a bit operation"
-            }
-            _ => return None,
-        },
-        Expression::As { kind, convert, .. } => match (kind, convert) {
-            (ScalarKind::Float, Some(_)) => "a conversion",
-            (_, None) => "bitcast",
-            _ => "a conversion to an integer",
-        },
-        Expression::Relational { .. } => "a test",
-        _ => return None,
-    })
 }
 
 /// For each value, an operation in or below it whose result may be NaN or infinite.

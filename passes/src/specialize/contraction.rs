@@ -20,7 +20,7 @@ use naga::{Binding, BuiltIn, Expression, Handle, Literal, ScalarKind, ShaderStag
 
 use crate::contract::Surface;
 use crate::graph::{FunctionGraph, FunctionId, Graph, operands};
-use crate::hoist::travel::jump;
+use crate::hoist::jumps::jump;
 use crate::hoist::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::plan::GpuPass;
 use crate::program::Program;

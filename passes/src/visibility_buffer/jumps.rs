@@ -9,7 +9,7 @@ use naga::{
 };
 
 use crate::graph::Graph;
-use crate::hoist::travel::jump;
+use crate::hoist::jumps::jump;
 use crate::hoist::values::{Node, TooLarge, ValueId, Values};
 use crate::program::Program;
 use crate::reflect::{self, Io};

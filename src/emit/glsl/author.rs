@@ -13,8 +13,8 @@ use preshade_passes::declared::{Chosen, Declaration, Declared, Located, Type as 
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
 
+use super::layout;
 use super::loosen::{self, Loose};
-use super::std140;
 use super::twins::{self, Inseparable, Twins};
 use super::words;
 
@@ -30,7 +30,7 @@ pub(in crate::emit) struct Authored {
     pub(super) members: HashMap<String, Vec<Member>>,
     /// Structs of samplers alone, inner ones first: name and members.
     pub(super) structs: Vec<(String, Vec<Member>)>,
-    /// What fills the gaps of structs in uniform blocks, by mark.
+    /// What fills the gaps of structs in blocks, by mark.
     pub(super) paddings: HashMap<String, Vec<u32>>,
     /// Blocks, by naga's name of their variable.
     pub(super) blocks: HashMap<String, Block>,
@@ -65,6 +65,10 @@ pub(super) struct Uniform {
     pub of: Option<String>,
     /// Where its struct has samplers alone: that one's name.
     pub of_samplers: Option<String>,
+    /// The author's `layout(location = ..)`.
+    pub location: Option<u32>,
+    /// The author's `layout(binding = ..)` of an array of samplers.
+    pub unit: Option<u32>,
 }
 
 /// A sampler, or a struct of samplers, within a struct.
@@ -88,6 +92,10 @@ pub(super) struct Block {
     pub instance: Option<String>,
     /// A block whose members are written in it, not in a struct that it holds.
     pub opened: bool,
+    /// A storage block by std140.
+    pub std140: bool,
+    /// The mark of its struct where naga writes the members in the block: the last has no length.
+    pub of: Option<String>,
 }
 
 /// An input of the vertex stage, or an output of the fragment stage.
@@ -219,9 +227,20 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
     out.textures(&module, declared, &names);
     out.blocks(&module, declared, &marks);
     out.interface(&module, declared);
-    let paddings = std140::paddings(&module, declared.loose).map_err(Failed::Layout)?;
+    let layouts = layout::layouts(&module, declared.loose).map_err(Failed::Layout)?;
+    for (_, global) in module.global_variables.iter() {
+        if let Some(binding) = global.binding
+            && layouts.std140.contains(&binding)
+        {
+            for name in out.resource_names(global, binding) {
+                if let Some(block) = out.blocks.get_mut(&name) {
+                    block.std140 = true;
+                }
+            }
+        }
+    }
     let types = out.mark_structs(&mut module, &marks);
-    for (ty, floats) in paddings {
+    for (ty, floats) in layouts.paddings {
         if let Some(mark) = types.get(&ty) {
             out.paddings.insert(mark.clone(), floats);
         }
@@ -399,10 +418,13 @@ impl Authored {
                 None => Word::Nothing,
             };
             self.resource(global, binding, &word);
+            let open = ty.inner.is_dynamically_sized(&module.types) && !members.is_empty();
             let block = Block {
                 name,
                 instance,
                 opened,
+                std140: false,
+                of: open.then(|| marks.of_type(global.ty)),
             };
             for variable in self.resource_names(global, binding) {
                 self.blocks.insert(variable, block.clone());
@@ -496,7 +518,7 @@ impl Authored {
                 self.words.insert(naga(*location), Word::Path(name));
                 continue;
             };
-            let Declaration { name, ty } = &said.declaration;
+            let Declaration { name, ty, .. } = &said.declaration;
             let name = self.taken.claim(name, scope);
             let parts = parts(ty);
             for (i, part) in parts.iter().enumerate() {
@@ -620,6 +642,8 @@ impl Authored {
                     types.get(&ty).cloned()
                 }),
                 of_samplers,
+                location: uniform.location,
+                unit: first_unit(declared, uniform),
             });
         }
     }
@@ -656,7 +680,7 @@ impl Authored {
     /// The members without data.
     fn sampler_members(&mut self, declared: &[Declaration]) -> Vec<Member> {
         let mut out = Vec::new();
-        for Declaration { name, ty } in declared {
+        for Declaration { name, ty, .. } in declared {
             if ty.has_data() || !ty.has_samplers() {
                 continue;
             }
@@ -686,6 +710,24 @@ impl Authored {
         self.structs.push((name.clone(), members));
         name
     }
+}
+
+/// The number that the author gave to an array of samplers, which is that of its first.
+fn first_unit(declared: &Declared, uniform: &Declaration) -> Option<u32> {
+    let mut first = uniform.name.clone();
+    let mut ty = &uniform.ty;
+    while let Declares::Array(of, _) = ty {
+        first.push_str("[0]");
+        ty = of;
+    }
+    let sampler = declared.samplers.iter().find(|s| s.path == first)?;
+    let mut numbers = declared.numbers.iter();
+    let numbered = numbers.find(|n| n.binding == sampler.texture)?;
+    matches!(
+        (ty, &uniform.ty),
+        (Declares::Sampler(_), Declares::Array(..))
+    )
+    .then_some(numbered.number)
 }
 
 /// How the parts of an input are reached that has several locations: a matrix's columns, an array's elements.

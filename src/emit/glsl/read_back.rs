@@ -118,9 +118,31 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
         .filter(|t| t.sampler.is_some())
         .map(|t| t.name.clone())
         .collect();
+    for sampler in &read.samplers {
+        let mut all = said.textures.iter();
+        let unit = all.find(|t| t.name == sampler.path).map(|t| t.unit);
+        if let Some(unit) = unit
+            && let Some(wrong) = number(read, sampler.texture, unit, &sampler.path)
+        {
+            return Some(wrong);
+        }
+    }
     let found = read.samplers.iter().map(|s| s.path.clone()).collect();
     let lost = wanted.difference(&found).next()?;
     Some(format!("the sampler `{lost}` is lost"))
+}
+
+/// Another number in the text than the plan tells.
+fn number(
+    read: &Declared,
+    at: naga::ResourceBinding,
+    told: Option<u32>,
+    name: &str,
+) -> Option<String> {
+    let found = read.numbers.iter().find(|n| n.binding == at);
+    let found = found.map(|n| n.number);
+    let word = |n: Option<u32>| n.map_or("no number".to_owned(), |n| format!("the number {n}"));
+    (found != told).then(|| format!("`{name}` has {}, not {}", word(found), word(told)))
 }
 
 /// A line for each part of a type, whatever its structs are called and in whatever order their members are.
@@ -142,7 +164,7 @@ fn type_lines(ty: &Declares, path: &str, out: &mut BTreeSet<String>) {
     }
 }
 
-/// The uniform blocks: each number where the plan's buffer has it.
+/// The blocks: each number where the plan's buffer has it.
 fn blocks(
     authored: &Authored,
     said: &StageFile,
@@ -158,29 +180,41 @@ fn blocks(
         let Some(found) = declared.blocks.iter().find(|b| b.name == block.block) else {
             return Some(format!("the block `{}` is lost", block.block));
         };
+        if let Some(wrong) = number(declared, found.binding, block.slot, &block.block) {
+            return Some(wrong);
+        }
         let is_at = |global: &GlobalVariable, at: [u32; 2]| {
             let binding = global.binding.as_ref();
             binding.is_some_and(|b| [b.group, b.binding] == at)
         };
-        let uniform = |g: &GlobalVariable| (g.space == AddressSpace::Uniform).then_some(g.ty);
+        let in_block = |g: &GlobalVariable| {
+            let is = matches!(
+                g.space,
+                AddressSpace::Uniform | AddressSpace::Storage { .. }
+            );
+            is.then_some(g.ty)
+        };
         // Another stage may have another variable there.
         let mut own = module
             .global_variables
             .iter()
             .filter(|(handle, _)| used.is_none_or(|used| !used[*handle].is_empty()));
         let own = own.find(|(_, g)| is_at(g, block.binding));
-        let Some(wanted) = own.and_then(|(_, g)| uniform(g)) else {
+        let Some(wanted) = own.and_then(|(_, g)| in_block(g)) else {
             continue;
         };
         // A block that the stage does not read is not kept.
         let at = [found.binding.group, found.binding.binding];
         let mut own = read.global_variables.iter().map(|(_, g)| g);
-        let Some(mut found) = own.find(|g| is_at(g, at)).and_then(uniform) else {
+        let Some(mut found) = own.find(|g| is_at(g, at)).and_then(in_block) else {
             continue;
         };
         let mut rest = String::new();
         // A block of one variable, where the program has the variable.
-        if !matches!(module.types[wanted].inner, TypeInner::Struct { .. })
+        let said = authored.blocks.values();
+        let opened = said.into_iter().find(|b| b.name == block.block);
+        let opened = opened.is_some_and(|b| b.opened || b.of.is_some());
+        if !opened
             && let TypeInner::Struct { members, .. } = &read.types[found].inner
             && let Some(member) = members.first()
         {
@@ -225,6 +259,18 @@ fn offsets(
         TypeInner::Array { base, size, stride } => {
             let path = format!("{path}[{size:?} by {stride}]");
             offsets(module, *base, at, &path, name, out);
+        }
+        // Within structs some are read as arrays of their columns.
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar,
+        } => {
+            let width = u32::from(scalar.width);
+            let stride = width * if *rows as u32 == 2 { 2 } else { 4 };
+            let path = format!("{path}[Constant({}) by {stride}]", *columns as u32);
+            let column = format!("vec{}<f{}>", *rows as u32, 8 * width);
+            out.insert(path, format!("{column} at {at}"));
         }
         _ => {
             let ty = reflect::wgsl_type(module, ty);

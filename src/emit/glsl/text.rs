@@ -9,7 +9,7 @@ use naga::ShaderStage;
 use preshade_passes::declared::{Chosen, Type as Declares};
 
 use super::author::{Authored, Input, Member, MemberType, Word};
-use super::std140;
+use super::layout;
 use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
 use crate::emit::text::{self, Kind};
 
@@ -45,7 +45,7 @@ pub(super) fn named(
 ) -> Result<(String, StageFile), Unexpected> {
     let constructed = match authored.paddings.is_empty() {
         true => naga.to_owned(),
-        false => std140::padded_constructors(naga, &authored.paddings),
+        false => layout::padded_constructors(naga, &authored.paddings),
     };
     let items = items(&constructed)?;
     let mut structs: HashMap<&str, String> = HashMap::new();
@@ -54,7 +54,7 @@ pub(super) fn named(
             && let Some(mark) = words(text).nth(1)
         {
             let text = match authored.paddings.get(mark) {
-                Some(floats) => std140::padded_struct(text, floats)?,
+                Some(floats) => layout::padded_struct(text, floats)?,
                 None => (*text).to_owned(),
             };
             structs.insert(mark, text);
@@ -89,8 +89,13 @@ pub(super) fn named(
     uniforms(authored, dialect, &mut out, &paths, &mut said, loose);
     for texture in &mut said.textures {
         if let Some(Word::Path(path)) = authored.words.get(&texture.name) {
+            // An array has one number, from which its elements count on, where the author gave it.
             if path.contains(['.', '[']) {
-                texture.unit = None;
+                let root = path.split('[').next().unwrap_or_default();
+                let mut all = authored.uniforms.iter();
+                let whole = all.find(|u| u.name == root && dialect == Dialect::Desktop);
+                let given = whole.is_some_and(|u| u.unit.is_some());
+                texture.unit = texture.unit.filter(|_| given);
             }
             texture.name = path.clone();
         }
@@ -445,6 +450,10 @@ fn declaration(
         out.renamed_blocks
             .insert(old.to_owned(), block.name.clone());
         let head = head.trim_end().trim_end_matches(old);
+        let head = &match block.std140 {
+            true => head.replacen("std430", "std140", 1),
+            false => head.to_owned(),
+        };
         let inner = free.iter().rev().nth(1).and_then(|ty| structs.get(ty));
         let line = match inner {
             Some(of) if block.opened => {
@@ -461,7 +470,12 @@ fn declaration(
             }
             _ => {
                 out.note_types(text);
-                format!("{head}{} {}", block.name, rewrite.plain(&text[open..]))
+                let of = block.of.as_ref().and_then(|of| authored.paddings.get(of));
+                let rest = match of {
+                    Some(floats) => layout::padded_struct(&text[open..], floats)?,
+                    None => text[open..].to_owned(),
+                };
+                format!("{head}{} {}", block.name, rewrite.plain(&rest))
             }
         };
         out.declarations.push(line);
@@ -559,24 +573,30 @@ fn uniforms(
         let sampled: Vec<&String> = paths.iter().filter(|p| part(p)).collect();
         own.extend(sampled.iter().map(|p| p.as_str()));
         let read = uniform.mark.as_ref().and_then(|mark| out.loose.get(mark));
+        let explicit = dialect == Dialect::Desktop;
+        let location = uniform.location.filter(|_| explicit);
+        let layout = layout_of(location, uniform.unit.filter(|_| explicit));
         if let Some([ty, dimensions]) = read {
-            lines.push(format!("uniform {ty} {name}{dimensions};"));
+            lines.push(format!("{layout}uniform {ty} {name}{dimensions};"));
         } else if sampled.is_empty() {
             continue;
         } else if let Some(of) = &uniform.of_samplers {
             out.of_samplers.insert(of.clone());
             lines.push(format!(
-                "uniform {of} {name}{};",
+                "{layout}uniform {of} {name}{};",
                 uniform.declares.dimensions()
             ));
         } else if let Declares::Sampler(_) = uniform.declares {
-            let line = out.samplers.get(name).map(|[_, line]| line.clone());
+            let line = out.samplers.get(name).map(|[_, line]| match location {
+                Some(n) => line.replacen("layout(", &format!("layout(location = {n}, "), 1),
+                None => line.clone(),
+            });
             lines.extend(line);
         } else if let Declares::Sampler(declared) = uniform.declares.innermost() {
             let of = sampled.first().and_then(|p| out.samplers.get(*p));
             let ty = of.map_or_else(|| sampler_type(declared, dialect), |[ty, _]| ty.clone());
             lines.push(format!(
-                "uniform {ty} {name}{};",
+                "{layout}uniform {ty} {name}{};",
                 uniform.declares.dimensions()
             ));
         } else if let Some(of) = &uniform.of
@@ -585,7 +605,7 @@ fn uniforms(
             // Its samplers alone are read: the whole is declared all the same.
             out.used.insert(of.clone());
             lines.push(format!(
-                "uniform {ty} {name}{};",
+                "{layout}uniform {ty} {name}{};",
                 uniform.declares.dimensions()
             ));
         }
@@ -596,6 +616,7 @@ fn uniforms(
                 name: name.to_owned(),
                 binding,
                 offset: uniform.offset,
+                location,
             });
         }
         if uniform.mark.is_some() && uniform.declares.has_samplers() {
@@ -610,6 +631,16 @@ fn uniforms(
         .collect();
     out.uniforms = lines;
     out.uniforms.extend(others);
+}
+
+/// `layout(..)` with what there is, and a space behind it.
+fn layout_of(location: Option<u32>, binding: Option<u32>) -> String {
+    let of = |word: &str, n: Option<u32>| n.map(|n| format!("{word} = {n}"));
+    let said = [of("location", location), of("binding", binding)];
+    match said.into_iter().flatten().collect::<Vec<_>>()[..] {
+        [] => String::new(),
+        ref said => format!("layout({}) ", said.join(", ")),
+    }
 }
 
 /// Notes the structs of samplers that structs with samplers have within them.

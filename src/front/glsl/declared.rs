@@ -1,8 +1,8 @@
 //! What the stages declare, for writing it again: the author's side of what `interface` decided.
 
-use naga::{ResourceBinding, ShaderStage};
+use naga::{Module, ResourceBinding, ShaderStage};
 use preshade_passes::declared::{
-    Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Type,
+    Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered, Type,
 };
 
 use super::interface::{Interface, Slot, index};
@@ -29,8 +29,11 @@ pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSp
                 continue;
             };
             if out.uniforms.iter().all(|u| u.name != uniform.name) {
-                let name = uniform.name.clone();
-                out.uniforms.push(Declaration { name, ty });
+                out.uniforms.push(Declaration {
+                    name: uniform.name.clone(),
+                    ty,
+                    location: uniform.qualifiers.number("location"),
+                });
             }
         }
         for block in &stage.blocks {
@@ -63,6 +66,54 @@ pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSp
             sampler: binding(bound.slots[1]),
         })
         .collect();
+    out.numbers = numbers(stages, interface);
+    out
+}
+
+/// The numbers of texts that are read as they are, in which naga wants one of each resource.
+pub(super) fn as_bound(modules: &[Module]) -> Vec<Numbered> {
+    let mut out: Vec<Numbered> = Vec::new();
+    for module in modules {
+        let bound = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, g)| g.binding);
+        out.extend(bound.map(|binding| Numbered {
+            binding,
+            number: binding.binding,
+        }));
+    }
+    out.sort_by_key(|n| (n.binding.group, n.binding.binding));
+    out.dedup();
+    out
+}
+
+/// The author's own numbers, each binding's once.
+fn numbers(stages: &[Stage<'_>], interface: &Interface) -> Vec<Numbered> {
+    let mut out: Vec<Numbered> = Vec::new();
+    let mut add = |slot: Option<&Slot>, number: Option<u32>| {
+        if let (Some(slot), Some(number)) = (slot, number)
+            && out.iter().all(|n| n.binding != binding(*slot))
+        {
+            out.push(Numbered {
+                binding: binding(*slot),
+                number,
+            });
+        }
+    };
+    for stage in stages {
+        for block in &stage.blocks {
+            let number = block.qualifiers.number("binding");
+            add(interface.blocks.get(&block.name), number);
+        }
+        for variable in &stage.opaque {
+            let number = variable.qualifiers.number("binding");
+            add(interface.opaque.get(&variable.name), number);
+        }
+    }
+    for bound in interface.samplers.values() {
+        add(Some(&bound.slots[0]), bound.number);
+    }
     out
 }
 
@@ -78,7 +129,11 @@ fn located(structs: &Structs, variable: &Variable, location: u32) -> Option<Loca
         None => Chosen::ByUs,
     };
     Some(Located {
-        declaration: Declaration { name, ty },
+        declaration: Declaration {
+            name,
+            ty,
+            location: None,
+        },
         location,
         chosen,
     })
@@ -93,7 +148,11 @@ fn ty(structs: &Structs, of: &Ty) -> Option<Type> {
         Ty::Struct(name) => {
             let members = structs.get(name)?.members.iter().map(|m| {
                 let name = m.name.clone();
-                ty(structs, &m.ty).map(|ty| Declaration { name, ty })
+                ty(structs, &m.ty).map(|ty| Declaration {
+                    name,
+                    ty,
+                    location: None,
+                })
             });
             Type::Struct(name.clone(), members.collect::<Option<_>>()?)
         }

@@ -6,10 +6,10 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use naga::{ShaderStage, Span};
+use naga::{Module, ShaderStage, Span, TypeInner};
 
 use super::stage::{Stage, Variable, unsupported};
-use super::ty::{Member, Struct, Ty};
+use super::ty::{Member, Rules, Struct, Ty};
 use crate::front::error::{Code, Error};
 
 /// Group and binding.
@@ -29,6 +29,42 @@ pub(super) struct Pair {
 pub(super) struct Bound {
     pub pair: Pair,
     pub slots: [Slot; 2],
+    /// What the author numbered it.
+    pub number: Option<u32>,
+}
+
+/// A block that is printed without its instance's name.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Opened {
+    pub slot: Slot,
+    pub instance: String,
+    /// The members' own names, padding among them.
+    pub members: Vec<String>,
+}
+
+impl Opened {
+    /// Gives the block and its members their names back.
+    pub(super) fn close(&self, module: &mut Module) {
+        let at = |g: &&mut naga::GlobalVariable| {
+            let bound = g.binding.as_ref();
+            bound.is_some_and(|b| (b.group, b.binding) == self.slot)
+        };
+        let mut globals = module.global_variables.iter_mut().map(|(_, g)| g);
+        let Some(global) = globals.find(at) else {
+            return;
+        };
+        global.name = Some(self.instance.clone());
+        let handle = global.ty;
+        let mut ty = module.types[handle].clone();
+        if let TypeInner::Struct { members, .. } = &mut ty.inner
+            && members.len() == self.members.len()
+        {
+            for (member, name) in members.iter_mut().zip(&self.members) {
+                member.name = Some(name.clone());
+            }
+            module.types.replace(handle, ty);
+        }
+    }
 }
 
 /// What both stages declare alike.
@@ -43,6 +79,8 @@ pub(super) struct Interface {
     pub uniform_block: [String; 2],
     /// By path: `map`, `material.diffuse`, `maps[2]`.
     pub samplers: BTreeMap<String, Bound>,
+    /// Structs that storage blocks have by std430 and anything else has otherwise, each with its name there.
+    pub tight: HashMap<String, String>,
     pub opaque: HashMap<String, Slot>,
     pub blocks: HashMap<String, Slot>,
     /// Locations of inputs and outputs by key, a map for each stage.
@@ -52,6 +90,8 @@ pub(super) struct Interface {
     pub interpolation: HashMap<String, [Option<&'static str>; 2]>,
     /// Names that are taken.
     pub names: HashSet<String>,
+    /// Blocks of the stage that is printed.
+    pub opened: Vec<Opened>,
 }
 
 /// The stage's index in the maps above.
@@ -192,14 +232,24 @@ impl Interface {
         }
         for stage in stages.iter_mut() {
             for block in stage.blocks.clone() {
-                if block.qualifiers.storage == Some(super::stage::Storage::Uniform)
-                    && !block.qualifiers.says("push_constant")
-                {
+                if block.rules() == Rules::Std140 {
                     for member in &block.members {
                         stage.structs.host(&member.ty);
                     }
                 }
             }
+        }
+        let mut tight = Vec::new();
+        for stage in stages.iter() {
+            for block in stage.blocks.iter().filter(|b| b.rules() == Rules::Std430) {
+                for member in &block.members {
+                    stage.structs.not_tight(&member.ty, &mut tight);
+                }
+            }
+        }
+        for name in tight {
+            let own = self.fresh(&format!("{name}_std430"));
+            self.tight.insert(name, own);
         }
         self.uniform_block = [self.fresh("Uniforms"), self.fresh("uniforms")];
         Ok(())
@@ -234,7 +284,12 @@ impl Interface {
                     continue;
                 }
                 let set = block.qualifiers.number("set").unwrap_or(0);
-                match claim(at, "block", explicit(&block.qualifiers), &mut taken) {
+                // OpenGL numbers uniform and storage blocks apart.
+                let kind = match block.qualifiers.storage {
+                    Some(super::stage::Storage::Buffer) => "storage block",
+                    _ => "uniform block",
+                };
+                match claim(at, kind, explicit(&block.qualifiers), &mut taken) {
                     Some(slot) => {
                         self.blocks.insert(block.name.clone(), slot);
                     }
@@ -295,6 +350,7 @@ impl Interface {
                         Bound {
                             pair,
                             slots: [texture.unwrap_or((u32::MAX, 0)); 2],
+                            number: slot.map(|(_, number)| number),
                         },
                     );
                     waiting.push((Waiting::Sampler(path), set));

@@ -23,8 +23,9 @@ mod ty;
 use std::path::Path;
 
 use naga::front::glsl::{Frontend, Options as NagaOptions};
+use naga::proc::{Alignment, Layouter};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use naga::{Module, ShaderStage, Span};
+use naga::{AddressSpace, Handle, Module, ShaderStage, Span, Type, TypeInner};
 use preshade_passes::declared::Declared;
 use preshade_passes::link::offset;
 use preshade_passes::program::SourceMap;
@@ -58,7 +59,13 @@ pub(super) fn parse(
     }
     let as_they_are = || match options.clip_space {
         Some(ClipSpace::OpenGl) => None,
-        _ => as_they_are(texts, options).map(|modules| (modules, Declared::default())),
+        _ => as_they_are(texts, options).map(|modules| {
+            let declared = Declared {
+                numbers: declared::as_bound(&modules),
+                ..Declared::default()
+            };
+            (modules, declared)
+        }),
     };
     let lost = texts.iter().any(|t| is_evaluated_otherwise(t.text));
     if !lost && let Some(read) = as_they_are() {
@@ -92,6 +99,7 @@ fn rewritten(
             let place = |span: Span| rewritten.map.back(span);
             let mut module = read(&rewritten.text, text.stage, &[], &place)?;
             gather::replace(&mut module);
+            rewritten.opened.iter().for_each(|o| o.close(&mut module));
             respan::respan(&mut module, &place);
             finish(&mut module, text.stage);
             Ok(module)
@@ -135,6 +143,7 @@ fn units(
 pub(super) struct Normalised {
     pub text: String,
     map: Map,
+    opened: Vec<interface::Opened>,
 }
 
 /// Rewrites the stages of one material for naga; with what they declared.
@@ -156,7 +165,8 @@ pub(super) fn normalise(
         .map(|stage| {
             let (marked, marks) = lower::lower(stage, &mut interface, clip)?;
             let (text, map) = marks.settle(&marked);
-            Ok(Normalised { text, map })
+            let opened = std::mem::take(&mut interface.opened);
+            Ok(Normalised { text, map, opened })
         })
         .collect();
     Ok((texts?, declared))
@@ -207,7 +217,9 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
             let read = || read(text.text, text.stage, &options.defines, &place).ok();
             let mut module =
                 std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).ok()??;
-            if !is_valid(&module) {
+            // It lays structs out by no rules of GLSL's, and storage blocks of std140 are none of WGSL's.
+            let is_mixed = ["buffer", "std140"].iter().all(|w| text.text.contains(w));
+            if !is_valid(&module) || is_mixed || !is_laid_out(&module) {
                 return None;
             }
             respan::respan(&mut module, &|span| offset(span, text.base));
@@ -216,6 +228,34 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
         })
         .collect();
     modules
+}
+
+/// Whether blocks lie where both GLSL and WGSL have them: arrays in steps that WGSL can say, and structs within uniform blocks on 16 bytes, which naga does not see to.
+fn is_laid_out(module: &Module) -> bool {
+    fn of(module: &Module, layouter: &Layouter, ty: Handle<Type>, uniform: bool) -> bool {
+        match &module.types[ty].inner {
+            TypeInner::Array { base, stride, .. } => {
+                *stride == layouter[*base].to_stride() && of(module, layouter, *base, uniform)
+            }
+            TypeInner::Struct { members, .. } => members.iter().all(|m| {
+                let layout = layouter[m.ty];
+                let is_struct = matches!(module.types[m.ty].inner, TypeInner::Struct { .. });
+                let on_16 =
+                    layout.alignment >= Alignment::MIN_UNIFORM && layout.size.is_multiple_of(16);
+                (on_16 || !(uniform && is_struct)) && of(module, layouter, m.ty, uniform)
+            }),
+            _ => true,
+        }
+    }
+    let mut layouter = Layouter::default();
+    layouter.update(module.to_ctx()).is_ok()
+        && module.global_variables.iter().all(|(_, g)| {
+            let in_block = matches!(
+                g.space,
+                AddressSpace::Uniform | AddressSpace::Storage { .. } | AddressSpace::Immediate
+            );
+            !in_block || of(module, &layouter, g.ty, g.space == AddressSpace::Uniform)
+        })
 }
 
 /// What naga makes of a text in its dialect; `place` finds its errors in the author's.

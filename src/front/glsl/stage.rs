@@ -13,7 +13,7 @@ use naga::{ShaderStage, Span};
 
 use super::constant::{self, Constants};
 use super::syntax::Unit;
-use super::ty::{Member, Struct, Structs, Ty};
+use super::ty::{Member, Rules, Struct, Structs, Ty};
 use crate::front::error::{Code, Error};
 
 /// Where a variable lives.
@@ -91,6 +91,21 @@ pub(super) struct Block {
     pub members: Vec<Member>,
     pub qualifiers: Qualifiers,
     pub place: Option<Span>,
+}
+
+impl Block {
+    /// How its members are laid out. A storage block that says nothing is one of std430, as in Vulkan.
+    pub(super) fn rules(&self) -> Rules {
+        rules(&self.qualifiers)
+    }
+}
+
+fn rules(block: &Qualifiers) -> Rules {
+    let storage = block.storage == Some(Storage::Buffer);
+    match block.says("push_constant") || storage && !block.says("std140") {
+        true => Rules::Std430,
+        false => Rules::Std140,
+    }
 }
 
 /// A global variable or constant of the author's own.
@@ -380,7 +395,7 @@ impl<'u> Stage<'u> {
             }
             return Ok(());
         }
-        let tight = qualifiers.says("push_constant") || qualifiers.says("std430");
+        let tight = rules(&qualifiers) == Rules::Std430;
         self.refuse_offsets(&members, &member_qualifiers, tight)?;
         self.blocks.push(Block {
             name,

@@ -229,6 +229,39 @@ impl Structs {
         self.by_name.insert(of.name.clone(), of);
     }
 
+    /// The structs of a storage block of std430, or of push constants, that naga reads otherwise than the author means them: it lays out a struct by std140 where it is declared, and what lies in
+    /// a uniform block as well has [`stored`] members and padding. Inner ones come first.
+    pub(super) fn not_tight(&self, ty: &Ty, out: &mut Vec<String>) {
+        let Ty::Struct(name) = ty.innermost() else {
+            return;
+        };
+        let members = self.get(name).map(|s| s.members.as_slice());
+        for member in members.unwrap_or_default() {
+            self.not_tight(&member.ty, out);
+        }
+        if !self.is_tight(ty.innermost()) && !out.contains(name) {
+            out.push(name.clone());
+        }
+    }
+
+    /// Whether what naga makes of the type where a struct is declared is what std430 asks for.
+    fn is_tight(&self, ty: &Ty) -> bool {
+        match ty {
+            Ty::Scalar(kind) | Ty::Vector(kind, _) => *kind != Kind::Bool,
+            Ty::Matrix(_, _, rows) => *rows != 2,
+            Ty::Array(of, _) => {
+                let stride = |(align, size): (u32, u32)| size.next_multiple_of(align);
+                let (align, size) = self.std140(of);
+                self.is_tight(of) && stride((align.max(16), size)) == stride(self.std430(of))
+            }
+            Ty::Struct(name) => self.get(name).is_none_or(|s| {
+                let padded = || self.laid_out(&s.members, true).contains(&Entry::Padding);
+                s.members.iter().all(|m| self.is_tight(&m.ty)) && !(s.hosted && padded())
+            }),
+            _ => true,
+        }
+    }
+
     /// Marks what a uniform of type `ty` brings into its block.
     pub(super) fn host(&mut self, ty: &Ty) {
         let Ty::Struct(name) = ty.innermost() else {
@@ -435,17 +468,27 @@ impl Structs {
     /// Marks the structs whose members naga lays out as in a block wherever they are used: those with arrays of small elements, or with matrices of two rows.
     pub(super) fn host_small(&mut self) {
         for of in self.by_name.values_mut() {
-            of.hosted |= of
-                .members
-                .iter()
-                .any(|m| !matches!(m.ty.kind(), Some(Kind::Bool)) && is_stored_otherwise(&m.ty));
+            of.hosted |= of.members.iter().any(|m| {
+                !matches!(m.ty.kind(), Some(Kind::Bool))
+                    && is_stored_otherwise(&m.ty, Rules::Std140)
+            });
         }
     }
 }
 
-/// How a value of the type is declared in a uniform block: WebGPU's uniform address space has no `bool`, no array of an element that is smaller than 16 bytes
-/// and, in std140, no matrix of two rows. What is stored has the same offsets.
-pub(super) fn stored(ty: &Ty) -> Ty {
+/// What decides how a value is declared that lies in a block (OpenGL 4.6, section 7.6.2.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rules {
+    /// WebGPU's uniform address space has no `bool`, no array of an element that is smaller than 16 bytes and, in std140, no matrix of two rows.
+    Std140,
+    /// No `bool`.
+    Std430,
+    /// A struct of std430, whose declaration naga reads by std140 first, without matrices of two rows.
+    Std430Struct,
+}
+
+/// How a value of the type is declared where it lies in a block. What is stored has the same offsets.
+pub(super) fn stored(ty: &Ty, rules: Rules) -> Ty {
     fn of_kind(kind: Kind) -> Kind {
         match kind {
             Kind::Bool => Kind::Uint,
@@ -455,15 +498,18 @@ pub(super) fn stored(ty: &Ty) -> Ty {
     match ty {
         Ty::Array(of, n) => {
             let element = match &**of {
-                Ty::Scalar(k) | Ty::Vector(k, 2) => Ty::Vector(of_kind(*k), 4),
-                other => stored(other),
+                Ty::Scalar(k) | Ty::Vector(k, 2) if rules == Rules::Std140 => {
+                    Ty::Vector(of_kind(*k), 4)
+                }
+                other => stored(other, rules),
             };
             Ty::Array(Box::new(element), *n)
         }
-        Ty::Matrix(Kind::Float, columns, 2) => Ty::Array(
-            Box::new(Ty::Vector(Kind::Float, 4)),
-            Some(u32::from(*columns)),
-        ),
+        Ty::Matrix(Kind::Float, columns, 2) if rules != Rules::Std430 => {
+            let column = if rules == Rules::Std140 { 4 } else { 2 };
+            let column = Ty::Vector(Kind::Float, column);
+            Ty::Array(Box::new(column), Some(u32::from(*columns)))
+        }
         Ty::Scalar(k) => Ty::Scalar(of_kind(*k)),
         Ty::Vector(k, n) => Ty::Vector(of_kind(*k), *n),
         other => other.clone(),
@@ -471,8 +517,8 @@ pub(super) fn stored(ty: &Ty) -> Ty {
 }
 
 /// Whether [`stored`] changes the type.
-pub(super) fn is_stored_otherwise(ty: &Ty) -> bool {
-    stored(ty) != *ty
+pub(super) fn is_stored_otherwise(ty: &Ty, rules: Rules) -> bool {
+    stored(ty, rules) != *ty
 }
 
 #[cfg(test)]
@@ -497,10 +543,26 @@ mod tests {
     #[test]
     fn what_is_stored_keeps_the_stride() {
         let array = |of, n| Ty::Array(Box::new(of), Some(n));
-        assert_eq!(stored(&array(Ty::FLOAT, 5)).name(), "vec4[5]");
-        assert_eq!(stored(&array(Ty::named("bvec2"), 2)).name(), "uvec4[2]");
-        assert_eq!(stored(&Ty::named("mat2")).name(), "vec4[2]");
-        assert_eq!(stored(&array(Ty::named("mat2"), 3)).name(), "vec4[2][3]");
-        assert!(!is_stored_otherwise(&array(Ty::named("vec3"), 4)));
+        assert_eq!(
+            stored(&array(Ty::FLOAT, 5), Rules::Std140).name(),
+            "vec4[5]"
+        );
+        assert_eq!(
+            stored(&array(Ty::named("bvec2"), 2), Rules::Std140).name(),
+            "uvec4[2]"
+        );
+        assert_eq!(stored(&Ty::named("mat2"), Rules::Std140).name(), "vec4[2]");
+        assert_eq!(
+            stored(&Ty::named("mat2"), Rules::Std430Struct).name(),
+            "vec2[2]"
+        );
+        assert_eq!(
+            stored(&array(Ty::named("mat2"), 3), Rules::Std140).name(),
+            "vec4[2][3]"
+        );
+        assert!(!is_stored_otherwise(
+            &array(Ty::named("vec3"), 4),
+            Rules::Std140
+        ));
     }
 }

@@ -12,8 +12,10 @@ uniform float elevation;
 uniform float cutoff;
 uniform vec3 skyColor;
 uniform vec3 groundColor;
-uniform vec3 fogColor;
-uniform float fogDensity;
+layout(std140) uniform Air {
+    vec3 fogColor;
+    float fogDensity;
+};
 
 out vec4 color;
 

@@ -7,8 +7,10 @@ in vec2 uv;
 uniform mat4 modelMatrix;
 uniform mat4 viewMatrix;
 uniform mat4 projectionMatrix;
-uniform float time;
-uniform float wind;
+layout(std140) uniform Weather {
+    float time;
+    float wind;
+};
 
 out vec3 vWorld;
 out vec3 vNormal;

@@ -5,9 +5,9 @@ use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{Signature, Storage, spelled, unsupported};
-use super::super::ty::{Entry, Kind, Ty, is_stored_otherwise};
+use super::super::ty::{Kind, Ty};
 use super::effect::after;
-use super::expression::{Ex, level, pack};
+use super::expression::{Ex, level};
 use super::{Lower, builtin, texture};
 use crate::front::error::Error;
 
@@ -83,38 +83,11 @@ impl Lower<'_, '_> {
                 Ok(ex)
             }
             Ty::Struct(name) => {
-                let members = self
-                    .stage
-                    .structs
-                    .get(name)
-                    .map(|s| (s.hosted, s.members.clone()));
-                let (hosted, members) = members.unwrap_or_default();
-                let entries = match hosted {
-                    true => self.stage.structs.laid_out(&members, true),
-                    false => members.iter().map(Entry::Member).collect(),
-                };
-                let mut parts = Vec::new();
-                let mut values = values.into_iter();
-                for entry in entries {
-                    let Entry::Member(member) = entry else {
-                        parts.push("0.0".to_owned());
-                        continue;
-                    };
-                    let Some(value) = values.next() else {
-                        break;
-                    };
-                    let value = self.coerce(value, &member.ty);
-                    parts.push(match hosted && is_stored_otherwise(&member.ty) {
-                        true => pack(&value, &member.ty).ok_or_else(|| {
-                            unsupported("a struct of this shape cannot be constructed", place)
-                        })?,
-                        false => value.at(level::ASSIGNMENT),
-                    });
-                }
-                Ok(Ex::primary(
-                    format!("{name}({})", parts.join(", ")),
-                    ty.clone(),
-                ))
+                let text = self.construct(name, values);
+                let text = text.ok_or_else(|| {
+                    unsupported("a struct of this shape cannot be constructed", place)
+                })?;
+                Ok(Ex::primary(text, ty.clone()))
             }
             Ty::Array(of, n) => {
                 let n = n.unwrap_or(values.len() as u32);
@@ -319,7 +292,7 @@ impl Lower<'_, '_> {
             if *storage != Storage::In
                 && self.stage.structs.has_data(to)
                 && !self.stage.structs.has_samplers(to)
-                && !(value.hosted && is_stored_otherwise(&value.ty))
+                && !self.is_otherwise(&value)
             {
                 let one = self.written(argument, to, *storage, &outs)?;
                 parts.push(one.argument.clone());
@@ -340,7 +313,7 @@ impl Lower<'_, '_> {
                         let value = self.value(value);
                         self.coerce(value, to)
                     }
-                    _ if value.hosted && is_stored_otherwise(&value.ty) => {
+                    _ if self.is_otherwise(&value) => {
                         return Err(unsupported(
                             "this part of a uniform's struct cannot be an out argument",
                             self.place(whole.span),

@@ -1,11 +1,13 @@
 //! What stands outside of functions, in an order that naga can read: structs, resources, inputs and outputs, globals, functions.
 
+use std::collections::HashMap;
+
 use naga::ShaderStage;
 
-use super::super::interface::{Slot, index};
+use super::super::interface::{Opened, Slot, index};
 use super::super::marks::unmarked;
 use super::super::stage::{Global, Storage, Variable, unsupported};
-use super::super::ty::{Entry, Kind, Member, Ty, stored};
+use super::super::ty::{Entry, Kind, Member, Rules, Ty, stored};
 use super::{Lower, Var};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
@@ -75,14 +77,36 @@ impl Lower<'_, '_> {
                 };
                 out += &self.marks.mark(member.place);
                 let ty = match of.hosted {
-                    true => stored(&member.ty),
+                    true => stored(&member.ty, Rules::Std140),
                     false => member.ty.clone(),
                 };
                 out += &format!("    {};\n", ty.declare(&member.name));
             }
             out += "};\n";
+            if let Some(tight) = self.interface.tight.get(&name).cloned() {
+                out += &format!("struct {tight} {{\n");
+                for member in &of.members {
+                    let ty = self.lying(&member.ty, Rules::Std430Struct);
+                    out += &self.marks.mark(member.place);
+                    out += &format!("    {};\n", ty.declare(&member.name));
+                }
+                out += "};\n";
+            }
         }
         out
+    }
+
+    /// What a type is declared as where it lies in a block.
+    fn lying(&self, ty: &Ty, rules: Rules) -> Ty {
+        match (ty, rules) {
+            (Ty::Struct(name), Rules::Std430 | Rules::Std430Struct) => {
+                Ty::Struct(self.interface.tight.get(name).unwrap_or(name).clone())
+            }
+            (Ty::Array(of, n), Rules::Std430 | Rules::Std430Struct) => {
+                Ty::Array(Box::new(self.lying(of, rules)), *n)
+            }
+            _ => stored(ty, rules),
+        }
     }
 
     fn layout(slot: Slot) -> String {
@@ -96,9 +120,9 @@ impl Lower<'_, '_> {
         for block in self.stage.blocks.clone() {
             let storage = block.qualifiers.storage == Some(Storage::Buffer);
             let push = block.qualifiers.says("push_constant");
-            let hosted = !storage && !push;
+            let rules = block.rules();
             let layout = match push {
-                true => "push_constant".to_owned(),
+                true => "push_constant, std430".to_owned(),
                 false => {
                     let slot = self
                         .interface
@@ -106,12 +130,12 @@ impl Lower<'_, '_> {
                         .get(&block.name)
                         .copied()
                         .unwrap_or_default();
-                    let rules = match (storage, block.qualifiers.says("std140")) {
-                        (true, false) => ", std430",
-                        (true, true) => ", std140",
+                    let said = match (storage, rules) {
+                        (true, Rules::Std140) => ", std140",
+                        (true, _) => ", std430",
                         _ => "",
                     };
-                    Self::layout(slot) + rules
+                    Self::layout(slot) + said
                 }
             };
             let memory: String = block
@@ -123,37 +147,64 @@ impl Lower<'_, '_> {
             let mark = self.marks.mark(block.place);
             let word = if storage { "buffer" } else { "uniform" };
             let mut body = String::new();
-            let entries = match hosted {
-                true => self.stage.structs.laid_out(&block.members, false),
-                false => block.members.iter().map(Entry::Member).collect(),
+            let entries = match rules {
+                Rules::Std140 => self.stage.structs.laid_out(&block.members, false),
+                _ => block.members.iter().map(Entry::Member).collect(),
             };
+            let instance = block.instance.as_ref().map(|i| self.safe(i));
+            let last = block.members.last().map(|m| &m.ty);
+            // naga reads a member of a block by its name by loading all of the block, which one without a length cannot be.
+            let open = instance.clone();
+            let open = open.filter(|_| storage && matches!(last, Some(Ty::Array(_, None))));
+            let mut said = Vec::new();
+            let mut written: HashMap<String, String> = HashMap::new();
             for (i, entry) in entries.into_iter().enumerate() {
-                body += &match entry {
-                    Entry::Member(member) => self.member(member, hosted)?,
-                    Entry::Padding => format!("    float {}_padding_{i};\n", block.name),
+                let (name, text) = match entry {
+                    Entry::Member(member) => {
+                        let mut own = member.clone();
+                        if let Some(instance) = &open {
+                            own.name = self.fresh(&format!("{instance}_{}", member.name));
+                            written.insert(member.name.clone(), own.name.clone());
+                        }
+                        (member.name.clone(), self.member(&own, rules)?)
+                    }
+                    Entry::Padding => {
+                        let name = format!("{}_padding_{i}", block.name);
+                        let text = format!("    float {name};\n");
+                        (name, text)
+                    }
                 };
+                said.push(name);
+                body += &text;
             }
             let name = self.safe(&block.name);
             let text = format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
-            let instance = block.instance.as_ref().map(|i| self.safe(i));
-            match &instance {
-                Some(instance) => named += &format!("{text} {instance};\n"),
-                None => out += &format!("{text};\n"),
+            match (&instance, &open) {
+                (Some(instance), None) => named += &format!("{text} {instance};\n"),
+                _ => out += &format!("{text};\n"),
+            }
+            if let (Some(instance), Some(slot)) = (open, self.interface.blocks.get(&block.name)) {
+                self.interface.opened.push(Opened {
+                    slot: *slot,
+                    instance,
+                    members: said,
+                });
             }
             let members: Vec<(String, Var)> = block
                 .members
                 .iter()
                 .map(|m| {
-                    let text = match &instance {
-                        Some(instance) => format!("{instance}.{}", m.name),
-                        None => m.name.clone(),
+                    let text = match (&instance, written.get(&m.name)) {
+                        (_, Some(written)) => written.clone(),
+                        (Some(instance), None) => format!("{instance}.{}", m.name),
+                        (None, None) => m.name.clone(),
                     };
                     (
                         m.name.clone(),
                         Var {
                             text,
                             ty: m.ty.clone(),
-                            hosted,
+                            hosted: Some(rules),
                             row_major: m.row_major,
                             path: None,
                         },
@@ -242,7 +293,7 @@ impl Lower<'_, '_> {
             let var = Var {
                 text: format!("{instance}.{}", uniform.name),
                 ty: uniform.ty.clone(),
-                hosted: true,
+                hosted: Some(Rules::Std140),
                 row_major: uniform.qualifiers.says("row_major"),
                 path,
             };
@@ -262,7 +313,7 @@ impl Lower<'_, '_> {
             .enumerate()
         {
             out += &match entry {
-                Entry::Member(member) => self.member(member, true)?,
+                Entry::Member(member) => self.member(member, Rules::Std140)?,
                 Entry::Padding => format!("    float padding_{i};\n"),
             };
         }
@@ -270,7 +321,7 @@ impl Lower<'_, '_> {
     }
 
     /// A member of a block, declared as it is stored.
-    fn member(&mut self, member: &Member, hosted: bool) -> Result<String, Error> {
+    fn member(&mut self, member: &Member, rules: Rules) -> Result<String, Error> {
         let mark = self.marks.mark(member.place);
         let ty = match (&member.ty, member.row_major) {
             (ty, true) => match transposed(ty) {
@@ -285,7 +336,7 @@ impl Lower<'_, '_> {
             },
             (ty, false) => ty.clone(),
         };
-        let ty = if hosted { stored(&ty) } else { ty };
+        let ty = self.lying(&ty, rules);
         Ok(format!("{mark}    {};\n", ty.declare(&member.name)))
     }
 
@@ -452,7 +503,7 @@ impl Lower<'_, '_> {
         let name = self.safe(author);
         let hosted = self.is_hosted(&global.ty);
         let mut var = Var::plain(name.clone(), global.ty.clone());
-        var.hosted = hosted;
+        var.hosted = hosted.then_some(Rules::Std140);
         if !self.stage.used.contains(author) && !global.qualifiers.says("constant_id") {
             self.bind(author, var);
             return Ok(());

@@ -117,7 +117,7 @@ impl Lower<'_, '_> {
             false => self.settle(argument)?,
         };
         let target = self.raw(argument)?;
-        let name = match whole || target.hosted || target.ty != *to {
+        let name = match whole || self.is_otherwise(&target) || target.ty != *to {
             true => None,
             false => self.temporary(to),
         };

@@ -9,7 +9,7 @@ use super::super::constant;
 use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{initial_length, unsupported};
-use super::super::ty::{Kind, Ty, is_stored_otherwise, stored};
+use super::super::ty::{Entry, Kind, Rules, Ty, is_stored_otherwise, stored};
 use super::effect::after;
 use super::{Lower, Var};
 use crate::front::error::Error;
@@ -30,8 +30,8 @@ pub(super) struct Ex {
     pub text: String,
     pub ty: Ty,
     pub level: u8,
-    /// It is as it lies in a uniform block; [`Lower::value`] makes a value of it.
-    pub hosted: bool,
+    /// It is as it lies in a block; [`Lower::value`] makes a value of it.
+    pub hosted: Option<Rules>,
     pub row_major: bool,
     /// Where its samplers are found.
     pub path: Option<String>,
@@ -47,7 +47,7 @@ impl Ex {
             text: text.into(),
             ty,
             level,
-            hosted: false,
+            hosted: None,
             row_major: false,
             path: None,
             pair: None,
@@ -72,7 +72,58 @@ impl Lower<'_, '_> {
     /// A value: what lies in a block otherwise is taken out of it.
     pub(super) fn expr(&mut self, expr: &Expr) -> Result<Ex, Error> {
         let ex = self.raw(expr)?;
+        if matches!(ex.ty.innermost(), Ty::Struct(_))
+            && self.is_otherwise(&ex)
+            && self.has_effect(expr)
+        {
+            // It is taken member by member, each time from the place that is written here.
+            return Err(unsupported(
+                "a struct is read out of a storage block at an index that does something: take the index first",
+                self.place(expr.span),
+            ));
+        }
         Ok(self.value(ex))
+    }
+
+    /// Whether it lies in its block as something else than a value of its type.
+    pub(super) fn is_otherwise(&self, ex: &Ex) -> bool {
+        let Some(rules) = ex.hosted else {
+            return false;
+        };
+        let struct_of = |ty: &Ty| match ty.innermost() {
+            Ty::Struct(name) => self.interface.tight.contains_key(name),
+            _ => false,
+        };
+        is_stored_otherwise(&ex.ty, rules) || rules != Rules::Std140 && struct_of(&ex.ty)
+    }
+
+    /// A value of a struct, made of those of its members in order; `None` where one of them cannot be.
+    pub(super) fn construct(&self, name: &str, values: Vec<Ex>) -> Option<String> {
+        let of = self.stage.structs.get(name);
+        let (hosted, members) = of
+            .map(|s| (s.hosted, s.members.as_slice()))
+            .unwrap_or_default();
+        let entries = match hosted {
+            true => self.stage.structs.laid_out(members, true),
+            false => members.iter().map(Entry::Member).collect(),
+        };
+        let mut parts = Vec::new();
+        let mut values = values.into_iter();
+        for entry in entries {
+            let Entry::Member(member) = entry else {
+                parts.push("0.0".to_owned());
+                continue;
+            };
+            let Some(value) = values.next() else {
+                break;
+            };
+            let value = self.coerce(value, &member.ty);
+            parts.push(match hosted {
+                true => pack(&value, &member.ty, Rules::Std140)?,
+                false => value.at(level::ASSIGNMENT),
+            });
+        }
+        Some(format!("{name}({})", parts.join(", ")))
     }
 
     pub(super) fn value(&self, ex: Ex) -> Ex {
@@ -103,9 +154,9 @@ impl Lower<'_, '_> {
                 _ => inner,
             };
         }
-        if !ex.hosted || !is_stored_otherwise(&ex.ty) {
+        if !self.is_otherwise(&ex) {
             return Ex {
-                hosted: false,
+                hosted: None,
                 row_major: false,
                 ..ex
             };
@@ -117,8 +168,9 @@ impl Lower<'_, '_> {
                 Ex::primary(format!("notEqual({text}, uvec{n}(0u))"), ex.ty.clone())
             }
             Ty::Matrix(_, columns, _) => {
-                let columns: Vec<String> =
-                    (0..*columns).map(|c| format!("{text}[{c}].xy")).collect();
+                let columns: Vec<String> = (0..*columns)
+                    .map(|c| element(&ex, &c.to_string()).text)
+                    .collect();
                 Ex::primary(
                     format!("{}({})", ex.ty.name(), columns.join(", ")),
                     ex.ty.clone(),
@@ -132,6 +184,19 @@ impl Lower<'_, '_> {
                     format!("{}({})", ex.ty.name(), parts.join(", ")),
                     ex.ty.clone(),
                 )
+            }
+            Ty::Struct(name) => {
+                let members = self.stage.structs.get(name).map(|s| s.members.as_slice());
+                let members = members.unwrap_or_default().iter().map(|m| {
+                    let member =
+                        Ex::new(format!("{text}.{}", m.name), m.ty.clone(), level::POSTFIX);
+                    self.value(Ex {
+                        hosted: Some(Rules::Std430Struct),
+                        ..member
+                    })
+                });
+                let constructed = self.construct(name, members.collect());
+                Ex::primary(constructed.unwrap_or(text), ex.ty.clone())
             }
             _ => ex,
         }
@@ -191,14 +256,18 @@ impl Lower<'_, '_> {
                 };
                 let target = self.raw(to)?;
                 let from = self.expr(from)?;
-                let text = if word == "=" && target.hosted && is_stored_otherwise(&target.ty) {
-                    let packed =
-                        pack(&self.coerce(from, &target.ty), &target.ty).ok_or_else(|| {
-                            unsupported(
-                                "this part of a uniform's struct cannot be written to as a whole",
-                                place,
-                            )
-                        })?;
+                let text = if word == "=" && self.is_otherwise(&target) {
+                    let rules = target.hosted.unwrap_or(Rules::Std140);
+                    let packed = match target.ty.innermost() {
+                        Ty::Struct(_) => None,
+                        _ => pack(&self.coerce(from, &target.ty), &target.ty, rules),
+                    };
+                    let packed = packed.ok_or_else(|| {
+                        unsupported(
+                            "this part of a block cannot be written to as a whole: write to its members one by one",
+                            place,
+                        )
+                    })?;
                     format!("{} = {packed}", target.at(level::UNARY))
                 } else {
                     let from = match word {
@@ -584,7 +653,15 @@ impl Lower<'_, '_> {
                     member.ty,
                     level::POSTFIX,
                 );
-                ex.hosted = hosted;
+                // Inside of a struct of std430 all is of std430; any other struct is what it is wherever it lies.
+                ex.hosted = match base.hosted {
+                    Some(Rules::Std430 | Rules::Std430Struct)
+                        if self.interface.tight.contains_key(&of) =>
+                    {
+                        Some(Rules::Std430Struct)
+                    }
+                    _ => hosted.then_some(Rules::Std140),
+                };
                 ex.path = base.path.map(|p| format!("{p}.{name}"));
                 Ok(self.with_pair(ex))
             }
@@ -600,7 +677,7 @@ impl Lower<'_, '_> {
                 })
             }
             Ty::Vector(kind, _) => {
-                let base = match base.hosted && kind == Kind::Bool {
+                let base = match base.hosted.is_some() && kind == Kind::Bool {
                     true => self.value(base),
                     false => base,
                 };
@@ -749,7 +826,8 @@ pub(super) fn element(base: &Ex, index: &str) -> Ex {
     let (ty, ending) = match &base.ty {
         Ty::Array(of, _) => {
             // Padded to four components in a block.
-            let ending = match (&**of, base.hosted) {
+            let padded = base.hosted == Some(Rules::Std140);
+            let ending = match (&**of, padded) {
                 (Ty::Scalar(_), true) => ".x",
                 (Ty::Vector(_, 2), true) => ".xy",
                 _ => "",
@@ -757,7 +835,8 @@ pub(super) fn element(base: &Ex, index: &str) -> Ex {
             ((**of).clone(), ending)
         }
         Ty::Matrix(k, _, rows) => {
-            let ending = if base.hosted && *rows == 2 { ".xy" } else { "" };
+            let padded = base.hosted == Some(Rules::Std140) && *rows == 2;
+            let ending = if padded { ".xy" } else { "" };
             (Ty::Vector(*k, *rows), ending)
         }
         Ty::Vector(k, _) => (Ty::Scalar(*k), ""),
@@ -769,33 +848,44 @@ pub(super) fn element(base: &Ex, index: &str) -> Ex {
     ex
 }
 
-/// A value as it lies in a block.
-pub(super) fn pack(value: &Ex, ty: &Ty) -> Option<String> {
+/// A value as it lies in a block; `None` where its length is not known.
+pub(super) fn pack(value: &Ex, ty: &Ty, rules: Rules) -> Option<String> {
+    if !is_stored_otherwise(ty, rules) {
+        return Some(value.at(level::ASSIGNMENT));
+    }
+    let text = value.at(level::POSTFIX);
+    let stored_name = stored(ty, rules).name();
     Some(match ty {
         Ty::Scalar(Kind::Bool) => format!("uint({})", value.text),
         Ty::Vector(Kind::Bool, n) => format!("uvec{n}({})", value.text),
         Ty::Matrix(_, columns, 2) => {
             let parts: Vec<String> = (0..*columns)
-                .map(|c| format!("vec4({}[{c}], 0.0, 0.0)", value.at(level::POSTFIX)))
+                .map(|c| match rules {
+                    Rules::Std140 => format!("vec4({text}[{c}], 0.0, 0.0)"),
+                    _ => format!("{text}[{c}]"),
+                })
                 .collect();
-            format!("{}({})", stored(ty).name(), parts.join(", "))
+            format!("{stored_name}({})", parts.join(", "))
         }
-        Ty::Array(of, Some(n)) if matches!(**of, Ty::Scalar(_) | Ty::Vector(_, 2)) => {
-            let vector = match stored(ty) {
-                Ty::Array(of, _) => of.name(),
-                _ => return None,
+        Ty::Array(of, Some(n)) => {
+            let padded = match (&**of, rules) {
+                (Ty::Scalar(_), Rules::Std140) => Some(", 0, 0, 0"),
+                (Ty::Vector(_, 2), Rules::Std140) => Some(", 0, 0"),
+                _ => None,
             };
-            let zeros = if matches!(**of, Ty::Scalar(_)) {
-                ", 0, 0, 0"
-            } else {
-                ", 0, 0"
+            let Ty::Array(element, _) = stored(ty, rules) else {
+                return None;
             };
-            let parts: Vec<String> = (0..*n)
-                .map(|i| format!("{vector}({}[{i}]{zeros})", value.at(level::POSTFIX)))
-                .collect();
-            format!("{}({})", stored(ty).name(), parts.join(", "))
+            let part = |i: u32| match padded {
+                Some(zeros) => Some(format!("{}({text}[{i}]{zeros})", element.name())),
+                None => {
+                    let part = Ex::new(format!("{text}[{i}]"), (**of).clone(), level::POSTFIX);
+                    pack(&part, of, rules)
+                }
+            };
+            let parts: Option<Vec<String>> = (0..*n).map(part).collect();
+            format!("{stored_name}({})", parts?.join(", "))
         }
-        other if !is_stored_otherwise(other) => value.text.clone(),
         _ => return None,
     })
 }

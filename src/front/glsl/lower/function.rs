@@ -6,7 +6,7 @@ use glsl_lang::ast::{self, FunctionParameterDeclarationData as P};
 
 use super::super::interface::{Pair, flat};
 use super::super::stage::{Signature, Storage, unsupported};
-use super::super::ty::{Entry, Kind, Ty, stored};
+use super::super::ty::{Entry, Kind, Rules, Ty, stored};
 use super::{Lower, Var, builtin};
 use crate::front::error::Error;
 
@@ -150,7 +150,7 @@ impl<'u> Lower<'_, 'u> {
                 let parts: Vec<String> = entries
                     .iter()
                     .map(|e| match e {
-                        Entry::Member(m) if of.hosted => self.zero(&stored(&m.ty)),
+                        Entry::Member(m) if of.hosted => self.zero(&stored(&m.ty, Rules::Std140)),
                         Entry::Member(m) => self.zero(&m.ty),
                         Entry::Padding => "0.0".to_owned(),
                     })

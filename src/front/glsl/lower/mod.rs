@@ -19,7 +19,7 @@ use naga::{ShaderStage, Span};
 use super::interface::{Interface, Pair};
 use super::marks::Marks;
 use super::stage::Stage;
-use super::ty::Ty;
+use super::ty::{Rules, Ty};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
 
@@ -68,8 +68,8 @@ struct Var {
     /// How it is read.
     text: String,
     ty: Ty,
-    /// It lies in a uniform block, or in a struct that does: see [`super::ty::stored`].
-    hosted: bool,
+    /// It lies in a block, or in a struct that does: see [`super::ty::stored`].
+    hosted: Option<Rules>,
     row_major: bool,
     /// Where the samplers in it are found: a path of [`Lower::pairs`].
     path: Option<String>,
@@ -80,7 +80,7 @@ impl Var {
         Self {
             text: text.into(),
             ty,
-            hosted: false,
+            hosted: None,
             row_major: false,
             path: None,
         }
