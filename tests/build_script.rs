@@ -380,7 +380,47 @@ fn what_holds_for_some_values_alone_is_no_ones_default() {
     assert!(of("original").contains("GUARD: &[Assumed] = &[]"));
     assert!(!module.contains("pub use variant::*"));
     assert!(module.contains("pub use original::*;"));
-    assert!(module.contains("pub use variant::{CHOICES, GUARD, guard_holds, variant_for};"));
+    assert!(module.contains("pub use variant::{CHOICES, CONSTANTS, GUARD, guard_holds, variant_for};"));
+}
+
+/// Constants that a pipeline may set, of which some decide others.
+const OVERRIDES: &str = "
+override K: f32 = 0.5;
+override FANCY: bool = false;
+@id(7) override N: u32 = 4u;
+override M: u32 = N * 2u;
+@group(0) @binding(0) var<uniform> u: vec4<f32>;
+@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
+@fragment fn fs(@location(0) p: vec4<f32>) -> @location(0) vec4<f32> {
+    var c = u * K;
+    if FANCY { c += p; }
+    for (var i = 0u; i < M; i++) { c *= 2.0; }
+    return c;
+}";
+
+#[test]
+fn constants_that_a_variant_has_decided_are_told_and_checked() {
+    let package = Package::new("constants");
+    fs::write(package.0.join("toon.wgsl"), OVERRIDES).unwrap();
+    let one = ["specialize:set=N=1+K=0.75+FANCY=false"];
+    let built = package.build(configure().variant("one", one)).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    let module = package.module();
+    let one = module.split("pub mod one {").nth(1).unwrap();
+    for said in [
+        "name: \"K\", place: Place::Override { key: \"K\", is_default: false }, ty: ScalarType::F32, low: 0.75, high: 0.75",
+        // What follows from them needs not be said, nor what is the default.
+        "name: \"M\", place: Place::Override { key: \"M\", is_default: true }, ty: ScalarType::U32, low: 2.0, high: 2.0",
+        "name: \"FANCY\", place: Place::Override { key: \"FANCY\", is_default: true }",
+        "name: \"N\", place: Place::Override { key: \"7\", is_default: false }",
+        "CONSTANTS: &[(&str, f64)] = &[(\"K\", 0.75), (\"FANCY\", 0.0), (\"7\", 1.0), (\"M\", 2.0)];",
+    ] {
+        assert!(one.contains(said), "{said}\n{one}");
+    }
+    let main = one.split("static MAIN: Pass = ").nth(1).unwrap();
+    assert!(main.lines().next().unwrap().contains("guard: GUARD"));
+    let original = module.split("pub mod original {").nth(1).unwrap();
+    assert!(original.contains("CONSTANTS: &[(&str, f64)] = &[];"));
 }
 
 #[test]

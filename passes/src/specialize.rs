@@ -43,7 +43,7 @@ pub mod effects;
 mod expressions;
 pub mod fold;
 pub mod known;
-mod overrides;
+pub(crate) mod overrides;
 mod params;
 mod shrink;
 mod unroll;

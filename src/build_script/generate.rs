@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use preshade_passes::guard::{self, Place};
+use preshade_passes::guard::{self, Constant, Place};
 use preshade_passes::plan::{
     Attachment, BindingSource, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Phase, Plan,
     SamplesPassed, SelfTest,
@@ -88,6 +88,7 @@ pub(super) fn material(name: &str, drawn: &[Drawn], module: &Module<'_>) -> Resu
     for one in drawn {
         overrides.extend(one.overrides()?.into_values().flatten().map(|o| o.key));
     }
+    let of_author = drawn.first().map(|original| &original.plan);
     let mut text = match module.wgpu {
         None => String::new(),
         Some(path) => format!("use {} as wgpu;\n", from_within(path)),
@@ -105,7 +106,8 @@ pub(super) fn material(name: &str, drawn: &[Drawn], module: &Module<'_>) -> Resu
     );
     text.push_str(&interleaved(drawn));
     for one in drawn {
-        text.push_str(&variant(name, one, &shared, &overrides)?);
+        let constants = constants(&one.plan, of_author);
+        text.push_str(&variant(name, one, &shared, &overrides, &constants)?);
     }
     if let Some(chosen) = drawn.get(1) {
         let name = &chosen.name;
@@ -113,7 +115,7 @@ pub(super) fn material(name: &str, drawn: &[Drawn], module: &Module<'_>) -> Resu
         let names = match guard(&chosen.plan).is_empty() {
             true => format!("pub use {name}::*;"),
             false => format!(
-                "pub use original::*;\npub use {name}::{{CHOICES, GUARD, guard_holds, variant_for}};"
+                "pub use original::*;\npub use {name}::{{CHOICES, CONSTANTS, GUARD, guard_holds, variant_for}};"
             ),
         };
         let _ = writeln!(text, "{names}");
@@ -200,12 +202,23 @@ pub(super) fn json(value: &impl serde::Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// The module of one plan. `keys` are those of all overrides of the material.
+/// What a plan assumes of overrides, which are those of the original.
+fn constants<'p>(plan: &'p Plan, original: Option<&Plan>) -> Vec<Constant<'p>> {
+    let programs = original.iter().flat_map(|o| o.programs.values());
+    let all = programs.flat_map(|program| {
+        let guard = plan.guard.as_ref();
+        guard.map_or(Vec::new(), |g| g.constants(program.module()))
+    });
+    all.collect()
+}
+
+/// The module of one plan. `keys` are those of all overrides of the material, `constants` those that it was made for.
 fn variant(
     material: &str,
     drawn: &Drawn,
     shared: &Shared<'_>,
     keys: &BTreeSet<String>,
+    constants: &[Constant<'_>],
 ) -> Result<String, String> {
     let plan = &drawn.plan;
     let overrides = drawn.overrides()?;
@@ -244,11 +257,25 @@ fn variant(
         text,
         "/// What it takes for granted of the values that it is drawn with; empty: it holds for all."
     );
-    let assumed: Vec<String> = guard.iter().map(assumed).collect();
+    let assumed = guard.iter().map(|a| assumed(a, constants));
+    let assumed: Vec<String> = assumed.collect::<Result<_, _>>()?;
     let _ = writeln!(
         text,
         "pub const GUARD: &[Assumed] = &[{}];",
         assumed.join(", ")
+    );
+    let given: Vec<String> = constants
+        .iter()
+        .map(|c| format!("({:?}, {})", c.key, number(c.assumed.bounds.low)))
+        .collect();
+    let _ = writeln!(
+        text,
+        "/// Values of pipeline-overridable constants that it was made for: for [`PipelineOptions::constants`] of its pipelines and of the original's."
+    );
+    let _ = writeln!(
+        text,
+        "pub const CONSTANTS: &[(&str, f64)] = &[{}];",
+        given.join(", ")
     );
     text.push_str(GUARDED);
     let _ = writeln!(
@@ -347,13 +374,19 @@ fn included(kind: &str, folder: &str, file: &str) -> String {
 
 /// What each plan's module has to check its guard with.
 const GUARDED: &str = "\
-/// Whether the uniforms of a draw are as [`GUARD`] says: see [`Variant::guard_holds`].
-pub fn guard_holds<'b>(bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
-    GUARD.iter().all(|assumed| assumed.holds(&bytes))
+/// Whether constants and the uniforms of a draw are as [`GUARD`] says: see [`Variant::guard_holds`].
+pub fn guard_holds<'b>(
+    constants: &[(&str, f64)],
+    bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
+) -> bool {
+    VARIANT.guard_holds(constants, bytes)
 }
 /// What to draw with: this where its guard holds, else the original.
-pub fn variant_for<'b>(bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> &'static Variant {
-    match guard_holds(bytes) {
+pub fn variant_for<'b>(
+    constants: &[(&str, f64)],
+    bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
+) -> &'static Variant {
+    match guard_holds(constants, bytes) {
         true => &VARIANT,
         false => &super::original::VARIANT,
     }
@@ -365,7 +398,7 @@ fn guard(plan: &Plan) -> &[guard::Assumed] {
     plan.guard.as_ref().map_or(&[], |g| &g.values)
 }
 
-fn assumed(assumed: &guard::Assumed) -> String {
+fn assumed(assumed: &guard::Assumed, constants: &[Constant<'_>]) -> Result<String, String> {
     let place = match &assumed.place {
         Place::Uniform {
             group,
@@ -381,16 +414,25 @@ fn assumed(assumed: &guard::Assumed) -> String {
             binding,
             channel,
         } => format!("Texture {{ group: {group}, binding: {binding}, channel: {channel} }}"),
-        Place::Override { name } => format!("Override {{ name: {name:?} }}"),
+        Place::Override { name } => {
+            let found = constants.iter().find(|c| c.assumed.place == assumed.place);
+            let Some(Constant {
+                key, is_default, ..
+            }) = found
+            else {
+                return Err(format!("the material has no override `{name}`"));
+            };
+            format!("Override {{ key: {key:?}, is_default: {is_default} }}")
+        }
     };
     let guard::Bounds { low, high } = assumed.bounds;
-    format!(
+    Ok(format!(
         "Assumed {{ name: {:?}, place: Place::{place}, ty: ScalarType::{:?}, low: {}, high: {} }}",
         assumed.name,
         assumed.ty,
         number(low),
         number(high),
-    )
+    ))
 }
 
 /// A number as Rust writes it.
@@ -489,7 +531,7 @@ fn raster(
         false => json(&pass.geometry),
     };
     Ok(format!(
-        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, overrides: &[{}], unread_overrides: &{unread:?}, samples_are_free: {free} }}",
+        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, overrides: &[{}], unread_overrides: &{unread:?}, guard: GUARD, samples_are_free: {free} }}",
         pass.role.name(),
         pass.phase,
         pass.vertex,

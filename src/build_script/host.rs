@@ -43,6 +43,8 @@ pub struct Pass {
     pub overrides: &'static [Override],
     /// Keys of those that the material has and this pass does not read.
     pub unread_overrides: &'static [&'static str],
+    /// What its variant takes for granted: of constants, pipelines are made for nothing else.
+    pub guard: &'static [Assumed],
     /// The samples of a pixel may be others than [`Pass::multisample`] says: [`PipelineOptions::samples`].
     pub samples_are_free: bool,
 }
@@ -65,7 +67,8 @@ pub struct PipelineOptions<'a> {
     pub samples: Option<u32>,
     /// Of the index buffer, where strips are drawn; 32 bits by default.
     pub strip_index_format: Option<wgpu::IndexFormat>,
-    /// Values of the material's pipeline-overridable constants, by `@id` or else by name. Give the same to each of its passes: one that does not read it takes none.
+    /// Values of the material's pipeline-overridable constants, by `@id` or else by name. Give the same to each of its passes, those of the original among them: one that does not read it takes
+    /// none. A variant that was made for other values is an [`Unfit::Guard`]; its `CONSTANTS` are those that it was made for.
     pub constants: &'a [(&'a str, f64)],
 }
 
@@ -221,10 +224,15 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// Whether the uniforms of a draw are as it takes for granted; asked whenever one is written. `bytes` gives the content of a binding, by group and binding; one that is not there, or is
-    /// too short, is not. Of attributes and textures no buffer tells: of those in [`Variant::guard`] the host sees to it that they stay.
-    pub fn guard_holds<'b>(&self, bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
-        self.guard.iter().all(|assumed| assumed.holds(&bytes))
+    /// Whether the constants of the material's pipelines and the uniforms of a draw are as it takes for granted; asked whenever one is written. `constants` are those of
+    /// [`PipelineOptions::constants`]. `bytes` gives the content of a binding, by group and binding; one that is not there, or is too short, is not. Of attributes and textures no buffer tells: of
+    /// those in [`Variant::guard`] the host sees to it that they stay.
+    pub fn guard_holds<'b>(
+        &self,
+        constants: &[(&str, f64)],
+        bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
+    ) -> bool {
+        self.guard.iter().all(|a| a.holds(constants, &bytes))
     }
 }
 
@@ -271,10 +279,12 @@ pub enum Place {
         /// Channel, from 0.
         channel: u32,
     },
-    /// A pipeline-overridable constant, which the texts have already: a host sets none.
+    /// A pipeline-overridable constant. What it decides is decided in the variant's texts: no pipeline of theirs is made for another value, and the original's needs this one given.
     Override {
-        /// The author's name for it.
-        name: &'static str,
+        /// Its `@id`, or else its name.
+        key: &'static str,
+        /// It has such a value where a host gives it none and the other constants that are taken for granted are as they should be.
+        is_default: bool,
     },
 }
 
@@ -290,37 +300,74 @@ pub enum ScalarType {
 }
 
 impl Assumed {
-    /// As [`Variant::guard_holds`]; whatever is no uniform holds.
-    pub fn holds<'b>(&self, bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
+    /// As [`Variant::guard_holds`]; whatever is no uniform and no constant holds.
+    pub fn holds<'b>(
+        &self,
+        constants: &[(&str, f64)],
+        bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
+    ) -> bool {
         let Place::Uniform {
             group,
             binding,
             offset,
         } = self.place
         else {
-            return true;
+            return self.holds_for(constants);
         };
         let content = bytes(group, binding).and_then(|b| b.get(offset as usize..));
         let Some(word) = content.and_then(|b| b.first_chunk::<4>()) else {
             return false;
         };
-        let number = match self.ty {
+        self.contains(match self.ty {
             ScalarType::F32 => f64::from(f32::from_le_bytes(*word)),
             ScalarType::I32 => f64::from(i32::from_le_bytes(*word)),
             ScalarType::U32 => f64::from(u32::from_le_bytes(*word)),
+        })
+    }
+
+    /// Whether a constant is as it should be; whatever is none holds.
+    fn holds_for(&self, constants: &[(&str, f64)]) -> bool {
+        let Place::Override { key, is_default } = self.place else {
+            return true;
         };
+        // wgpu takes the last of a key.
+        match constants.iter().rev().find(|(k, _)| *k == key) {
+            None => is_default,
+            Some((_, value)) => self.contains(match self.ty {
+                ScalarType::F32 => f64::from(*value as f32),
+                ScalarType::I32 | ScalarType::U32 => *value,
+            }),
+        }
+    }
+
+    fn contains(&self, number: f64) -> bool {
         // No comparison holds for NaN.
         self.low <= number && number <= self.high
     }
 }
 
-/// What a host has does not fit a pass: vertex buffers, formats, samples or constants.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unfit(pub String);
+/// What a host has does not fit a pass.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Unfit {
+    /// Vertex buffers, formats, samples or constants are none that the material can be drawn with: why.
+    Host(String),
+    /// The constant has another value than the variant was made for: draw `original`, or give all pipelines of the material what the variant's `CONSTANTS` say.
+    Guard(Assumed),
+}
 
 impl std::fmt::Display for Unfit {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
+        match self {
+            Self::Host(why) => f.write_str(why),
+            Self::Guard(Assumed { name, low, high, .. }) if low == high => write!(
+                f,
+                "the variant was made for `{name}` = {low}: give that to it and to the original in `PipelineOptions::constants`, or draw the original"
+            ),
+            Self::Guard(Assumed { name, low, high, .. }) => write!(
+                f,
+                "the variant was made for `{name}` between {low} and {high}: give such a value to it and to the original in `PipelineOptions::constants`, or draw the original"
+            ),
+        }
     }
 }
 
@@ -384,6 +431,35 @@ fn module(device: &wgpu::Device, label: &str, wgsl: &'static str) -> wgpu::Shade
     })
 }
 
+/// Of the host's constants those that a pass reads, where all of them are what its variant was made for.
+fn constants_with<'a>(
+    overrides: &[Override],
+    unread: &[&str],
+    guard: &[Assumed],
+    constants: &'a [(&'a str, f64)],
+) -> Result<Vec<(&'a str, f64)>, Unfit> {
+    if let Some(assumed) = guard.iter().find(|a| !a.holds_for(constants)) {
+        return Err(Unfit::Guard(*assumed));
+    }
+    let mut own = Vec::new();
+    for (key, value) in constants {
+        if overrides.iter().any(|o| o.key == *key) {
+            own.push((*key, *value));
+        } else if !unread.contains(key) {
+            return Err(Unfit::Host(format!("the material has no override `{key}`")));
+        }
+    }
+    let is_given = |o: &&Override| own.iter().any(|(key, _)| *key == o.key);
+    let mut missing = overrides.iter().filter(|o| o.is_needed);
+    match missing.find(|o| !is_given(o)) {
+        Some(o) => Err(Unfit::Host(format!(
+            "the override `{}` has no default: give it in `PipelineOptions::constants`",
+            o.key
+        ))),
+        None => Ok(own),
+    }
+}
+
 impl Pass {
     /// Layouts of its bind groups.
     pub fn bind_group_layouts(&self, device: &wgpu::Device) -> Vec<wgpu::BindGroupLayout> {
@@ -401,7 +477,7 @@ impl Pass {
         for wanted in self.attributes {
             let all = buffers.iter().flat_map(|b| b.attributes);
             let Some(has) = all.clone().find(|a| a.shader_location == wanted.location) else {
-                return Err(Unfit(format!(
+                return Err(Unfit::Host(format!(
                     "no vertex buffer has `{}` at location {}",
                     wanted.name, wanted.location
                 )));
@@ -411,7 +487,7 @@ impl Pass {
                 (name.starts_with("Sint"), name.starts_with("Uint"))
             };
             if kind(has.format) != kind(wanted.format) {
-                return Err(Unfit(format!(
+                return Err(Unfit::Host(format!(
                     "`{}` is read as {:?}, which {:?} does not feed",
                     wanted.name, wanted.format, has.format
                 )));
@@ -447,7 +523,8 @@ impl Pass {
     /// As [`Pass::pipeline`], with what the host knows only now: the surface's format, say.
     ///
     /// # Errors
-    /// As [`Pass::vertex_buffers`]; a format of another kind of numbers, samples that the variant was not made for, a constant that the material has not, or one without a value.
+    /// As [`Pass::vertex_buffers`]; a format of another kind of numbers, samples that the variant was not made for, a constant that the material has not, or one without a value. [`Unfit::Guard`]
+    /// where a constant has another value than the variant was made for.
     pub fn pipeline_with(
         &self,
         device: &wgpu::Device,
@@ -481,7 +558,7 @@ impl Pass {
                 continue;
             };
             if kind(format).is_none() || kind(format) != kind(target.format) {
-                return Err(Unfit(format!(
+                return Err(Unfit::Host(format!(
                     "the pass `{}` was made for {:?} at location {at}, which {format:?} cannot take the place of",
                     self.role, target.format
                 )));
@@ -497,35 +574,11 @@ impl Pass {
         match options.samples {
             Some(samples) if samples == built || self.phase == Phase::Shadow => Ok(built),
             Some(samples) if self.samples_are_free => Ok(samples),
-            Some(samples) => Err(Unfit(format!(
+            Some(samples) => Err(Unfit::Host(format!(
                 "the pass `{}` is of a variant that was made for {built} samples a pixel, not for {samples}",
                 self.role
             ))),
             None => Ok(built),
-        }
-    }
-
-    /// Of the host's constants those that the pass reads.
-    fn constants_with<'a>(
-        &self,
-        options: &PipelineOptions<'a>,
-    ) -> Result<Vec<(&'a str, f64)>, Unfit> {
-        let mut own = Vec::new();
-        for (key, value) in options.constants {
-            if self.overrides.iter().any(|o| o.key == *key) {
-                own.push((*key, *value));
-            } else if !self.unread_overrides.contains(key) {
-                return Err(Unfit(format!("the material has no override `{key}`")));
-            }
-        }
-        let is_given = |o: &&Override| own.iter().any(|(key, _)| *key == o.key);
-        let missing = self.overrides.iter().filter(|o| o.is_needed);
-        match missing.clone().find(|o| !is_given(o)) {
-            Some(o) => Err(Unfit(format!(
-                "the override `{}` has no default: give it in `PipelineOptions::constants`",
-                o.key
-            ))),
-            None => Ok(own),
         }
     }
 
@@ -542,7 +595,12 @@ impl Pass {
             count: self.samples_with(options)?,
             ..self.multisample
         };
-        let constants = self.constants_with(options)?;
+        let constants = constants_with(
+            self.overrides,
+            self.unread_overrides,
+            self.guard,
+            options.constants,
+        )?;
         let compilation = || wgpu::PipelineCompilationOptions {
             constants: &constants,
             ..wgpu::PipelineCompilationOptions::default()
@@ -855,7 +913,7 @@ impl SelfTest {
     ) -> Result<(), Unfit> {
         let pass = test.pass;
         let Some((own, attachment)) = pass.depth.as_ref().zip(view(test.attachment)) else {
-            return Err(Unfit(format!(
+            return Err(Unfit::Host(format!(
                 "the pass `{}` has no depth to test",
                 pass.role
             )));

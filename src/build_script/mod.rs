@@ -18,8 +18,9 @@
 //! The module `lit` has `original` and the variant, each with its passes (`PASSES`, and `MAIN`, `PREPASS` and so on by role), attachments, self-test, files and whole plan; the variant's names
 //! are the module's own. A [`Builder::variant`] has a module of its own.
 //!
-//! A specialised variant holds for some values alone. Its `GUARD` says which, `guard_holds` looks at a draw's uniforms, and `variant_for` gives it or the original; its passes are had in no
-//! other way but `CHOICES`, which is all that `variant_for` may give. Where the material's own variant is such a one, the module's names are the original's, but for these four.
+//! A specialised variant holds for some values alone. Its `GUARD` says which, `guard_holds` looks at a draw's uniforms and at what the pipelines have for constants, and `variant_for` gives it or the
+//! original; its passes are had in no other way but `CHOICES`, which is all that `variant_for` may give. `CONSTANTS` are the pipeline-overridable ones that it was made for, which the original's
+//! pipelines then need too. Where the material's own variant is such a one, the module's names are the original's, but for these five.
 //!
 //! What is made, for each material:
 //!
@@ -492,7 +493,7 @@ fn slashes(path: &Path) -> String {
 mod tests {
     use preshade_passes::guard;
 
-    use super::host::{Assumed, Place, ScalarType};
+    use super::host::{Assumed, Override, Place, ScalarType, Unfit, constants_with};
 
     /// What a generated module says of bytes is what the plan's guard says.
     #[test]
@@ -538,8 +539,51 @@ mod tests {
             let bytes = [[0; 4], word.to_le_bytes()].concat();
             for given in [&bytes[..], &bytes[..7]] {
                 let at = |g, b| ((g, b) == (group, binding)).then_some(given);
-                assert_eq!(host.holds(at), of.holds(at), "{word:x} as {ty:?}");
+                assert_eq!(host.holds(&[], at), of.holds(at), "{word:x} as {ty:?}");
             }
         }
+    }
+
+    /// Pipelines of a variant are made for the constants that it was made for, and for no others.
+    #[test]
+    fn a_host_cannot_set_what_a_variant_has_decided() {
+        let of = |name, key, ty, value: f64, is_default| Assumed {
+            name,
+            place: Place::Override { key, is_default },
+            ty,
+            low: value,
+            high: value,
+        };
+        let tenth = f64::from(0.1_f32);
+        let guard = [
+            of("N", "7", ScalarType::U32, 1.0, false),
+            of("K", "K", ScalarType::F32, tenth, false),
+            of("M", "M", ScalarType::U32, 2.0, true),
+        ];
+        let overrides = [Override {
+            key: "K",
+            is_needed: false,
+        }];
+        let given = |constants: &[(&str, f64)]| {
+            let holds = guard.iter().all(|a| a.holds(constants, |_, _| None));
+            let own = constants_with(&overrides, &["7", "M"], &guard, constants)
+                .map(|own| own.iter().map(|(key, v)| ((*key).to_owned(), *v)).collect());
+            assert_eq!(holds, own.is_ok(), "{constants:?}");
+            own.map_err(|unfit| match unfit {
+                Unfit::Guard(assumed) => assumed.name,
+                Unfit::Host(why) => panic!("{why}"),
+            })
+        };
+        let own: Vec<(String, f64)> = vec![("K".to_owned(), 0.1)];
+        // As `f32` both are the same number.
+        assert_eq!(given(&[("7", 1.0), ("K", 0.1)]), Ok(own.clone()));
+        assert_eq!(given(&[("K", 0.1), ("M", 2.0), ("7", 1.0)]), Ok(own));
+        assert_eq!(given(&[]), Err("N"));
+        assert_eq!(given(&[("7", 4.0), ("K", 0.1)]), Err("N"));
+        assert_eq!(given(&[("7", 1.0), ("K", 0.5)]), Err("K"));
+        assert_eq!(given(&[("7", 1.0), ("K", f64::NAN)]), Err("K"));
+        assert_eq!(given(&[("7", 1.0), ("K", 0.1), ("M", 3.0)]), Err("M"));
+        // The last of a key counts.
+        assert_eq!(given(&[("7", 1.0), ("K", 0.1), ("7", 4.0)]), Err("N"));
     }
 }

@@ -51,7 +51,7 @@ pub fn run() -> Result<(), Box<dyn std::error::Error>> {
     // A variant for still air holds for one time alone: `CHOICES` are made at load, and the frame's own bytes choose.
     for time in [0.0, 0.7] {
         let bytes = grove.set_time(&queue, time);
-        let chosen = leaf::still::variant_for(|group, binding| ((group, binding) == (0, 0)).then_some(&bytes[..]));
+        let chosen = leaf::still::variant_for(&[], |group, binding| ((group, binding) == (0, 0)).then_some(&bytes[..]));
         let still = picture(chosen.passes, chosen.attachments)?;
         let original = picture(leaf::original::PASSES, leaf::original::ATTACHMENTS)?;
         let is_original = chosen.guard.is_empty();
