@@ -524,11 +524,31 @@ fn imported_modules_are_read_and_told() {
     fs::write(path("light.wgsl"), light("0.25")).unwrap();
     assert!(!build().unwrap().written.is_empty());
     assert!(made().contains("0.25f"), "{}", made());
-    // Two in one folder are not chosen between.
+    // Two in one folder are not chosen between, whatever was built before the second was there.
     fs::write(path("lamp.wgsl"), light("0.75")).unwrap();
-    fs::write(path("lit.wgsl"), format!("{lit}\n")).unwrap();
     let said = build().unwrap_err().to_string();
     assert!(said.contains("are both `lib::light`"), "{said}");
+    // Two that say the same are one, until one of them is edited.
+    fs::write(path("lamp.wgsl"), light("0.25")).unwrap();
+    build().unwrap();
+    fs::write(path("lamp.wgsl"), light("0.5")).unwrap();
+    assert!(build().is_err());
+    // One that is nearer goes before it.
+    fs::remove_file(path("lamp.wgsl")).unwrap();
+    fs::rename(path("light.wgsl"), path("aaa/light.wgsl")).unwrap();
+    fs::remove_file(path("aaa/old.wgsl")).unwrap();
+    build().unwrap();
+    assert!(made().contains("0.25f"), "{}", made());
+    fs::write(path("light.wgsl"), light("0.125")).unwrap();
+    let nearer = build().unwrap();
+    assert!(made().contains("0.125f"), "{}", made());
+    assert_eq!(nearer.read, [path("lit.wgsl"), path("light.wgsl")]);
+    // A file that is no module is none of its business.
+    fs::write(path("other.wgsl"), "fn f() {}\n").unwrap();
+    let stamp = || fs::metadata(path("out/lit/preshade.stamp")).unwrap().modified().unwrap();
+    let before = stamp();
+    build().unwrap();
+    assert_eq!(stamp(), before);
 }
 
 #[cfg(feature = "wesl")]
@@ -555,6 +575,27 @@ fn wesls_modules_are_read_and_told() {
     )
     .unwrap();
     assert!(!build().written.is_empty());
+    // Another package's folder with a version that goes before the one that was found.
+    let other = main.replace("package::util", "lamps::util");
+    fs::write(path("lit.wesl"), other).unwrap();
+    let package = |version: &str, value: &str| {
+        let folder = path("lib").join(version).join("src");
+        fs::create_dir_all(&folder).unwrap();
+        let text = format!("fn dim(x: f32) -> f32 {{ return x * {value}; }}\n");
+        fs::write(folder.join("util.wesl"), text).unwrap();
+    };
+    let build = || {
+        let builder = configure().pass("shadow").include(path("lib"));
+        let builder = builder.out_dir(path("out"));
+        builder.build(&[&path("lit.wesl")]).unwrap()
+    };
+    package("lamps-0.21", "0.5");
+    build();
+    assert!(build().written.is_empty());
+    package("lamps-0.20", "0.75");
+    let built = build();
+    assert!(!built.written.is_empty());
+    assert_eq!(built.read[1], path("lib/lamps-0.20/src/util.wesl"));
 }
 
 /// A material whose resources and constants a host has to be told of.

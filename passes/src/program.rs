@@ -31,6 +31,28 @@ pub struct SourceFile {
 pub struct SourceMap {
     files: Vec<SourceFile>,
     absent: Vec<String>,
+    searched: Vec<Searched>,
+}
+
+/// A search of folders on whose whole outcome it rests which files the program is made of: one more that is found there may go before those that were, or stand against them.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Searched {
+    /// The folders, in order.
+    pub folders: Vec<String>,
+    /// What was looked for.
+    pub wanted: Wanted,
+    /// What was found, a word each, in order.
+    pub found: Vec<String>,
+}
+
+/// What folders are searched for.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wanted {
+    /// Files at any depth that name themselves modules (naga_oil's `#define_import_path`).
+    Modules,
+    /// Folders of a package of this name.
+    Package(String),
 }
 
 /// A place in the author's source.
@@ -88,6 +110,18 @@ impl SourceMap {
         if !self.absent.contains(&name) {
             self.absent.push(name);
         }
+    }
+
+    /// Notes a search, once.
+    pub fn add_searched(&mut self, searched: Searched) {
+        if !self.searched.contains(&searched) {
+            self.searched.push(searched);
+        }
+    }
+
+    /// Searches whose outcome the program rests on.
+    pub fn searched(&self) -> &[Searched] {
+        &self.searched
     }
 
     /// Files that were looked for in vain.

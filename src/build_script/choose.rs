@@ -7,6 +7,7 @@ use preshade_passes::pass::{Facts, Refusal};
 use preshade_passes::plan::Plan;
 
 use super::generate::Drawn;
+use super::stamp::Trace;
 use super::{Asked, Builder, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
@@ -30,24 +31,14 @@ pub(super) enum Keeping {
     Foreign(LockError),
 }
 
-/// What a material is built as.
-pub(super) struct Chosen {
-    /// The original, the material's own variant, then those with names of their own.
-    pub drawn: Vec<Drawn>,
-    /// Files that its own include.
-    pub included: Vec<PathBuf>,
-    /// Files that were looked for before those were found.
-    pub absent: Vec<PathBuf>,
-}
-
-/// Chooses the plans of a material.
+/// Chooses the plans of a material: the original, its own variant, then those with names of their own.
 pub(super) fn choose(
     builder: &Builder,
     name: &str,
     sources: &[front::Source],
     keeping: &Keeping,
-    warnings: &mut Vec<String>,
-) -> Result<Chosen, Error> {
+    trace: &mut Trace,
+) -> Result<Vec<Drawn>, Error> {
     let Asked {
         own,
         named,
@@ -64,13 +55,13 @@ pub(super) fn choose(
     let state = state.unwrap_or_default();
     let parsed = parse(sources, &builder.options, locked)?;
     let inputs = Inputs::of(&parsed, &builder.options.defines, &state);
-    let included = parsed.program.sources().files().iter().skip(sources.len());
-    let mut included: Vec<PathBuf> = included.map(|f| PathBuf::from(&f.name)).collect();
-    let absent = parsed.program.sources().absent().iter();
-    let absent = absent.map(PathBuf::from).collect();
-    // Both stages may include it.
-    included.sort();
-    included.dedup();
+    let map = parsed.program.sources();
+    let included = map.files().iter().skip(sources.len());
+    let included = included.map(|f| (PathBuf::from(&f.name), f.text.clone()));
+    trace.included.extend(included);
+    trace.absent.extend(map.absent().iter().map(PathBuf::from));
+    trace.searched.extend_from_slice(map.searched());
+    let warnings = &mut trace.warnings;
     let fragment = parsed.fragment.as_deref();
     let original = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);
 
@@ -127,15 +118,10 @@ pub(super) fn choose(
         let plan = seen.plan(&original, &name, &recipe, warnings);
         plans.push((name, plan));
     }
-    let drawn = plans
+    plans
         .into_iter()
         .map(|(name, (plan, left_out))| emitted(builder, name, plan, left_out, sources, warnings))
-        .collect::<Result<_, _>>()?;
-    Ok(Chosen {
-        drawn,
-        included,
-        absent,
-    })
+        .collect()
 }
 
 /// The shader, with the entry points that are asked for, or else those of the lock where the shader still has them.

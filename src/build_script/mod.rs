@@ -60,6 +60,7 @@ use crate::recipe::Recipe;
 
 use bindings::Said;
 use choose::Keeping;
+use stamp::Trace;
 
 pub use error::Error;
 
@@ -340,7 +341,7 @@ impl Builder {
             Some(Err(error)) => return Err(Error::Lock(error)),
         };
         let made = self.make(&name, files, texts, &lock)?;
-        read.extend(made.included.iter().cloned());
+        read.extend(made.trace.included());
         let mut written = Vec::new();
         let mut hashes = Vec::new();
         let root = [File {
@@ -361,19 +362,14 @@ impl Builder {
             hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
         }
         // Last, so that a build that was cut off is made again.
-        let kept = stamp::Kept {
-            warnings: made.warnings.clone(),
-            included: made.included,
-            absent: made.absent,
-        };
-        stamp::write(&folder, &key, kept, hashes).map_err(|error| Error::Write {
+        stamp::write(&folder, &key, &made.trace, hashes).map_err(|error| Error::Write {
             path: folder,
             error,
         })?;
         Ok(Built {
             module,
             read,
-            warnings: made.warnings,
+            warnings: made.trace.warnings,
             written,
         })
     }
@@ -406,9 +402,8 @@ impl Builder {
             .zip(texts)
             .map(|(file, text)| front::Source::new(slashes(file), text))
             .collect();
-        let mut warnings = Vec::new();
-        let chosen = choose::choose(self, name, &sources, lock, &mut warnings)?;
-        let drawn = chosen.drawn;
+        let mut trace = Trace::default();
+        let drawn = choose::choose(self, name, &sources, lock, &mut trace)?;
         let module = generate::Module {
             types: self.types.as_deref(),
             wgpu: self.wgpu.as_deref(),
@@ -418,10 +413,8 @@ impl Builder {
         let file = || sources.first().map_or(String::new(), |s| s.name.clone());
         Ok(Made {
             module: module.map_err(|why| Error::Module { file: file(), why })?,
-            included: chosen.included,
-            absent: chosen.absent,
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
-            warnings,
+            trace,
         })
     }
 
@@ -472,9 +465,7 @@ struct Asked {
 struct Made {
     module: String,
     files: Vec<(String, Vec<File>)>,
-    included: Vec<PathBuf>,
-    absent: Vec<PathBuf>,
-    warnings: Vec<String>,
+    trace: Trace,
 }
 
 fn read(path: &Path) -> Result<String, Error> {
