@@ -281,13 +281,65 @@ fn a_lock_of_a_later_preshade_ships_the_original() {
     };
     assert!(
         warning.contains("written by another preshade (preshade.lock.v2)")
-            && warning.ends_with("The original is shipped"),
+            && warning.ends_with("`preshade plan SCENE --one --lock` again. The original is shipped"),
         "{warning}"
     );
     assert_eq!(
         package.names("variant"),
         ["toon.main.wgsl", "toon.plan.json"]
     );
+}
+
+#[test]
+fn a_lock_of_a_later_preshade_still_says_how_the_material_is_drawn() {
+    let package = Package::new("later-state");
+    package.lock(&["depth-prepass"], &Facts::default());
+    let path = package.0.join("preshade.lock");
+    // Two vertex entry points, of which the lock says one; no culling.
+    let vertex = SHADER.split("@vertex").nth(1).unwrap();
+    let vertex = vertex.split("@fragment").next().unwrap();
+    let second = vertex.replacen("fn vs_main", "fn vs_other", 1);
+    fs::write(package.0.join("toon.wgsl"), format!("{SHADER}\n@vertex{second}")).unwrap();
+    let text = fs::read_to_string(&path).unwrap();
+    let mut lock: serde_json::Value = serde_json::from_str(&text).unwrap();
+    lock["materials"]["toon"]["inputs"]["state"]["primitive"]["cull"] = "none".into();
+    let own = lock.clone();
+    let write = |lock: &serde_json::Value| fs::write(&path, lock.to_string()).unwrap();
+    let drawn = || {
+        let module = package.module();
+        assert!(module.contains("vertex: \"vs_main\"") && !module.contains("vs_other"));
+        assert!(module.contains("cull_mode: None") && !module.contains("cull_mode: Some"));
+    };
+    lock["schema"] = "preshade.lock.v2".into();
+    write(&lock);
+    assert_eq!(package.build(configure()).unwrap().warnings.len(), 1);
+    drawn();
+    // Of a state with what is not known here nothing is guessed.
+    lock["materials"]["toon"]["inputs"]["state"]["primitive"]["cull"] = "both".into();
+    write(&lock);
+    let error = package.build(configure()).unwrap_err();
+    assert!(matches!(error, Error::State(_)), "{error}");
+    let said = configure().state(MaterialState::default()).vertex("vs_main");
+    assert_eq!(package.build(said).unwrap().warnings.len(), 1);
+    // Nor of what is no state of this material's.
+    lock["materials"] = serde_json::json!([]);
+    write(&lock);
+    assert!(matches!(package.build(configure()), Err(Error::State(_))));
+    // A key of a material that a later preshade wrote is nothing to the others.
+    let mut mixed = own.clone();
+    let mut other = own["materials"]["toon"].clone();
+    other["inputs"]["tool"] = "preshade 99.0.0".into();
+    other["later"] = true.into();
+    mixed["materials"]["stone"] = other.clone();
+    write(&mixed);
+    let built = package.build(configure()).unwrap();
+    assert!(built.warnings[0].contains("toon.wgsl was edited"), "{:?}", built.warnings);
+    drawn();
+    mixed["materials"]["toon"] = other;
+    write(&mixed);
+    let built = package.build(configure()).unwrap();
+    assert!(built.warnings[0].contains("written by another preshade (preshade 99.0.0)"));
+    drawn();
 }
 
 #[test]

@@ -11,7 +11,7 @@ use super::stamp::Trace;
 use super::{Asked, Builder, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::lock::{Inputs, Lock, LockError, Locked, Mismatch};
+use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
 use crate::recipe::{Recipe, Step};
 
 /// The variants of a material for which nothing is asked: what needs no scene.
@@ -27,8 +27,8 @@ pub(super) enum Keeping {
     Nothing,
     /// This preshade's.
     Own(Lock),
-    /// Another preshade's: obeyed by none but that one.
-    Foreign(LockError),
+    /// Another preshade's: obeyed by none but that one. What it says in words that are known here is how the material is drawn, if it says anything of it.
+    Foreign(LockError, Option<Left>),
 }
 
 /// Chooses the plans of a material: the original, its own variant, then those with names of their own.
@@ -46,14 +46,26 @@ pub(super) fn choose(
     } = builder.recipes()?;
     let lock = match keeping {
         Keeping::Own(lock) => Some(lock),
-        Keeping::Nothing | Keeping::Foreign(_) => None,
+        Keeping::Nothing | Keeping::Foreign(..) => None,
     };
     let locked = lock.and_then(|lock| lock.materials.get(name));
-    // The pipeline state and the entry points are no part of the shader: what the lock says of them holds also where the shader was edited.
-    let state = builder.state.clone();
-    let state = state.or(locked.map(|l| l.inputs.state.clone()));
-    let state = state.unwrap_or_default();
-    let parsed = parse(sources, &builder.options, locked)?;
+    // The pipeline state and the entry points are no part of the shader: what the lock says of them holds also where the shader was edited, and whoever wrote it.
+    let left = match (keeping, locked) {
+        (Keeping::Foreign(_, left), _) => left.clone(),
+        (_, locked) => locked.map(|Locked { inputs, .. }| Left {
+            vertex: Some(inputs.vertex.clone()),
+            fragment: inputs.fragment.clone(),
+            state: Some(inputs.state.clone()),
+        }),
+    };
+    let state = match (&builder.state, &left, keeping) {
+        (Some(state), ..) => state.clone(),
+        (None, Some(Left { state: None, .. }), Keeping::Foreign(error, _)) => {
+            return Err(Error::State(error.to_string()));
+        }
+        (None, left, _) => left.as_ref().and_then(|l| l.state.clone()).unwrap_or_default(),
+    };
+    let parsed = parse(sources, &builder.options, left.as_ref())?;
     let inputs = Inputs::of(&parsed, &builder.options.defines, &state);
     let map = parsed.program.sources();
     let included = map.files().iter().skip(sources.len());
@@ -77,8 +89,8 @@ pub(super) fn choose(
         sources,
     };
     let variant = match (keeping, obeyed) {
-        (Keeping::Foreign(error), _) => {
-            let why = error.to_string();
+        (Keeping::Foreign(error, _), _) => {
+            let why = format!("{error}; run `preshade plan SCENE --one --lock` again");
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
             (original.clone(), vec![why])
         }
@@ -128,13 +140,12 @@ pub(super) fn choose(
 fn parse(
     sources: &[front::Source],
     options: &front::Options,
-    locked: Option<&Locked>,
+    left: Option<&Left>,
 ) -> Result<front::Parsed, Error> {
-    if let Some(Locked { inputs, .. }) = locked {
-        let vertex = options.vertex.clone().or(Some(inputs.vertex.clone()));
+    if let Some(left) = left {
         let as_locked = front::Options {
-            vertex,
-            fragment: options.fragment.clone().or(inputs.fragment.clone()),
+            vertex: options.vertex.clone().or(left.vertex.clone()),
+            fragment: options.fragment.clone().or(left.fragment.clone()),
             ..options.clone()
         };
         if let Ok(parsed) = front::parse(sources, &as_locked) {

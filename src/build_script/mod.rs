@@ -55,7 +55,7 @@ use preshade_passes::state::MaterialState;
 
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::lock::{Lock, LockError};
+use crate::lock::{Left, Lock, LockError};
 use crate::recipe::Recipe;
 
 use bindings::Said;
@@ -333,12 +333,14 @@ impl Builder {
         }
         let lock = lock_text
             .as_deref()
-            .map(|text| Lock::parse_file(text, &lock_path));
+            .map(|text| (text, Lock::parse_for(text, &lock_path, &name)));
         let lock = match lock {
             None => Keeping::Nothing,
-            Some(Ok(lock)) => Keeping::Own(lock),
-            Some(Err(error @ LockError::Foreign { .. })) => Keeping::Foreign(error),
-            Some(Err(error)) => return Err(Error::Lock(error)),
+            Some((_, Ok(lock))) => Keeping::Own(lock),
+            Some((text, Err(error @ LockError::Foreign { .. }))) => {
+                Keeping::Foreign(error, Left::of(text, &name))
+            }
+            Some((_, Err(error))) => return Err(Error::Lock(error)),
         };
         let made = self.make(&name, files, texts, &lock)?;
         read.extend(made.trace.included());
