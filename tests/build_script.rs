@@ -297,9 +297,9 @@ fn a_lock_of_a_later_preshade_still_says_how_the_material_is_drawn() {
     let path = package.0.join("preshade.lock");
     // Two vertex entry points, of which the lock says one; no culling.
     let vertex = SHADER.split("@vertex").nth(1).unwrap();
-    let vertex = vertex.split("@fragment").next().unwrap();
+    let vertex = vertex.split("\n}\n").next().unwrap();
     let second = vertex.replacen("fn vs_main", "fn vs_other", 1);
-    fs::write(package.0.join("toon.wgsl"), format!("{SHADER}\n@vertex{second}")).unwrap();
+    fs::write(package.0.join("toon.wgsl"), format!("{SHADER}\n@vertex{second}\n}}\n")).unwrap();
     let text = fs::read_to_string(&path).unwrap();
     let mut lock: serde_json::Value = serde_json::from_str(&text).unwrap();
     lock["materials"]["toon"]["inputs"]["state"]["primitive"]["cull"] = "none".into();
@@ -443,7 +443,7 @@ override FANCY: bool = false;
 override M: u32 = N * 2u;
 @group(0) @binding(0) var<uniform> u: vec4<f32>;
 @vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
-@fragment fn fs(@location(0) p: vec4<f32>) -> @location(0) vec4<f32> {
+@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {
     var c = u * K;
     if FANCY { c += p; }
     for (var i = 0u; i < M; i++) { c *= 2.0; }
@@ -473,6 +473,41 @@ fn constants_that_a_variant_has_decided_are_told_and_checked() {
     assert!(main.lines().next().unwrap().contains("guard: GUARD"));
     let original = module.split("pub mod original {").nth(1).unwrap();
     assert!(original.contains("CONSTANTS: &[(&str, f64)] = &[];"));
+}
+
+#[test]
+fn constants_that_are_computed_of_others_are_written() {
+    let package = Package::new("computed");
+    let text = "
+@id(7) override N: u32 = 4u;
+override M: u32 = N * 2u;
+override EDGE: f32 = clamp(select(-0.5, f32(M + 1u) / 16.0, N > 3u) - 0.25, 0.0, 1.0);
+override SOLID: bool = !(N > 2u && EDGE < 1.0);
+var<private> most: f32 = EDGE * 2.0;
+var<private> least: f32 = 0.25;
+@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
+@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {
+    if !SOLID && fract(p.x * f32(M)) < EDGE + most + least { discard; }
+    return p;
+}";
+    fs::write(package.0.join("toon.wgsl"), text).unwrap();
+    let built = package.build(configure()).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    assert!(package.module().contains("LEFT_OUT: &[&str] = &[];"));
+    for file in ["depth_prepass/toon.prepass.wgsl", "early_discard/toon.main.wgsl"] {
+        let written = fs::read_to_string(package.0.join("out/toon").join(file)).unwrap();
+        for line in [
+            "@id(7) override N: u32 = 4u;",
+            "override M: u32 = N * 2u;",
+            "override EDGE: f32 = clamp((select(-0.5f, (f32((M + 1u)) / 16f), (N > 3u)) - 0.25f), 0f, 1f);",
+            "var<private> most: f32 = EDGE * 2f;",
+            "var<private> least: f32 = 0.25f;",
+        ] {
+            assert!(written.contains(line), "{line}\n{written}");
+        }
+        assert!(written.contains("override SOLID: bool = !("), "{written}");
+        assert!(!written.contains("preshade_initialiser"), "{written}");
+    }
 }
 
 #[test]

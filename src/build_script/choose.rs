@@ -130,10 +130,57 @@ pub(super) fn choose(
         let plan = seen.plan(&original, &name, &recipe, warnings);
         plans.push((name, plan));
     }
-    plans
-        .into_iter()
-        .map(|(name, (plan, left_out))| emitted(builder, name, plan, left_out, sources, warnings))
-        .collect()
+    made(builder, plans, sources, warnings)
+}
+
+/// The plans with their files, by name and with what was left out; the original is the first. One that cannot be written is told, and the original stands in its place.
+pub(super) fn made(
+    builder: &Builder,
+    plans: Vec<(String, (Plan, Vec<String>))>,
+    sources: &[front::Source],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Drawn>, Error> {
+    let mut all: Vec<Drawn> = Vec::new();
+    for (name, (plan, left_out)) in plans {
+        let made = emitted(builder, &name, &plan, sources, warnings);
+        let drawn = match (made, all.first()) {
+            (Ok(files), _) => Drawn {
+                name,
+                plan,
+                files,
+                left_out,
+            },
+            (Err(error), None) => return Err(error),
+            // Only the original's own failure ends a build.
+            (Err(error), Some(original)) => {
+                let mut drawn = Drawn {
+                    name,
+                    left_out,
+                    ..original.clone()
+                };
+                give_up(&mut drawn, original, &error.to_string(), sources, warnings);
+                drawn
+            }
+        };
+        all.push(drawn);
+    }
+    Ok(all)
+}
+
+/// The original in the place of a variant that cannot be made, told.
+pub(super) fn give_up(
+    variant: &mut Drawn,
+    original: &Drawn,
+    why: &str,
+    sources: &[front::Source],
+    warnings: &mut Vec<String>,
+) {
+    let text = format!(
+        "`{}` cannot be made: {why}. The original is shipped",
+        variant.name
+    );
+    warnings.push(warning(sources, &text));
+    variant.give_up(original, why.to_owned());
 }
 
 /// The shader, with the entry points that are asked for, or else those of the lock where the shader still has them.
@@ -264,21 +311,20 @@ fn one_line(text: &str) -> String {
 /// Emits a plan in WGSL, and in each other target that can say it.
 fn emitted(
     builder: &Builder,
-    name: String,
-    plan: Plan,
-    left_out: Vec<String>,
+    name: &str,
+    plan: &Plan,
     sources: &[front::Source],
     warnings: &mut Vec<String>,
-) -> Result<Drawn, Error> {
+) -> Result<Vec<File>, Error> {
     let options = emit::Options::default();
     let mut targets = vec![Target::Wgsl];
     targets.extend(builder.targets.iter().filter(|t| **t != Target::Wgsl));
     // Once for all of them; one by one only where that fails, to tell by whom.
-    let files: Vec<File> = match emit::emit(&plan, &targets, &options) {
-        Ok(files) => files,
-        Err(error) if targets == [Target::Wgsl] => return Err(Error::Emit(error)),
+    match emit::emit(plan, &targets, &options) {
+        Ok(files) => Ok(files),
+        Err(error) if targets == [Target::Wgsl] => Err(Error::Emit(error)),
         Err(_) => {
-            targets.retain(|target| match emit::emit(&plan, &[*target], &options) {
+            targets.retain(|target| match emit::emit(plan, &[*target], &options) {
                 Err(error) if *target != Target::Wgsl => {
                     let text = format!("{target} is left out of `{name}`: {error}");
                     warnings.push(warning(sources, &text));
@@ -286,13 +332,7 @@ fn emitted(
                 }
                 _ => true,
             });
-            emit::emit(&plan, &targets, &options)?
+            Ok(emit::emit(plan, &targets, &options)?)
         }
-    };
-    Ok(Drawn {
-        name,
-        plan,
-        files,
-        left_out,
-    })
+    }
 }

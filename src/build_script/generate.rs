@@ -46,6 +46,7 @@ const TYPES: [&str; 23] = [
 ];
 
 /// One plan of a material, with the files that were written of it.
+#[derive(Clone)]
 pub(super) struct Drawn {
     /// Name of its module, and of the folder of its files.
     pub name: String,
@@ -78,15 +79,30 @@ fn from_within(path: &str) -> String {
     }
 }
 
+/// What the module has no words for.
+pub(super) struct Wordless {
+    /// The plan that needs them, of those that are drawn; `None` where it is none's.
+    pub of: Option<usize>,
+    /// What it is.
+    pub why: String,
+}
+
 /// The module of one material. `original` comes first among `drawn`; the second is what the module's own names mean, unless it holds for some values alone.
 ///
 /// # Errors
 /// What it has no words for.
-pub(super) fn material(name: &str, drawn: &[Drawn], module: &Module<'_>) -> Result<String, String> {
-    let shared = Shared::of(drawn.iter().map(|d| &d.plan), module.said)?;
+pub(super) fn material(
+    name: &str,
+    drawn: &[Drawn],
+    module: &Module<'_>,
+) -> Result<String, Wordless> {
+    let nowhere = |why| Wordless { of: None, why };
+    let shared = Shared::of(drawn.iter().map(|d| &d.plan), module.said).map_err(nowhere)?;
     let mut overrides = BTreeSet::new();
-    for one in drawn {
-        overrides.extend(one.overrides()?.into_values().flatten().map(|o| o.key));
+    for (index, one) in drawn.iter().enumerate() {
+        let of = Some(index);
+        let own = one.overrides().map_err(|why| Wordless { of, why })?;
+        overrides.extend(own.into_values().flatten().map(|o| o.key));
     }
     let of_author = drawn.first().map(|original| &original.plan);
     let mut text = match module.wgpu {
@@ -105,9 +121,11 @@ pub(super) fn material(name: &str, drawn: &[Drawn], module: &Module<'_>) -> Resu
         "\n/// Every attribute that the author's shader reads, one after the other in one buffer: for a host that has no layout of its own."
     );
     text.push_str(&interleaved(drawn));
-    for one in drawn {
+    for (index, one) in drawn.iter().enumerate() {
         let constants = constants(&one.plan, of_author);
-        text.push_str(&variant(name, one, &shared, &overrides, &constants)?);
+        let of = Some(index);
+        let own = variant(name, one, &shared, &overrides, &constants);
+        text.push_str(&own.map_err(|why| Wordless { of, why })?);
     }
     if let Some(chosen) = drawn.get(1) {
         let name = &chosen.name;
@@ -136,6 +154,13 @@ struct Override {
 }
 
 impl Drawn {
+    /// The original in its place, where it cannot be made: `why`.
+    pub(super) fn give_up(&mut self, original: &Self, why: String) {
+        self.plan = original.plan.clone();
+        self.files.clone_from(&original.files);
+        self.left_out.push(why);
+    }
+
     /// The overrides that are left in the WGSL of each program that has any.
     fn overrides(&self) -> Result<BTreeMap<&str, Vec<Override>>, String> {
         let mut out = BTreeMap::new();

@@ -60,6 +60,7 @@ use crate::recipe::Recipe;
 
 use bindings::Said;
 use choose::Keeping;
+use generate::Drawn;
 use stamp::Trace;
 
 pub use error::Error;
@@ -405,16 +406,14 @@ impl Builder {
             .map(|(file, text)| front::Source::new(slashes(file), text))
             .collect();
         let mut trace = Trace::default();
-        let drawn = choose::choose(self, name, &sources, lock, &mut trace)?;
+        let mut drawn = choose::choose(self, name, &sources, lock, &mut trace)?;
         let module = generate::Module {
             types: self.types.as_deref(),
             wgpu: self.wgpu.as_deref(),
             said: &self.said,
         };
-        let module = generate::material(name, &drawn, &module);
-        let file = || sources.first().map_or(String::new(), |s| s.name.clone());
         Ok(Made {
-            module: module.map_err(|why| Error::Module { file: file(), why })?,
+            module: worded(name, &mut drawn, &module, &sources, &mut trace.warnings)?,
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
             trace,
         })
@@ -470,6 +469,37 @@ struct Made {
     trace: Trace,
 }
 
+/// The module's text. A variant that it has no words for is told, and the original stands in its place.
+fn worded(
+    name: &str,
+    drawn: &mut [Drawn],
+    module: &generate::Module<'_>,
+    sources: &[front::Source],
+    warnings: &mut Vec<String>,
+) -> Result<String, Error> {
+    loop {
+        let wordless = match generate::material(name, drawn, module) {
+            Ok(module) => return Ok(module),
+            Err(wordless) => wordless,
+        };
+        let amiss = wordless.of.and_then(|of| {
+            let (original, variants) = drawn.split_first_mut()?;
+            Some((original, variants.get_mut(of.checked_sub(1)?)?))
+        });
+        match amiss {
+            Some((original, variant)) if !variant.plan.steps.is_empty() => {
+                choose::give_up(variant, original, &wordless.why, sources, warnings);
+            }
+            _ => {
+                return Err(Error::Module {
+                    file: sources.first().map_or(String::new(), |s| s.name.clone()),
+                    why: wordless.why,
+                });
+            }
+        }
+    }
+}
+
 fn read(path: &Path) -> Result<String, Error> {
     std::fs::read_to_string(path).map_err(|error| Error::Read {
         path: path.to_owned(),
@@ -483,8 +513,17 @@ fn slashes(path: &Path) -> String {
 }
 
 #[cfg(all(test, feature = "verify"))]
+#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use preshade_passes::guard;
+
+    use preshade_passes::pass::Facts;
+    use preshade_passes::plan::Plan;
+    use preshade_passes::state::MaterialState;
+
+    use super::{Error, choose, generate};
+    use crate::front;
+    use crate::recipe::Recipe;
 
     use super::host::{Assumed, Override, Place, ScalarType, Unfit, constants_with};
 
@@ -578,5 +617,52 @@ mod tests {
         assert_eq!(given(&[("7", 1.0), ("K", 0.1), ("M", 3.0)]), Err("M"));
         // The last of a key counts.
         assert_eq!(given(&[("7", 1.0), ("K", 0.1), ("7", 4.0)]), Err("N"));
+    }
+
+    /// What cannot be made of a variant is told, and the original stands in its place: only its own failure ends a build.
+    #[test]
+    fn a_variant_that_cannot_be_made_is_the_original() {
+        let text = include_str!("../../fixtures/shaders/toon.wgsl");
+        let sources = [front::Source::new("toon.wgsl", text)];
+        let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+        let state = MaterialState::default();
+        let fragment = parsed.fragment.as_deref();
+        let original = Plan::original("toon", parsed.program, &parsed.vertex, fragment, &state);
+        let variant = |pass| {
+            let recipe = Recipe::parse([pass]).unwrap();
+            recipe.apply(&original, &Facts::default()).unwrap()
+        };
+        let mut unwritable = variant("shadow");
+        unwritable.passes[0].program = "none".to_owned();
+        let mut wordless = variant("depth-prepass");
+        wordless.passes[0].features.push("telepathy".to_owned());
+        let plans = |original: &Plan| {
+            let all = [("original", original), ("variant", &unwritable), ("b", &wordless)];
+            all.map(|(name, plan)| (name.to_owned(), (plan.clone(), Vec::new())))
+                .to_vec()
+        };
+        let builder = super::configure();
+        let mut warnings = Vec::new();
+        let mut drawn = choose::made(&builder, plans(&original), &sources, &mut warnings).unwrap();
+        let module = generate::Module {
+            types: None,
+            wgpu: None,
+            said: &builder.said,
+        };
+        let text = super::worded("toon", &mut drawn, &module, &sources, &mut warnings).unwrap();
+        let [emit, words] = &warnings[..] else {
+            panic!("{warnings:?}");
+        };
+        assert!(emit.starts_with("toon.wgsl: `variant` cannot be made: "), "{emit}");
+        assert!(emit.ends_with("The original is shipped"), "{emit}");
+        assert!(words.contains("`b` cannot be made: ") && words.contains("telepathy"), "{words}");
+        for (one, why) in drawn[1..].iter().zip(["`none`", "`telepathy`"]) {
+            assert!(one.plan.steps.is_empty());
+            assert_eq!(one.files, drawn[0].files);
+            assert!(one.left_out[0].contains(why), "{:?}", one.left_out);
+        }
+        assert!(!text.contains("Phase::Depth,"));
+        let failed = choose::made(&builder, plans(&unwritable), &sources, &mut warnings);
+        assert!(matches!(failed, Err(Error::Emit(_))));
     }
 }

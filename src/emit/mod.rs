@@ -25,6 +25,7 @@ mod equivalence;
 mod fingerprint;
 #[cfg(feature = "glsl")]
 mod glsl;
+mod initialisers;
 mod loops;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]

@@ -138,27 +138,3 @@ pub(super) fn resolved(
     }
     module
 }
-
-/// The first override whose default naga's writer of WGSL has no words for.
-pub(super) fn unwritable(module: &Module) -> Option<&str> {
-    let found = module
-        .overrides
-        .iter()
-        .find(|(_, o)| o.init.is_some_and(|init| !is_writable(module, init)));
-    found.map(|(_, o)| o.name.as_deref().unwrap_or("?"))
-}
-
-fn is_writable(module: &Module, e: Handle<Expression>) -> bool {
-    let expression = &module.global_expressions[e];
-    let is_plain = matches!(
-        expression,
-        Expression::Literal(_)
-            | Expression::Constant(_)
-            | Expression::Override(_)
-            | Expression::ZeroValue(_)
-            | Expression::Compose { .. }
-            | Expression::Splat { .. }
-    );
-    let operands = operands::of_expression(expression);
-    is_plain && operands.into_iter().all(|o| is_writable(module, o))
-}
