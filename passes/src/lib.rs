@@ -25,6 +25,7 @@ pub mod draw_table;
 pub mod early_discard;
 pub mod evaluate;
 mod fetch;
+pub mod features;
 pub mod frame;
 pub mod geometry;
 pub mod graph;

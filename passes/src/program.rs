@@ -1,13 +1,14 @@
 //! A shader program: one validated naga module holding the vertex and the fragment stage of a material, with the
 //! author's text beside it so that every message can point into it.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use serde::{Deserialize, Serialize};
 
 use crate::calls;
 use crate::declared::Declared;
+use crate::features;
 
 /// One file of the author's source. `base` is where its text begins in the address space that all spans of a
 /// [`SourceMap`] share.
@@ -191,6 +192,8 @@ pub struct Program {
     sources: Arc<SourceMap>,
     language: Language,
     declared: Arc<Declared>,
+    /// What it needs beyond what every device has; found when it is asked for, where it is not known to be nothing.
+    capabilities: Arc<OnceLock<Capabilities>>,
     /// No transform has touched it.
     as_written: bool,
 }
@@ -206,7 +209,11 @@ impl Program {
         sources: Arc<SourceMap>,
         language: Language,
     ) -> Result<Self, Box<Invalid>> {
-        let info = validate(&module)?;
+        // Most modules need nothing of the adapter: then it is known at once.
+        let (info, capabilities) = match validate(&module, Allowed::Core) {
+            Ok(info) => (info, OnceLock::from(Capabilities::empty())),
+            Err(_) => (validate(&module, Allowed::All)?, OnceLock::new()),
+        };
         if let Some(function) = calls::too_deep(&module) {
             return Err(Box::new(too_deep(&module, function)));
         }
@@ -216,6 +223,7 @@ impl Program {
             sources,
             language,
             declared: Arc::default(),
+            capabilities: Arc::new(capabilities),
             as_written: true,
         })
     }
@@ -248,6 +256,13 @@ impl Program {
     /// What the validator learnt about the module.
     pub fn info(&self) -> &ModuleInfo {
         &self.info
+    }
+
+    /// What it needs beyond what every WebGPU device has.
+    pub fn capabilities(&self) -> Capabilities {
+        *self
+            .capabilities
+            .get_or_init(|| features::needed(&self.module))
     }
 
     /// The author's own text, where it is one file that says just what this program is: no transform has touched it.
@@ -294,10 +309,26 @@ impl Program {
     }
 }
 
-fn validate(module: &naga::Module) -> Result<ModuleInfo, Box<Invalid>> {
-    Validator::new(ValidationFlags::all(), Capabilities::all())
-        .subgroup_stages(naga::valid::ShaderStages::all())
-        .subgroup_operations(naga::valid::SubgroupOperationSet::all())
+/// What the validator lets a module use.
+#[derive(Clone, Copy)]
+enum Allowed {
+    /// What every WebGPU device has.
+    Core,
+    /// All that some have.
+    All,
+}
+
+fn validate(module: &naga::Module, allowed: Allowed) -> Result<ModuleInfo, Box<Invalid>> {
+    let mut validator = match allowed {
+        Allowed::Core => Validator::new(ValidationFlags::all(), features::core()),
+        Allowed::All => Validator::new(ValidationFlags::all(), Capabilities::all()),
+    };
+    if let Allowed::All = allowed {
+        validator
+            .subgroup_stages(naga::valid::ShaderStages::all())
+            .subgroup_operations(naga::valid::SubgroupOperationSet::all());
+    }
+    validator
         .validate(module)
         .map_err(|e| {
             let mut message = e.as_inner().to_string();
