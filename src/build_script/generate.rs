@@ -8,6 +8,7 @@ use preshade_passes::plan::{
     Attachment, BindingSource, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Phase, Plan,
     SamplesPassed, SelfTest,
 };
+use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use preshade_passes::state::{AttachmentOps, DepthState, LoadOp};
 
@@ -341,10 +342,8 @@ fn variant(
             &folder,
             &format!("{}.{}.wgsl", plan.material, pass.program),
         );
-        let own = overrides
-            .get(pass.program.as_str())
-            .map_or(&[][..], Vec::as_slice);
-        let rust = raster(plan, pass, &wgsl, shared, (own, keys))?;
+        let constants = Constants::of(&overrides, &pass.program, keys);
+        let rust = raster(plan, pass, &wgsl, shared, &constants)?;
         let _ = writeln!(text, "{visible}static {name}: Pass = {rust};");
     }
     let all: Vec<String> = names.iter().map(|n| format!("&{n}")).collect();
@@ -359,7 +358,9 @@ fn variant(
         .iter()
         .map(|c| {
             let file = format!("{}.{}.wgsl", plan.material, c.program);
-            compute(c, &included("str", &folder, &file), shared)
+            let wgsl = included("str", &folder, &file);
+            let constants = Constants::of(&overrides, &c.program, keys);
+            compute(plan, c, &wgsl, shared, &constants)
         })
         .collect::<Result<_, _>>()?;
     let _ = writeln!(text, "/// Its compute passes, in the order they run.");
@@ -489,31 +490,11 @@ fn raster(
     pass: &GpuPass,
     wgsl: &str,
     shared: &Shared<'_>,
-    (overrides, keys): (&[Override], &BTreeSet<String>),
+    constants: &Constants<'_>,
 ) -> Result<String, String> {
     let program = plan.program(pass);
-    let module = program.map(preshade_passes::program::Program::module);
-    let array = |b: &&BindingUse| module.is_some_and(|m| reflect::is_array(m, b));
-    if let Some(array) = pass.bindings.iter().find(array) {
-        return Err(format!(
-            "`{}` is a binding array, which the generated module has no words for; `preshade rewrite` writes the shaders alone",
-            array.name
-        ));
-    }
+    no_arrays(program, &pass.bindings)?;
     let immediates = program.map_or(0, |p| reflect::immediate_size(p, &reflect::stages(pass)));
-    let listed: Vec<String> = overrides
-        .iter()
-        .map(|o| {
-            format!(
-                "Override {{ key: {:?}, is_needed: {} }}",
-                o.key, o.is_needed
-            )
-        })
-        .collect();
-    let unread: Vec<&String> = keys
-        .iter()
-        .filter(|key| !overrides.iter().any(|o| o.key == **key))
-        .collect();
     let free = pass.phase == Phase::Shadow || samples_are_free(plan);
     let depth = pass.depth.as_ref().and_then(|d| depth(plan, pass, d));
     let depth = depth.map_or("None".to_owned(), |d| format!("Some({d})"));
@@ -538,14 +519,19 @@ fn raster(
     let attributes: Vec<String> = pass
         .attributes
         .iter()
-        .filter_map(|a| {
-            let (format, _) = words::vertex_format(&a.ty)?;
-            Some(format!(
+        .map(|a| {
+            let (format, _) = words::vertex_format(&a.ty).ok_or_else(|| {
+                format!(
+                    "the attribute `{}` is of the type {}, which no vertex format of WebGPU holds",
+                    a.name, a.ty
+                )
+            })?;
+            Ok(format!(
                 "Attribute {{ location: {}, name: {:?}, format: wgpu::VertexFormat::{format} }}",
                 a.location, a.name
             ))
         })
-        .collect();
+        .collect::<Result<_, String>>()?;
     let draws = match pass.draws {
         Draws::All => "All",
         Draws::Opaque => "Opaque",
@@ -556,7 +542,7 @@ fn raster(
         false => json(&pass.geometry),
     };
     Ok(format!(
-        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, overrides: &[{}], unread_overrides: &{unread:?}, guard: GUARD, samples_are_free: {free} }}",
+        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, {}, samples_are_free: {free} }}",
         pass.role.name(),
         pass.phase,
         pass.vertex,
@@ -570,13 +556,78 @@ fn raster(
         words::features(&pass.features)?,
         words::raise_limits(&pass.limits),
         pass.view_dependent,
-        listed.join(", "),
+        constants.fields(),
     ))
 }
 
-fn compute(pass: &ComputePass, wgsl: &str, shared: &Shared<'_>) -> Result<String, String> {
+/// Pipeline-overridable constants as a pass has them.
+struct Constants<'p> {
+    /// Those that its program reads.
+    own: &'p [Override],
+    /// Keys of all that the material has.
+    keys: &'p BTreeSet<String>,
+}
+
+impl<'p> Constants<'p> {
+    fn of(
+        overrides: &'p BTreeMap<&str, Vec<Override>>,
+        program: &str,
+        keys: &'p BTreeSet<String>,
+    ) -> Self {
+        Self {
+            own: overrides.get(program).map_or(&[][..], Vec::as_slice),
+            keys,
+        }
+    }
+
+    /// The fields of `Pass` and `Compute` that are about them.
+    fn fields(&self) -> String {
+        let listed: Vec<String> = self
+            .own
+            .iter()
+            .map(|o| {
+                format!(
+                    "Override {{ key: {:?}, is_needed: {} }}",
+                    o.key, o.is_needed
+                )
+            })
+            .collect();
+        let unread = self.keys.iter();
+        let unread: Vec<&String> = unread
+            .filter(|key| !self.own.iter().any(|o| o.key == **key))
+            .collect();
+        format!(
+            "overrides: &[{}], unread_overrides: &{unread:?}, guard: GUARD",
+            listed.join(", ")
+        )
+    }
+}
+
+/// Refuses bindings of several resources.
+fn no_arrays(program: Option<&Program>, bindings: &[BindingUse]) -> Result<(), String> {
+    let array = |b: &&BindingUse| program.is_some_and(|p| reflect::is_array(p.module(), b));
+    match bindings.iter().find(array) {
+        None => Ok(()),
+        Some(array) => Err(format!(
+            "`{}` is a binding array, which the generated module has no words for; `preshade rewrite` writes the shaders alone",
+            array.name
+        )),
+    }
+}
+
+fn compute(
+    plan: &Plan,
+    pass: &ComputePass,
+    wgsl: &str,
+    shared: &Shared<'_>,
+    constants: &Constants<'_>,
+) -> Result<String, String> {
+    let program = plan.programs.get(&pass.program);
+    no_arrays(program, &pass.bindings)?;
+    let stages = [(naga::ShaderStage::Compute, pass.entry_point.as_str())];
+    let immediates = program.map_or(0, |p| reflect::immediate_size(p, &stages));
     Ok(format!(
-        "Compute {{ wgsl: {wgsl}, entry_point: {:?}, workgroup: {}, geometry: {:?}, when: {:?}, groups: {}, features: {}, raise_limits: {} }}",
+        "Compute {{ wgsl: {wgsl}, entry_point: {:?}, workgroup: {}, geometry: {:?}, when: {:?}, groups: {}, features: {}, raise_limits: {}, immediate_size: {immediates}, {} }}",
         pass.entry_point,
         pass.workgroup,
         json(&pass.geometry),
@@ -584,6 +635,7 @@ fn compute(pass: &ComputePass, wgsl: &str, shared: &Shared<'_>) -> Result<String
         shared.groups(&pass.bindings, Kind::Compute),
         words::features(&pass.features)?,
         words::raise_limits(&pass.limits),
+        constants.fields(),
     ))
 }
 

@@ -204,6 +204,14 @@ pub struct Compute {
     pub features: wgpu::Features,
     /// Raises limits to what the pass needs.
     pub raise_limits: fn(&mut wgpu::Limits),
+    /// Bytes of immediate data that the host sets before it dispatches.
+    pub immediate_size: u32,
+    /// Pipeline-overridable constants of the pass: given by [`PipelineOptions::constants`].
+    pub overrides: &'static [Override],
+    /// Keys of those that the material has and this pass does not read.
+    pub unread_overrides: &'static [&'static str],
+    /// What its variant takes for granted: of constants, pipelines are made for nothing else.
+    pub guard: &'static [Assumed],
 }
 
 /// One plan of a material, with all that a frame needs of it.
@@ -643,15 +651,41 @@ impl Compute {
     }
 
     /// The pipeline.
-    pub fn pipeline(&self, device: &wgpu::Device) -> wgpu::ComputePipeline {
-        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(self.entry_point),
-            layout: Some(&pipeline_layout(device, self.groups, 0)),
-            module: &module(device, self.entry_point, self.wgsl),
-            entry_point: Some(self.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        })
+    ///
+    /// # Errors
+    /// A constant without a value, or [`Unfit::Guard`] where one has another value than the variant was made for.
+    pub fn pipeline(&self, device: &wgpu::Device) -> Result<wgpu::ComputePipeline, Unfit> {
+        self.pipeline_with(device, &PipelineOptions::default())
+    }
+
+    /// As [`Compute::pipeline`], with the constants that the passes of the material are made with.
+    ///
+    /// # Errors
+    /// As [`Compute::pipeline`], and for a constant that the material has not.
+    pub fn pipeline_with(
+        &self,
+        device: &wgpu::Device,
+        options: &PipelineOptions<'_>,
+    ) -> Result<wgpu::ComputePipeline, Unfit> {
+        let constants = constants_with(
+            self.overrides,
+            self.unread_overrides,
+            self.guard,
+            options.constants,
+        )?;
+        Ok(
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(self.entry_point),
+                layout: Some(&pipeline_layout(device, self.groups, self.immediate_size)),
+                module: &module(device, self.entry_point, self.wgsl),
+                entry_point: Some(self.entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &constants,
+                    ..wgpu::PipelineCompilationOptions::default()
+                },
+                cache: None,
+            }),
+        )
     }
 }
 
