@@ -496,7 +496,8 @@ fn raster(
     no_arrays(program, &pass.bindings)?;
     let immediates = program.map_or(0, |p| reflect::immediate_size(p, &reflect::stages(pass)));
     let free = pass.phase == Phase::Shadow || samples_are_free(plan);
-    let depth = pass.depth.as_ref().and_then(|d| depth(plan, pass, d));
+    let depth = pass.depth.as_ref().map(|d| depth(plan, pass, d));
+    let depth = depth.transpose()?.flatten();
     let depth = depth.map_or("None".to_owned(), |d| format!("Some({d})"));
     let mut targets: Vec<String> = Vec::new();
     let mut colors: Vec<String> = Vec::new();
@@ -639,22 +640,37 @@ fn compute(
     ))
 }
 
-fn depth(plan: &Plan, pass: &GpuPass, depth: &DepthState) -> Option<String> {
-    let attachment = plan.attachment(&depth.attachment)?;
-    let clear = match attachment.clear {
-        ClearValue::Depth(depth) => depth,
-        ClearValue::Color(_) => return None,
+/// `None` for one whose attachment is none of depth.
+fn depth(plan: &Plan, pass: &GpuPass, depth: &DepthState) -> Result<Option<String>, String> {
+    let Some((clear, format)) = plan.attachment(&depth.attachment).and_then(|attachment| {
+        let ClearValue::Depth(clear) = attachment.clear else {
+            return None;
+        };
+        Some((clear, attachment.format.depth()?))
+    }) else {
+        return Ok(None);
     };
+    for (what, number) in [
+        ("the slope scale of the depth bias", depth.bias.slope_scale),
+        ("the clamp of the depth bias", depth.bias.clamp),
+        ("what depth is cleared to", clear),
+    ] {
+        if !number.is_finite() {
+            return Err(format!(
+                "{what} is {number}, which no pipeline takes: give a finite number"
+            ));
+        }
+    }
     let stencil_ops = depth.stencil_ops;
-    Some(format!(
+    Ok(Some(format!(
         "Depth {{ attachment: {:?}, state: {}, stencil_reference: {}, read_only: {}, clear: {clear:?}, ops: {}, stencil_ops: {} }}",
         depth.attachment,
-        words::depth_stencil(attachment.format.depth()?, depth, pass.stencil.as_ref()),
+        words::depth_stencil(format, depth, pass.stencil.as_ref()),
         pass.stencil.as_ref().map_or(0, |s| s.reference),
         depth.read_only,
         ops(depth.ops),
         stencil_ops.map_or("None".to_owned(), |o| format!("Some({})", ops(o))),
-    ))
+    )))
 }
 
 fn ops(ops: AttachmentOps) -> String {
