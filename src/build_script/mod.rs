@@ -387,7 +387,7 @@ impl Builder {
             Some(bare.unwrap_or(&stem).to_owned())
         });
         match name {
-            Some(name) if names::is_a_files(&name) => Ok(name),
+            Some(name) if emit::is_material_name(&name) => Ok(name),
             name => Err(Error::Name(name.unwrap_or_default())),
         }
     }

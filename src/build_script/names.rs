@@ -46,13 +46,3 @@ pub(super) fn is_a_modules(name: &str) -> bool {
         && !HIDDEN.contains(&name)
         && !reserved.contains(&name)
 }
-
-/// Whether files and a folder may be called so, on any system, and none of them as another's module.
-pub(super) fn is_a_files(name: &str) -> bool {
-    let amiss = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
-    !name.is_empty()
-        && !name.contains(amiss)
-        && !name.starts_with('.')
-        && !name.ends_with(['.', ' '])
-        && !name.to_lowercase().ends_with(".rs")
-}
