@@ -153,6 +153,8 @@ fn without_a_pass_there_is_what_needs_no_scene() {
             .starts_with("Some(")
     };
     assert!(tests("depth_prepass") && !tests("original"));
+    // Nothing that a host could draw at load tells whether these hold: their passes say why.
+    assert!(!tests("early_discard") && !tests("shadow"));
     for (name, recipe) in [
         ("original", "as its author wrote it"),
         ("variant", "as its author wrote it"),
@@ -165,6 +167,24 @@ fn without_a_pass_there_is_what_needs_no_scene() {
         let said = after.split("RECIPE: &str = \"").nth(1).unwrap();
         assert!(said.starts_with(recipe), "{name}: {}", &said[..40]);
     }
+}
+
+#[test]
+fn an_early_discard_under_a_read_only_attachment_has_a_self_test() {
+    let package = Package::new("readonly");
+    let readonly = ["early-discard:attachment=readonly"];
+    let built = package.build(configure().variant("readonly", readonly));
+    assert_eq!(built.unwrap().warnings, [""; 0]);
+    let module = package.module();
+    let of = module.split("pub mod readonly {").nth(1).unwrap();
+    let test = of.split("SELF_TEST: Option<SelfTest> = ").nth(1).unwrap();
+    let test = test.lines().next().unwrap();
+    assert!(test.starts_with("Some("), "{test}");
+    // The pre-pass lays what the main pass samples; then it must nowhere lie in front of what the main pass leaves.
+    let draws: Vec<&str> = test.split("TestDraw { pass: &").skip(1).collect();
+    let passes: Vec<&str> = draws.iter().map(|d| d.split(',').next().unwrap()).collect();
+    assert_eq!(passes, ["PREPASS", "MAIN", "PREPASS"]);
+    assert!(draws[2].contains("must_pass: false"), "{test}");
 }
 
 #[test]
@@ -433,6 +453,44 @@ fn what_holds_for_some_values_alone_is_no_ones_default() {
     assert!(!module.contains("pub use variant::*"));
     assert!(module.contains("pub use original::*;"));
     assert!(module.contains("pub use variant::{CHOICES, CONSTANTS, GUARD, guard_holds, variant_for};"));
+}
+
+#[test]
+fn compute_passes_have_the_constants_and_immediate_data_of_the_material() {
+    let package = Package::new("compute");
+    let text = "
+override gain: f32;
+@id(7) override bias: f32 = 0.5;
+var<immediate> tint: vec4<f32>;
+@group(0) @binding(0) var<uniform> object: mat4x4<f32>;
+struct Out { @builtin(position) clip: vec4<f32>, @location(0) color: vec4<f32> }
+@vertex fn vs(@location(0) p: vec4<f32>, @location(1) c: vec4<f32>) -> Out { return Out(object * p, c); }
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> { return in.color * gain + bias * tint; }";
+    fs::write(package.0.join("toon.wgsl"), text).unwrap();
+    let resolved = ["visibility-buffer:form=compute"];
+    let built = package.build(configure().variant("resolved", resolved)).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    let module = package.module();
+    let of = module.split("pub mod resolved {").nth(1).unwrap();
+    let compute = of.split("static COMPUTE: &[Compute] = ").nth(1).unwrap();
+    let compute = compute.lines().next().unwrap();
+    let shades: Vec<&str> = compute
+        .split("Compute {")
+        .filter(|c| c.contains("resolve"))
+        .collect();
+    for said in [
+        "immediate_size: 16, overrides: &[Override { key: \"gain\", is_needed: true }, Override { key: \"7\", is_needed: false }], unread_overrides: &[], guard: GUARD",
+        "wgpu::Features::IMMEDIATES",
+        "limits.max_immediate_size = limits.max_immediate_size.max(16)",
+    ] {
+        assert!(shades.iter().any(|c| c.contains(said)), "{said}\n{compute}");
+    }
+    // What reads none of them says so.
+    let others = compute.split("Compute {").skip(1);
+    let others = others.filter(|c| c.contains("overrides: &[], "));
+    others.for_each(|c| {
+        assert!(c.contains("immediate_size: 0, overrides: &[], unread_overrides: &[\"7\", \"gain\"]"), "{c}");
+    });
 }
 
 /// Constants that a pipeline may set, of which some decide others.
@@ -782,6 +840,26 @@ fn features_are_complete_and_what_cannot_be_said_is_refused() {
     let picture = "@group(0) @binding(0) var t: texture_storage_2d<rgba8unorm, read_write>;";
     let load = "return textureLoad(t, vec2<i32>(0));";
     assert_eq!(said(picture, load, plain()), adapter);
+    let texture = |ty: &str| format!("@group(0) @binding(0) var t: {ty};");
+    let store = "textureStore(t, vec2<i32>(0), vec4<f32>(1.0)); return vec4<f32>(1.0);";
+    let narrow = texture("texture_storage_2d<r8unorm, write>");
+    assert_eq!(said(&narrow, store, plain()), adapter);
+    let wide = texture("texture_storage_2d<rgba16float, write>");
+    assert_eq!(said(&wide, store, plain()), "");
+    let video = "return textureLoad(t, vec2<u32>(0u));";
+    let film = texture("texture_external");
+    assert_eq!(said(&film, video, plain()), "EXTERNAL_TEXTURE ");
+    let counted = texture("texture_storage_2d<r32uint, atomic>");
+    let max = "textureAtomicMax(t, vec2<i32>(0), 1u); return vec4<f32>(1.0);";
+    let (atomic, main) = features(&counted, max, plain()).unwrap();
+    assert_eq!(atomic, "TEXTURE_ATOMIC ");
+    assert!(main.contains("StorageTextureAccess::Atomic"), "{main}");
+    for (value, needed) in [
+        ("return vec4<f32>(f32(f64(x) + 1.0lf));", "SHADER_F64 "),
+        ("return vec4<f32>(f32(i64(x) + 1li));", "SHADER_INT64 "),
+    ] {
+        assert_eq!(said("var<private> x: f32 = 0.5;", value, plain()), needed);
+    }
     // Immediate data is said, binding arrays are refused.
     let (said, main) =
         features("var<immediate> tint: vec4<f32>;", "return tint;", plain()).unwrap();
@@ -795,6 +873,15 @@ fn features_are_complete_and_what_cannot_be_said_is_refused() {
     let load = "return textureLoad(all[1], vec2<i32>(0), 0);";
     let error = features(array, load, plain()).unwrap_err().to_string();
     assert!(error.contains("`all` is a binding array"), "{error}");
+    // So is a number that there is no word for, wherever it stands.
+    for number in [f32::INFINITY, f32::NAN] {
+        let mut state = plain();
+        state.depth_bias.slope_scale = number;
+        let error = features("", one, state).unwrap_err();
+        assert!(matches!(error, Error::Module { .. }), "{error}");
+        let said = format!("the slope scale of the depth bias is {number}");
+        assert!(error.to_string().contains(&said), "{error}");
+    }
     // So are formats that there are not.
     let error = features("", one, state("rgba8unorm_srgb", 1)).unwrap_err();
     let said = "no colour format `rgba8unorm_srgb` that can be drawn to, in WebGPU's spelling; did you mean `rgba8unorm-srgb`?";

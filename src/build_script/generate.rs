@@ -19,8 +19,12 @@ use crate::emit::File;
 /// What a host calls: `host.rs`, which is compiled with this crate's tests.
 const HOST: &str = include_str!("host.rs");
 
+/// The part of it that is in a file of its own, and how it says so.
+const SELF_TEST: &str = include_str!("host/self_test.rs");
+const SELF_TEST_IS: &str = "#[path = \"host/self_test.rs\"]\nmod preshade_self_test;\n";
+
 /// The types in it.
-const TYPES: [&str; 23] = [
+const TYPES: [&str; 24] = [
     "Assumed",
     "Attachment",
     "Attribute",
@@ -32,6 +36,7 @@ const TYPES: [&str; 23] = [
     "Ops",
     "Override",
     "Pass",
+    "Pending",
     "Phase",
     "PipelineOptions",
     "Place",
@@ -111,7 +116,11 @@ pub(super) fn material(
         Some(path) => format!("use {} as wgpu;\n", from_within(path)),
     };
     match module.types {
-        None => text.push_str(HOST),
+        None => {
+            let wgpu = module.wgpu.map_or("", |_| "use super::wgpu;\n");
+            let module = format!("mod preshade_self_test {{\n{wgpu}{SELF_TEST}}}\n");
+            text.push_str(&HOST.replace(SELF_TEST_IS, &module));
+        }
         Some(path) => {
             let path = from_within(path);
             let _ = writeln!(text, "use {path}::{{{}}};", TYPES.join(", "));

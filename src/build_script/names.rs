@@ -10,7 +10,7 @@ const KEYWORDS: [&str; 52] = [
 ];
 
 /// What a module of the name would hide in the generated one: its crates, and the types that need no path.
-const HIDDEN: [&str; 23] = [
+const HIDDEN: [&str; 24] = [
     "alloc",
     "bool",
     "char",
@@ -26,6 +26,7 @@ const HIDDEN: [&str; 23] = [
     "i128",
     "isize",
     "preshade_generated",
+    "preshade_self_test",
     "std",
     "str",
     "u8",
