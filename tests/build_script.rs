@@ -172,6 +172,7 @@ fn without_a_pass_there_is_what_needs_no_scene() {
 #[test]
 fn an_early_discard_under_a_read_only_attachment_has_a_self_test() {
     let package = Package::new("readonly");
+    package.lock(&[], &Facts::without_ties());
     let readonly = ["early-discard:attachment=readonly"];
     let built = package.build(configure().variant("readonly", readonly));
     assert_eq!(built.unwrap().warnings, [""; 0]);
@@ -301,7 +302,8 @@ fn a_lock_of_a_later_preshade_ships_the_original() {
     };
     assert!(
         warning.contains("written by another preshade (preshade.lock.v2)")
-            && warning.ends_with("`preshade plan SCENE --one --lock` again. The original is shipped"),
+            && warning
+                .ends_with("`preshade plan SCENE --one --lock` again. The original is shipped"),
         "{warning}"
     );
     assert_eq!(
@@ -319,7 +321,11 @@ fn a_lock_of_a_later_preshade_still_says_how_the_material_is_drawn() {
     let vertex = SHADER.split("@vertex").nth(1).unwrap();
     let vertex = vertex.split("\n}\n").next().unwrap();
     let second = vertex.replacen("fn vs_main", "fn vs_other", 1);
-    fs::write(package.0.join("toon.wgsl"), format!("{SHADER}\n@vertex{second}\n}}\n")).unwrap();
+    fs::write(
+        package.0.join("toon.wgsl"),
+        format!("{SHADER}\n@vertex{second}\n}}\n"),
+    )
+    .unwrap();
     let text = fs::read_to_string(&path).unwrap();
     let mut lock: serde_json::Value = serde_json::from_str(&text).unwrap();
     lock["materials"]["toon"]["inputs"]["state"]["primitive"]["cull"] = "none".into();
@@ -339,7 +345,9 @@ fn a_lock_of_a_later_preshade_still_says_how_the_material_is_drawn() {
     write(&lock);
     let error = package.build(configure()).unwrap_err();
     assert!(matches!(error, Error::State(_)), "{error}");
-    let said = configure().state(MaterialState::default()).vertex("vs_main");
+    let said = configure()
+        .state(MaterialState::default())
+        .vertex("vs_main");
     assert_eq!(package.build(said).unwrap().warnings.len(), 1);
     // Nor of what is no state of this material's.
     lock["materials"] = serde_json::json!([]);
@@ -353,7 +361,11 @@ fn a_lock_of_a_later_preshade_still_says_how_the_material_is_drawn() {
     mixed["materials"]["stone"] = other.clone();
     write(&mixed);
     let built = package.build(configure()).unwrap();
-    assert!(built.warnings[0].contains("toon.wgsl was edited"), "{:?}", built.warnings);
+    assert!(
+        built.warnings[0].contains("toon.wgsl was edited"),
+        "{:?}",
+        built.warnings
+    );
     drawn();
     mixed["materials"]["toon"] = other;
     write(&mixed);
@@ -452,7 +464,9 @@ fn what_holds_for_some_values_alone_is_no_ones_default() {
     assert!(of("original").contains("GUARD: &[Assumed] = &[]"));
     assert!(!module.contains("pub use variant::*"));
     assert!(module.contains("pub use original::*;"));
-    assert!(module.contains("pub use variant::{CHOICES, CONSTANTS, GUARD, guard_holds, variant_for};"));
+    assert!(
+        module.contains("pub use variant::{CHOICES, CONSTANTS, GUARD, guard_holds, variant_for};")
+    );
 }
 
 #[test]
@@ -468,7 +482,9 @@ struct Out { @builtin(position) clip: vec4<f32>, @location(0) color: vec4<f32> }
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> { return in.color * gain + bias * tint; }";
     fs::write(package.0.join("toon.wgsl"), text).unwrap();
     let resolved = ["visibility-buffer:form=compute"];
-    let built = package.build(configure().variant("resolved", resolved)).unwrap();
+    let built = package
+        .build(configure().variant("resolved", resolved))
+        .unwrap();
     assert_eq!(built.warnings, [""; 0]);
     let module = package.module();
     let of = module.split("pub mod resolved {").nth(1).unwrap();
@@ -487,9 +503,12 @@ struct Out { @builtin(position) clip: vec4<f32>, @location(0) color: vec4<f32> }
     }
     // What reads none of them says so.
     let others = compute.split("Compute {").skip(1);
-    let others = others.filter(|c| c.contains("overrides: &[], "));
+    let others = others.filter(|c| c.contains(" overrides: &[], "));
     others.for_each(|c| {
-        assert!(c.contains("immediate_size: 0, overrides: &[], unread_overrides: &[\"7\", \"gain\"]"), "{c}");
+        assert!(
+            c.contains("immediate_size: 0, overrides: &[], unread_overrides: &[\"7\", \"gain\"]"),
+            "{c}"
+        );
     });
 }
 
@@ -552,7 +571,10 @@ var<private> least: f32 = 0.25;
     let built = package.build(configure()).unwrap();
     assert_eq!(built.warnings, [""; 0]);
     assert!(package.module().contains("LEFT_OUT: &[&str] = &[];"));
-    for file in ["depth_prepass/toon.prepass.wgsl", "early_discard/toon.main.wgsl"] {
+    for file in [
+        "depth_prepass/toon.prepass.wgsl",
+        "early_discard/toon.main.wgsl",
+    ] {
         let written = fs::read_to_string(package.0.join("out/toon").join(file)).unwrap();
         for line in [
             "@id(7) override N: u32 = 4u;",
@@ -690,7 +712,12 @@ fn imported_modules_are_read_and_told() {
     assert_eq!(nearer.read, [path("lit.wgsl"), path("light.wgsl")]);
     // A file that is no module is none of its business.
     fs::write(path("other.wgsl"), "fn f() {}\n").unwrap();
-    let stamp = || fs::metadata(path("out/lit/preshade.stamp")).unwrap().modified().unwrap();
+    let stamp = || {
+        fs::metadata(path("out/lit/preshade.stamp"))
+            .unwrap()
+            .modified()
+            .unwrap()
+    };
     let before = stamp();
     build().unwrap();
     assert_eq!(stamp(), before);
@@ -936,7 +963,7 @@ fn nothing_is_told_of_variants_that_nobody_asked_for() {
     );
 }
 
-/// The generated modules through rustc, against the wgpu that these tests were linked with, with every lint that a host may deny.
+/// The generated modules through rustc, against the wgpu that these tests were linked with, with every lint that a host may deny, clippy's too.
 #[cfg(feature = "verify")]
 #[test]
 fn generated_modules_compile_without_a_warning() {
@@ -970,17 +997,18 @@ fn generated_modules_compile_without_a_warning() {
         .filter(is_wgpu)
         .max_by_key(|path| fs::metadata(path).unwrap().modified().unwrap())
         .unwrap();
-    for edition in ["2021", "2024"] {
-        let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
-        let ran = std::process::Command::new(rustc)
+    let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
+    let compiled = |compiler: &std::ffi::OsStr, host: &str, edition: &str, lints: &[String]| {
+        let ran = std::process::Command::new(compiler)
             .current_dir(&package.0)
             .args([
-                "host.rs",
+                host,
                 "--crate-type=lib",
                 "--emit=metadata",
                 "--edition",
                 edition,
             ])
+            .args(lints)
             .arg("--extern")
             .arg(format!("wgpu={}", wgpu.display()))
             .arg("-L")
@@ -989,6 +1017,36 @@ fn generated_modules_compile_without_a_warning() {
             .unwrap();
         let said = String::from_utf8_lossy(&ran.stderr);
         assert!(ran.status.success() && said.is_empty(), "{said}");
+    };
+    for edition in ["2021", "2024"] {
+        compiled(&rustc, "host.rs", edition, &[]);
+    }
+    // Every lint of rustc's that is allowed where nobody says otherwise; of clippy, all there are. A lint that may be forbidden is not allowed either.
+    let plain = "#![forbid(unsafe_code, missing_docs, clippy::unwrap_used, clippy::panic)]\n//! A host.\n/// A material.\npub mod toon { include!(\"out/toon.rs\"); }\n";
+    fs::write(package.0.join("plain.rs"), plain).unwrap();
+    let told = |args: &[&str]| {
+        let ran = std::process::Command::new(&rustc).args(args).output();
+        String::from_utf8(ran.unwrap().stdout).unwrap()
+    };
+    let help = told(&["-W", "help"]);
+    let silent = help.lines().filter_map(|line| {
+        let mut words = line.split_whitespace();
+        let name = words.next()?;
+        // Those that are unstable are unknown without a feature.
+        (words.next() == Some("allow")).then(|| format!("-D{name}"))
+    });
+    let known = ["-Aunknown-lints".to_owned()];
+    let silent: Vec<String> = known.into_iter().chain(silent).collect();
+    assert!(silent.len() > 30, "{silent:?}");
+    compiled(&rustc, "plain.rs", "2024", &silent);
+    let bin = PathBuf::from(told(&["--print", "sysroot"]).trim()).join("bin");
+    let clippy = bin.join(format!("clippy-driver{}", std::env::consts::EXE_SUFFIX));
+    if clippy.is_file() {
+        let groups = ["all", "pedantic", "nursery", "restriction"];
+        let mut groups: Vec<String> = groups.map(|g| format!("-Dclippy::{g}")).to_vec();
+        // What is said of saying so, and of the host's own few lines.
+        groups.push("-Aclippy::blanket_clippy_restriction_lints".to_owned());
+        compiled(clippy.as_os_str(), "plain.rs", "2024", &groups);
     }
 }
 

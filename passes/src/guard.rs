@@ -199,7 +199,8 @@ impl Guard {
     /// What is assumed of overrides, with what a host has to know of each to give `original`, the author's module, such a value. Overrides that it has not are left out.
     pub fn constants(&self, original: &Module) -> Vec<Constant<'_>> {
         let assumed = |wanted: &str| {
-            let named = |a: &&Assumed| matches!(&a.place, Place::Override { name } if name == wanted);
+            let named =
+                |a: &&Assumed| matches!(&a.place, Place::Override { name } if name == wanted);
             self.values.iter().find(named)
         };
         // Nothing is known of an override that nothing is assumed of.

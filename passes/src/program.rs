@@ -328,21 +328,19 @@ fn validate(module: &naga::Module, allowed: Allowed) -> Result<ModuleInfo, Box<I
             .subgroup_stages(naga::valid::ShaderStages::all())
             .subgroup_operations(naga::valid::SubgroupOperationSet::all());
     }
-    validator
-        .validate(module)
-        .map_err(|e| {
-            let mut message = e.as_inner().to_string();
-            let mut source = std::error::Error::source(e.as_inner());
-            while let Some(s) = source {
-                message.push_str(": ");
-                message.push_str(&s.to_string());
-                source = s.source();
-            }
-            Box::new(Invalid {
-                message,
-                labels: e.spans().cloned().collect(),
-            })
+    validator.validate(module).map_err(|e| {
+        let mut message = e.as_inner().to_string();
+        let mut source = std::error::Error::source(e.as_inner());
+        while let Some(s) = source {
+            message.push_str(": ");
+            message.push_str(&s.to_string());
+            source = s.source();
+        }
+        Box::new(Invalid {
+            message,
+            labels: e.spans().cloned().collect(),
         })
+    })
 }
 
 fn too_deep(module: &naga::Module, function: naga::Handle<naga::Function>) -> Invalid {

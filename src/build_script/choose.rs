@@ -63,7 +63,10 @@ pub(super) fn choose(
         (None, Some(Left { state: None, .. }), Keeping::Foreign(error, _)) => {
             return Err(Error::State(error.to_string()));
         }
-        (None, left, _) => left.as_ref().and_then(|l| l.state.clone()).unwrap_or_default(),
+        (None, left, _) => left
+            .as_ref()
+            .and_then(|l| l.state.clone())
+            .unwrap_or_default(),
     };
     let parsed = parse(sources, &builder.options, left.as_ref())?;
     let inputs = Inputs::of(&parsed, &builder.options.defines, &state);

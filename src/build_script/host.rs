@@ -186,7 +186,7 @@ pub struct Attribute {
 }
 
 /// Work of a compute pass.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Compute {
     /// WGSL.
     pub wgsl: &'static str,
@@ -367,11 +367,15 @@ impl std::fmt::Display for Unfit {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Host(why) => f.write_str(why),
-            Self::Guard(Assumed { name, low, high, .. }) if low == high => write!(
+            Self::Guard(Assumed {
+                name, low, high, ..
+            }) if low == high => write!(
                 f,
                 "the variant was made for `{name}` = {low}: give that to it and to the original in `PipelineOptions::constants`, or draw the original"
             ),
-            Self::Guard(Assumed { name, low, high, .. }) => write!(
+            Self::Guard(Assumed {
+                name, low, high, ..
+            }) => write!(
                 f,
                 "the variant was made for `{name}` between {low} and {high}: give such a value to it and to the original in `PipelineOptions::constants`, or draw the original"
             ),

@@ -637,7 +637,11 @@ mod tests {
         let mut wordless = variant("depth-prepass");
         wordless.passes[0].features.push("telepathy".to_owned());
         let plans = |original: &Plan| {
-            let all = [("original", original), ("variant", &unwritable), ("b", &wordless)];
+            let all = [
+                ("original", original),
+                ("variant", &unwritable),
+                ("b", &wordless),
+            ];
             all.map(|(name, plan)| (name.to_owned(), (plan.clone(), Vec::new())))
                 .to_vec()
         };
@@ -653,9 +657,15 @@ mod tests {
         let [emit, words] = &warnings[..] else {
             panic!("{warnings:?}");
         };
-        assert!(emit.starts_with("toon.wgsl: `variant` cannot be made: "), "{emit}");
+        assert!(
+            emit.starts_with("toon.wgsl: `variant` cannot be made: "),
+            "{emit}"
+        );
         assert!(emit.ends_with("The original is shipped"), "{emit}");
-        assert!(words.contains("`b` cannot be made: ") && words.contains("telepathy"), "{words}");
+        assert!(
+            words.contains("`b` cannot be made: ") && words.contains("telepathy"),
+            "{words}"
+        );
         for (one, why) in drawn[1..].iter().zip(["`none`", "`telepathy`"]) {
             assert!(one.plan.steps.is_empty());
             assert_eq!(one.files, drawn[0].files);

@@ -134,3 +134,32 @@ pub(super) fn write(
     };
     emit::write(folder, &[file]).map(|_| ())
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// What was saved while it was compiled is not what was compiled.
+    #[test]
+    fn a_file_that_is_not_as_it_was_read_leaves_no_stamp_that_holds() {
+        let folder = std::env::temp_dir().join(format!("preshade-stamp-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let included = folder.join("tint.glsl");
+        std::fs::write(&included, "#define TINT 0.5").unwrap();
+        let holds = |read: &str| {
+            let trace = Trace {
+                included: vec![(included.clone(), read.to_owned())],
+                ..Trace::default()
+            };
+            write(&folder, "key", &trace, Vec::new()).unwrap();
+            still_holds(&folder, "key", &folder).map(|kept| kept.included)
+        };
+        assert_eq!(holds("#define TINT 0.5"), Some(vec![included.clone()]));
+        // Its last line is ended where something is pasted in it.
+        assert_eq!(holds("#define TINT 0.5\n"), Some(vec![included.clone()]));
+        assert_eq!(holds("#define TINT 0.25"), None);
+        assert_eq!(holds(""), None);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

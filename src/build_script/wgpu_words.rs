@@ -313,18 +313,33 @@ const FEATURES: [(&str, &str); 47] = [
     ("rg11b10ufloat-renderable", "RG11B10UFLOAT_RENDERABLE"),
     ("shader-f16", "SHADER_F16"),
     ("subgroups", "SUBGROUP"),
-    ("wgpu-acceleration-structure-binding-array", "ACCELERATION_STRUCTURE_BINDING_ARRAY"),
+    (
+        "wgpu-acceleration-structure-binding-array",
+        "ACCELERATION_STRUCTURE_BINDING_ARRAY",
+    ),
     ("wgpu-buffer-binding-array", "BUFFER_BINDING_ARRAY"),
     ("wgpu-cooperative-matrix", "EXPERIMENTAL_COOPERATIVE_MATRIX"),
     ("wgpu-external-texture", "EXTERNAL_TEXTURE"),
-    ("wgpu-memory-decoration-coherent", "MEMORY_DECORATION_COHERENT"),
-    ("wgpu-memory-decoration-volatile", "MEMORY_DECORATION_VOLATILE"),
+    (
+        "wgpu-memory-decoration-coherent",
+        "MEMORY_DECORATION_COHERENT",
+    ),
+    (
+        "wgpu-memory-decoration-volatile",
+        "MEMORY_DECORATION_VOLATILE",
+    ),
     ("wgpu-mesh-shader", "EXPERIMENTAL_MESH_SHADER"),
     ("wgpu-mesh-shader-points", "EXPERIMENTAL_MESH_SHADER_POINTS"),
     ("wgpu-multiview", "MULTIVIEW"),
-    ("wgpu-ray-hit-vertex-return", "EXPERIMENTAL_RAY_HIT_VERTEX_RETURN"),
+    (
+        "wgpu-ray-hit-vertex-return",
+        "EXPERIMENTAL_RAY_HIT_VERTEX_RETURN",
+    ),
     ("wgpu-ray-query", "EXPERIMENTAL_RAY_QUERY"),
-    ("wgpu-ray-tracing-pipelines", "EXPERIMENTAL_RAY_TRACING_PIPELINES"),
+    (
+        "wgpu-ray-tracing-pipelines",
+        "EXPERIMENTAL_RAY_TRACING_PIPELINES",
+    ),
     (
         "wgpu-sampled-texture-and-storage-buffer-array-non-uniform-indexing",
         "SAMPLED_TEXTURE_AND_STORAGE_BUFFER_ARRAY_NON_UNIFORM_INDEXING",
@@ -336,11 +351,23 @@ const FEATURES: [(&str, &str); 47] = [
     ("wgpu-shader-float32-atomic", "SHADER_FLOAT32_ATOMIC"),
     ("wgpu-shader-i16", "SHADER_I16"),
     ("wgpu-shader-int64", "SHADER_INT64"),
-    ("wgpu-shader-int64-atomic-all-ops", "SHADER_INT64_ATOMIC_ALL_OPS"),
-    ("wgpu-shader-int64-atomic-min-max", "SHADER_INT64_ATOMIC_MIN_MAX"),
+    (
+        "wgpu-shader-int64-atomic-all-ops",
+        "SHADER_INT64_ATOMIC_ALL_OPS",
+    ),
+    (
+        "wgpu-shader-int64-atomic-min-max",
+        "SHADER_INT64_ATOMIC_MIN_MAX",
+    ),
     ("wgpu-shader-per-vertex", "SHADER_PER_VERTEX"),
-    ("wgpu-storage-resource-binding-array", "STORAGE_RESOURCE_BINDING_ARRAY"),
-    ("wgpu-storage-texture-array-non-uniform-indexing", "STORAGE_TEXTURE_ARRAY_NON_UNIFORM_INDEXING"),
+    (
+        "wgpu-storage-resource-binding-array",
+        "STORAGE_RESOURCE_BINDING_ARRAY",
+    ),
+    (
+        "wgpu-storage-texture-array-non-uniform-indexing",
+        "STORAGE_TEXTURE_ARRAY_NON_UNIFORM_INDEXING",
+    ),
     ("wgpu-subgroup-barrier", "SUBGROUP_BARRIER"),
     ("wgpu-subgroup-vertex", "SUBGROUP_VERTEX"),
     (
@@ -349,9 +376,15 @@ const FEATURES: [(&str, &str); 47] = [
     ),
     ("wgpu-texture-atomic", "TEXTURE_ATOMIC"),
     ("wgpu-texture-binding-array", "TEXTURE_BINDING_ARRAY"),
-    ("wgpu-texture-format-16-bit-norm", "TEXTURE_FORMAT_16BIT_NORM"),
+    (
+        "wgpu-texture-format-16-bit-norm",
+        "TEXTURE_FORMAT_16BIT_NORM",
+    ),
     ("wgpu-texture-int64-atomic", "TEXTURE_INT64_ATOMIC"),
-    ("wgpu-uniform-buffer-binding-arrays", "UNIFORM_BUFFER_BINDING_ARRAYS"),
+    (
+        "wgpu-uniform-buffer-binding-arrays",
+        "UNIFORM_BUFFER_BINDING_ARRAYS",
+    ),
     ("wgpu-vertex-writable-storage", "VERTEX_WRITABLE_STORAGE"),
 ];
 
@@ -360,14 +393,13 @@ const FEATURES: [(&str, &str); 47] = [
 /// # Errors
 /// There is no such feature.
 pub(super) fn features(names: &[String]) -> Result<String, String> {
-    names
-        .iter()
-        .try_fold("wgpu::Features::empty()".to_owned(), |text, name| {
-            match FEATURES.iter().find(|(known, _)| known == name) {
-                Some((_, constant)) => Ok(format!("{text}.union(wgpu::Features::{constant})")),
-                None => Err(format!("it needs the feature `{name}`, which wgpu has not")),
-            }
-        })
+    names.iter().try_fold(
+        "wgpu::Features::empty()".to_owned(),
+        |text, name| match FEATURES.iter().find(|(known, _)| known == name) {
+            Some((_, constant)) => Ok(format!("{text}.union(wgpu::Features::{constant})")),
+            None => Err(format!("it needs the feature `{name}`, which wgpu has not")),
+        },
+    )
 }
 
 /// A function that raises `wgpu::Limits`, of WebGPU's names.

@@ -48,7 +48,10 @@ pub(super) fn of(module: &Module) -> Vec<String> {
     for (_, o) in module.overrides.iter() {
         let ty = layout(module, o.ty);
         let value = o.init.map(|init| constant(module, init));
-        lines.push(format!("override {:?} {:?}: {ty} = {value:?}", o.name, o.id));
+        lines.push(format!(
+            "override {:?} {:?}: {ty} = {value:?}",
+            o.name, o.id
+        ));
     }
     lines.sort();
     lines

@@ -54,9 +54,7 @@ pub(super) fn set_apart(module: &Module) -> Option<Apart> {
     }
     let globals = apart.global_variables.iter_mut().map(|(_, g)| g);
     for (i, global) in globals.filter(|g| private(g)).enumerate() {
-        global.init = global
-            .init
-            .filter(|_| !places.contains(&Place::Private(i)));
+        global.init = global.init.filter(|_| !places.contains(&Place::Private(i)));
     }
     Some(Apart {
         module: apart,

@@ -10,7 +10,6 @@ fn main() -> Result<(), preshade::build_script::Error> {
         .state(state)
         .pass("depth-prepass")
         .variant("early_discard", ["early-discard"])
-        .variant("read_only", ["early-discard:attachment=readonly"])
         .variant("shadow", ["shadow"])
         .variant("still", ["specialize:set=frame.time=0"])
         .compile("shaders/leaf.wgsl")?;

@@ -3,7 +3,7 @@
 use super::{Attachment, Color, Depth, Ops, Pass, Phase, PipelineOptions, Unfit};
 
 /// What a host draws when it loads a variant, because some promises are the driver's: where it fails, draw `original` instead.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct SelfTest {
     /// Attachments of the test: its own, and those of the material.
     pub attachments: &'static [Attachment],
@@ -12,7 +12,7 @@ pub struct SelfTest {
 }
 
 /// Draws one after the other, each in a render pass of its own.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Run {
     /// What is wrong where samples pass that must not.
     pub failure: &'static str,
@@ -21,7 +21,7 @@ pub struct Run {
 }
 
 /// One draw of a self-test.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct TestDraw {
     /// The pass to draw as.
     pub pass: &'static Pass,
@@ -162,9 +162,11 @@ impl SelfTest {
             mapped: std::sync::Arc::new(std::sync::OnceLock::new()),
         };
         let mapped = std::sync::Arc::clone(&pending.mapped);
-        pending.read.map_async(wgpu::MapMode::Read, .., move |done| {
-            let _ = mapped.set(done.is_ok());
-        });
+        pending
+            .read
+            .map_async(wgpu::MapMode::Read, .., move |done| {
+                let _ = mapped.set(done.is_ok());
+            });
         Ok(pending)
     }
 }
@@ -294,15 +296,13 @@ impl Recorded {
             stencil_ops: has_stencil,
             ..own.clone()
         };
-        let mut render = self
-            .encoder
-            .begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("self-test"),
-                color_attachments: &colours,
-                depth_stencil_attachment: Some(depth.attach(&attachment, first)),
-                occlusion_query_set: Some(&self.queries),
-                ..wgpu::RenderPassDescriptor::default()
-            });
+        let mut render = self.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("self-test"),
+            color_attachments: &colours,
+            depth_stencil_attachment: Some(depth.attach(&attachment, first)),
+            occlusion_query_set: Some(&self.queries),
+            ..wgpu::RenderPassDescriptor::default()
+        });
         render.set_pipeline(&pipeline);
         render.begin_occlusion_query(self.query);
         draw(pass, host.view, &mut render);

@@ -34,7 +34,7 @@ pub async fn device(
     let adapter = instance.request_adapter(&options).await?;
     let mut features = wgpu::Features::empty();
     let mut limits = wgpu::Limits::default();
-    let variants = [leaf::original::PASSES, leaf::PASSES, leaf::early_discard::PASSES, leaf::read_only::PASSES];
+    let variants = [leaf::original::PASSES, leaf::PASSES, leaf::early_discard::PASSES];
     let still = leaf::still::CHOICES.iter().flat_map(|v| v.passes);
     for pass in variants.into_iter().flatten().chain(still) {
         features |= pass.features;

@@ -20,7 +20,7 @@ pub fn run() -> Result<(), Box<dyn std::error::Error>> {
     let covered = original.chunks_exact(4).filter(|p| p[..3] != original[..3]).count();
     println!("original: {covered} pixels of leaves");
     type Made = (&'static str, &'static [&'static Pass], &'static [Attachment], &'static Option<SelfTest>);
-    let variants: [Made; 3] = [
+    let variants: [Made; 2] = [
         (leaf::RECIPE, leaf::PASSES, leaf::ATTACHMENTS, &leaf::SELF_TEST),
         (
             leaf::early_discard::RECIPE,
@@ -28,7 +28,6 @@ pub fn run() -> Result<(), Box<dyn std::error::Error>> {
             leaf::early_discard::ATTACHMENTS,
             &leaf::early_discard::SELF_TEST,
         ),
-        (leaf::read_only::RECIPE, leaf::read_only::PASSES, leaf::read_only::ATTACHMENTS, &leaf::read_only::SELF_TEST),
     ];
     let mut broken = false;
     for (recipe, passes, attachments, test) in variants {
