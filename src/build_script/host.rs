@@ -444,7 +444,7 @@ fn module(device: &wgpu::Device, label: &str, wgsl: &'static str) -> wgpu::Shade
 }
 
 /// Of the host's constants those that a pass reads, where all of them are what its variant was made for.
-fn constants_with<'a>(
+pub(super) fn constants_with<'a>(
     overrides: &[Override],
     unread: &[&str],
     guard: &[Assumed],
