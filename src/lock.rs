@@ -70,6 +70,35 @@ impl Default for Lock {
     }
 }
 
+/// How a material is drawn, as far as a file of another preshade says so in words that this one knows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Left {
+    /// Vertex entry point.
+    pub vertex: Option<String>,
+    /// Fragment entry point.
+    pub fragment: Option<String>,
+    /// The state that the author draws the material with.
+    pub state: Option<MaterialState>,
+}
+
+impl Left {
+    /// Of a text that is no lock of this preshade's; `None` where it has materials, and not this one.
+    pub fn of(text: &str, material: &str) -> Option<Self> {
+        let file: serde_json::Value = serde_json::from_str(text).unwrap_or_default();
+        let Some(all) = file.get("materials").and_then(|m| m.as_object()) else {
+            return Some(Self::default());
+        };
+        let inputs = all.get(material)?.get("inputs");
+        let word = |key: &str| Some(inputs?.get(key)?.as_str()?.to_owned());
+        let state = inputs.and_then(|i| i.get("state"));
+        Some(Self {
+            vertex: word("vertex"),
+            fragment: word("fragment"),
+            state: state.and_then(|s| MaterialState::deserialize(s).ok()),
+        })
+    }
+}
+
 /// What was chosen for one material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -554,6 +583,42 @@ impl Lock {
             Some(by) => Err(LockError::Foreign { path, by, message }),
             None => Err(LockError::Syntax { path, message }),
         }
+    }
+
+    /// As [`Self::parse_file`], for one material: what cannot be read of others is left out.
+    ///
+    /// # Errors
+    /// As [`Self::parse`], where it is the file or this material that cannot be read.
+    pub(crate) fn parse_for(text: &str, path: &Path, material: &str) -> Result<Self, LockError> {
+        let whole = Self::parse_file(text, path);
+        let Err(LockError::Foreign { .. }) = whole else {
+            return whole;
+        };
+        let file: serde_json::Value = serde_json::from_str(text).unwrap_or_default();
+        let all = file.get("materials").and_then(|m| m.as_object());
+        let (Some(all), Some(SCHEMA)) = (all, file.get("schema").and_then(|s| s.as_str())) else {
+            return whole;
+        };
+        let mut lock = Self::default();
+        for (name, value) in all {
+            match Locked::deserialize(value) {
+                Ok(locked) => drop(lock.materials.insert(name.clone(), locked)),
+                Err(error) if name == material => {
+                    let tool = value.pointer("/inputs/tool").and_then(|t| t.as_str());
+                    let (path, message) = (path.to_owned(), error.to_string());
+                    return Err(match tool {
+                        Some(by) if by != TOOL => LockError::Foreign {
+                            path,
+                            by: by.to_owned(),
+                            message,
+                        },
+                        _ => LockError::Syntax { path, message },
+                    });
+                }
+                Err(_) => {}
+            }
+        }
+        Ok(lock)
     }
 
     /// The text of the file.

@@ -153,6 +153,8 @@ fn without_a_pass_there_is_what_needs_no_scene() {
             .starts_with("Some(")
     };
     assert!(tests("depth_prepass") && !tests("original"));
+    // Nothing that a host could draw at load tells whether these hold: their passes say why.
+    assert!(!tests("early_discard") && !tests("shadow"));
     for (name, recipe) in [
         ("original", "as its author wrote it"),
         ("variant", "as its author wrote it"),
@@ -165,6 +167,25 @@ fn without_a_pass_there_is_what_needs_no_scene() {
         let said = after.split("RECIPE: &str = \"").nth(1).unwrap();
         assert!(said.starts_with(recipe), "{name}: {}", &said[..40]);
     }
+}
+
+#[test]
+fn an_early_discard_under_a_read_only_attachment_has_a_self_test() {
+    let package = Package::new("readonly");
+    package.lock(&[], &Facts::without_ties());
+    let readonly = ["early-discard:attachment=readonly"];
+    let built = package.build(configure().variant("readonly", readonly));
+    assert_eq!(built.unwrap().warnings, [""; 0]);
+    let module = package.module();
+    let of = module.split("pub mod readonly {").nth(1).unwrap();
+    let test = of.split("SELF_TEST: Option<SelfTest> = ").nth(1).unwrap();
+    let test = test.lines().next().unwrap();
+    assert!(test.starts_with("Some("), "{test}");
+    // The pre-pass lays what the main pass samples; then it must nowhere lie in front of what the main pass leaves.
+    let draws: Vec<&str> = test.split("TestDraw { pass: &").skip(1).collect();
+    let passes: Vec<&str> = draws.iter().map(|d| d.split(',').next().unwrap()).collect();
+    assert_eq!(passes, ["PREPASS", "MAIN", "PREPASS"]);
+    assert!(draws[2].contains("must_pass: false"), "{test}");
 }
 
 #[test]
@@ -281,13 +302,76 @@ fn a_lock_of_a_later_preshade_ships_the_original() {
     };
     assert!(
         warning.contains("written by another preshade (preshade.lock.v2)")
-            && warning.ends_with("The original is shipped"),
+            && warning
+                .ends_with("`preshade plan SCENE --one --lock` again. The original is shipped"),
         "{warning}"
     );
     assert_eq!(
         package.names("variant"),
         ["toon.main.wgsl", "toon.plan.json"]
     );
+}
+
+#[test]
+fn a_lock_of_a_later_preshade_still_says_how_the_material_is_drawn() {
+    let package = Package::new("later-state");
+    package.lock(&["depth-prepass"], &Facts::default());
+    let path = package.0.join("preshade.lock");
+    // Two vertex entry points, of which the lock says one; no culling.
+    let vertex = SHADER.split("@vertex").nth(1).unwrap();
+    let vertex = vertex.split("\n}\n").next().unwrap();
+    let second = vertex.replacen("fn vs_main", "fn vs_other", 1);
+    fs::write(
+        package.0.join("toon.wgsl"),
+        format!("{SHADER}\n@vertex{second}\n}}\n"),
+    )
+    .unwrap();
+    let text = fs::read_to_string(&path).unwrap();
+    let mut lock: serde_json::Value = serde_json::from_str(&text).unwrap();
+    lock["materials"]["toon"]["inputs"]["state"]["primitive"]["cull"] = "none".into();
+    let own = lock.clone();
+    let write = |lock: &serde_json::Value| fs::write(&path, lock.to_string()).unwrap();
+    let drawn = || {
+        let module = package.module();
+        assert!(module.contains("vertex: \"vs_main\"") && !module.contains("vs_other"));
+        assert!(module.contains("cull_mode: None") && !module.contains("cull_mode: Some"));
+    };
+    lock["schema"] = "preshade.lock.v2".into();
+    write(&lock);
+    assert_eq!(package.build(configure()).unwrap().warnings.len(), 1);
+    drawn();
+    // Of a state with what is not known here nothing is guessed.
+    lock["materials"]["toon"]["inputs"]["state"]["primitive"]["cull"] = "both".into();
+    write(&lock);
+    let error = package.build(configure()).unwrap_err();
+    assert!(matches!(error, Error::State(_)), "{error}");
+    let said = configure()
+        .state(MaterialState::default())
+        .vertex("vs_main");
+    assert_eq!(package.build(said).unwrap().warnings.len(), 1);
+    // Nor of what is no state of this material's.
+    lock["materials"] = serde_json::json!([]);
+    write(&lock);
+    assert!(matches!(package.build(configure()), Err(Error::State(_))));
+    // A key of a material that a later preshade wrote is nothing to the others.
+    let mut mixed = own.clone();
+    let mut other = own["materials"]["toon"].clone();
+    other["inputs"]["tool"] = "preshade 99.0.0".into();
+    other["later"] = true.into();
+    mixed["materials"]["stone"] = other.clone();
+    write(&mixed);
+    let built = package.build(configure()).unwrap();
+    assert!(
+        built.warnings[0].contains("toon.wgsl was edited"),
+        "{:?}",
+        built.warnings
+    );
+    drawn();
+    mixed["materials"]["toon"] = other;
+    write(&mixed);
+    let built = package.build(configure()).unwrap();
+    assert!(built.warnings[0].contains("written by another preshade (preshade 99.0.0)"));
+    drawn();
 }
 
 #[test]
@@ -380,7 +464,130 @@ fn what_holds_for_some_values_alone_is_no_ones_default() {
     assert!(of("original").contains("GUARD: &[Assumed] = &[]"));
     assert!(!module.contains("pub use variant::*"));
     assert!(module.contains("pub use original::*;"));
-    assert!(module.contains("pub use variant::{CHOICES, GUARD, guard_holds, variant_for};"));
+    assert!(
+        module.contains("pub use variant::{CHOICES, CONSTANTS, GUARD, guard_holds, variant_for};")
+    );
+}
+
+#[test]
+fn compute_passes_have_the_constants_and_immediate_data_of_the_material() {
+    let package = Package::new("compute");
+    let text = "
+override gain: f32;
+@id(7) override bias: f32 = 0.5;
+var<immediate> tint: vec4<f32>;
+@group(0) @binding(0) var<uniform> object: mat4x4<f32>;
+struct Out { @builtin(position) clip: vec4<f32>, @location(0) color: vec4<f32> }
+@vertex fn vs(@location(0) p: vec4<f32>, @location(1) c: vec4<f32>) -> Out { return Out(object * p, c); }
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> { return in.color * gain + bias * tint; }";
+    fs::write(package.0.join("toon.wgsl"), text).unwrap();
+    let resolved = ["visibility-buffer:form=compute"];
+    let built = package
+        .build(configure().variant("resolved", resolved))
+        .unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    let module = package.module();
+    let of = module.split("pub mod resolved {").nth(1).unwrap();
+    let compute = of.split("static COMPUTE: &[Compute] = ").nth(1).unwrap();
+    let compute = compute.lines().next().unwrap();
+    let shades: Vec<&str> = compute
+        .split("Compute {")
+        .filter(|c| c.contains("resolve"))
+        .collect();
+    for said in [
+        "immediate_size: 16, overrides: &[Override { key: \"gain\", is_needed: true }, Override { key: \"7\", is_needed: false }], unread_overrides: &[], guard: GUARD",
+        "wgpu::Features::IMMEDIATES",
+        "limits.max_immediate_size = limits.max_immediate_size.max(16)",
+    ] {
+        assert!(shades.iter().any(|c| c.contains(said)), "{said}\n{compute}");
+    }
+    // What reads none of them says so.
+    let others = compute.split("Compute {").skip(1);
+    let others = others.filter(|c| c.contains(" overrides: &[], "));
+    others.for_each(|c| {
+        assert!(
+            c.contains("immediate_size: 0, overrides: &[], unread_overrides: &[\"7\", \"gain\"]"),
+            "{c}"
+        );
+    });
+}
+
+/// Constants that a pipeline may set, of which some decide others.
+const OVERRIDES: &str = "
+override K: f32 = 0.5;
+override FANCY: bool = false;
+@id(7) override N: u32 = 4u;
+override M: u32 = N * 2u;
+@group(0) @binding(0) var<uniform> u: vec4<f32>;
+@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
+@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {
+    var c = u * K;
+    if FANCY { c += p; }
+    for (var i = 0u; i < M; i++) { c *= 2.0; }
+    return c;
+}";
+
+#[test]
+fn constants_that_a_variant_has_decided_are_told_and_checked() {
+    let package = Package::new("constants");
+    fs::write(package.0.join("toon.wgsl"), OVERRIDES).unwrap();
+    let one = ["specialize:set=N=1+K=0.75+FANCY=false"];
+    let built = package.build(configure().variant("one", one)).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    let module = package.module();
+    let one = module.split("pub mod one {").nth(1).unwrap();
+    for said in [
+        "name: \"K\", place: Place::Override { key: \"K\", is_default: false }, ty: ScalarType::F32, low: 0.75, high: 0.75",
+        // What follows from them needs not be said, nor what is the default.
+        "name: \"M\", place: Place::Override { key: \"M\", is_default: true }, ty: ScalarType::U32, low: 2.0, high: 2.0",
+        "name: \"FANCY\", place: Place::Override { key: \"FANCY\", is_default: true }",
+        "name: \"N\", place: Place::Override { key: \"7\", is_default: false }",
+        "CONSTANTS: &[(&str, f64)] = &[(\"K\", 0.75), (\"FANCY\", 0.0), (\"7\", 1.0), (\"M\", 2.0)];",
+    ] {
+        assert!(one.contains(said), "{said}\n{one}");
+    }
+    let main = one.split("static MAIN: Pass = ").nth(1).unwrap();
+    assert!(main.lines().next().unwrap().contains("guard: GUARD"));
+    let original = module.split("pub mod original {").nth(1).unwrap();
+    assert!(original.contains("CONSTANTS: &[(&str, f64)] = &[];"));
+}
+
+#[test]
+fn constants_that_are_computed_of_others_are_written() {
+    let package = Package::new("computed");
+    let text = "
+@id(7) override N: u32 = 4u;
+override M: u32 = N * 2u;
+override EDGE: f32 = clamp(select(-0.5, f32(M + 1u) / 16.0, N > 3u) - 0.25, 0.0, 1.0);
+override SOLID: bool = !(N > 2u && EDGE < 1.0);
+var<private> most: f32 = EDGE * 2.0;
+var<private> least: f32 = 0.25;
+@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
+@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {
+    if !SOLID && fract(p.x * f32(M)) < EDGE + most + least { discard; }
+    return p;
+}";
+    fs::write(package.0.join("toon.wgsl"), text).unwrap();
+    let built = package.build(configure()).unwrap();
+    assert_eq!(built.warnings, [""; 0]);
+    assert!(package.module().contains("LEFT_OUT: &[&str] = &[];"));
+    for file in [
+        "depth_prepass/toon.prepass.wgsl",
+        "early_discard/toon.main.wgsl",
+    ] {
+        let written = fs::read_to_string(package.0.join("out/toon").join(file)).unwrap();
+        for line in [
+            "@id(7) override N: u32 = 4u;",
+            "override M: u32 = N * 2u;",
+            "override EDGE: f32 = clamp((select(-0.5f, (f32((M + 1u)) / 16f), (N > 3u)) - 0.25f), 0f, 1f);",
+            "var<private> most: f32 = EDGE * 2f;",
+            "var<private> least: f32 = 0.25f;",
+        ] {
+            assert!(written.contains(line), "{line}\n{written}");
+        }
+        assert!(written.contains("override SOLID: bool = !("), "{written}");
+        assert!(!written.contains("preshade_initialiser"), "{written}");
+    }
 }
 
 #[test]
@@ -484,11 +691,36 @@ fn imported_modules_are_read_and_told() {
     fs::write(path("light.wgsl"), light("0.25")).unwrap();
     assert!(!build().unwrap().written.is_empty());
     assert!(made().contains("0.25f"), "{}", made());
-    // Two in one folder are not chosen between.
+    // Two in one folder are not chosen between, whatever was built before the second was there.
     fs::write(path("lamp.wgsl"), light("0.75")).unwrap();
-    fs::write(path("lit.wgsl"), format!("{lit}\n")).unwrap();
     let said = build().unwrap_err().to_string();
     assert!(said.contains("are both `lib::light`"), "{said}");
+    // Two that say the same are one, until one of them is edited.
+    fs::write(path("lamp.wgsl"), light("0.25")).unwrap();
+    build().unwrap();
+    fs::write(path("lamp.wgsl"), light("0.5")).unwrap();
+    assert!(build().is_err());
+    // One that is nearer goes before it.
+    fs::remove_file(path("lamp.wgsl")).unwrap();
+    fs::rename(path("light.wgsl"), path("aaa/light.wgsl")).unwrap();
+    fs::remove_file(path("aaa/old.wgsl")).unwrap();
+    build().unwrap();
+    assert!(made().contains("0.25f"), "{}", made());
+    fs::write(path("light.wgsl"), light("0.125")).unwrap();
+    let nearer = build().unwrap();
+    assert!(made().contains("0.125f"), "{}", made());
+    assert_eq!(nearer.read, [path("lit.wgsl"), path("light.wgsl")]);
+    // A file that is no module is none of its business.
+    fs::write(path("other.wgsl"), "fn f() {}\n").unwrap();
+    let stamp = || {
+        fs::metadata(path("out/lit/preshade.stamp"))
+            .unwrap()
+            .modified()
+            .unwrap()
+    };
+    let before = stamp();
+    build().unwrap();
+    assert_eq!(stamp(), before);
 }
 
 #[cfg(feature = "wesl")]
@@ -515,6 +747,27 @@ fn wesls_modules_are_read_and_told() {
     )
     .unwrap();
     assert!(!build().written.is_empty());
+    // Another package's folder with a version that goes before the one that was found.
+    let other = main.replace("package::util", "lamps::util");
+    fs::write(path("lit.wesl"), other).unwrap();
+    let package = |version: &str, value: &str| {
+        let folder = path("lib").join(version).join("src");
+        fs::create_dir_all(&folder).unwrap();
+        let text = format!("fn dim(x: f32) -> f32 {{ return x * {value}; }}\n");
+        fs::write(folder.join("util.wesl"), text).unwrap();
+    };
+    let build = || {
+        let builder = configure().pass("shadow").include(path("lib"));
+        let builder = builder.out_dir(path("out"));
+        builder.build(&[&path("lit.wesl")]).unwrap()
+    };
+    package("lamps-0.21", "0.5");
+    build();
+    assert!(build().written.is_empty());
+    package("lamps-0.20", "0.75");
+    let built = build();
+    assert!(!built.written.is_empty());
+    assert_eq!(built.read[1], path("lib/lamps-0.20/src/util.wesl"));
 }
 
 /// A material whose resources and constants a host has to be told of.
@@ -614,6 +867,26 @@ fn features_are_complete_and_what_cannot_be_said_is_refused() {
     let picture = "@group(0) @binding(0) var t: texture_storage_2d<rgba8unorm, read_write>;";
     let load = "return textureLoad(t, vec2<i32>(0));";
     assert_eq!(said(picture, load, plain()), adapter);
+    let texture = |ty: &str| format!("@group(0) @binding(0) var t: {ty};");
+    let store = "textureStore(t, vec2<i32>(0), vec4<f32>(1.0)); return vec4<f32>(1.0);";
+    let narrow = texture("texture_storage_2d<r8unorm, write>");
+    assert_eq!(said(&narrow, store, plain()), adapter);
+    let wide = texture("texture_storage_2d<rgba16float, write>");
+    assert_eq!(said(&wide, store, plain()), "");
+    let video = "return textureLoad(t, vec2<u32>(0u));";
+    let film = texture("texture_external");
+    assert_eq!(said(&film, video, plain()), "EXTERNAL_TEXTURE ");
+    let counted = texture("texture_storage_2d<r32uint, atomic>");
+    let max = "textureAtomicMax(t, vec2<i32>(0), 1u); return vec4<f32>(1.0);";
+    let (atomic, main) = features(&counted, max, plain()).unwrap();
+    assert_eq!(atomic, "TEXTURE_ATOMIC ");
+    assert!(main.contains("StorageTextureAccess::Atomic"), "{main}");
+    for (value, needed) in [
+        ("return vec4<f32>(f32(f64(x) + 1.0lf));", "SHADER_F64 "),
+        ("return vec4<f32>(f32(i64(x) + 1li));", "SHADER_INT64 "),
+    ] {
+        assert_eq!(said("var<private> x: f32 = 0.5;", value, plain()), needed);
+    }
     // Immediate data is said, binding arrays are refused.
     let (said, main) =
         features("var<immediate> tint: vec4<f32>;", "return tint;", plain()).unwrap();
@@ -627,6 +900,15 @@ fn features_are_complete_and_what_cannot_be_said_is_refused() {
     let load = "return textureLoad(all[1], vec2<i32>(0), 0);";
     let error = features(array, load, plain()).unwrap_err().to_string();
     assert!(error.contains("`all` is a binding array"), "{error}");
+    // So is a number that there is no word for, wherever it stands.
+    for number in [f32::INFINITY, f32::NAN] {
+        let mut state = plain();
+        state.depth_bias.slope_scale = number;
+        let error = features("", one, state).unwrap_err();
+        assert!(matches!(error, Error::Module { .. }), "{error}");
+        let said = format!("the slope scale of the depth bias is {number}");
+        assert!(error.to_string().contains(&said), "{error}");
+    }
     // So are formats that there are not.
     let error = features("", one, state("rgba8unorm_srgb", 1)).unwrap_err();
     let said = "no colour format `rgba8unorm_srgb` that can be drawn to, in WebGPU's spelling; did you mean `rgba8unorm-srgb`?";
@@ -681,7 +963,7 @@ fn nothing_is_told_of_variants_that_nobody_asked_for() {
     );
 }
 
-/// The generated modules through rustc, against the wgpu that these tests were linked with, with every lint that a host may deny.
+/// The generated modules through rustc, against the wgpu that these tests were linked with, with every lint that a host may deny, clippy's too.
 #[cfg(feature = "verify")]
 #[test]
 fn generated_modules_compile_without_a_warning() {
@@ -715,17 +997,18 @@ fn generated_modules_compile_without_a_warning() {
         .filter(is_wgpu)
         .max_by_key(|path| fs::metadata(path).unwrap().modified().unwrap())
         .unwrap();
-    for edition in ["2021", "2024"] {
-        let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
-        let ran = std::process::Command::new(rustc)
+    let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
+    let compiled = |compiler: &std::ffi::OsStr, host: &str, edition: &str, lints: &[String]| {
+        let ran = std::process::Command::new(compiler)
             .current_dir(&package.0)
             .args([
-                "host.rs",
+                host,
                 "--crate-type=lib",
                 "--emit=metadata",
                 "--edition",
                 edition,
             ])
+            .args(lints)
             .arg("--extern")
             .arg(format!("wgpu={}", wgpu.display()))
             .arg("-L")
@@ -734,6 +1017,36 @@ fn generated_modules_compile_without_a_warning() {
             .unwrap();
         let said = String::from_utf8_lossy(&ran.stderr);
         assert!(ran.status.success() && said.is_empty(), "{said}");
+    };
+    for edition in ["2021", "2024"] {
+        compiled(&rustc, "host.rs", edition, &[]);
+    }
+    // Every lint of rustc's that is allowed where nobody says otherwise; of clippy, all there are. A lint that may be forbidden is not allowed either.
+    let plain = "#![forbid(unsafe_code, missing_docs, clippy::unwrap_used, clippy::panic)]\n//! A host.\n/// A material.\npub mod toon { include!(\"out/toon.rs\"); }\n";
+    fs::write(package.0.join("plain.rs"), plain).unwrap();
+    let told = |args: &[&str]| {
+        let ran = std::process::Command::new(&rustc).args(args).output();
+        String::from_utf8(ran.unwrap().stdout).unwrap()
+    };
+    let help = told(&["-W", "help"]);
+    let silent = help.lines().filter_map(|line| {
+        let mut words = line.split_whitespace();
+        let name = words.next()?;
+        // Those that are unstable are unknown without a feature.
+        (words.next() == Some("allow")).then(|| format!("-D{name}"))
+    });
+    let known = ["-Aunknown-lints".to_owned()];
+    let silent: Vec<String> = known.into_iter().chain(silent).collect();
+    assert!(silent.len() > 30, "{silent:?}");
+    compiled(&rustc, "plain.rs", "2024", &silent);
+    let bin = PathBuf::from(told(&["--print", "sysroot"]).trim()).join("bin");
+    let clippy = bin.join(format!("clippy-driver{}", std::env::consts::EXE_SUFFIX));
+    if clippy.is_file() {
+        let groups = ["all", "pedantic", "nursery", "restriction"];
+        let mut groups: Vec<String> = groups.map(|g| format!("-Dclippy::{g}")).to_vec();
+        // What is said of saying so, and of the host's own few lines.
+        groups.push("-Aclippy::blanket_clippy_restriction_lints".to_owned());
+        compiled(clippy.as_os_str(), "plain.rs", "2024", &groups);
     }
 }
 

@@ -653,9 +653,8 @@ fn texts(plan: &Plan) -> String {
 
 /// A material's name begins its files' names, so it must not lead out of the folder.
 pub fn check_name(material: &str) -> Result<(), Failure> {
-    let is_named = material.chars().any(|c| c != '.');
-    let is_portable = |c: char| !c.is_control() && !r#"/\:*?"<>|"#.contains(c);
-    if !is_named || !material.chars().all(is_portable) {
+    // What is locked under a name that no build script can say would be obeyed by none.
+    if !emit::is_material_name(material) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"
         )));

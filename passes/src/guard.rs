@@ -3,8 +3,12 @@
 //! A variant that was made for `fog_density = 0` has no fog. So its plan says which numbers were assumed, and between which bounds they may lie; where one does not, the host draws the
 //! original ([`crate::plan::ORIGINAL`]), whose files are beside the variant's.
 
+use naga::{Handle, Module, Override};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::evaluate;
+use crate::specialize::overrides;
 
 /// The type of an assumed scalar.
 #[derive(
@@ -93,7 +97,7 @@ pub enum Place {
         /// 0 for red to 3 for alpha.
         channel: u32,
     },
-    /// A pipeline-overridable constant. The variant's own text has it already: a host sets none.
+    /// A pipeline-overridable constant. What it decides is decided in the variant's own text, whatever a host sets it to: the original needs this value.
     Override {
         /// Its name.
         name: String,
@@ -185,12 +189,53 @@ impl Guard {
         self.values.iter().find(is_empty)
     }
 
-    /// What is assumed of attributes and textures, which no buffer tells: a host that changes one of them draws the original.
+    /// What is assumed of attributes, textures and overrides, which no buffer tells: a host that changes one of them draws the original.
     pub fn fixed(&self) -> impl Iterator<Item = &Assumed> {
         self.values
             .iter()
-            .filter(|a| matches!(a.place, Place::Attribute { .. } | Place::Texture { .. }))
+            .filter(|a| !matches!(a.place, Place::Uniform { .. }))
     }
+
+    /// What is assumed of overrides, with what a host has to know of each to give `original`, the author's module, such a value. Overrides that it has not are left out.
+    pub fn constants(&self, original: &Module) -> Vec<Constant<'_>> {
+        let assumed = |wanted: &str| {
+            let named =
+                |a: &&Assumed| matches!(&a.place, Place::Override { name } if name == wanted);
+            self.values.iter().find(named)
+        };
+        // Nothing is known of an override that nothing is assumed of.
+        let given = |handle: Handle<Override>| {
+            let constant = &original.overrides[handle];
+            let assumed = assumed(constant.name.as_deref()?)?;
+            overrides::value(original, constant.ty, assumed.bounds.low)
+        };
+        let all = original.overrides.iter();
+        all.filter_map(|(_, constant)| {
+            let name = constant.name.as_deref()?;
+            let assumed = assumed(name)?;
+            let default = constant.init.and_then(|init| {
+                let value = evaluate::constant(original, init, &given).ok()?;
+                overrides::number(&value)
+            });
+            Some(Constant {
+                assumed,
+                key: constant.id.map_or(name.to_owned(), |id| id.to_string()),
+                is_default: default.is_some_and(|d| assumed.bounds.contains(d)),
+            })
+        })
+        .collect()
+    }
+}
+
+/// What is assumed of an override.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constant<'g> {
+    /// Its value.
+    pub assumed: &'g Assumed,
+    /// What a pipeline knows it by: its `@id`, or else its name.
+    pub key: String,
+    /// Whether it has such a value where a pipeline is given none for it and the others are as assumed.
+    pub is_default: bool,
 }
 
 #[cfg(test)]

@@ -24,6 +24,7 @@ pub mod depth_prepass;
 pub mod draw_table;
 pub mod early_discard;
 pub mod evaluate;
+pub mod features;
 mod fetch;
 pub mod frame;
 pub mod geometry;

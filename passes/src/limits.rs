@@ -38,7 +38,7 @@ pub fn above_default(pass: &GpuPass, program: &Program) -> BTreeMap<String, u64>
 }
 
 /// What a compute pass needs of each limit, where that is more than the default. Its bindings must be filled in.
-pub fn of_compute(pass: &ComputePass) -> BTreeMap<String, u64> {
+pub fn of_compute(pass: &ComputePass, program: &Program) -> BTreeMap<String, u64> {
     let count = |kinds: &[BindingKind]| {
         let bindings = pass.bindings.iter();
         bindings.filter(|b| kinds.contains(&b.kind)).count() as u64
@@ -49,7 +49,10 @@ pub fn of_compute(pass: &ComputePass) -> BTreeMap<String, u64> {
         Geometry::FullScreen | Geometry::Indirect { .. } => side * side,
         _ => side,
     };
+    let stages = [(ShaderStage::Compute, pass.entry_point.as_str())];
+    let immediates = reflect::immediate_size(program, &stages);
     needed.extend([
+        ("maxImmediateSize", immediates.into()),
         ("maxComputeInvocationsPerWorkgroup", invocations),
         ("maxComputeWorkgroupSizeX", pass.workgroup.into()),
     ]);

@@ -299,7 +299,7 @@ pub enum BindingLayout {
     },
     /// `GPUStorageTextureBindingLayout`.
     StorageTexture {
-        /// `write-only`, `read-only` or `read-write`.
+        /// `write-only`, `read-only`, `read-write` or, which is wgpu's alone, `atomic`.
         access: String,
         /// Format in WGSL's spelling.
         format: String,

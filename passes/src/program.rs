@@ -1,13 +1,14 @@
 //! A shader program: one validated naga module holding the vertex and the fragment stage of a material, with the
 //! author's text beside it so that every message can point into it.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use serde::{Deserialize, Serialize};
 
 use crate::calls;
 use crate::declared::Declared;
+use crate::features;
 
 /// One file of the author's source. `base` is where its text begins in the address space that all spans of a
 /// [`SourceMap`] share.
@@ -31,6 +32,28 @@ pub struct SourceFile {
 pub struct SourceMap {
     files: Vec<SourceFile>,
     absent: Vec<String>,
+    searched: Vec<Searched>,
+}
+
+/// A search of folders on whose whole outcome it rests which files the program is made of: one more that is found there may go before those that were, or stand against them.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Searched {
+    /// The folders, in order.
+    pub folders: Vec<String>,
+    /// What was looked for.
+    pub wanted: Wanted,
+    /// What was found, a word each, in order.
+    pub found: Vec<String>,
+}
+
+/// What folders are searched for.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wanted {
+    /// Files at any depth that name themselves modules (naga_oil's `#define_import_path`).
+    Modules,
+    /// Folders of a package of this name.
+    Package(String),
 }
 
 /// A place in the author's source.
@@ -88,6 +111,18 @@ impl SourceMap {
         if !self.absent.contains(&name) {
             self.absent.push(name);
         }
+    }
+
+    /// Notes a search, once.
+    pub fn add_searched(&mut self, searched: Searched) {
+        if !self.searched.contains(&searched) {
+            self.searched.push(searched);
+        }
+    }
+
+    /// Searches whose outcome the program rests on.
+    pub fn searched(&self) -> &[Searched] {
+        &self.searched
     }
 
     /// Files that were looked for in vain.
@@ -157,6 +192,8 @@ pub struct Program {
     sources: Arc<SourceMap>,
     language: Language,
     declared: Arc<Declared>,
+    /// What it needs beyond what every device has; found when it is asked for, where it is not known to be nothing.
+    capabilities: Arc<OnceLock<Capabilities>>,
     /// No transform has touched it.
     as_written: bool,
 }
@@ -172,7 +209,11 @@ impl Program {
         sources: Arc<SourceMap>,
         language: Language,
     ) -> Result<Self, Box<Invalid>> {
-        let info = validate(&module)?;
+        // Most modules need nothing of the adapter: then it is known at once.
+        let (info, capabilities) = match validate(&module, Allowed::Core) {
+            Ok(info) => (info, OnceLock::from(Capabilities::empty())),
+            Err(_) => (validate(&module, Allowed::All)?, OnceLock::new()),
+        };
         if let Some(function) = calls::too_deep(&module) {
             return Err(Box::new(too_deep(&module, function)));
         }
@@ -182,6 +223,7 @@ impl Program {
             sources,
             language,
             declared: Arc::default(),
+            capabilities: Arc::new(capabilities),
             as_written: true,
         })
     }
@@ -214,6 +256,13 @@ impl Program {
     /// What the validator learnt about the module.
     pub fn info(&self) -> &ModuleInfo {
         &self.info
+    }
+
+    /// What it needs beyond what every WebGPU device has.
+    pub fn capabilities(&self) -> Capabilities {
+        *self
+            .capabilities
+            .get_or_init(|| features::needed(&self.module))
     }
 
     /// The author's own text, where it is one file that says just what this program is: no transform has touched it.
@@ -260,24 +309,38 @@ impl Program {
     }
 }
 
-fn validate(module: &naga::Module) -> Result<ModuleInfo, Box<Invalid>> {
-    Validator::new(ValidationFlags::all(), Capabilities::all())
-        .subgroup_stages(naga::valid::ShaderStages::all())
-        .subgroup_operations(naga::valid::SubgroupOperationSet::all())
-        .validate(module)
-        .map_err(|e| {
-            let mut message = e.as_inner().to_string();
-            let mut source = std::error::Error::source(e.as_inner());
-            while let Some(s) = source {
-                message.push_str(": ");
-                message.push_str(&s.to_string());
-                source = s.source();
-            }
-            Box::new(Invalid {
-                message,
-                labels: e.spans().cloned().collect(),
-            })
+/// What the validator lets a module use.
+#[derive(Clone, Copy)]
+enum Allowed {
+    /// What every WebGPU device has.
+    Core,
+    /// All that some have.
+    All,
+}
+
+fn validate(module: &naga::Module, allowed: Allowed) -> Result<ModuleInfo, Box<Invalid>> {
+    let mut validator = match allowed {
+        Allowed::Core => Validator::new(ValidationFlags::all(), features::core()),
+        Allowed::All => Validator::new(ValidationFlags::all(), Capabilities::all()),
+    };
+    if let Allowed::All = allowed {
+        validator
+            .subgroup_stages(naga::valid::ShaderStages::all())
+            .subgroup_operations(naga::valid::SubgroupOperationSet::all());
+    }
+    validator.validate(module).map_err(|e| {
+        let mut message = e.as_inner().to_string();
+        let mut source = std::error::Error::source(e.as_inner());
+        while let Some(s) = source {
+            message.push_str(": ");
+            message.push_str(&s.to_string());
+            source = s.source();
+        }
+        Box::new(Invalid {
+            message,
+            labels: e.spans().cloned().collect(),
         })
+    })
 }
 
 fn too_deep(module: &naga::Module, function: naga::Handle<naga::Function>) -> Invalid {

@@ -6,6 +6,7 @@ use naga::{
     TypeInner,
 };
 
+use crate::features;
 use crate::plan::{
     AttributeUse, BindingKind, BindingLayout, BindingSource, BindingUse, ComputePass, GpuPass,
     Visibility,
@@ -161,6 +162,8 @@ fn binding_layout(
                         access.contains(StorageAccess::LOAD),
                         access.contains(StorageAccess::STORE),
                     ) {
+                        // wgpu's alone.
+                        _ if access.contains(StorageAccess::ATOMIC) => "atomic",
                         (true, true) => "read-write",
                         (true, false) => "read-only",
                         (false, _) => "write-only",
@@ -257,7 +260,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
     // The format of the depth is the plan's: who knows it has said so before.
     let depth = pass.features.iter().find(|f| *f == DEPTH32FLOAT_STENCIL8);
     let depth = depth.filter(|_| pass.depth.is_some()).cloned();
-    pass.features = features(pass, program);
+    pass.features = of_pass(pass, program);
     pass.features.extend(depth);
     pass.features.sort_unstable();
     pass.attributes = match program.entry_point(ShaderStage::Vertex, &pass.vertex) {
@@ -311,11 +314,11 @@ pub fn immediate_size(program: &Program, stages: &[(ShaderStage, &str)]) -> u32 
 pub fn fill_compute(pass: &mut ComputePass, program: &Program) {
     let stages = [(ShaderStage::Compute, pass.entry_point.as_str())];
     pass.bindings = bindings(program, &stages, &pass.bindings);
-    pass.features = of_module(program, &stages, &pass.bindings);
-    pass.limits = crate::limits::of_compute(pass);
+    pass.features = of_module(program, &pass.bindings);
+    pass.limits = crate::limits::of_compute(pass, program);
 }
 
-/// Whether a module computes with `f16`.
+/// Whether a module computes with `f16`: its text enables that, also where the validator sees nothing of it.
 fn half_precision(module: &Module) -> bool {
     let half = |inner: &TypeInner| inner.scalar() == Some(naga::Scalar::F16);
     // A conversion may be all there is of it: its type is then in no arena.
@@ -336,119 +339,25 @@ fn half_precision(module: &Module) -> bool {
             .any(|f| f.expressions.iter().any(|(_, e)| converts(e)))
 }
 
-/// Whether an entry point of the stage, or any function, has a statement or an input of subgroups.
-fn uses_subgroups(module: &Module, stage: ShaderStage) -> bool {
-    fn in_block(block: &naga::Block) -> bool {
-        use naga::Statement as S;
-        block.iter().any(|statement| match statement {
-            S::SubgroupBallot { .. }
-            | S::SubgroupGather { .. }
-            | S::SubgroupCollectiveOperation { .. } => true,
-            S::Block(inner) => in_block(inner),
-            S::If { accept, reject, .. } => in_block(accept) || in_block(reject),
-            S::Switch { cases, .. } => cases.iter().any(|c| in_block(&c.body)),
-            S::Loop {
-                body, continuing, ..
-            } => in_block(body) || in_block(continuing),
-            _ => false,
-        })
+/// Features that a module needs, `bindings` being what the entry points given use. A device reads the whole module, whatever is drawn with of it.
+fn of_module(program: &Program, bindings: &[BindingUse]) -> Vec<String> {
+    let mut all = features::of_capabilities(program.capabilities());
+    all.extend(half_precision(program.module()).then(|| "shader-f16".to_owned()));
+    for binding in bindings {
+        let writes = match &binding.layout {
+            Some(BindingLayout::StorageTexture { access, format, .. }) => {
+                all.extend(features::of_storage(format, access).map(str::to_owned));
+                access != "read-only"
+            }
+            _ => binding.kind == BindingKind::StorageReadWrite,
+        };
+        if binding.visibility.vertex && writes {
+            all.push("wgpu-vertex-writable-storage".to_owned());
+        }
     }
-    let is_builtin = |binding: &Option<Binding>| {
-        use naga::BuiltIn as B;
-        matches!(
-            binding,
-            Some(Binding::BuiltIn(
-                B::SubgroupSize | B::SubgroupInvocationId | B::NumSubgroups | B::SubgroupId
-            ))
-        )
-    };
-    let mut entries = module.entry_points.iter().filter(|e| e.stage == stage);
-    entries.any(|e| {
-        in_block(&e.function.body)
-            || inputs(module, &e.function)
-                .iter()
-                .any(|i| is_builtin(&i.binding))
-            || module.functions.iter().any(|(_, f)| in_block(&f.body))
-    })
-}
-
-/// Features that a module needs for the entry points given, `bindings` being what they use.
-fn of_module(
-    program: &Program,
-    stages: &[(ShaderStage, &str)],
-    bindings: &[BindingUse],
-) -> Vec<String> {
-    let module = program.module();
-    let subgroups = |stage| stages.iter().any(|s| s.0 == stage) && uses_subgroups(module, stage);
-    let (vertex, others) = (
-        subgroups(ShaderStage::Vertex),
-        subgroups(ShaderStage::Fragment) || subgroups(ShaderStage::Compute),
-    );
-    let storage = |wanted: &dyn Fn(&str, &str) -> bool| {
-        bindings.iter().any(|b| match &b.layout {
-            Some(BindingLayout::StorageTexture { access, format, .. }) => wanted(access, format),
-            _ => false,
-        })
-    };
-    let writes = |b: &BindingUse| match (&b.layout, b.kind) {
-        (Some(BindingLayout::StorageTexture { access, .. }), _) => access != "read-only",
-        (_, kind) => kind == BindingKind::StorageReadWrite,
-    };
-    let array =
-        |b: &BindingUse, is: &dyn Fn(BindingKind) -> bool| is_array(module, b) && is(b.kind);
-    let is_buffer = |kind| {
-        use BindingKind as K;
-        matches!(kind, K::Uniform | K::StorageRead | K::StorageReadWrite)
-    };
-    let is_storage = |kind| {
-        use BindingKind as K;
-        matches!(
-            kind,
-            K::StorageRead | K::StorageReadWrite | K::StorageTexture
-        )
-    };
-    [
-        ("bgra8unorm-storage", storage(&|_, f| f == "bgra8unorm")),
-        ("immediates", immediate_size(program, stages) > 0),
-        ("shader-f16", half_precision(module)),
-        ("subgroups", vertex || others),
-        (
-            "wgpu-buffer-binding-array",
-            bindings.iter().any(|b| array(b, &is_buffer)),
-        ),
-        (
-            "wgpu-storage-resource-binding-array",
-            bindings.iter().any(|b| array(b, &is_storage)),
-        ),
-        ("wgpu-subgroup-vertex", vertex),
-        // WebGPU reads and writes one texture in formats of one channel of 32 bits alone.
-        (
-            "wgpu-texture-adapter-specific-format-features",
-            storage(&|access, f| {
-                access == "read-write" && !["r32float", "r32sint", "r32uint"].contains(&f)
-            }),
-        ),
-        (
-            "wgpu-texture-binding-array",
-            bindings.iter().any(|b| array(b, &|k| !is_buffer(k))),
-        ),
-        (
-            "wgpu-texture-format-16-bit-norm",
-            storage(&|_, f| is_16_bit_norm(f)),
-        ),
-        (
-            "wgpu-vertex-writable-storage",
-            bindings.iter().any(|b| b.visibility.vertex && writes(b)),
-        ),
-    ]
-    .into_iter()
-    .filter(|(_, needed)| *needed)
-    .map(|(name, _)| name.to_owned())
-    .collect()
-}
-
-fn is_16_bit_norm(format: &str) -> bool {
-    format.ends_with("16unorm") || format.ends_with("16snorm")
+    all.sort_unstable();
+    all.dedup();
+    all
 }
 
 /// Whether a binding is of several resources (`binding_array`), which a plan's layout has no word for.
@@ -461,50 +370,17 @@ pub fn is_array(module: &Module, binding: &BindingUse) -> bool {
 }
 
 /// Features that a pass needs, by WebGPU's name or, where only wgpu has one, by wgpu's: from its state, and from the module it draws with. Its bindings must be filled in.
-fn features(pass: &GpuPass, program: &Program) -> Vec<String> {
-    let module = program.module();
-    let is = |b: &Option<Binding>, builtin: naga::BuiltIn| *b == Some(Binding::BuiltIn(builtin));
-    let own_stages = stages(pass);
-    let io: Vec<Io> = module
-        .entry_points
-        .iter()
-        .filter(|e| own_stages.contains(&(e.stage, e.name.as_str())))
-        .flat_map(|e| {
-            inputs(module, &e.function)
-                .into_iter()
-                .chain(outputs(module, &e.function))
-        })
-        .collect();
-    let dual = |b: &Option<Binding>| {
-        matches!(
-            b,
-            Some(Binding::Location {
-                blend_src: Some(_),
-                ..
-            })
-        )
-    };
+fn of_pass(pass: &GpuPass, program: &Program) -> Vec<String> {
     let target = |wanted: &dyn Fn(&str, bool) -> bool| {
         let mut targets = pass.targets.iter().flatten();
         targets.any(|t| wanted(&t.format, t.blend.is_some()))
     };
     let several = pass.multisample.count > 1;
     let own = [
-        (
-            "clip-distances",
-            io.iter()
-                .any(|i| is(&i.binding, naga::BuiltIn::ClipDistances)),
-        ),
         ("depth-clip-control", pass.primitive.unclipped_depth),
-        ("dual-source-blending", io.iter().any(|i| dual(&i.binding))),
         (
             "float32-blendable",
             target(&|f, blended| blended && f.ends_with("32float")),
-        ),
-        (
-            "primitive-index",
-            io.iter()
-                .any(|i| is(&i.binding, naga::BuiltIn::PrimitiveIndex)),
         ),
         (
             "rg11b10ufloat-renderable",
@@ -512,16 +388,16 @@ fn features(pass: &GpuPass, program: &Program) -> Vec<String> {
         ),
         (
             "wgpu-texture-format-16-bit-norm",
-            target(&|f, _| is_16_bit_norm(f)),
+            target(&|f, _| features::is_16_bit_norm(f)),
         ),
         // wgpu knows of no target of them that all adapters have.
         (
-            "wgpu-texture-adapter-specific-format-features",
-            target(&|f, _| is_16_bit_norm(f)),
+            features::ADAPTERS_FORMATS,
+            target(&|f, _| features::is_16_bit_norm(f)),
         ),
         // WebGPU has one sample or four, and those not in the widest formats.
         (
-            "wgpu-texture-adapter-specific-format-features",
+            features::ADAPTERS_FORMATS,
             ![1, 4].contains(&pass.multisample.count)
                 || several
                     && target(&|f, _| {
@@ -535,7 +411,7 @@ fn features(pass: &GpuPass, program: &Program) -> Vec<String> {
     .filter(|(_, needed)| *needed)
     .map(|(name, _)| name.to_owned());
     let mut all: Vec<String> = own.collect();
-    all.extend(of_module(program, &stages(pass), &pass.bindings));
+    all.extend(of_module(program, &pass.bindings));
     all.sort_unstable();
     all.dedup();
     all

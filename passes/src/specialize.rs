@@ -43,7 +43,7 @@ pub mod effects;
 mod expressions;
 pub mod fold;
 pub mod known;
-mod overrides;
+pub(crate) mod overrides;
 mod params;
 mod shrink;
 mod unroll;
@@ -150,17 +150,6 @@ impl Specialized {
         let set = assumptions.set_overrides();
         let module =
             overrides::resolved(folded.module, set.map(|(handle, value, _)| (handle, value)));
-        if let Some(name) = overrides::unwritable(&module) {
-            return Err(Box::new(refusal(
-                "override-default",
-                format!(
-                    "the default of the override `{name}` is computed of another's, and naga's writer has no words for that"
-                ),
-                format!(
-                    "give `{name}` a value, or those that it is computed of: specialize:set={name}=NUMBER"
-                ),
-            )));
-        }
         let program_folded = program.with_module(module).map_err(bug)?;
         // Whatever the text has another value of is assumed.
         let mut used = folded.used;

@@ -7,10 +7,11 @@ use preshade_passes::pass::{Facts, Refusal};
 use preshade_passes::plan::Plan;
 
 use super::generate::Drawn;
+use super::stamp::Trace;
 use super::{Asked, Builder, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::lock::{Inputs, Lock, LockError, Locked, Mismatch};
+use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
 use crate::recipe::{Recipe, Step};
 
 /// The variants of a material for which nothing is asked: what needs no scene.
@@ -26,28 +27,18 @@ pub(super) enum Keeping {
     Nothing,
     /// This preshade's.
     Own(Lock),
-    /// Another preshade's: obeyed by none but that one.
-    Foreign(LockError),
+    /// Another preshade's: obeyed by none but that one. What it says in words that are known here is how the material is drawn, if it says anything of it.
+    Foreign(LockError, Option<Left>),
 }
 
-/// What a material is built as.
-pub(super) struct Chosen {
-    /// The original, the material's own variant, then those with names of their own.
-    pub drawn: Vec<Drawn>,
-    /// Files that its own include.
-    pub included: Vec<PathBuf>,
-    /// Files that were looked for before those were found.
-    pub absent: Vec<PathBuf>,
-}
-
-/// Chooses the plans of a material.
+/// Chooses the plans of a material: the original, its own variant, then those with names of their own.
 pub(super) fn choose(
     builder: &Builder,
     name: &str,
     sources: &[front::Source],
     keeping: &Keeping,
-    warnings: &mut Vec<String>,
-) -> Result<Chosen, Error> {
+    trace: &mut Trace,
+) -> Result<Vec<Drawn>, Error> {
     let Asked {
         own,
         named,
@@ -55,22 +46,37 @@ pub(super) fn choose(
     } = builder.recipes()?;
     let lock = match keeping {
         Keeping::Own(lock) => Some(lock),
-        Keeping::Nothing | Keeping::Foreign(_) => None,
+        Keeping::Nothing | Keeping::Foreign(..) => None,
     };
     let locked = lock.and_then(|lock| lock.materials.get(name));
-    // The pipeline state and the entry points are no part of the shader: what the lock says of them holds also where the shader was edited.
-    let state = builder.state.clone();
-    let state = state.or(locked.map(|l| l.inputs.state.clone()));
-    let state = state.unwrap_or_default();
-    let parsed = parse(sources, &builder.options, locked)?;
+    // The pipeline state and the entry points are no part of the shader: what the lock says of them holds also where the shader was edited, and whoever wrote it.
+    let left = match (keeping, locked) {
+        (Keeping::Foreign(_, left), _) => left.clone(),
+        (_, locked) => locked.map(|Locked { inputs, .. }| Left {
+            vertex: Some(inputs.vertex.clone()),
+            fragment: inputs.fragment.clone(),
+            state: Some(inputs.state.clone()),
+        }),
+    };
+    let state = match (&builder.state, &left, keeping) {
+        (Some(state), ..) => state.clone(),
+        (None, Some(Left { state: None, .. }), Keeping::Foreign(error, _)) => {
+            return Err(Error::State(error.to_string()));
+        }
+        (None, left, _) => left
+            .as_ref()
+            .and_then(|l| l.state.clone())
+            .unwrap_or_default(),
+    };
+    let parsed = parse(sources, &builder.options, left.as_ref())?;
     let inputs = Inputs::of(&parsed, &builder.options.defines, &state);
-    let included = parsed.program.sources().files().iter().skip(sources.len());
-    let mut included: Vec<PathBuf> = included.map(|f| PathBuf::from(&f.name)).collect();
-    let absent = parsed.program.sources().absent().iter();
-    let absent = absent.map(PathBuf::from).collect();
-    // Both stages may include it.
-    included.sort();
-    included.dedup();
+    let map = parsed.program.sources();
+    let included = map.files().iter().skip(sources.len());
+    let included = included.map(|f| (PathBuf::from(&f.name), f.text.clone()));
+    trace.included.extend(included);
+    trace.absent.extend(map.absent().iter().map(PathBuf::from));
+    trace.searched.extend_from_slice(map.searched());
+    let warnings = &mut trace.warnings;
     let fragment = parsed.fragment.as_deref();
     let original = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);
 
@@ -86,8 +92,8 @@ pub(super) fn choose(
         sources,
     };
     let variant = match (keeping, obeyed) {
-        (Keeping::Foreign(error), _) => {
-            let why = error.to_string();
+        (Keeping::Foreign(error, _), _) => {
+            let why = format!("{error}; run `preshade plan SCENE --one --lock` again");
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
             (original.clone(), vec![why])
         }
@@ -127,28 +133,69 @@ pub(super) fn choose(
         let plan = seen.plan(&original, &name, &recipe, warnings);
         plans.push((name, plan));
     }
-    let drawn = plans
-        .into_iter()
-        .map(|(name, (plan, left_out))| emitted(builder, name, plan, left_out, sources, warnings))
-        .collect::<Result<_, _>>()?;
-    Ok(Chosen {
-        drawn,
-        included,
-        absent,
-    })
+    made(builder, plans, sources, warnings)
+}
+
+/// The plans with their files, by name and with what was left out; the original is the first. One that cannot be written is told, and the original stands in its place.
+pub(super) fn made(
+    builder: &Builder,
+    plans: Vec<(String, (Plan, Vec<String>))>,
+    sources: &[front::Source],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Drawn>, Error> {
+    let mut all: Vec<Drawn> = Vec::new();
+    for (name, (plan, left_out)) in plans {
+        let made = emitted(builder, &name, &plan, sources, warnings);
+        let drawn = match (made, all.first()) {
+            (Ok(files), _) => Drawn {
+                name,
+                plan,
+                files,
+                left_out,
+            },
+            (Err(error), None) => return Err(error),
+            // Only the original's own failure ends a build.
+            (Err(error), Some(original)) => {
+                let mut drawn = Drawn {
+                    name,
+                    left_out,
+                    ..original.clone()
+                };
+                give_up(&mut drawn, original, &error.to_string(), sources, warnings);
+                drawn
+            }
+        };
+        all.push(drawn);
+    }
+    Ok(all)
+}
+
+/// The original in the place of a variant that cannot be made, told.
+pub(super) fn give_up(
+    variant: &mut Drawn,
+    original: &Drawn,
+    why: &str,
+    sources: &[front::Source],
+    warnings: &mut Vec<String>,
+) {
+    let text = format!(
+        "`{}` cannot be made: {why}. The original is shipped",
+        variant.name
+    );
+    warnings.push(warning(sources, &text));
+    variant.give_up(original, why.to_owned());
 }
 
 /// The shader, with the entry points that are asked for, or else those of the lock where the shader still has them.
 fn parse(
     sources: &[front::Source],
     options: &front::Options,
-    locked: Option<&Locked>,
+    left: Option<&Left>,
 ) -> Result<front::Parsed, Error> {
-    if let Some(Locked { inputs, .. }) = locked {
-        let vertex = options.vertex.clone().or(Some(inputs.vertex.clone()));
+    if let Some(left) = left {
         let as_locked = front::Options {
-            vertex,
-            fragment: options.fragment.clone().or(inputs.fragment.clone()),
+            vertex: options.vertex.clone().or(left.vertex.clone()),
+            fragment: options.fragment.clone().or(left.fragment.clone()),
             ..options.clone()
         };
         if let Ok(parsed) = front::parse(sources, &as_locked) {
@@ -267,21 +314,20 @@ fn one_line(text: &str) -> String {
 /// Emits a plan in WGSL, and in each other target that can say it.
 fn emitted(
     builder: &Builder,
-    name: String,
-    plan: Plan,
-    left_out: Vec<String>,
+    name: &str,
+    plan: &Plan,
     sources: &[front::Source],
     warnings: &mut Vec<String>,
-) -> Result<Drawn, Error> {
+) -> Result<Vec<File>, Error> {
     let options = emit::Options::default();
     let mut targets = vec![Target::Wgsl];
     targets.extend(builder.targets.iter().filter(|t| **t != Target::Wgsl));
     // Once for all of them; one by one only where that fails, to tell by whom.
-    let files: Vec<File> = match emit::emit(&plan, &targets, &options) {
-        Ok(files) => files,
-        Err(error) if targets == [Target::Wgsl] => return Err(Error::Emit(error)),
+    match emit::emit(plan, &targets, &options) {
+        Ok(files) => Ok(files),
+        Err(error) if targets == [Target::Wgsl] => Err(Error::Emit(error)),
         Err(_) => {
-            targets.retain(|target| match emit::emit(&plan, &[*target], &options) {
+            targets.retain(|target| match emit::emit(plan, &[*target], &options) {
                 Err(error) if *target != Target::Wgsl => {
                     let text = format!("{target} is left out of `{name}`: {error}");
                     warnings.push(warning(sources, &text));
@@ -289,13 +335,7 @@ fn emitted(
                 }
                 _ => true,
             });
-            emit::emit(&plan, &targets, &options)?
+            Ok(emit::emit(plan, &targets, &options)?)
         }
-    };
-    Ok(Drawn {
-        name,
-        plan,
-        files,
-        left_out,
-    })
+    }
 }

@@ -38,6 +38,11 @@ pub enum Error {
     /// The lock file cannot be read.
     #[error(transparent)]
     Lock(#[from] LockError),
+    /// The pipeline state is not said, and the lock that has it cannot be read.
+    #[error(
+        "{0}; it has the pipeline state that the material is drawn with, and nothing else says it: say it by `.state(..)`, or run `preshade plan SCENE --one --lock` again"
+    )]
+    State(String),
     /// A plan cannot be written as WGSL.
     #[error(transparent)]
     Emit(#[from] emit::Error),

@@ -3,11 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use preshade_passes::guard::{self, Place};
+use preshade_passes::guard::{self, Constant, Place};
 use preshade_passes::plan::{
     Attachment, BindingSource, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Phase, Plan,
     SamplesPassed, SelfTest,
 };
+use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use preshade_passes::state::{AttachmentOps, DepthState, LoadOp};
 
@@ -18,8 +19,12 @@ use crate::emit::File;
 /// What a host calls: `host.rs`, which is compiled with this crate's tests.
 const HOST: &str = include_str!("host.rs");
 
+/// The part of it that is in a file of its own, and how it says so.
+const SELF_TEST: &str = include_str!("host/self_test.rs");
+const SELF_TEST_IS: &str = "#[path = \"host/self_test.rs\"]\nmod preshade_self_test;\n";
+
 /// The types in it.
-const TYPES: [&str; 23] = [
+const TYPES: [&str; 24] = [
     "Assumed",
     "Attachment",
     "Attribute",
@@ -31,6 +36,7 @@ const TYPES: [&str; 23] = [
     "Ops",
     "Override",
     "Pass",
+    "Pending",
     "Phase",
     "PipelineOptions",
     "Place",
@@ -45,7 +51,50 @@ const TYPES: [&str; 23] = [
     "VertexBuffers",
 ];
 
+/// What a host may deny and the module is not written by. Of clippy's restrictions each by its name: a host that forbids one of the others could not include a module that allows them all.
+const LINTS: [&str; 38] = [
+    "dead_code",
+    "unused_imports",
+    "unused_qualifications",
+    "unreachable_pub",
+    "clippy::all",
+    "clippy::pedantic",
+    "clippy::nursery",
+    "clippy::absolute_paths",
+    "clippy::allow_attributes",
+    "clippy::allow_attributes_without_reason",
+    "clippy::arbitrary_source_item_ordering",
+    "clippy::arithmetic_side_effects",
+    "clippy::as_conversions",
+    "clippy::decimal_literal_representation",
+    "clippy::else_if_without_else",
+    "clippy::exhaustive_enums",
+    "clippy::exhaustive_structs",
+    "clippy::field_scoped_visibility_modifiers",
+    "clippy::impl_trait_in_params",
+    "clippy::implicit_return",
+    "clippy::let_underscore_must_use",
+    "clippy::let_underscore_untyped",
+    "clippy::little_endian_bytes",
+    "clippy::min_ident_chars",
+    "clippy::missing_docs_in_private_items",
+    "clippy::missing_inline_in_public_items",
+    "clippy::missing_trait_methods",
+    "clippy::module_name_repetitions",
+    "clippy::pattern_type_mismatch",
+    "clippy::pub_use",
+    "clippy::pub_with_shorthand",
+    "clippy::question_mark_used",
+    "clippy::shadow_reuse",
+    "clippy::shadow_unrelated",
+    "clippy::single_call_fn",
+    "clippy::single_char_lifetime_names",
+    "clippy::std_instead_of_alloc",
+    "clippy::std_instead_of_core",
+];
+
 /// One plan of a material, with the files that were written of it.
+#[derive(Clone)]
 pub(super) struct Drawn {
     /// Name of its module, and of the folder of its files.
     pub name: String,
@@ -78,22 +127,42 @@ fn from_within(path: &str) -> String {
     }
 }
 
+/// What the module has no words for.
+pub(super) struct Wordless {
+    /// The plan that needs them, of those that are drawn; `None` where it is none's.
+    pub of: Option<usize>,
+    /// What it is.
+    pub why: String,
+}
+
 /// The module of one material. `original` comes first among `drawn`; the second is what the module's own names mean, unless it holds for some values alone.
 ///
 /// # Errors
 /// What it has no words for.
-pub(super) fn material(name: &str, drawn: &[Drawn], module: &Module<'_>) -> Result<String, String> {
-    let shared = Shared::of(drawn.iter().map(|d| &d.plan), module.said)?;
+pub(super) fn material(
+    name: &str,
+    drawn: &[Drawn],
+    module: &Module<'_>,
+) -> Result<String, Wordless> {
+    let nowhere = |why| Wordless { of: None, why };
+    let shared = Shared::of(drawn.iter().map(|d| &d.plan), module.said).map_err(nowhere)?;
     let mut overrides = BTreeSet::new();
-    for one in drawn {
-        overrides.extend(one.overrides()?.into_values().flatten().map(|o| o.key));
+    for (index, one) in drawn.iter().enumerate() {
+        let of = Some(index);
+        let own = one.overrides().map_err(|why| Wordless { of, why })?;
+        overrides.extend(own.into_values().flatten().map(|o| o.key));
     }
+    let of_author = drawn.first().map(|original| &original.plan);
     let mut text = match module.wgpu {
         None => String::new(),
         Some(path) => format!("use {} as wgpu;\n", from_within(path)),
     };
     match module.types {
-        None => text.push_str(HOST),
+        None => {
+            let wgpu = module.wgpu.map_or("", |_| "use super::wgpu;\n");
+            let module = format!("mod preshade_self_test {{\n{wgpu}{SELF_TEST}}}\n");
+            text.push_str(&HOST.replace(SELF_TEST_IS, &module));
+        }
         Some(path) => {
             let path = from_within(path);
             let _ = writeln!(text, "use {path}::{{{}}};", TYPES.join(", "));
@@ -104,8 +173,11 @@ pub(super) fn material(name: &str, drawn: &[Drawn], module: &Module<'_>) -> Resu
         "\n/// Every attribute that the author's shader reads, one after the other in one buffer: for a host that has no layout of its own."
     );
     text.push_str(&interleaved(drawn));
-    for one in drawn {
-        text.push_str(&variant(name, one, &shared, &overrides)?);
+    for (index, one) in drawn.iter().enumerate() {
+        let constants = constants(&one.plan, of_author);
+        let of = Some(index);
+        let own = variant(name, one, &shared, &overrides, &constants);
+        text.push_str(&own.map_err(|why| Wordless { of, why })?);
     }
     if let Some(chosen) = drawn.get(1) {
         let name = &chosen.name;
@@ -113,14 +185,15 @@ pub(super) fn material(name: &str, drawn: &[Drawn], module: &Module<'_>) -> Resu
         let names = match guard(&chosen.plan).is_empty() {
             true => format!("pub use {name}::*;"),
             false => format!(
-                "pub use original::*;\npub use {name}::{{CHOICES, GUARD, guard_holds, variant_for}};"
+                "pub use original::*;\npub use {name}::{{CHOICES, CONSTANTS, GUARD, guard_holds, variant_for}};"
             ),
         };
         let _ = writeln!(text, "{names}");
     }
     // A file that is included can have no attributes of its own.
+    let lints = format!("#[allow({})]\n", LINTS.join(", "));
     Ok(format!(
-        "// Generated by preshade; edits will be lost.\n#[allow(dead_code, unused_imports, unused_qualifications, unreachable_pub, clippy::all, clippy::pedantic, clippy::nursery)]\nmod preshade_generated {{\n{text}}}\n#[allow(unused_imports, unreachable_pub)]\npub use preshade_generated::*;\n"
+        "// Generated by preshade; edits will be lost.\n{lints}mod preshade_generated {{\n{text}}}\n{lints}pub use preshade_generated::*;\n"
     ))
 }
 
@@ -134,6 +207,13 @@ struct Override {
 }
 
 impl Drawn {
+    /// The original in its place, where it cannot be made: `why`.
+    pub(super) fn give_up(&mut self, original: &Self, why: String) {
+        self.plan = original.plan.clone();
+        self.files.clone_from(&original.files);
+        self.left_out.push(why);
+    }
+
     /// The overrides that are left in the WGSL of each program that has any.
     fn overrides(&self) -> Result<BTreeMap<&str, Vec<Override>>, String> {
         let mut out = BTreeMap::new();
@@ -200,12 +280,23 @@ pub(super) fn json(value: &impl serde::Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// The module of one plan. `keys` are those of all overrides of the material.
+/// What a plan assumes of overrides, which are those of the original.
+fn constants<'p>(plan: &'p Plan, original: Option<&Plan>) -> Vec<Constant<'p>> {
+    let programs = original.iter().flat_map(|o| o.programs.values());
+    let all = programs.flat_map(|program| {
+        let guard = plan.guard.as_ref();
+        guard.map_or(Vec::new(), |g| g.constants(program.module()))
+    });
+    all.collect()
+}
+
+/// The module of one plan. `keys` are those of all overrides of the material, `constants` those that it was made for.
 fn variant(
     material: &str,
     drawn: &Drawn,
     shared: &Shared<'_>,
     keys: &BTreeSet<String>,
+    constants: &[Constant<'_>],
 ) -> Result<String, String> {
     let plan = &drawn.plan;
     let overrides = drawn.overrides()?;
@@ -244,11 +335,25 @@ fn variant(
         text,
         "/// What it takes for granted of the values that it is drawn with; empty: it holds for all."
     );
-    let assumed: Vec<String> = guard.iter().map(assumed).collect();
+    let assumed = guard.iter().map(|a| assumed(a, constants));
+    let assumed: Vec<String> = assumed.collect::<Result<_, _>>()?;
     let _ = writeln!(
         text,
         "pub const GUARD: &[Assumed] = &[{}];",
         assumed.join(", ")
+    );
+    let given: Vec<String> = constants
+        .iter()
+        .map(|c| format!("({:?}, {})", c.key, number(c.assumed.bounds.low)))
+        .collect();
+    let _ = writeln!(
+        text,
+        "/// Values of pipeline-overridable constants that it was made for: for [`PipelineOptions::constants`] of its pipelines and of the original's."
+    );
+    let _ = writeln!(
+        text,
+        "pub const CONSTANTS: &[(&str, f64)] = &[{}];",
+        given.join(", ")
     );
     text.push_str(GUARDED);
     let _ = writeln!(
@@ -289,10 +394,8 @@ fn variant(
             &folder,
             &format!("{}.{}.wgsl", plan.material, pass.program),
         );
-        let own = overrides
-            .get(pass.program.as_str())
-            .map_or(&[][..], Vec::as_slice);
-        let rust = raster(plan, pass, &wgsl, shared, (own, keys))?;
+        let constants = Constants::of(&overrides, &pass.program, keys);
+        let rust = raster(plan, pass, &wgsl, shared, &constants)?;
         let _ = writeln!(text, "{visible}static {name}: Pass = {rust};");
     }
     let all: Vec<String> = names.iter().map(|n| format!("&{n}")).collect();
@@ -307,7 +410,9 @@ fn variant(
         .iter()
         .map(|c| {
             let file = format!("{}.{}.wgsl", plan.material, c.program);
-            compute(c, &included("str", &folder, &file), shared)
+            let wgsl = included("str", &folder, &file);
+            let constants = Constants::of(&overrides, &c.program, keys);
+            compute(plan, c, &wgsl, shared, &constants)
         })
         .collect::<Result<_, _>>()?;
     let _ = writeln!(text, "/// Its compute passes, in the order they run.");
@@ -347,13 +452,19 @@ fn included(kind: &str, folder: &str, file: &str) -> String {
 
 /// What each plan's module has to check its guard with.
 const GUARDED: &str = "\
-/// Whether the uniforms of a draw are as [`GUARD`] says: see [`Variant::guard_holds`].
-pub fn guard_holds<'b>(bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
-    GUARD.iter().all(|assumed| assumed.holds(&bytes))
+/// Whether constants and the uniforms of a draw are as [`GUARD`] says: see [`Variant::guard_holds`].
+pub fn guard_holds<'b>(
+    constants: &[(&str, f64)],
+    bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
+) -> bool {
+    VARIANT.guard_holds(constants, bytes)
 }
 /// What to draw with: this where its guard holds, else the original.
-pub fn variant_for<'b>(bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> &'static Variant {
-    match guard_holds(bytes) {
+pub fn variant_for<'b>(
+    constants: &[(&str, f64)],
+    bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
+) -> &'static Variant {
+    match guard_holds(constants, bytes) {
         true => &VARIANT,
         false => &super::original::VARIANT,
     }
@@ -365,7 +476,7 @@ fn guard(plan: &Plan) -> &[guard::Assumed] {
     plan.guard.as_ref().map_or(&[], |g| &g.values)
 }
 
-fn assumed(assumed: &guard::Assumed) -> String {
+fn assumed(assumed: &guard::Assumed, constants: &[Constant<'_>]) -> Result<String, String> {
     let place = match &assumed.place {
         Place::Uniform {
             group,
@@ -381,16 +492,25 @@ fn assumed(assumed: &guard::Assumed) -> String {
             binding,
             channel,
         } => format!("Texture {{ group: {group}, binding: {binding}, channel: {channel} }}"),
-        Place::Override { name } => format!("Override {{ name: {name:?} }}"),
+        Place::Override { name } => {
+            let found = constants.iter().find(|c| c.assumed.place == assumed.place);
+            let Some(Constant {
+                key, is_default, ..
+            }) = found
+            else {
+                return Err(format!("the material has no override `{name}`"));
+            };
+            format!("Override {{ key: {key:?}, is_default: {is_default} }}")
+        }
     };
     let guard::Bounds { low, high } = assumed.bounds;
-    format!(
+    Ok(format!(
         "Assumed {{ name: {:?}, place: Place::{place}, ty: ScalarType::{:?}, low: {}, high: {} }}",
         assumed.name,
         assumed.ty,
         number(low),
         number(high),
-    )
+    ))
 }
 
 /// A number as Rust writes it.
@@ -422,33 +542,14 @@ fn raster(
     pass: &GpuPass,
     wgsl: &str,
     shared: &Shared<'_>,
-    (overrides, keys): (&[Override], &BTreeSet<String>),
+    constants: &Constants<'_>,
 ) -> Result<String, String> {
     let program = plan.program(pass);
-    let module = program.map(preshade_passes::program::Program::module);
-    let array = |b: &&BindingUse| module.is_some_and(|m| reflect::is_array(m, b));
-    if let Some(array) = pass.bindings.iter().find(array) {
-        return Err(format!(
-            "`{}` is a binding array, which the generated module has no words for; `preshade rewrite` writes the shaders alone",
-            array.name
-        ));
-    }
+    no_arrays(program, &pass.bindings)?;
     let immediates = program.map_or(0, |p| reflect::immediate_size(p, &reflect::stages(pass)));
-    let listed: Vec<String> = overrides
-        .iter()
-        .map(|o| {
-            format!(
-                "Override {{ key: {:?}, is_needed: {} }}",
-                o.key, o.is_needed
-            )
-        })
-        .collect();
-    let unread: Vec<&String> = keys
-        .iter()
-        .filter(|key| !overrides.iter().any(|o| o.key == **key))
-        .collect();
     let free = pass.phase == Phase::Shadow || samples_are_free(plan);
-    let depth = pass.depth.as_ref().and_then(|d| depth(plan, pass, d));
+    let depth = pass.depth.as_ref().map(|d| depth(plan, pass, d));
+    let depth = depth.transpose()?.flatten();
     let depth = depth.map_or("None".to_owned(), |d| format!("Some({d})"));
     let mut targets: Vec<String> = Vec::new();
     let mut colors: Vec<String> = Vec::new();
@@ -471,14 +572,19 @@ fn raster(
     let attributes: Vec<String> = pass
         .attributes
         .iter()
-        .filter_map(|a| {
-            let (format, _) = words::vertex_format(&a.ty)?;
-            Some(format!(
+        .map(|a| {
+            let (format, _) = words::vertex_format(&a.ty).ok_or_else(|| {
+                format!(
+                    "the attribute `{}` is of the type {}, which no vertex format of WebGPU holds",
+                    a.name, a.ty
+                )
+            })?;
+            Ok(format!(
                 "Attribute {{ location: {}, name: {:?}, format: wgpu::VertexFormat::{format} }}",
                 a.location, a.name
             ))
         })
-        .collect();
+        .collect::<Result<_, String>>()?;
     let draws = match pass.draws {
         Draws::All => "All",
         Draws::Opaque => "Opaque",
@@ -489,7 +595,7 @@ fn raster(
         false => json(&pass.geometry),
     };
     Ok(format!(
-        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, overrides: &[{}], unread_overrides: &{unread:?}, samples_are_free: {free} }}",
+        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, {}, samples_are_free: {free} }}",
         pass.role.name(),
         pass.phase,
         pass.vertex,
@@ -503,13 +609,78 @@ fn raster(
         words::features(&pass.features)?,
         words::raise_limits(&pass.limits),
         pass.view_dependent,
-        listed.join(", "),
+        constants.fields(),
     ))
 }
 
-fn compute(pass: &ComputePass, wgsl: &str, shared: &Shared<'_>) -> Result<String, String> {
+/// Pipeline-overridable constants as a pass has them.
+struct Constants<'p> {
+    /// Those that its program reads.
+    own: &'p [Override],
+    /// Keys of all that the material has.
+    keys: &'p BTreeSet<String>,
+}
+
+impl<'p> Constants<'p> {
+    fn of(
+        overrides: &'p BTreeMap<&str, Vec<Override>>,
+        program: &str,
+        keys: &'p BTreeSet<String>,
+    ) -> Self {
+        Self {
+            own: overrides.get(program).map_or(&[][..], Vec::as_slice),
+            keys,
+        }
+    }
+
+    /// The fields of `Pass` and `Compute` that are about them.
+    fn fields(&self) -> String {
+        let listed: Vec<String> = self
+            .own
+            .iter()
+            .map(|o| {
+                format!(
+                    "Override {{ key: {:?}, is_needed: {} }}",
+                    o.key, o.is_needed
+                )
+            })
+            .collect();
+        let unread = self.keys.iter();
+        let unread: Vec<&String> = unread
+            .filter(|key| !self.own.iter().any(|o| o.key == **key))
+            .collect();
+        format!(
+            "overrides: &[{}], unread_overrides: &{unread:?}, guard: GUARD",
+            listed.join(", ")
+        )
+    }
+}
+
+/// Refuses bindings of several resources.
+fn no_arrays(program: Option<&Program>, bindings: &[BindingUse]) -> Result<(), String> {
+    let array = |b: &&BindingUse| program.is_some_and(|p| reflect::is_array(p.module(), b));
+    match bindings.iter().find(array) {
+        None => Ok(()),
+        Some(array) => Err(format!(
+            "`{}` is a binding array, which the generated module has no words for; `preshade rewrite` writes the shaders alone",
+            array.name
+        )),
+    }
+}
+
+fn compute(
+    plan: &Plan,
+    pass: &ComputePass,
+    wgsl: &str,
+    shared: &Shared<'_>,
+    constants: &Constants<'_>,
+) -> Result<String, String> {
+    let program = plan.programs.get(&pass.program);
+    no_arrays(program, &pass.bindings)?;
+    let stages = [(naga::ShaderStage::Compute, pass.entry_point.as_str())];
+    let immediates = program.map_or(0, |p| reflect::immediate_size(p, &stages));
     Ok(format!(
-        "Compute {{ wgsl: {wgsl}, entry_point: {:?}, workgroup: {}, geometry: {:?}, when: {:?}, groups: {}, features: {}, raise_limits: {} }}",
+        "Compute {{ wgsl: {wgsl}, entry_point: {:?}, workgroup: {}, geometry: {:?}, when: {:?}, groups: {}, features: {}, raise_limits: {}, immediate_size: {immediates}, {} }}",
         pass.entry_point,
         pass.workgroup,
         json(&pass.geometry),
@@ -517,25 +688,41 @@ fn compute(pass: &ComputePass, wgsl: &str, shared: &Shared<'_>) -> Result<String
         shared.groups(&pass.bindings, Kind::Compute),
         words::features(&pass.features)?,
         words::raise_limits(&pass.limits),
+        constants.fields(),
     ))
 }
 
-fn depth(plan: &Plan, pass: &GpuPass, depth: &DepthState) -> Option<String> {
-    let attachment = plan.attachment(&depth.attachment)?;
-    let clear = match attachment.clear {
-        ClearValue::Depth(depth) => depth,
-        ClearValue::Color(_) => return None,
+/// `None` for one whose attachment is none of depth.
+fn depth(plan: &Plan, pass: &GpuPass, depth: &DepthState) -> Result<Option<String>, String> {
+    let Some((clear, format)) = plan.attachment(&depth.attachment).and_then(|attachment| {
+        let ClearValue::Depth(clear) = attachment.clear else {
+            return None;
+        };
+        Some((clear, attachment.format.depth()?))
+    }) else {
+        return Ok(None);
     };
+    for (what, number) in [
+        ("the slope scale of the depth bias", depth.bias.slope_scale),
+        ("the clamp of the depth bias", depth.bias.clamp),
+        ("what depth is cleared to", clear),
+    ] {
+        if !number.is_finite() {
+            return Err(format!(
+                "{what} is {number}, which no pipeline takes: give a finite number"
+            ));
+        }
+    }
     let stencil_ops = depth.stencil_ops;
-    Some(format!(
+    Ok(Some(format!(
         "Depth {{ attachment: {:?}, state: {}, stencil_reference: {}, read_only: {}, clear: {clear:?}, ops: {}, stencil_ops: {} }}",
         depth.attachment,
-        words::depth_stencil(attachment.format.depth()?, depth, pass.stencil.as_ref()),
+        words::depth_stencil(format, depth, pass.stencil.as_ref()),
         pass.stencil.as_ref().map_or(0, |s| s.reference),
         depth.read_only,
         ops(depth.ops),
         stencil_ops.map_or("None".to_owned(), |o| format!("Some({})", ops(o))),
-    ))
+    )))
 }
 
 fn ops(ops: AttachmentOps) -> String {

@@ -43,6 +43,8 @@ pub struct Pass {
     pub overrides: &'static [Override],
     /// Keys of those that the material has and this pass does not read.
     pub unread_overrides: &'static [&'static str],
+    /// What its variant takes for granted: of constants, pipelines are made for nothing else.
+    pub guard: &'static [Assumed],
     /// The samples of a pixel may be others than [`Pass::multisample`] says: [`PipelineOptions::samples`].
     pub samples_are_free: bool,
 }
@@ -65,7 +67,8 @@ pub struct PipelineOptions<'a> {
     pub samples: Option<u32>,
     /// Of the index buffer, where strips are drawn; 32 bits by default.
     pub strip_index_format: Option<wgpu::IndexFormat>,
-    /// Values of the material's pipeline-overridable constants, by `@id` or else by name. Give the same to each of its passes: one that does not read it takes none.
+    /// Values of the material's pipeline-overridable constants, by `@id` or else by name. Give the same to each of its passes, those of the original among them: one that does not read it takes
+    /// none. A variant that was made for other values is an [`Unfit::Guard`]; its `CONSTANTS` are those that it was made for.
     pub constants: &'a [(&'a str, f64)],
 }
 
@@ -183,7 +186,7 @@ pub struct Attribute {
 }
 
 /// Work of a compute pass.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Compute {
     /// WGSL.
     pub wgsl: &'static str,
@@ -201,6 +204,14 @@ pub struct Compute {
     pub features: wgpu::Features,
     /// Raises limits to what the pass needs.
     pub raise_limits: fn(&mut wgpu::Limits),
+    /// Bytes of immediate data that the host sets before it dispatches.
+    pub immediate_size: u32,
+    /// Pipeline-overridable constants of the pass: given by [`PipelineOptions::constants`].
+    pub overrides: &'static [Override],
+    /// Keys of those that the material has and this pass does not read.
+    pub unread_overrides: &'static [&'static str],
+    /// What its variant takes for granted: of constants, pipelines are made for nothing else.
+    pub guard: &'static [Assumed],
 }
 
 /// One plan of a material, with all that a frame needs of it.
@@ -221,10 +232,15 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// Whether the uniforms of a draw are as it takes for granted; asked whenever one is written. `bytes` gives the content of a binding, by group and binding; one that is not there, or is
-    /// too short, is not. Of attributes and textures no buffer tells: of those in [`Variant::guard`] the host sees to it that they stay.
-    pub fn guard_holds<'b>(&self, bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
-        self.guard.iter().all(|assumed| assumed.holds(&bytes))
+    /// Whether the constants of the material's pipelines and the uniforms of a draw are as it takes for granted; asked whenever one is written. `constants` are those of
+    /// [`PipelineOptions::constants`]. `bytes` gives the content of a binding, by group and binding; one that is not there, or is too short, is not. Of attributes and textures no buffer tells: of
+    /// those in [`Variant::guard`] the host sees to it that they stay.
+    pub fn guard_holds<'b>(
+        &self,
+        constants: &[(&str, f64)],
+        bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
+    ) -> bool {
+        self.guard.iter().all(|a| a.holds(constants, &bytes))
     }
 }
 
@@ -271,10 +287,12 @@ pub enum Place {
         /// Channel, from 0.
         channel: u32,
     },
-    /// A pipeline-overridable constant, which the texts have already: a host sets none.
+    /// A pipeline-overridable constant. What it decides is decided in the variant's texts: no pipeline of theirs is made for another value, and the original's needs this one given.
     Override {
-        /// The author's name for it.
-        name: &'static str,
+        /// Its `@id`, or else its name.
+        key: &'static str,
+        /// It has such a value where a host gives it none and the other constants that are taken for granted are as they should be.
+        is_default: bool,
     },
 }
 
@@ -290,37 +308,78 @@ pub enum ScalarType {
 }
 
 impl Assumed {
-    /// As [`Variant::guard_holds`]; whatever is no uniform holds.
-    pub fn holds<'b>(&self, bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
+    /// As [`Variant::guard_holds`]; whatever is no uniform and no constant holds.
+    pub fn holds<'b>(
+        &self,
+        constants: &[(&str, f64)],
+        bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
+    ) -> bool {
         let Place::Uniform {
             group,
             binding,
             offset,
         } = self.place
         else {
-            return true;
+            return self.holds_for(constants);
         };
         let content = bytes(group, binding).and_then(|b| b.get(offset as usize..));
         let Some(word) = content.and_then(|b| b.first_chunk::<4>()) else {
             return false;
         };
-        let number = match self.ty {
+        self.contains(match self.ty {
             ScalarType::F32 => f64::from(f32::from_le_bytes(*word)),
             ScalarType::I32 => f64::from(i32::from_le_bytes(*word)),
             ScalarType::U32 => f64::from(u32::from_le_bytes(*word)),
+        })
+    }
+
+    /// Whether a constant is as it should be; whatever is none holds.
+    fn holds_for(&self, constants: &[(&str, f64)]) -> bool {
+        let Place::Override { key, is_default } = self.place else {
+            return true;
         };
+        // wgpu takes the last of a key.
+        match constants.iter().rev().find(|(k, _)| *k == key) {
+            None => is_default,
+            Some((_, value)) => self.contains(match self.ty {
+                ScalarType::F32 => f64::from(*value as f32),
+                ScalarType::I32 | ScalarType::U32 => *value,
+            }),
+        }
+    }
+
+    fn contains(&self, number: f64) -> bool {
         // No comparison holds for NaN.
         self.low <= number && number <= self.high
     }
 }
 
-/// What a host has does not fit a pass: vertex buffers, formats, samples or constants.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unfit(pub String);
+/// What a host has does not fit a pass.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Unfit {
+    /// Vertex buffers, formats, samples or constants are none that the material can be drawn with: why.
+    Host(String),
+    /// The constant has another value than the variant was made for: draw `original`, or give all pipelines of the material what the variant's `CONSTANTS` say.
+    Guard(Assumed),
+}
 
 impl std::fmt::Display for Unfit {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
+        match self {
+            Self::Host(why) => f.write_str(why),
+            Self::Guard(Assumed {
+                name, low, high, ..
+            }) if low == high => write!(
+                f,
+                "the variant was made for `{name}` = {low}: give that to it and to the original in `PipelineOptions::constants`, or draw the original"
+            ),
+            Self::Guard(Assumed {
+                name, low, high, ..
+            }) => write!(
+                f,
+                "the variant was made for `{name}` between {low} and {high}: give such a value to it and to the original in `PipelineOptions::constants`, or draw the original"
+            ),
+        }
     }
 }
 
@@ -384,6 +443,35 @@ fn module(device: &wgpu::Device, label: &str, wgsl: &'static str) -> wgpu::Shade
     })
 }
 
+/// Of the host's constants those that a pass reads, where all of them are what its variant was made for.
+pub(super) fn constants_with<'a>(
+    overrides: &[Override],
+    unread: &[&str],
+    guard: &[Assumed],
+    constants: &'a [(&'a str, f64)],
+) -> Result<Vec<(&'a str, f64)>, Unfit> {
+    if let Some(assumed) = guard.iter().find(|a| !a.holds_for(constants)) {
+        return Err(Unfit::Guard(*assumed));
+    }
+    let mut own = Vec::new();
+    for (key, value) in constants {
+        if overrides.iter().any(|o| o.key == *key) {
+            own.push((*key, *value));
+        } else if !unread.contains(key) {
+            return Err(Unfit::Host(format!("the material has no override `{key}`")));
+        }
+    }
+    let is_given = |o: &&Override| own.iter().any(|(key, _)| *key == o.key);
+    let mut missing = overrides.iter().filter(|o| o.is_needed);
+    match missing.find(|o| !is_given(o)) {
+        Some(o) => Err(Unfit::Host(format!(
+            "the override `{}` has no default: give it in `PipelineOptions::constants`",
+            o.key
+        ))),
+        None => Ok(own),
+    }
+}
+
 impl Pass {
     /// Layouts of its bind groups.
     pub fn bind_group_layouts(&self, device: &wgpu::Device) -> Vec<wgpu::BindGroupLayout> {
@@ -401,7 +489,7 @@ impl Pass {
         for wanted in self.attributes {
             let all = buffers.iter().flat_map(|b| b.attributes);
             let Some(has) = all.clone().find(|a| a.shader_location == wanted.location) else {
-                return Err(Unfit(format!(
+                return Err(Unfit::Host(format!(
                     "no vertex buffer has `{}` at location {}",
                     wanted.name, wanted.location
                 )));
@@ -411,7 +499,7 @@ impl Pass {
                 (name.starts_with("Sint"), name.starts_with("Uint"))
             };
             if kind(has.format) != kind(wanted.format) {
-                return Err(Unfit(format!(
+                return Err(Unfit::Host(format!(
                     "`{}` is read as {:?}, which {:?} does not feed",
                     wanted.name, wanted.format, has.format
                 )));
@@ -447,7 +535,8 @@ impl Pass {
     /// As [`Pass::pipeline`], with what the host knows only now: the surface's format, say.
     ///
     /// # Errors
-    /// As [`Pass::vertex_buffers`]; a format of another kind of numbers, samples that the variant was not made for, a constant that the material has not, or one without a value.
+    /// As [`Pass::vertex_buffers`]; a format of another kind of numbers, samples that the variant was not made for, a constant that the material has not, or one without a value. [`Unfit::Guard`]
+    /// where a constant has another value than the variant was made for.
     pub fn pipeline_with(
         &self,
         device: &wgpu::Device,
@@ -481,7 +570,7 @@ impl Pass {
                 continue;
             };
             if kind(format).is_none() || kind(format) != kind(target.format) {
-                return Err(Unfit(format!(
+                return Err(Unfit::Host(format!(
                     "the pass `{}` was made for {:?} at location {at}, which {format:?} cannot take the place of",
                     self.role, target.format
                 )));
@@ -497,35 +586,11 @@ impl Pass {
         match options.samples {
             Some(samples) if samples == built || self.phase == Phase::Shadow => Ok(built),
             Some(samples) if self.samples_are_free => Ok(samples),
-            Some(samples) => Err(Unfit(format!(
+            Some(samples) => Err(Unfit::Host(format!(
                 "the pass `{}` is of a variant that was made for {built} samples a pixel, not for {samples}",
                 self.role
             ))),
             None => Ok(built),
-        }
-    }
-
-    /// Of the host's constants those that the pass reads.
-    fn constants_with<'a>(
-        &self,
-        options: &PipelineOptions<'a>,
-    ) -> Result<Vec<(&'a str, f64)>, Unfit> {
-        let mut own = Vec::new();
-        for (key, value) in options.constants {
-            if self.overrides.iter().any(|o| o.key == *key) {
-                own.push((*key, *value));
-            } else if !self.unread_overrides.contains(key) {
-                return Err(Unfit(format!("the material has no override `{key}`")));
-            }
-        }
-        let is_given = |o: &&Override| own.iter().any(|(key, _)| *key == o.key);
-        let missing = self.overrides.iter().filter(|o| o.is_needed);
-        match missing.clone().find(|o| !is_given(o)) {
-            Some(o) => Err(Unfit(format!(
-                "the override `{}` has no default: give it in `PipelineOptions::constants`",
-                o.key
-            ))),
-            None => Ok(own),
         }
     }
 
@@ -542,7 +607,12 @@ impl Pass {
             count: self.samples_with(options)?,
             ..self.multisample
         };
-        let constants = self.constants_with(options)?;
+        let constants = constants_with(
+            self.overrides,
+            self.unread_overrides,
+            self.guard,
+            options.constants,
+        )?;
         let compilation = || wgpu::PipelineCompilationOptions {
             constants: &constants,
             ..wgpu::PipelineCompilationOptions::default()
@@ -585,15 +655,41 @@ impl Compute {
     }
 
     /// The pipeline.
-    pub fn pipeline(&self, device: &wgpu::Device) -> wgpu::ComputePipeline {
-        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(self.entry_point),
-            layout: Some(&pipeline_layout(device, self.groups, 0)),
-            module: &module(device, self.entry_point, self.wgsl),
-            entry_point: Some(self.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        })
+    ///
+    /// # Errors
+    /// A constant without a value, or [`Unfit::Guard`] where one has another value than the variant was made for.
+    pub fn pipeline(&self, device: &wgpu::Device) -> Result<wgpu::ComputePipeline, Unfit> {
+        self.pipeline_with(device, &PipelineOptions::default())
+    }
+
+    /// As [`Compute::pipeline`], with the constants that the passes of the material are made with.
+    ///
+    /// # Errors
+    /// As [`Compute::pipeline`], and for a constant that the material has not.
+    pub fn pipeline_with(
+        &self,
+        device: &wgpu::Device,
+        options: &PipelineOptions<'_>,
+    ) -> Result<wgpu::ComputePipeline, Unfit> {
+        let constants = constants_with(
+            self.overrides,
+            self.unread_overrides,
+            self.guard,
+            options.constants,
+        )?;
+        Ok(
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(self.entry_point),
+                layout: Some(&pipeline_layout(device, self.groups, self.immediate_size)),
+                module: &module(device, self.entry_point, self.wgsl),
+                entry_point: Some(self.entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &constants,
+                    ..wgpu::PipelineCompilationOptions::default()
+                },
+                cache: None,
+            }),
+        )
     }
 }
 
@@ -671,252 +767,6 @@ impl Attachment {
     }
 }
 
-/// What a host draws when it loads a variant, because some promises are the driver's: where it fails, draw `original` instead.
-#[derive(Clone, Debug)]
-pub struct SelfTest {
-    /// Attachments of the test: its own, and those of the material.
-    pub attachments: &'static [Attachment],
-    /// All of them must pass.
-    pub runs: &'static [Run],
-}
-
-/// Draws one after the other, each in a render pass of its own.
-#[derive(Clone, Debug)]
-pub struct Run {
-    /// What is wrong where samples pass that must not.
-    pub failure: &'static str,
-    /// In order.
-    pub draws: &'static [TestDraw],
-}
-
-/// One draw of a self-test.
-#[derive(Clone, Debug)]
-pub struct TestDraw {
-    /// The pass to draw as.
-    pub pass: &'static Pass,
-    /// Name of the depth attachment.
-    pub attachment: &'static str,
-    /// Depth comparison.
-    pub compare: wgpu::CompareFunction,
-    /// Depth is written.
-    pub write: bool,
-    /// Whether samples must pass, or must not.
-    pub must_pass: bool,
-}
-
-/// What a self-test said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tested {
-    /// The variant may be drawn.
-    Held,
-    /// It may not: take `original`.
-    Failed(&'static str),
-    /// Nothing of the material was in view: ask again with another camera, or take `original`.
-    SawNothing,
-}
-
-impl SelfTest {
-    /// Runs the test on draws of the material: `draw` binds the bind groups of the pass, vertex and index buffers and draws, the same in each call. It is given the test's attachments by name,
-    /// for a pass that samples one. `buffers` are the host's vertex buffers, as for [`Pass::pipeline`]. Waits for the device.
-    ///
-    /// # Errors
-    /// As [`Pass::vertex_buffers`].
-    pub fn run(
-        &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        size: wgpu::Extent3d,
-        buffers: &[wgpu::VertexBufferLayout<'_>],
-        draw: impl FnMut(&Pass, &dyn Fn(&str) -> Option<wgpu::TextureView>, &mut wgpu::RenderPass<'_>),
-    ) -> Result<Tested, Unfit> {
-        let options = PipelineOptions::default();
-        self.run_with(device, queue, size, buffers, &options, draw)
-    }
-
-    /// As [`SelfTest::run`], of pipelines that are made with `options`.
-    ///
-    /// # Errors
-    /// As [`Pass::pipeline_with`].
-    pub fn run_with(
-        &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        size: wgpu::Extent3d,
-        buffers: &[wgpu::VertexBufferLayout<'_>],
-        options: &PipelineOptions<'_>,
-        mut draw: impl FnMut(
-            &Pass,
-            &dyn Fn(&str) -> Option<wgpu::TextureView>,
-            &mut wgpu::RenderPass<'_>,
-        ),
-    ) -> Result<Tested, Unfit> {
-        let samples = |a: &Attachment| {
-            let draws = self.runs.iter().flat_map(|r| r.draws);
-            let mut on_it = draws.filter(|d| d.attachment == a.name);
-            let is_scenes = on_it.any(|d| d.pass.phase != Phase::Shadow);
-            options.samples.filter(|_| is_scenes).unwrap_or(a.samples)
-        };
-        let texture = |a: &Attachment| (a.name, a.texture_with(device, size, samples(a)));
-        let textures: Vec<(&str, wgpu::Texture)> = self.attachments.iter().map(texture).collect();
-        let view = |name: &str| {
-            let found = textures.iter().find(|(n, _)| *n == name);
-            found.map(|(_, t)| t.create_view(&wgpu::TextureViewDescriptor::default()))
-        };
-        let count: usize = self.runs.iter().map(|r| r.draws.len()).sum();
-        let queries = device.create_query_set(&wgpu::QuerySetDescriptor {
-            label: None,
-            ty: wgpu::QueryType::Occlusion,
-            count: count as u32,
-        });
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let mut query = 0;
-        for run in self.runs {
-            let mut cleared: Vec<&str> = Vec::new();
-            for test in run.draws {
-                let first = !cleared.contains(&test.attachment);
-                cleared.push(test.attachment);
-                self.draw(
-                    device,
-                    size,
-                    buffers,
-                    options,
-                    test,
-                    first,
-                    query,
-                    (&queries, &mut encoder),
-                    &view,
-                    &mut draw,
-                )?;
-                query += 1;
-            }
-        }
-        let buffer = |usage| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: None,
-                size: (count * 8) as u64,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
-        let read = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
-        encoder.resolve_query_set(&queries, 0..count as u32, &resolved, 0);
-        encoder.copy_buffer_to_buffer(&resolved, 0, &read, 0, (count * 8) as u64);
-        queue.submit([encoder.finish()]);
-        read.map_async(wgpu::MapMode::Read, .., |_| ());
-        if device.poll(wgpu::PollType::wait_indefinitely()).is_err() {
-            return Ok(Tested::SawNothing);
-        }
-        let Ok(mapped) = read.get_mapped_range(..) else {
-            return Ok(Tested::SawNothing);
-        };
-        let passed: Vec<bool> = mapped
-            .chunks_exact(8)
-            .map(|n| n.iter().any(|b| *b != 0))
-            .collect();
-        Ok(self.judge(&passed))
-    }
-
-    fn judge(&self, passed: &[bool]) -> Tested {
-        let mut passed = passed.iter();
-        let mut saw = true;
-        for run in self.runs {
-            for (draw, passed) in run.draws.iter().zip(passed.by_ref()) {
-                match (draw.must_pass, passed) {
-                    (false, true) => return Tested::Failed(run.failure),
-                    (true, false) => saw = false,
-                    _ => {}
-                }
-            }
-        }
-        match saw {
-            true => Tested::Held,
-            false => Tested::SawNothing,
-        }
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn draw(
-        &self,
-        device: &wgpu::Device,
-        size: wgpu::Extent3d,
-        buffers: &[wgpu::VertexBufferLayout<'_>],
-        options: &PipelineOptions<'_>,
-        test: &TestDraw,
-        first: bool,
-        query: u32,
-        (queries, encoder): (&wgpu::QuerySet, &mut wgpu::CommandEncoder),
-        view: &dyn Fn(&str) -> Option<wgpu::TextureView>,
-        draw: &mut impl FnMut(
-            &Pass,
-            &dyn Fn(&str) -> Option<wgpu::TextureView>,
-            &mut wgpu::RenderPass<'_>,
-        ),
-    ) -> Result<(), Unfit> {
-        let pass = test.pass;
-        let Some((own, attachment)) = pass.depth.as_ref().zip(view(test.attachment)) else {
-            return Err(Unfit(format!(
-                "the pass `{}` has no depth to test",
-                pass.role
-            )));
-        };
-        let state = wgpu::DepthStencilState {
-            depth_write_enabled: Some(test.write),
-            depth_compare: Some(test.compare),
-            stencil: wgpu::StencilState::default(),
-            ..own.state.clone()
-        };
-        let pipeline = pass.pipeline_of(device, buffers, Some(state), options)?;
-        let samples = pass.samples_with(options)?;
-        // Nobody looks at the colours, but a driver that is given others may compile another vertex stage.
-        let target = |target: &Option<wgpu::ColorTargetState>| {
-            let colour = Attachment {
-                name: "self-test",
-                format: target.as_ref()?.format,
-                samples,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-            };
-            Some(
-                colour
-                    .texture(device, size)
-                    .create_view(&wgpu::TextureViewDescriptor::default()),
-            )
-        };
-        let colours: Vec<Option<wgpu::TextureView>> =
-            pass.targets_with(options)?.iter().map(target).collect();
-        let ops = Ops {
-            clear_first: true,
-            store: wgpu::StoreOp::Store,
-        };
-        let colour = Color {
-            attachment: None,
-            ops,
-        };
-        let colours: Vec<_> = colours
-            .iter()
-            .map(|v| {
-                v.as_ref()
-                    .map(|v| colour.attach(v, true, wgpu::Color::TRANSPARENT))
-            })
-            .collect();
-        let has_stencil = own.stencil_ops.map(|_| ops);
-        let depth = Depth {
-            read_only: false,
-            ops,
-            stencil_ops: has_stencil,
-            ..own.clone()
-        };
-        let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("self-test"),
-            color_attachments: &colours,
-            depth_stencil_attachment: Some(depth.attach(&attachment, first)),
-            occlusion_query_set: Some(queries),
-            ..wgpu::RenderPassDescriptor::default()
-        });
-        render.set_pipeline(&pipeline);
-        render.begin_occlusion_query(query);
-        draw(pass, view, &mut render);
-        render.end_occlusion_query();
-        Ok(())
-    }
-}
+#[path = "host/self_test.rs"]
+mod preshade_self_test;
+pub use preshade_self_test::*;

@@ -18,8 +18,9 @@
 //! The module `lit` has `original` and the variant, each with its passes (`PASSES`, and `MAIN`, `PREPASS` and so on by role), attachments, self-test, files and whole plan; the variant's names
 //! are the module's own. A [`Builder::variant`] has a module of its own.
 //!
-//! A specialised variant holds for some values alone. Its `GUARD` says which, `guard_holds` looks at a draw's uniforms, and `variant_for` gives it or the original; its passes are had in no
-//! other way but `CHOICES`, which is all that `variant_for` may give. Where the material's own variant is such a one, the module's names are the original's, but for these four.
+//! A specialised variant holds for some values alone. Its `GUARD` says which, `guard_holds` looks at a draw's uniforms and at what the pipelines have for constants, and `variant_for` gives it or the
+//! original; its passes are had in no other way but `CHOICES`, which is all that `variant_for` may give. `CONSTANTS` are the pipeline-overridable ones that it was made for, which the original's
+//! pipelines then need too. Where the material's own variant is such a one, the module's names are the original's, but for these five.
 //!
 //! What is made, for each material:
 //!
@@ -54,11 +55,13 @@ use preshade_passes::state::MaterialState;
 
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::lock::{Lock, LockError};
+use crate::lock::{Left, Lock, LockError};
 use crate::recipe::Recipe;
 
 use bindings::Said;
 use choose::Keeping;
+use generate::Drawn;
+use stamp::Trace;
 
 pub use error::Error;
 
@@ -331,15 +334,17 @@ impl Builder {
         }
         let lock = lock_text
             .as_deref()
-            .map(|text| Lock::parse_file(text, &lock_path));
+            .map(|text| (text, Lock::parse_for(text, &lock_path, &name)));
         let lock = match lock {
             None => Keeping::Nothing,
-            Some(Ok(lock)) => Keeping::Own(lock),
-            Some(Err(error @ LockError::Foreign { .. })) => Keeping::Foreign(error),
-            Some(Err(error)) => return Err(Error::Lock(error)),
+            Some((_, Ok(lock))) => Keeping::Own(lock),
+            Some((text, Err(error @ LockError::Foreign { .. }))) => {
+                Keeping::Foreign(error, Left::of(text, &name))
+            }
+            Some((_, Err(error))) => return Err(Error::Lock(error)),
         };
         let made = self.make(&name, files, texts, &lock)?;
-        read.extend(made.included.iter().cloned());
+        read.extend(made.trace.included());
         let mut written = Vec::new();
         let mut hashes = Vec::new();
         let root = [File {
@@ -360,19 +365,14 @@ impl Builder {
             hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
         }
         // Last, so that a build that was cut off is made again.
-        let kept = stamp::Kept {
-            warnings: made.warnings.clone(),
-            included: made.included,
-            absent: made.absent,
-        };
-        stamp::write(&folder, &key, kept, hashes).map_err(|error| Error::Write {
+        stamp::write(&folder, &key, &made.trace, hashes).map_err(|error| Error::Write {
             path: folder,
             error,
         })?;
         Ok(Built {
             module,
             read,
-            warnings: made.warnings,
+            warnings: made.trace.warnings,
             written,
         })
     }
@@ -387,7 +387,7 @@ impl Builder {
             Some(bare.unwrap_or(&stem).to_owned())
         });
         match name {
-            Some(name) if names::is_a_files(&name) => Ok(name),
+            Some(name) if emit::is_material_name(&name) => Ok(name),
             name => Err(Error::Name(name.unwrap_or_default())),
         }
     }
@@ -405,22 +405,17 @@ impl Builder {
             .zip(texts)
             .map(|(file, text)| front::Source::new(slashes(file), text))
             .collect();
-        let mut warnings = Vec::new();
-        let chosen = choose::choose(self, name, &sources, lock, &mut warnings)?;
-        let drawn = chosen.drawn;
+        let mut trace = Trace::default();
+        let mut drawn = choose::choose(self, name, &sources, lock, &mut trace)?;
         let module = generate::Module {
             types: self.types.as_deref(),
             wgpu: self.wgpu.as_deref(),
             said: &self.said,
         };
-        let module = generate::material(name, &drawn, &module);
-        let file = || sources.first().map_or(String::new(), |s| s.name.clone());
         Ok(Made {
-            module: module.map_err(|why| Error::Module { file: file(), why })?,
-            included: chosen.included,
-            absent: chosen.absent,
+            module: worded(name, &mut drawn, &module, &sources, &mut trace.warnings)?,
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
-            warnings,
+            trace,
         })
     }
 
@@ -471,9 +466,38 @@ struct Asked {
 struct Made {
     module: String,
     files: Vec<(String, Vec<File>)>,
-    included: Vec<PathBuf>,
-    absent: Vec<PathBuf>,
-    warnings: Vec<String>,
+    trace: Trace,
+}
+
+/// The module's text. A variant that it has no words for is told, and the original stands in its place.
+fn worded(
+    name: &str,
+    drawn: &mut [Drawn],
+    module: &generate::Module<'_>,
+    sources: &[front::Source],
+    warnings: &mut Vec<String>,
+) -> Result<String, Error> {
+    loop {
+        let wordless = match generate::material(name, drawn, module) {
+            Ok(module) => return Ok(module),
+            Err(wordless) => wordless,
+        };
+        let amiss = wordless.of.and_then(|of| {
+            let (original, variants) = drawn.split_first_mut()?;
+            Some((original, variants.get_mut(of.checked_sub(1)?)?))
+        });
+        match amiss {
+            Some((original, variant)) if !variant.plan.steps.is_empty() => {
+                choose::give_up(variant, original, &wordless.why, sources, warnings);
+            }
+            _ => {
+                return Err(Error::Module {
+                    file: sources.first().map_or(String::new(), |s| s.name.clone()),
+                    why: wordless.why,
+                });
+            }
+        }
+    }
 }
 
 fn read(path: &Path) -> Result<String, Error> {
@@ -489,10 +513,19 @@ fn slashes(path: &Path) -> String {
 }
 
 #[cfg(all(test, feature = "verify"))]
+#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use preshade_passes::guard;
 
-    use super::host::{Assumed, Place, ScalarType};
+    use preshade_passes::pass::Facts;
+    use preshade_passes::plan::Plan;
+    use preshade_passes::state::MaterialState;
+
+    use super::{Error, choose, generate};
+    use crate::front;
+    use crate::recipe::Recipe;
+
+    use super::host::{Assumed, Override, Place, ScalarType, Unfit, constants_with};
 
     /// What a generated module says of bytes is what the plan's guard says.
     #[test]
@@ -538,8 +571,108 @@ mod tests {
             let bytes = [[0; 4], word.to_le_bytes()].concat();
             for given in [&bytes[..], &bytes[..7]] {
                 let at = |g, b| ((g, b) == (group, binding)).then_some(given);
-                assert_eq!(host.holds(at), of.holds(at), "{word:x} as {ty:?}");
+                assert_eq!(host.holds(&[], at), of.holds(at), "{word:x} as {ty:?}");
             }
         }
+    }
+
+    /// Pipelines of a variant are made for the constants that it was made for, and for no others.
+    #[test]
+    fn a_host_cannot_set_what_a_variant_has_decided() {
+        let of = |name, key, ty, value: f64, is_default| Assumed {
+            name,
+            place: Place::Override { key, is_default },
+            ty,
+            low: value,
+            high: value,
+        };
+        let tenth = f64::from(0.1_f32);
+        let guard = [
+            of("N", "7", ScalarType::U32, 1.0, false),
+            of("K", "K", ScalarType::F32, tenth, false),
+            of("M", "M", ScalarType::U32, 2.0, true),
+        ];
+        let overrides = [Override {
+            key: "K",
+            is_needed: false,
+        }];
+        let given = |constants: &[(&str, f64)]| {
+            let holds = guard.iter().all(|a| a.holds(constants, |_, _| None));
+            let own = constants_with(&overrides, &["7", "M"], &guard, constants)
+                .map(|own| own.iter().map(|(key, v)| ((*key).to_owned(), *v)).collect());
+            assert_eq!(holds, own.is_ok(), "{constants:?}");
+            own.map_err(|unfit| match unfit {
+                Unfit::Guard(assumed) => assumed.name,
+                Unfit::Host(why) => panic!("{why}"),
+            })
+        };
+        let own: Vec<(String, f64)> = vec![("K".to_owned(), 0.1)];
+        // As `f32` both are the same number.
+        assert_eq!(given(&[("7", 1.0), ("K", 0.1)]), Ok(own.clone()));
+        assert_eq!(given(&[("K", 0.1), ("M", 2.0), ("7", 1.0)]), Ok(own));
+        assert_eq!(given(&[]), Err("N"));
+        assert_eq!(given(&[("7", 4.0), ("K", 0.1)]), Err("N"));
+        assert_eq!(given(&[("7", 1.0), ("K", 0.5)]), Err("K"));
+        assert_eq!(given(&[("7", 1.0), ("K", f64::NAN)]), Err("K"));
+        assert_eq!(given(&[("7", 1.0), ("K", 0.1), ("M", 3.0)]), Err("M"));
+        // The last of a key counts.
+        assert_eq!(given(&[("7", 1.0), ("K", 0.1), ("7", 4.0)]), Err("N"));
+    }
+
+    /// What cannot be made of a variant is told, and the original stands in its place: only its own failure ends a build.
+    #[test]
+    fn a_variant_that_cannot_be_made_is_the_original() {
+        let text = include_str!("../../fixtures/shaders/toon.wgsl");
+        let sources = [front::Source::new("toon.wgsl", text)];
+        let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+        let state = MaterialState::default();
+        let fragment = parsed.fragment.as_deref();
+        let original = Plan::original("toon", parsed.program, &parsed.vertex, fragment, &state);
+        let variant = |pass| {
+            let recipe = Recipe::parse([pass]).unwrap();
+            recipe.apply(&original, &Facts::default()).unwrap()
+        };
+        let mut unwritable = variant("shadow");
+        unwritable.passes[0].program = "none".to_owned();
+        let mut wordless = variant("depth-prepass");
+        wordless.passes[0].features.push("telepathy".to_owned());
+        let plans = |original: &Plan| {
+            let all = [
+                ("original", original),
+                ("variant", &unwritable),
+                ("b", &wordless),
+            ];
+            all.map(|(name, plan)| (name.to_owned(), (plan.clone(), Vec::new())))
+                .to_vec()
+        };
+        let builder = super::configure();
+        let mut warnings = Vec::new();
+        let mut drawn = choose::made(&builder, plans(&original), &sources, &mut warnings).unwrap();
+        let module = generate::Module {
+            types: None,
+            wgpu: None,
+            said: &builder.said,
+        };
+        let text = super::worded("toon", &mut drawn, &module, &sources, &mut warnings).unwrap();
+        let [emit, words] = &warnings[..] else {
+            panic!("{warnings:?}");
+        };
+        assert!(
+            emit.starts_with("toon.wgsl: `variant` cannot be made: "),
+            "{emit}"
+        );
+        assert!(emit.ends_with("The original is shipped"), "{emit}");
+        assert!(
+            words.contains("`b` cannot be made: ") && words.contains("telepathy"),
+            "{words}"
+        );
+        for (one, why) in drawn[1..].iter().zip(["`none`", "`telepathy`"]) {
+            assert!(one.plan.steps.is_empty());
+            assert_eq!(one.files, drawn[0].files);
+            assert!(one.left_out[0].contains(why), "{:?}", one.left_out);
+        }
+        assert!(!text.contains("Phase::Depth,"));
+        let failed = choose::made(&builder, plans(&unwritable), &sources, &mut warnings);
+        assert!(matches!(failed, Err(Error::Emit(_))));
     }
 }

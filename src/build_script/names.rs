@@ -10,7 +10,7 @@ const KEYWORDS: [&str; 52] = [
 ];
 
 /// What a module of the name would hide in the generated one: its crates, and the types that need no path.
-const HIDDEN: [&str; 23] = [
+const HIDDEN: [&str; 24] = [
     "alloc",
     "bool",
     "char",
@@ -26,6 +26,7 @@ const HIDDEN: [&str; 23] = [
     "i128",
     "isize",
     "preshade_generated",
+    "preshade_self_test",
     "std",
     "str",
     "u8",
@@ -45,14 +46,4 @@ pub(super) fn is_a_modules(name: &str) -> bool {
         && !KEYWORDS.contains(&name)
         && !HIDDEN.contains(&name)
         && !reserved.contains(&name)
-}
-
-/// Whether files and a folder may be called so, on any system, and none of them as another's module.
-pub(super) fn is_a_files(name: &str) -> bool {
-    let amiss = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
-    !name.is_empty()
-        && !name.contains(amiss)
-        && !name.starts_with('.')
-        && !name.ends_with(['.', ' '])
-        && !name.to_lowercase().ends_with(".rs")
 }

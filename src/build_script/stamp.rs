@@ -1,12 +1,15 @@
 //! What a build was made of and came to, so that a material that did not change is not compiled again when a build script runs for another.
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use preshade_passes::program::Searched;
 use serde::{Deserialize, Serialize};
 
 use super::Builder;
 use crate::emit::{self, File};
+use crate::front;
 use crate::lock::TOOL;
 
 const FILE: &str = "preshade.stamp";
@@ -19,8 +22,34 @@ struct Stamp {
     included: Vec<(PathBuf, String)>,
     /// Files that were looked for before those were found, and were not there.
     absent: Vec<PathBuf>,
+    /// Searches of folders for them.
+    searched: Vec<Searched>,
     /// Path below the folder for output, and BLAKE3.
     files: Vec<(String, String)>,
+}
+
+/// What a build rests on beside the files that it was given, and what it has to tell.
+#[derive(Default)]
+pub(super) struct Trace {
+    /// What was asked for and is not made, in a line each.
+    pub warnings: Vec<String>,
+    /// Files that the material's own include, each with the text that was read.
+    pub included: Vec<(PathBuf, String)>,
+    /// Files that were looked for before those were found, and were not there.
+    pub absent: Vec<PathBuf>,
+    /// Searches of folders for them.
+    pub searched: Vec<Searched>,
+}
+
+impl Trace {
+    /// The files that were read, each once.
+    pub fn included(&self) -> Vec<PathBuf> {
+        // Both stages may include one.
+        let mut paths: Vec<PathBuf> = self.included.iter().map(|(p, _)| p.clone()).collect();
+        paths.sort();
+        paths.dedup();
+        paths
+    }
 }
 
 /// Hash of all that decides what a build comes to. Which preshade it is, is told by the running program: a build script that was compiled again is another.
@@ -51,7 +80,6 @@ pub(super) fn hashed(folder: &Path, file: &File) -> (String, String) {
 pub(super) struct Kept {
     pub warnings: Vec<String>,
     pub included: Vec<PathBuf>,
-    pub absent: Vec<PathBuf>,
 }
 
 /// What the last build told, if it was of the same and its files are all still there.
@@ -65,11 +93,11 @@ pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> 
     let holds = stamp.key == key
         && stamp.included.iter().all(|(p, h)| is_there(p, h))
         && !stamp.absent.iter().any(|p| p.exists())
+        && stamp.searched.iter().all(front::still_finds)
         && stamp.files.iter().all(|(p, h)| is_there(&out.join(p), h));
     holds.then(|| Kept {
         warnings: stamp.warnings,
         included: stamp.included.into_iter().map(|(path, _)| path).collect(),
-        absent: stamp.absent,
     })
 }
 
@@ -77,28 +105,27 @@ pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> 
 pub(super) fn write(
     folder: &Path,
     key: &str,
-    Kept {
-        warnings,
-        included,
-        absent,
-    }: Kept,
+    trace: &Trace,
     files: Vec<(String, String)>,
 ) -> io::Result<()> {
-    // A file that is gone by now has no bytes: the next build, too, begins anew.
-    let hashed = |path: PathBuf| {
-        let bytes = std::fs::read(&path).ok()?;
-        Some((path, hash(&bytes)))
+    // Of a file that is gone by now, or was saved since it was read, the next build knows nothing: it begins anew.
+    let hashed = |(path, read): &(PathBuf, String)| {
+        let bytes = std::fs::read(path).ok()?;
+        // The preprocessor ends a last line.
+        let text = read.as_bytes();
+        let is_as_read = bytes == text || text.strip_suffix(b"\n") == Some(&bytes);
+        is_as_read.then(|| (path.clone(), hash(&bytes)))
     };
-    let all = included.len();
-    let included: Vec<_> = included.into_iter().filter_map(hashed).collect();
+    let included: Option<BTreeSet<_>> = trace.included.iter().map(hashed).collect();
     let stamp = Stamp {
-        key: match included.len() == all {
-            true => key.to_owned(),
-            false => String::new(),
+        key: match included {
+            Some(_) => key.to_owned(),
+            None => String::new(),
         },
-        warnings,
-        included,
-        absent,
+        warnings: trace.warnings.clone(),
+        included: included.into_iter().flatten().collect(),
+        absent: trace.absent.clone(),
+        searched: trace.searched.clone(),
         files,
     };
     let file = File {
@@ -106,4 +133,33 @@ pub(super) fn write(
         bytes: serde_json::to_vec(&stamp).unwrap_or_default(),
     };
     emit::write(folder, &[file]).map(|_| ())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// What was saved while it was compiled is not what was compiled.
+    #[test]
+    fn a_file_that_is_not_as_it_was_read_leaves_no_stamp_that_holds() {
+        let folder = std::env::temp_dir().join(format!("preshade-stamp-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let included = folder.join("tint.glsl");
+        std::fs::write(&included, "#define TINT 0.5").unwrap();
+        let holds = |read: &str| {
+            let trace = Trace {
+                included: vec![(included.clone(), read.to_owned())],
+                ..Trace::default()
+            };
+            write(&folder, "key", &trace, Vec::new()).unwrap();
+            still_holds(&folder, "key", &folder).map(|kept| kept.included)
+        };
+        assert_eq!(holds("#define TINT 0.5"), Some(vec![included.clone()]));
+        // Its last line is ended where something is pasted in it.
+        assert_eq!(holds("#define TINT 0.5\n"), Some(vec![included.clone()]));
+        assert_eq!(holds("#define TINT 0.25"), None);
+        assert_eq!(holds(""), None);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 }

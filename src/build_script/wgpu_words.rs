@@ -252,6 +252,7 @@ pub(super) fn binding_type(binding: &BindingUse, dynamic: bool, unfilterable: bo
             let access = match access.as_str() {
                 "write-only" => "WriteOnly",
                 "read-only" => "ReadOnly",
+                "atomic" => "Atomic",
                 _ => "ReadWrite",
             };
             format!(
@@ -297,38 +298,108 @@ pub(super) fn vertex_format(ty: &str) -> Option<(&'static str, u64)> {
     })
 }
 
+/// Features that a plan may name, and wgpu's constants for them: those of [`preshade_passes::features`], and those of formats and states.
+const FEATURES: [(&str, &str); 47] = [
+    ("bgra8unorm-storage", "BGRA8UNORM_STORAGE"),
+    ("clip-distances", "CLIP_DISTANCES"),
+    ("depth-clip-control", "DEPTH_CLIP_CONTROL"),
+    ("depth32float-stencil8", "DEPTH32FLOAT_STENCIL8"),
+    ("dual-source-blending", "DUAL_SOURCE_BLENDING"),
+    ("float32-blendable", "FLOAT32_BLENDABLE"),
+    ("float32-filterable", "FLOAT32_FILTERABLE"),
+    ("immediates", "IMMEDIATES"),
+    ("indirect-first-instance", "INDIRECT_FIRST_INSTANCE"),
+    ("primitive-index", "PRIMITIVE_INDEX"),
+    ("rg11b10ufloat-renderable", "RG11B10UFLOAT_RENDERABLE"),
+    ("shader-f16", "SHADER_F16"),
+    ("subgroups", "SUBGROUP"),
+    (
+        "wgpu-acceleration-structure-binding-array",
+        "ACCELERATION_STRUCTURE_BINDING_ARRAY",
+    ),
+    ("wgpu-buffer-binding-array", "BUFFER_BINDING_ARRAY"),
+    ("wgpu-cooperative-matrix", "EXPERIMENTAL_COOPERATIVE_MATRIX"),
+    ("wgpu-external-texture", "EXTERNAL_TEXTURE"),
+    (
+        "wgpu-memory-decoration-coherent",
+        "MEMORY_DECORATION_COHERENT",
+    ),
+    (
+        "wgpu-memory-decoration-volatile",
+        "MEMORY_DECORATION_VOLATILE",
+    ),
+    ("wgpu-mesh-shader", "EXPERIMENTAL_MESH_SHADER"),
+    ("wgpu-mesh-shader-points", "EXPERIMENTAL_MESH_SHADER_POINTS"),
+    ("wgpu-multiview", "MULTIVIEW"),
+    (
+        "wgpu-ray-hit-vertex-return",
+        "EXPERIMENTAL_RAY_HIT_VERTEX_RETURN",
+    ),
+    ("wgpu-ray-query", "EXPERIMENTAL_RAY_QUERY"),
+    (
+        "wgpu-ray-tracing-pipelines",
+        "EXPERIMENTAL_RAY_TRACING_PIPELINES",
+    ),
+    (
+        "wgpu-sampled-texture-and-storage-buffer-array-non-uniform-indexing",
+        "SAMPLED_TEXTURE_AND_STORAGE_BUFFER_ARRAY_NON_UNIFORM_INDEXING",
+    ),
+    ("wgpu-shader-barycentrics", "SHADER_BARYCENTRICS"),
+    ("wgpu-shader-draw-index", "SHADER_DRAW_INDEX"),
+    ("wgpu-shader-early-depth-test", "SHADER_EARLY_DEPTH_TEST"),
+    ("wgpu-shader-f64", "SHADER_F64"),
+    ("wgpu-shader-float32-atomic", "SHADER_FLOAT32_ATOMIC"),
+    ("wgpu-shader-i16", "SHADER_I16"),
+    ("wgpu-shader-int64", "SHADER_INT64"),
+    (
+        "wgpu-shader-int64-atomic-all-ops",
+        "SHADER_INT64_ATOMIC_ALL_OPS",
+    ),
+    (
+        "wgpu-shader-int64-atomic-min-max",
+        "SHADER_INT64_ATOMIC_MIN_MAX",
+    ),
+    ("wgpu-shader-per-vertex", "SHADER_PER_VERTEX"),
+    (
+        "wgpu-storage-resource-binding-array",
+        "STORAGE_RESOURCE_BINDING_ARRAY",
+    ),
+    (
+        "wgpu-storage-texture-array-non-uniform-indexing",
+        "STORAGE_TEXTURE_ARRAY_NON_UNIFORM_INDEXING",
+    ),
+    ("wgpu-subgroup-barrier", "SUBGROUP_BARRIER"),
+    ("wgpu-subgroup-vertex", "SUBGROUP_VERTEX"),
+    (
+        "wgpu-texture-adapter-specific-format-features",
+        "TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES",
+    ),
+    ("wgpu-texture-atomic", "TEXTURE_ATOMIC"),
+    ("wgpu-texture-binding-array", "TEXTURE_BINDING_ARRAY"),
+    (
+        "wgpu-texture-format-16-bit-norm",
+        "TEXTURE_FORMAT_16BIT_NORM",
+    ),
+    ("wgpu-texture-int64-atomic", "TEXTURE_INT64_ATOMIC"),
+    (
+        "wgpu-uniform-buffer-binding-arrays",
+        "UNIFORM_BUFFER_BINDING_ARRAYS",
+    ),
+    ("wgpu-vertex-writable-storage", "VERTEX_WRITABLE_STORAGE"),
+];
+
 /// `wgpu::Features`, of WebGPU's names and, where only wgpu has one, of wgpu's.
 ///
 /// # Errors
 /// There is no such feature.
 pub(super) fn features(names: &[String]) -> Result<String, String> {
-    names
-        .iter()
-        .try_fold("wgpu::Features::empty()".to_owned(), |text, name| {
-            let name = match name.as_str() {
-                "bgra8unorm-storage" => "BGRA8UNORM_STORAGE",
-                "clip-distances" => "CLIP_DISTANCES",
-                "depth-clip-control" => "DEPTH_CLIP_CONTROL",
-                "depth32float-stencil8" => "DEPTH32FLOAT_STENCIL8",
-                "dual-source-blending" => "DUAL_SOURCE_BLENDING",
-                "float32-blendable" => "FLOAT32_BLENDABLE",
-                "float32-filterable" => "FLOAT32_FILTERABLE",
-                "immediates" => "IMMEDIATES",
-                "indirect-first-instance" => "INDIRECT_FIRST_INSTANCE",
-                "primitive-index" => "PRIMITIVE_INDEX",
-                "rg11b10ufloat-renderable" => "RG11B10UFLOAT_RENDERABLE",
-                "shader-f16" => "SHADER_F16",
-                "subgroups" => "SUBGROUP",
-                "wgpu-subgroup-vertex" => "SUBGROUP_VERTEX",
-                "wgpu-texture-adapter-specific-format-features" => {
-                    "TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES"
-                }
-                "wgpu-texture-format-16-bit-norm" => "TEXTURE_FORMAT_16BIT_NORM",
-                "wgpu-vertex-writable-storage" => "VERTEX_WRITABLE_STORAGE",
-                _ => return Err(format!("it needs the feature `{name}`, which wgpu has not")),
-            };
-            Ok(format!("{text}.union(wgpu::Features::{name})"))
-        })
+    names.iter().try_fold(
+        "wgpu::Features::empty()".to_owned(),
+        |text, name| match FEATURES.iter().find(|(known, _)| known == name) {
+            Some((_, constant)) => Ok(format!("{text}.union(wgpu::Features::{constant})")),
+            None => Err(format!("it needs the feature `{name}`, which wgpu has not")),
+        },
+    )
 }
 
 /// A function that raises `wgpu::Limits`, of WebGPU's names.
@@ -358,6 +429,7 @@ fn snake_case(name: &str) -> String {
 }
 
 #[cfg(all(test, feature = "verify"))]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::render::state;
@@ -385,5 +457,24 @@ mod tests {
             let field = snake_case(name);
             assert!(limits.contains(&format!(" {field}: ")), "{field}");
         }
+    }
+
+    #[test]
+    fn features_have_wgpus_names_and_none_is_forgotten() {
+        use preshade_passes::features::{CAPABILITIES, Has};
+        for (name, constant) in FEATURES {
+            let named = wgpu::Features::from_name(constant);
+            assert_eq!(name.parse().ok(), named, "{name}");
+            assert!(named.is_some(), "{constant}");
+        }
+        for (capability, has) in CAPABILITIES {
+            let Has::Features(names) = has else {
+                continue;
+            };
+            let names: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
+            assert!(features(&names).is_ok(), "{capability:?}");
+        }
+        let said = features(&["naga-cull-distance".to_owned()]).unwrap_err();
+        assert!(said.contains("`naga-cull-distance`, which wgpu has not"));
     }
 }

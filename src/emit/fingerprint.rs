@@ -2,7 +2,10 @@
 //! sees. Function bodies are not compared; names of inputs, members and variables are the writer's to choose.
 
 use naga::diagnostic_filter::DiagnosticFilterNode;
-use naga::{AddressSpace, Arena, Binding, Handle, Module, ShaderStage, Type, TypeInner};
+use naga::{
+    AddressSpace, Arena, Binding, Expression, Handle, Literal, Module, ShaderStage, Type, TypeInner,
+};
+use preshade_passes::graph::operands;
 use preshade_passes::reflect::{self, Io};
 
 use crate::front::varying::Varying;
@@ -44,10 +47,46 @@ pub(super) fn of(module: &Module) -> Vec<String> {
     }
     for (_, o) in module.overrides.iter() {
         let ty = layout(module, o.ty);
-        lines.push(format!("override {:?} {:?}: {ty}", o.name, o.id));
+        let value = o.init.map(|init| constant(module, init));
+        lines.push(format!(
+            "override {:?} {:?}: {ty} = {value:?}",
+            o.name, o.id
+        ));
     }
     lines.sort();
     lines
+}
+
+/// What a constant expression is computed of, without handles: overrides by name, constants by what they are.
+fn constant(module: &Module, e: Handle<Expression>) -> String {
+    let expressions = &module.global_expressions;
+    match &expressions[e] {
+        Expression::Constant(c) => return constant(module, module.constants[*c].init),
+        Expression::Override(o) => return format!("override {:?}", module.overrides[*o].name),
+        Expression::ZeroValue(ty) => {
+            let zero = module.types[*ty].inner.scalar();
+            return match zero.and_then(Literal::zero) {
+                Some(zero) if matches!(module.types[*ty].inner, TypeInner::Scalar(_)) => {
+                    format!("{:?}", Expression::Literal(zero))
+                }
+                _ => format!("zero {}", layout(module, *ty)),
+            };
+        }
+        Expression::Compose { ty, components } => {
+            let parts: Vec<String> = components.iter().map(|c| constant(module, *c)).collect();
+            return format!("{}{parts:?}", layout(module, *ty));
+        }
+        _ => {}
+    }
+    let mut expression = expressions[e].clone();
+    let mut operands = Vec::new();
+    operands::map_expression(&mut expression, &mut |operand| {
+        operands.push(constant(module, *operand));
+        *operand = e;
+    });
+    // The expression's own handle is no part of what it says.
+    let said = format!("{expression:?}").replace(&format!("{e:?}"), "_");
+    format!("{said}{operands:?}")
 }
 
 /// The first line that only one of the two has.

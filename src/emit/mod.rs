@@ -25,6 +25,7 @@ mod equivalence;
 mod fingerprint;
 #[cfg(feature = "glsl")]
 mod glsl;
+mod initialisers;
 mod loops;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
@@ -52,7 +53,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::front::guard;
 
-pub use output::write;
+pub use output::{is_material_name, write};
 pub use plan_json::{
     Fallback, Form, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
     StageFile, TessellationFiles,

@@ -58,3 +58,13 @@ impl Drop for Staged {
 fn at(path: &Path, error: &io::Error) -> io::Error {
     io::Error::new(error.kind(), format!("{}: {error}", path.display()))
 }
+
+/// Whether a material may be called so: its name begins those of its files and is a folder's, on any system, and none of them may be another's Rust module (`lit.rs`).
+pub fn is_material_name(name: &str) -> bool {
+    let amiss = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
+    !name.is_empty()
+        && !name.contains(amiss)
+        && !name.starts_with('.')
+        && !name.ends_with(['.', ' '])
+        && !name.to_lowercase().ends_with(".rs")
+}

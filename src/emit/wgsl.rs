@@ -5,7 +5,7 @@ use preshade_passes::contract::{Budget, Contract};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 
-use super::{Error, Target, fingerprint, prepare, repair, text, tidy};
+use super::{Error, Target, fingerprint, initialisers, prepare, repair, text, tidy};
 
 /// Writes a reduced program; `name` is the file's, for errors, and `header` its first lines.
 pub(crate) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
@@ -29,11 +29,22 @@ pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String)
             .map_err(|invalid| failed(format!("preparing it broke it: {invalid}")))?,
         None => program.clone(),
     };
-    let mut writer = Writer::new(String::new(), WriterFlags::empty());
-    writer
-        .write(prepared.module(), prepared.info())
-        .map_err(|e| failed(e.to_string()))?;
-    let written = text::exact_floats(&writer.finish(), text::Spelling::Wgsl);
+    let raw = |program: &Program| {
+        let mut writer = Writer::new(String::new(), WriterFlags::empty());
+        let written = writer.write(program.module(), program.info());
+        written.map_err(|e| failed(e.to_string()))?;
+        Ok(writer.finish())
+    };
+    let written = match initialisers::set_apart(prepared.module()) {
+        None => raw(&prepared)?,
+        Some(apart) => {
+            let without = prepared.with_module(apart.module.clone());
+            let without =
+                without.map_err(|invalid| failed(format!("preparing it broke it: {invalid}")))?;
+            apart.put_back(&raw(&without)?)
+        }
+    };
+    let written = text::exact_floats(&written, text::Spelling::Wgsl);
     let repaired =
         repair::repair(prepared.module(), &written).map_err(|what| Error::Inexpressible {
             file: name.to_owned(),

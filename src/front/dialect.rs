@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use preshade_passes::program::{Searched, Wanted};
+
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 use super::Options;
 use super::Source;
@@ -54,10 +56,39 @@ impl Dialect {
 pub(super) struct Compiled {
     /// WGSL.
     pub text: String,
+    /// What it came of.
+    pub origin: Origin,
+}
+
+/// What a text came of beside the file itself.
+#[derive(Default)]
+pub(super) struct Origin {
     /// The other files that it was made of, each with its path and its text.
     pub imported: Vec<(String, String)>,
     /// Files that were looked for in vain before another was found.
     pub absent: Vec<String>,
+    /// Searches for them.
+    pub searched: Vec<Searched>,
+}
+
+/// Whether a search would come to the same now.
+pub(crate) fn still_finds(searched: &Searched) -> bool {
+    let Searched {
+        folders,
+        wanted,
+        found,
+    } = searched;
+    match wanted {
+        #[cfg(feature = "naga-oil")]
+        Wanted::Modules => super::naga_oil::found(folders) == *found,
+        #[cfg(feature = "wesl")]
+        Wanted::Package(name) => super::wesl::found(folders, name) == *found,
+        #[cfg(not(all(feature = "naga-oil", feature = "wesl")))]
+        _ => {
+            let _ = (folders, found);
+            false
+        }
+    }
 }
 
 /// What a build without a dialect's feature says.

@@ -40,7 +40,8 @@ use naga::ShaderStage;
 use preshade_passes::declared::Declared;
 use preshade_passes::program::{Language, Program, SourceMap};
 
-use self::dialect::Dialect;
+use self::dialect::{Dialect, Origin};
+pub(crate) use dialect::still_finds;
 pub use error::{Code, Color, Error, Label};
 
 use crate::limits::Limits;
@@ -161,26 +162,28 @@ pub struct Parsed {
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
     let translated = sources.iter().map(|source| translated(source, options));
     let translated = translated.collect::<Result<Vec<_>, _>>()?;
-    let (plain, imported): (Vec<Cow<'_, Source>>, Vec<_>) = translated.into_iter().unzip();
+    let (plain, origins): (Vec<Cow<'_, Source>>, Vec<Origin>) = translated.into_iter().unzip();
     let plain: Vec<Source> = plain.into_iter().map(Cow::into_owned).collect();
     let sources = plain.as_slice();
     let mut map = SourceMap::new();
     let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
-    for (imported, absent) in imported {
-        for (name, text) in imported {
+    for origin in origins {
+        for (name, text) in origin.imported {
             map.add_imported(name, text);
         }
-        absent.into_iter().for_each(|name| map.add_absent(name));
+        origin.absent.into_iter().for_each(|n| map.add_absent(n));
+        let searched = origin.searched.into_iter();
+        searched.for_each(|searched| map.add_searched(searched));
     }
     let (parsed, map) = parse_mapped(sources, &bases, map, options);
     parsed.map_err(|e| e.with_sources(&map))
 }
 
-/// A source, the files that its text was made of, and those that were looked for in vain.
-type Translated<'a> = (Cow<'a, Source>, (Vec<(String, String)>, Vec<String>));
-
-/// The source in a language that is read here: of naga_oil's dialect and of WESL, the WGSL that they come to.
-fn translated<'a>(source: &'a Source, options: &Options) -> Result<Translated<'a>, Error> {
+/// The source in a language that is read here: of naga_oil's dialect and of WESL, the WGSL that they come to, and what it came of.
+fn translated<'a>(
+    source: &'a Source,
+    options: &Options,
+) -> Result<(Cow<'a, Source>, Origin), Error> {
     let dialect = match source.language() {
         Some(Language::Wgsl) => Dialect::of(source),
         _ => Dialect::Plain,
@@ -203,19 +206,15 @@ fn translated<'a>(source: &'a Source, options: &Options) -> Result<Translated<'a
     };
     let _ = options;
     Ok(match compiled {
-        None => (Cow::Borrowed(source), Default::default()),
-        Some(dialect::Compiled {
-            text,
-            imported,
-            absent,
-        }) => {
+        None => (Cow::Borrowed(source), Origin::default()),
+        Some(dialect::Compiled { text, origin }) => {
             let wgsl = Source {
                 name: format!("{} (as WGSL)", source.name),
                 text,
                 language: Some(Language::Wgsl),
                 stage: source.stage,
             };
-            (Cow::Owned(wgsl), (imported, absent))
+            (Cow::Owned(wgsl), origin)
         }
     })
 }

@@ -14,29 +14,70 @@ use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, ComposerError, NagaModuleDescriptor, ShaderDefValue,
     get_preprocessor_data,
 };
-use preshade_passes::program::{Language, Program};
+use preshade_passes::program::{Language, Program, Searched, Wanted};
 
-use super::dialect::{Compiled, Defined, beside, definitions, files_below, path_of};
+use super::dialect::{Compiled, Defined, Origin, beside, definitions, files_below, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
 use crate::emit::wgsl;
 
 /// The WGSL that a file and all that it imports come to.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
-    let (module, imported) = compose(source, options)?;
+    let (module, origin) = compose(source, options)?;
     let program = Program::new(module, Arc::default(), Language::Wgsl)
         .map_err(|invalid| Error::invalid(&invalid))?;
     let text = wgsl::write(&program, &source.name, "")
         .map_err(|e| Error::new(Code::Unsupported, e.to_string()))?;
-    Ok(Compiled {
-        text,
-        imported,
-        absent: Vec::new(),
-    })
+    Ok(Compiled { text, origin })
 }
 
-/// The module, and the files of the modules that it imports.
-fn compose(source: &Source, options: &Options) -> Result<(Module, Vec<(String, String)>), Error> {
+/// A file that names itself a module.
+struct Named {
+    name: String,
+    path: PathBuf,
+    text: String,
+    imports: Vec<String>,
+}
+
+/// The files in folders, and below them, that name themselves modules.
+fn named(folders: &[&Path]) -> Vec<Named> {
+    let all = files_below(folders, "wgsl").into_iter();
+    all.filter_map(|(path, text)| {
+        let (name, imports, _) = get_preprocessor_data(&text);
+        Some(Named {
+            name: name?,
+            path,
+            text,
+            imports: imports.into_iter().map(|i| i.import).collect(),
+        })
+    })
+    .collect()
+}
+
+/// Each of them in a word: its path, what it is called and, where others are called so, what it says.
+fn told(all: &[Named]) -> Vec<String> {
+    let mut called: HashMap<&str, usize> = HashMap::new();
+    for one in all {
+        *called.entry(&one.name).or_default() += 1;
+    }
+    let word = |one: &Named| {
+        let said = match called.get(&*one.name) {
+            Some(2..) => blake3::hash(one.text.as_bytes()).to_hex().to_string(),
+            _ => String::new(),
+        };
+        format!("{} {} {said}", one.path.display(), one.name)
+    };
+    all.iter().map(word).collect()
+}
+
+/// What a search of these folders for modules finds now.
+pub(super) fn found(folders: &[String]) -> Vec<String> {
+    let folders: Vec<&Path> = folders.iter().map(Path::new).collect();
+    told(&named(&folders))
+}
+
+/// The module, and what it came of.
+fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error> {
     let defines: HashMap<String, ShaderDefValue> = definitions(options)?
         .into_iter()
         .map(|(name, value)| {
@@ -59,24 +100,24 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Vec<(String, S
         composer: Composer::non_validating().with_capabilities(Capabilities::all()),
     };
     let own_file = path.canonicalize().ok();
-    for (path, text) in files_below(&folders, "wgsl") {
-        let (name, imports, _) = get_preprocessor_data(&text);
-        if let Some(name) = name {
-            let imports = imports.into_iter().map(|i| i.import).collect();
-            // The file itself goes by what it was given as, which need not be what is on the disk.
-            if own_file.is_some() && own_file == path.canonicalize().ok() {
-                continue;
-            }
-            let place = Place::of(&path, &own);
-            let path = path.display().to_string();
-            let file = File {
-                path,
-                text,
-                imports,
-                place,
-            };
-            library.know(name, file);
+    let all = named(&folders);
+    let searched = Searched {
+        folders: folders.iter().map(|f| f.display().to_string()).collect(),
+        wanted: Wanted::Modules,
+        found: told(&all),
+    };
+    for one in all {
+        // The file itself goes by what it was given as, which need not be what is on the disk.
+        if own_file.is_some() && own_file == one.path.canonicalize().ok() {
+            continue;
         }
+        let file = File {
+            place: Place::of(&one.path, &own),
+            path: one.path.display().to_string(),
+            text: one.text,
+            imports: one.imports,
+        };
+        library.know(one.name, file);
     }
     let (_, imports, _) = get_preprocessor_data(&source.text);
     for import in imports {
@@ -91,7 +132,12 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Vec<(String, S
     let mut module = made.map_err(|e| library.error(&source.name, &e))?;
     plain_names(&mut module);
     compact::compact(&mut module, compact::KeepUnused::No);
-    Ok((module, library.imported))
+    let origin = Origin {
+        imported: library.imported,
+        absent: Vec::new(),
+        searched: vec![searched],
+    };
+    Ok((module, origin))
 }
 
 /// Where a file lies that names itself a module: what is nearer to the shader goes before what is farther.

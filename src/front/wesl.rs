@@ -8,10 +8,11 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use preshade_passes::program::{Searched, Wanted};
 use wesl::syntax::PathOrigin;
 use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
 
-use super::dialect::{Compiled, Defined, beside, definitions, path_of};
+use super::dialect::{Compiled, Defined, Origin, beside, definitions, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
 
@@ -38,6 +39,7 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
         include: &options.include,
         read: RefCell::default(),
         absent: RefCell::default(),
+        packages: RefCell::default(),
     };
     let path = ModulePath::new(PathOrigin::Absolute, components);
     let compile = CompileOptions {
@@ -52,13 +54,33 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
     })?;
     let imported = resolver.read.into_inner().into_iter();
     let absent = resolver.absent.into_inner();
-    Ok(Compiled {
-        text,
+    let packages = resolver.packages.into_inner();
+    let folders = shown(&options.include);
+    let origin = Origin {
         imported: imported
             .map(|(path, text)| (path.display().to_string(), text))
             .collect(),
         absent: absent.iter().map(|p| p.display().to_string()).collect(),
-    })
+        searched: packages
+            .into_iter()
+            .map(|(name, found)| Searched {
+                folders: folders.clone(),
+                wanted: Wanted::Package(name),
+                found,
+            })
+            .collect(),
+    };
+    Ok(Compiled { text, origin })
+}
+
+fn shown(paths: &[PathBuf]) -> Vec<String> {
+    paths.iter().map(|p| p.display().to_string()).collect()
+}
+
+/// The folders of a package that these folders hold now.
+pub(super) fn found(folders: &[String], package: &str) -> Vec<String> {
+    let folders: Vec<PathBuf> = folders.iter().map(PathBuf::from).collect();
+    shown(&roots(&folders, package))
 }
 
 /// Without the escape sequences that colour a terminal (ECMA-48 8.3.117), which the crate writes wherever its text goes.
@@ -87,43 +109,48 @@ struct Packages<'a> {
     read: RefCell<BTreeMap<PathBuf, String>>,
     /// What was looked for and was not there.
     absent: RefCell<BTreeSet<PathBuf>>,
+    /// Other packages that were asked for, each with where it may lie.
+    packages: RefCell<BTreeMap<String, Vec<String>>>,
 }
 
-impl Packages<'_> {
-    /// Where the modules of another package may lie.
-    fn roots(&self, package: &str) -> Vec<PathBuf> {
-        // A package that cargo keeps has its version behind its name.
-        let is_called = |folder: &Path| {
-            let name = folder.file_name().map(|n| n.to_string_lossy());
-            name.is_some_and(|n| {
-                n == package
-                    || n.strip_prefix(package)
-                        .and_then(|rest| rest.strip_prefix('-'))
-                        .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
-            })
-        };
-        let mut out = Vec::new();
-        for folder in self.include {
-            if is_called(folder) {
-                out.push(folder.clone());
-            }
-            let entries = std::fs::read_dir(folder).into_iter().flatten();
-            let mut within: Vec<PathBuf> = entries
-                .filter_map(|e| Some(e.ok()?.path()))
-                .filter(|p| is_called(p))
-                .collect();
-            within.sort();
-            out.extend(within);
+/// Where the modules of another package may lie, given the folders of `Options::include`.
+fn roots(include: &[PathBuf], package: &str) -> Vec<PathBuf> {
+    // A package that cargo keeps has its version behind its name.
+    let is_called = |folder: &Path| {
+        let name = folder.file_name().map(|n| n.to_string_lossy());
+        name.is_some_and(|n| {
+            n == package
+                || n.strip_prefix(package)
+                    .and_then(|rest| rest.strip_prefix('-'))
+                    .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+        })
+    };
+    let mut out = Vec::new();
+    for folder in include {
+        if is_called(folder) {
+            out.push(folder.clone());
         }
-        let sources: Vec<PathBuf> = out.iter().map(|f| f.join("src")).collect();
-        sources.into_iter().chain(out).collect()
+        let entries = std::fs::read_dir(folder).into_iter().flatten();
+        let mut within: Vec<PathBuf> = entries
+            .filter_map(|e| Some(e.ok()?.path()))
+            .filter(|p| is_called(p))
+            .collect();
+        within.sort();
+        out.extend(within);
     }
+    let sources: Vec<PathBuf> = out.iter().map(|f| f.join("src")).collect();
+    sources.into_iter().chain(out).collect()
 }
 
 impl Resolver for Packages<'_> {
     fn resolve_source<'s>(&'s self, path: &ModulePath) -> Result<Cow<'s, str>, ResolveError> {
         let roots = match &path.origin {
-            PathOrigin::Package(name) => self.roots(name),
+            PathOrigin::Package(name) => {
+                let roots = roots(self.include, name);
+                let mut packages = self.packages.borrow_mut();
+                packages.insert(name.clone(), shown(&roots));
+                roots
+            }
             _ if path.components == self.main.0 => return Ok(Cow::Borrowed(&self.main.1)),
             _ => vec![self.root.clone()],
         };

@@ -38,7 +38,7 @@ pub struct AdapterReport {
     pub features: Vec<String>,
 }
 
-/// WebGPU's names of the features a plan may ask for, or wgpu's where only that has one.
+/// WebGPU's names of the features that plans often ask for, or wgpu's where only that has one: what an adapter is reported to have.
 const PLAN_FEATURES: [(&str, Features); 17] = [
     ("bgra8unorm-storage", Features::BGRA8UNORM_STORAGE),
     ("clip-distances", Features::CLIP_DISTANCES),
@@ -226,8 +226,7 @@ impl Gpu {
             };
             let mut required = Features::empty();
             for name in features {
-                let known = PLAN_FEATURES.iter().find(|(n, _)| n == name);
-                required |= known.ok_or_else(|| unknown(name))?.1;
+                required |= name.parse::<Features>().map_err(|_| unknown(name))?;
             }
             let mut raised = wgpu::Limits::default();
             for (name, value) in limits {
@@ -319,9 +318,8 @@ impl Gpu {
 
     /// Fails unless the device has a feature of WebGPU's name `feature`.
     pub(crate) fn require(&self, what: &str, feature: &str) -> Result<(), Error> {
-        let known = PLAN_FEATURES.iter().find(|(name, _)| *name == feature);
-        match known {
-            Some((_, f)) if self.device.features().contains(*f) => Ok(()),
+        match feature.parse() {
+            Ok(known) if self.device.features().contains(known) => Ok(()),
             _ => Err(self.unsupported(what, feature)),
         }
     }

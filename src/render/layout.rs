@@ -311,6 +311,7 @@ fn binding_type(layout: &BindingLayout) -> Option<wgpu::BindingType> {
                 "write-only" => wgpu::StorageTextureAccess::WriteOnly,
                 "read-only" => wgpu::StorageTextureAccess::ReadOnly,
                 "read-write" => wgpu::StorageTextureAccess::ReadWrite,
+                "atomic" => wgpu::StorageTextureAccess::Atomic,
                 _ => return None,
             },
             format: state::color_format(format)?,

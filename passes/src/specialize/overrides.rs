@@ -27,6 +27,22 @@ fn literal(module: &Module, ty: Handle<Type>, value: f64) -> Option<Literal> {
     })
 }
 
+/// A number as an override of a type has it.
+pub(crate) fn value(module: &Module, ty: Handle<Type>, number: f64) -> Option<Value> {
+    Value::literal(&literal(module, ty, number)?).ok()
+}
+
+/// The number that an override's value is told as.
+pub(crate) fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Scalar(Scalar::Bool(b)) => Some(f64::from(u8::from(*b))),
+        Value::Scalar(Scalar::I32(i)) => Some(f64::from(*i)),
+        Value::Scalar(Scalar::U32(u)) => Some(f64::from(*u)),
+        Value::Scalar(Scalar::F32(f)) if f.is_finite() => Some(f64::from(*f)),
+        _ => None,
+    }
+}
+
 /// The values that follow from `given` for overrides that were given none: their defaults are computed of some that were, and of no other.
 pub(super) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
     let mut values: BTreeMap<Handle<Override>, Value> = BTreeMap::new();
@@ -37,8 +53,7 @@ pub(super) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
         let place = Place::Override { name: name.clone() };
         let found = given.iter().find(|a| a.place == place);
         if let Some(assumed) = found {
-            let value = literal(module, constant.ty, assumed.bounds.low);
-            let value = value.and_then(|l| Value::literal(&l).ok());
+            let value = value(module, constant.ty, assumed.bounds.low);
             values.extend(value.map(|v| (handle, v)));
             continue;
         }
@@ -53,12 +68,8 @@ pub(super) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
         let Ok(value) = evaluate::constant(module, init, &value) else {
             continue;
         };
-        let number = match value {
-            Value::Scalar(Scalar::Bool(b)) => f64::from(u8::from(b)),
-            Value::Scalar(Scalar::I32(i)) => f64::from(i),
-            Value::Scalar(Scalar::U32(u)) => f64::from(u),
-            Value::Scalar(Scalar::F32(f)) if f.is_finite() => f64::from(f),
-            _ => continue,
+        let Some(number) = number(&value) else {
+            continue;
         };
         values.insert(handle, value);
         out.push(Assumed {
@@ -126,28 +137,4 @@ pub(super) fn resolved(
         module.overrides.get_mut(handle).init = Some(init);
     }
     module
-}
-
-/// The first override whose default naga's writer of WGSL has no words for.
-pub(super) fn unwritable(module: &Module) -> Option<&str> {
-    let found = module
-        .overrides
-        .iter()
-        .find(|(_, o)| o.init.is_some_and(|init| !is_writable(module, init)));
-    found.map(|(_, o)| o.name.as_deref().unwrap_or("?"))
-}
-
-fn is_writable(module: &Module, e: Handle<Expression>) -> bool {
-    let expression = &module.global_expressions[e];
-    let is_plain = matches!(
-        expression,
-        Expression::Literal(_)
-            | Expression::Constant(_)
-            | Expression::Override(_)
-            | Expression::ZeroValue(_)
-            | Expression::Compose { .. }
-            | Expression::Splat { .. }
-    );
-    let operands = operands::of_expression(expression);
-    is_plain && operands.into_iter().all(|o| is_writable(module, o))
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::leaf::{self, Attachment, Pass, Phase, Source, Unfit};
+use crate::leaf::{self, Attachment, Pass, Phase, PipelineOptions, Source, Unfit};
 
 /// Leaves, back to front, so that a pre-pass has something to save.
 const LEAVES: usize = 24;
@@ -170,6 +170,7 @@ impl Variant {
         passes: &[&'static Pass],
         attachments: &'static [Attachment],
         size: wgpu::Extent3d,
+        options: &PipelineOptions<'_>,
     ) -> Result<Self, Unfit> {
         let view = |a: &Attachment| (a.name, a.texture(device, size).create_view(&Default::default()));
         let attachments: HashMap<_, _> = attachments.iter().map(view).collect();
@@ -178,7 +179,7 @@ impl Variant {
         let passes = passes.iter().filter(|p| p.phase != Phase::Shadow);
         let passes = passes
             .map(|pass| {
-                let pipeline = pass.pipeline(device, &[leaf::INTERLEAVED])?;
+                let pipeline = pass.pipeline_with(device, &[leaf::INTERLEAVED], options)?;
                 Ok((*pass, pipeline, grove.bind(device, pass, &find)))
             })
             .collect::<Result<_, Unfit>>()?;

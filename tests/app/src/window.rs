@@ -11,7 +11,7 @@ use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window, WindowId};
 
 use crate::grove::{Grove, Variant, device};
-use crate::leaf;
+use crate::leaf::{self, Pass, Pending, PipelineOptions, Tested, Unfit};
 
 /// Opens the window and draws until it is closed.
 pub fn run() -> Result<(), Box<dyn Error>> {
@@ -29,9 +29,13 @@ struct App {
 struct Shown {
     window: Arc<Window>,
     surface: wgpu::Surface<'static>,
+    /// The surface's own, which nobody knew when the material was built.
+    format: wgpu::TextureFormat,
     device: wgpu::Device,
     queue: wgpu::Queue,
     grove: Grove,
+    /// The variant's self-test: until it holds, the original is drawn.
+    test: Option<Pending>,
     /// The original and the variant at the window's size.
     variants: [Variant; 2],
 }
@@ -41,18 +45,41 @@ impl Shown {
         let window = Arc::new(window);
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let surface = instance.create_surface(Arc::clone(&window))?;
-        let (_, device, queue) = pollster::block_on(device(&instance, Some(&surface)))?;
+        let (adapter, device, queue) = pollster::block_on(device(&instance, Some(&surface)))?;
+        let formats = surface.get_capabilities(&adapter).formats;
+        let format = *formats.first().ok_or("the adapter cannot draw to the window")?;
         let grove = Grove::new(&device, &queue);
-        let variants = Self::sized(&device, &grove, &surface, &window)?;
-        Ok(Self { window, surface, device, queue, grove, variants })
+        let variants = Self::sized(&device, &grove, &surface, &window, format)?;
+        let mut shown = Self { window, surface, format, device, queue, grove, test: None, variants };
+        shown.test = shown.tested()?;
+        Ok(shown)
     }
 
-    /// The surface and the attachments at the window's size. The surface has the format that the build script says the material is drawn to.
+    /// Hands the variant's self-test to the device.
+    fn tested(&self) -> Result<Option<Pending>, Unfit> {
+        let Some(test) = &leaf::SELF_TEST else { return Ok(None) };
+        let _ = self.grove.set_time(&self.queue, 0.0);
+        let formats = [Some(self.format)];
+        let options = PipelineOptions { formats: &formats, ..Default::default() };
+        let size = wgpu::Extent3d { width: 256, height: 256, depth_or_array_layers: 1 };
+        let draw = |pass: &Pass, view: &dyn Fn(&str) -> Option<wgpu::TextureView>, render: &mut wgpu::RenderPass<'_>| {
+            self.grove.draw(render, &self.grove.bind(&self.device, pass, view));
+        };
+        test.begin(&self.device, &self.queue, size, &[leaf::INTERLEAVED], &options, draw).map(Some)
+    }
+
+    /// Whether the variant may be drawn.
+    fn holds(&self) -> bool {
+        self.test.as_ref().is_none_or(|test| test.judge() == Some(Tested::Held))
+    }
+
+    /// The surface and the attachments at the window's size.
     fn sized(
         device: &wgpu::Device,
         grove: &Grove,
         surface: &wgpu::Surface<'_>,
         window: &Window,
+        format: wgpu::TextureFormat,
     ) -> Result<[Variant; 2], Box<dyn Error>> {
         let size = window.inner_size();
         let (width, height) = (size.width.max(1), size.height.max(1));
@@ -60,7 +87,7 @@ impl Shown {
             device,
             &wgpu::SurfaceConfiguration {
                 usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-                format: wgpu::TextureFormat::Bgra8Unorm,
+                format,
                 color_space: Default::default(),
                 width,
                 height,
@@ -71,9 +98,10 @@ impl Shown {
             },
         );
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
+        let options = PipelineOptions { formats: &[Some(format)], ..Default::default() };
         Ok([
-            Variant::new(device, grove, leaf::original::PASSES, leaf::original::ATTACHMENTS, size)?,
-            Variant::new(device, grove, leaf::PASSES, leaf::ATTACHMENTS, size)?,
+            Variant::new(device, grove, leaf::original::PASSES, leaf::original::ATTACHMENTS, size, &options)?,
+            Variant::new(device, grove, leaf::PASSES, leaf::ATTACHMENTS, size, &options)?,
         ])
     }
 
@@ -109,7 +137,7 @@ impl ApplicationHandler for App {
         let Some(shown) = &mut self.shown else { return };
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
-            WindowEvent::Resized(_) => match Shown::sized(&shown.device, &shown.grove, &shown.surface, &shown.window) {
+            WindowEvent::Resized(_) => match Shown::sized(&shown.device, &shown.grove, &shown.surface, &shown.window, shown.format) {
                 Ok(variants) => shown.variants = variants,
                 Err(error) => eprintln!("error: {error}"),
             },
@@ -118,7 +146,7 @@ impl ApplicationHandler for App {
                 Key::Named(NamedKey::Escape) => event_loop.exit(),
                 _ => {}
             },
-            WindowEvent::RedrawRequested => shown.draw(self.began.elapsed().as_secs_f32(), usize::from(self.of_preshade)),
+            WindowEvent::RedrawRequested => shown.draw(self.began.elapsed().as_secs_f32(), usize::from(self.of_preshade && shown.holds())),
             _ => {}
         }
     }

@@ -1,0 +1,313 @@
+// The self-test of a variant, as its host runs it.
+
+use super::{Attachment, Color, Depth, Ops, Pass, Phase, PipelineOptions, Unfit};
+
+/// What a host draws when it loads a variant, because some promises are the driver's: where it fails, draw `original` instead.
+#[derive(Clone, Copy, Debug)]
+pub struct SelfTest {
+    /// Attachments of the test: its own, and those of the material.
+    pub attachments: &'static [Attachment],
+    /// All of them must pass.
+    pub runs: &'static [Run],
+}
+
+/// Draws one after the other, each in a render pass of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct Run {
+    /// What is wrong where samples pass that must not.
+    pub failure: &'static str,
+    /// In order.
+    pub draws: &'static [TestDraw],
+}
+
+/// One draw of a self-test.
+#[derive(Clone, Copy, Debug)]
+pub struct TestDraw {
+    /// The pass to draw as.
+    pub pass: &'static Pass,
+    /// Name of the depth attachment.
+    pub attachment: &'static str,
+    /// Depth comparison.
+    pub compare: wgpu::CompareFunction,
+    /// Depth is written.
+    pub write: bool,
+    /// Whether samples must pass, or must not.
+    pub must_pass: bool,
+}
+
+/// What a self-test said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tested {
+    /// The variant may be drawn.
+    Held,
+    /// It may not: take `original`.
+    Failed(&'static str),
+    /// Nothing of the material was in view: ask again with another camera, or take `original`.
+    SawNothing,
+}
+
+impl SelfTest {
+    /// Runs the test on draws of the material: `draw` binds the bind groups of the pass, vertex and index buffers and draws, the same in each call. It is given the test's attachments by name,
+    /// for a pass that samples one. `buffers` are the host's vertex buffers, as for [`Pass::pipeline`]. Waits for the device, which nobody can in a browser: there it is [`SelfTest::begin`].
+    ///
+    /// # Errors
+    /// As [`Pass::vertex_buffers`].
+    pub fn run(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        size: wgpu::Extent3d,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+        draw: impl FnMut(&Pass, &dyn Fn(&str) -> Option<wgpu::TextureView>, &mut wgpu::RenderPass<'_>),
+    ) -> Result<Tested, Unfit> {
+        let options = PipelineOptions::default();
+        self.run_with(device, queue, size, buffers, &options, draw)
+    }
+
+    /// As [`SelfTest::run`], of pipelines that are made with `options`.
+    ///
+    /// # Errors
+    /// As [`Pass::pipeline_with`].
+    pub fn run_with(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        size: wgpu::Extent3d,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+        options: &PipelineOptions<'_>,
+        draw: impl FnMut(&Pass, &dyn Fn(&str) -> Option<wgpu::TextureView>, &mut wgpu::RenderPass<'_>),
+    ) -> Result<Tested, Unfit> {
+        let pending = self.begin(device, queue, size, buffers, options, draw)?;
+        match device.poll(wgpu::PollType::wait_indefinitely()) {
+            Ok(_) => Ok(pending.judge().unwrap_or(Tested::SawNothing)),
+            Err(_) => Ok(Tested::SawNothing),
+        }
+    }
+
+    /// Hands the test to the device, as [`SelfTest::run_with`], and waits for nothing: ask [`Pending::judge`] in later frames, and draw `original` until it says that the variant may be drawn.
+    ///
+    /// # Errors
+    /// As [`Pass::pipeline_with`].
+    pub fn begin(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        size: wgpu::Extent3d,
+        buffers: &[wgpu::VertexBufferLayout<'_>],
+        options: &PipelineOptions<'_>,
+        mut draw: impl FnMut(
+            &Pass,
+            &dyn Fn(&str) -> Option<wgpu::TextureView>,
+            &mut wgpu::RenderPass<'_>,
+        ),
+    ) -> Result<Pending, Unfit> {
+        let samples = |a: &Attachment| {
+            let draws = self.runs.iter().flat_map(|r| r.draws);
+            let mut on_it = draws.filter(|d| d.attachment == a.name);
+            let is_scenes = on_it.any(|d| d.pass.phase != Phase::Shadow);
+            options.samples.filter(|_| is_scenes).unwrap_or(a.samples)
+        };
+        let texture = |a: &Attachment| (a.name, a.texture_with(device, size, samples(a)));
+        let textures: Vec<(&str, wgpu::Texture)> = self.attachments.iter().map(texture).collect();
+        let view = |name: &str| {
+            let found = textures.iter().find(|(n, _)| *n == name);
+            found.map(|(_, t)| t.create_view(&wgpu::TextureViewDescriptor::default()))
+        };
+        let count: usize = self.runs.iter().map(|r| r.draws.len()).sum();
+        let mut recorded = Recorded {
+            queries: device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: None,
+                ty: wgpu::QueryType::Occlusion,
+                count: count as u32,
+            }),
+            encoder: device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()),
+            query: 0,
+        };
+        let host = Host {
+            device,
+            size,
+            buffers,
+            options,
+            view: &view,
+        };
+        for run in self.runs {
+            let mut cleared: Vec<&str> = Vec::new();
+            for test in run.draws {
+                let first = !cleared.contains(&test.attachment);
+                cleared.push(test.attachment);
+                recorded.draw(&host, test, first, &mut draw)?;
+            }
+        }
+        let Recorded {
+            queries,
+            mut encoder,
+            ..
+        } = recorded;
+        let buffer = |usage| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: (count * 8) as u64,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
+        let read = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+        encoder.resolve_query_set(&queries, 0..count as u32, &resolved, 0);
+        encoder.copy_buffer_to_buffer(&resolved, 0, &read, 0, (count * 8) as u64);
+        let _ = queue.submit([encoder.finish()]);
+        let pending = Pending {
+            runs: self.runs,
+            read,
+            mapped: std::sync::Arc::new(std::sync::OnceLock::new()),
+        };
+        let mapped = std::sync::Arc::clone(&pending.mapped);
+        pending
+            .read
+            .map_async(wgpu::MapMode::Read, .., move |done| {
+                let _ = mapped.set(done.is_ok());
+            });
+        Ok(pending)
+    }
+}
+
+/// A self-test that the device is at.
+#[derive(Clone, Debug)]
+pub struct Pending {
+    runs: &'static [Run],
+    read: wgpu::Buffer,
+    /// Whether the answers can be read, once that is known.
+    mapped: std::sync::Arc<std::sync::OnceLock<bool>>,
+}
+
+impl Pending {
+    /// What it said; `None` while the device is still at it, which a native host has to poll or submit to for an end, and a browser comes to by itself.
+    pub fn judge(&self) -> Option<Tested> {
+        let passed = match *self.mapped.get()? {
+            true => self.read.get_mapped_range(..).ok(),
+            false => None,
+        };
+        let Some(mapped) = passed else {
+            return Some(Tested::SawNothing);
+        };
+        let passed: Vec<bool> = mapped
+            .chunks_exact(8)
+            .map(|n| n.iter().any(|b| *b != 0))
+            .collect();
+        Some(judge(self.runs, &passed))
+    }
+}
+
+fn judge(runs: &[Run], passed: &[bool]) -> Tested {
+    let mut passed = passed.iter();
+    let mut saw = true;
+    for run in runs {
+        for (draw, passed) in run.draws.iter().zip(passed.by_ref()) {
+            match (draw.must_pass, passed) {
+                (false, true) => return Tested::Failed(run.failure),
+                (true, false) => saw = false,
+                _ => {}
+            }
+        }
+    }
+    match saw {
+        true => Tested::Held,
+        false => Tested::SawNothing,
+    }
+}
+
+/// What a host has for the test.
+struct Host<'h> {
+    device: &'h wgpu::Device,
+    size: wgpu::Extent3d,
+    buffers: &'h [wgpu::VertexBufferLayout<'h>],
+    options: &'h PipelineOptions<'h>,
+    /// The test's attachments by name.
+    view: &'h dyn Fn(&str) -> Option<wgpu::TextureView>,
+}
+
+/// What is recorded of the test.
+struct Recorded {
+    queries: wgpu::QuerySet,
+    encoder: wgpu::CommandEncoder,
+    /// Draws so far.
+    query: u32,
+}
+
+impl Recorded {
+    fn draw(
+        &mut self,
+        host: &Host<'_>,
+        test: &TestDraw,
+        first: bool,
+        draw: &mut impl FnMut(
+            &Pass,
+            &dyn Fn(&str) -> Option<wgpu::TextureView>,
+            &mut wgpu::RenderPass<'_>,
+        ),
+    ) -> Result<(), Unfit> {
+        let pass = test.pass;
+        let Some((own, attachment)) = pass.depth.as_ref().zip((host.view)(test.attachment)) else {
+            return Err(Unfit::Host(format!(
+                "the pass `{}` has no depth to test",
+                pass.role
+            )));
+        };
+        let state = wgpu::DepthStencilState {
+            depth_write_enabled: Some(test.write),
+            depth_compare: Some(test.compare),
+            stencil: wgpu::StencilState::default(),
+            ..own.state.clone()
+        };
+        let pipeline = pass.pipeline_of(host.device, host.buffers, Some(state), host.options)?;
+        let samples = pass.samples_with(host.options)?;
+        // Nobody looks at the colours, but a driver that is given others may compile another vertex stage.
+        let target = |target: &Option<wgpu::ColorTargetState>| {
+            let colour = Attachment {
+                name: "self-test",
+                format: target.as_ref()?.format,
+                samples,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            };
+            let texture = colour.texture(host.device, host.size);
+            Some(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+        };
+        let targets = pass.targets_with(host.options)?;
+        let colours: Vec<Option<wgpu::TextureView>> = targets.iter().map(target).collect();
+        let ops = Ops {
+            clear_first: true,
+            store: wgpu::StoreOp::Store,
+        };
+        let colour = Color {
+            attachment: None,
+            ops,
+        };
+        let colours: Vec<_> = colours
+            .iter()
+            .map(|v| {
+                v.as_ref()
+                    .map(|v| colour.attach(v, true, wgpu::Color::TRANSPARENT))
+            })
+            .collect();
+        let has_stencil = own.stencil_ops.map(|_| ops);
+        let depth = Depth {
+            read_only: false,
+            ops,
+            stencil_ops: has_stencil,
+            ..own.clone()
+        };
+        let mut render = self.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("self-test"),
+            color_attachments: &colours,
+            depth_stencil_attachment: Some(depth.attach(&attachment, first)),
+            occlusion_query_set: Some(&self.queries),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        render.set_pipeline(&pipeline);
+        render.begin_occlusion_query(self.query);
+        draw(pass, host.view, &mut render);
+        render.end_occlusion_query();
+        self.query += 1;
+        Ok(())
+    }
+}

@@ -1,0 +1,176 @@
+//! Initialisers that naga's WGSL writer has no words for (it is `unreachable!()` there): those of overrides and of private variables that are computed of overrides.
+//!
+//! The writer has words for all of them within functions. So each is written as what a function of ours returns, and moved from there to where it belongs.
+
+use naga::{
+    AddressSpace, Arena, Block, Expression, Function, FunctionResult, Handle, Module, Range, Span,
+    Statement, Type,
+};
+use preshade_passes::graph::operands;
+
+/// A module without such initialisers, and where they go.
+pub(super) struct Apart {
+    /// The module, with a function for each behind its own.
+    pub module: Module,
+    places: Vec<Place>,
+}
+
+/// Whose initialiser it is: of the overrides, or of the private variables, which.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Override(usize),
+    Private(usize),
+}
+
+/// Sets the initialisers apart that the writer cannot write; `None` where it can write all.
+pub(super) fn set_apart(module: &Module) -> Option<Apart> {
+    let amiss = |init: &Option<Handle<Expression>>| init.filter(|e| !is_writable(module, *e));
+    let overrides = module.overrides.iter().enumerate();
+    let overrides = overrides.filter_map(|(i, (_, o))| {
+        let init = amiss(&o.init)?;
+        Some((Place::Override(i), init, o.ty))
+    });
+    let private = |g: &naga::GlobalVariable| g.space == AddressSpace::Private;
+    let variables = module.global_variables.iter();
+    let variables = variables.filter(|(_, g)| private(g)).enumerate();
+    let variables = variables.filter_map(|(i, (_, g))| {
+        let init = amiss(&g.init)?;
+        Some((Place::Private(i), init, g.ty))
+    });
+    let all: Vec<(Place, Handle<Expression>, Handle<Type>)> = overrides.chain(variables).collect();
+    if all.is_empty() {
+        return None;
+    }
+    let mut apart = module.clone();
+    for (_, init, ty) in &all {
+        let function = returning(module, *init, *ty);
+        apart.functions.append(function, Span::UNDEFINED);
+    }
+    let places: Vec<Place> = all.into_iter().map(|(place, ..)| place).collect();
+    for (i, (_, constant)) in apart.overrides.iter_mut().enumerate() {
+        constant.init = constant
+            .init
+            .filter(|_| !places.contains(&Place::Override(i)));
+    }
+    let globals = apart.global_variables.iter_mut().map(|(_, g)| g);
+    for (i, global) in globals.filter(|g| private(g)).enumerate() {
+        global.init = global.init.filter(|_| !places.contains(&Place::Private(i)));
+    }
+    Some(Apart {
+        module: apart,
+        places,
+    })
+}
+
+/// What the writer can say of a constant expression.
+fn is_writable(module: &Module, e: Handle<Expression>) -> bool {
+    let expression = &module.global_expressions[e];
+    let has_words = matches!(
+        expression,
+        Expression::Literal(_)
+            | Expression::Constant(_)
+            | Expression::Override(_)
+            | Expression::ZeroValue(_)
+            | Expression::Compose { .. }
+            | Expression::Splat { .. }
+    );
+    let operands = operands::of_expression(expression);
+    has_words && operands.into_iter().all(|o| is_writable(module, o))
+}
+
+/// A function that returns what a constant expression of the module comes to.
+fn returning(module: &Module, init: Handle<Expression>, ty: Handle<Type>) -> Function {
+    let mut expressions = Arena::new();
+    let mut body = Block::new();
+    let value = copied(module, init, &mut expressions, &mut body);
+    body.push(Statement::Return { value: Some(value) }, Span::UNDEFINED);
+    Function {
+        name: Some("preshade_initialiser".to_owned()),
+        result: Some(FunctionResult { ty, binding: None }),
+        expressions,
+        body,
+        ..Function::default()
+    }
+}
+
+/// The expression with its operands, each as often as it is used: what is used once the writer gives no name.
+fn copied(
+    module: &Module,
+    e: Handle<Expression>,
+    to: &mut Arena<Expression>,
+    body: &mut Block,
+) -> Handle<Expression> {
+    let mut expression = module.global_expressions[e].clone();
+    operands::map_expression(&mut expression, &mut |o| *o = copied(module, *o, to, body));
+    let is_there_at_once = expression.needs_pre_emit();
+    let copy = to.append(expression, Span::UNDEFINED);
+    if !is_there_at_once {
+        let range = Range::new_from_bounds(copy, copy);
+        body.push(Statement::Emit(range), Span::UNDEFINED);
+    }
+    copy
+}
+
+impl Apart {
+    /// What was written of the module, with the initialisers where they belong and without the functions.
+    pub(super) fn put_back(&self, text: &str) -> String {
+        let own = self.module.functions.len() - self.places.len();
+        let mut plain: Vec<&str> = Vec::new();
+        let mut returned: Vec<&str> = Vec::new();
+        let mut functions = 0;
+        let mut lines = text.lines();
+        while let Some(line) = lines.next() {
+            if !line.starts_with("fn ") {
+                plain.push(line);
+                continue;
+            }
+            functions += 1;
+            if functions <= own || functions > self.module.functions.len() {
+                plain.push(line);
+                continue;
+            }
+            // One statement, and a blank line behind the function.
+            let mut whole = lines.by_ref().take_while(|l| *l != "}");
+            let statement = whole.find_map(|l| l.trim().strip_prefix("return "));
+            whole.for_each(drop);
+            lines.next();
+            returned.extend(statement.and_then(|s| s.strip_suffix(';')));
+        }
+        let (mut overrides, mut variables) = (0, 0);
+        let mut out = String::with_capacity(text.len());
+        for line in plain {
+            let place = if line.starts_with("override ") || line.starts_with("@id(") {
+                overrides += 1;
+                Some(Place::Override(overrides - 1))
+            } else if line.starts_with("var<private> ") {
+                variables += 1;
+                Some(Place::Private(variables - 1))
+            } else {
+                None
+            };
+            let at = place.and_then(|place| self.places.iter().position(|p| *p == place));
+            let initialiser = at.and_then(|at| returned.get(at));
+            match (initialiser, line.strip_suffix(';')) {
+                (Some(value), Some(declared)) => {
+                    out.push_str(&format!("{declared} = {};", without_parentheses(value)));
+                }
+                _ => out.push_str(line),
+            }
+            out.push('\n');
+        }
+        out
+    }
+}
+
+/// Without the parentheses around all of it.
+fn without_parentheses(value: &str) -> &str {
+    let inner = value.strip_prefix('(').and_then(|v| v.strip_suffix(')'));
+    let closes = |inner: &&str| {
+        let mut depth = 0_i32;
+        inner.chars().all(|c| {
+            depth += i32::from(c == '(') - i32::from(c == ')');
+            depth >= 0
+        })
+    };
+    inner.filter(closes).unwrap_or(value)
+}
