@@ -71,7 +71,7 @@ pub struct Args {
     format: Format,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
-    shader: ShaderArgs,
+    pub shader: ShaderArgs,
 }
 
 impl Args {

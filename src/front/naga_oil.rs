@@ -59,7 +59,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Vec<(String, S
         composer: Composer::non_validating().with_capabilities(Capabilities::all()),
     };
     let own_file = path.canonicalize().ok();
-    for (path, text) in files_below(&folders, "wgsl") {
+    for (path, text) in files_below(&folders, "wgsl", options) {
         let (name, imports, _) = get_preprocessor_data(&text);
         if let Some(name) = name {
             let imports = imports.into_iter().map(|i| i.import).collect();

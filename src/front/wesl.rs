@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use wesl::syntax::PathOrigin;
 use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
 
-use super::dialect::{Compiled, Defined, beside, definitions, path_of};
+use super::dialect::{Compiled, Defined, beside, definitions, path_of, text_within};
 use super::error::{Code, Error};
 use super::{Options, Source};
 
@@ -35,7 +35,7 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
     let resolver = Packages {
         main: (components.clone(), source.text.clone()),
         root,
-        include: &options.include,
+        options,
         read: RefCell::default(),
         absent: RefCell::default(),
     };
@@ -82,7 +82,7 @@ struct Packages<'a> {
     /// The file itself, which need not be on a disk.
     main: (Vec<String>, String),
     root: PathBuf,
-    include: &'a [PathBuf],
+    options: &'a Options,
     /// What was read, by path.
     read: RefCell<BTreeMap<PathBuf, String>>,
     /// What was looked for and was not there.
@@ -103,7 +103,7 @@ impl Packages<'_> {
             })
         };
         let mut out = Vec::new();
-        for folder in self.include {
+        for folder in &self.options.include {
             if is_called(folder) {
                 out.push(folder.clone());
             }
@@ -131,7 +131,7 @@ impl Resolver for Packages<'_> {
         for root in roots {
             for ending in ["wesl", "wgsl"] {
                 let file = root.join(&below).with_extension(ending);
-                if let Ok(text) = std::fs::read_to_string(&file) {
+                if let Some(text) = text_within(&file, self.options) {
                     self.read.borrow_mut().insert(file.clone(), text.clone());
                     return Ok(Cow::Owned(text));
                 }
