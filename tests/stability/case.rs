@@ -164,7 +164,7 @@ impl Outcome {
 
 impl Run {
     pub fn is_right(&self) -> bool {
-        ["holds", "refused", UNMET, TOLD].contains(&&*self.result)
+        ["holds", "refused", UNMET].contains(&&*self.result)
     }
 }
 
@@ -275,9 +275,6 @@ pub fn pictures(inputs: &SceneInputs<'_>, host: &Host) -> Result<Vec<Rendered>, 
     }
     Ok(pictures)
 }
-
-/// What is said of a contract that is known to break.
-pub const TOLD: &str = "told to be broken";
 
 /// What is said of a contract that broke where what it names as assumed is not so.
 pub const UNMET: &str = "assumption unmet";

@@ -198,7 +198,6 @@ fn runs(outcome: &Outcome) -> String {
         let word = match &*run.result {
             "holds" => "hold",
             "refused" => "refused",
-            super::case::TOLD => "told to be broken",
             super::case::UNMET => "on an assumption that is not met",
             _ => "**wrong**",
         };
