@@ -20,6 +20,8 @@ pub mod parameters;
 #[cfg(feature = "compiler")]
 pub mod recipe;
 #[cfg(feature = "compiler")]
+pub mod regular;
+#[cfg(feature = "compiler")]
 pub mod sweep;
 
 #[cfg(feature = "verify")]

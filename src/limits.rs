@@ -186,6 +186,21 @@ impl Limits {
         lines.join("\n")
     }
 
+    /// The limit of that name.
+    pub(crate) fn of(&self, limit: &'static str) -> u64 {
+        let mut own = *self;
+        let named = NAMED.iter().find(|n| n.name == limit);
+        named.map_or(0, |n| *(n.of)(&mut own))
+    }
+
+    /// Whether each of these is at most what the defaults allow: what a file that nobody named may say.
+    pub fn is_no_looser_than_default(&self) -> bool {
+        let (mut own, mut default) = (*self, Self::default());
+        NAMED
+            .iter()
+            .all(|n| *(n.of)(&mut own) <= *(n.of)(&mut default))
+    }
+
     /// Fails where `asked` of `what` is more than the limit of that name.
     pub(crate) fn check(
         &self,
@@ -193,11 +208,7 @@ impl Limits {
         asked: u64,
         what: impl fmt::Display,
     ) -> Result<(), Exceeded> {
-        let mut own = *self;
-        let most = NAMED
-            .iter()
-            .find(|n| n.name == limit)
-            .map_or(0, |n| *(n.of)(&mut own));
+        let most = self.of(limit);
         if asked <= most {
             return Ok(());
         }

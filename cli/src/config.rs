@@ -7,13 +7,15 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use clap::builder::{BoolishValueParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
+use preshade::limits::Limits;
 use preshade::nearest::nearest;
+use preshade::regular;
 use toml::{Table, Value};
 
 use crate::{Failure, unknown, worker};
@@ -26,6 +28,9 @@ const NOT_KEYS: [&str; 5] = ["config", "print-config", "explain", "help", "versi
 
 /// Flags that lift a protection: a file that nobody named does not.
 const NOT_FOUND: [&str; 1] = ["allow-outside"];
+
+/// Flags that say where files are written: a file that nobody named may say so of its own folder alone.
+const WRITTEN: [&str; 6] = ["out", "out-dir", "output", "depfile", "share", "model"];
 
 /// Values by command and flag.
 #[derive(Debug, Default)]
@@ -60,18 +65,24 @@ impl Config {
         config.path = path(arguments);
         if let Some(path) = &config.path {
             let failed = |message: String| Failure(format!("error: {}: {message}", path.display()));
-            let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
+            let is_found = asked(arguments).is_none();
+            let text = match is_found {
+                true => regular::text(path, &Limits::default(), "source-bytes")
+                    .map_err(|e| failed(e.to_string()))?,
+                false => std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?,
+            };
             let table: Table = text
                 .parse()
                 .map_err(|e: toml::de::Error| failed(e.to_string()))?;
             config.values = values(&table, command).map_err(failed)?;
             // The file of a folder may be a stranger's, as its scenes may.
-            let mut keys = config.values.keys().map(|(_, key)| key);
-            if asked(arguments).is_none()
-                && let Some(key) = keys.find(|key| NOT_FOUND.contains(&key.as_str()))
+            let mut said = config.values.iter();
+            if is_found
+                && let Some((key, why)) =
+                    said.find_map(|((_, key), said)| Some((key, lifts(key, said)?)))
             {
                 return Err(failed(format!(
-                    "`{key}` is not taken from a file that only lies here: give the flag, or name the file with --config"
+                    "`{key}`{why} is not taken from a file that only lies here: give the flag, or name the file with --config"
                 )));
             }
         }
@@ -493,6 +504,50 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
         }
     }
     Ok(values)
+}
+
+/// Which protection a found file would lift by what it says of a flag, in words that follow the flag's name.
+fn lifts(key: &str, said: &Said) -> Option<&'static str> {
+    let mut words = said.words.iter();
+    if NOT_FOUND.contains(&key) {
+        return Some("");
+    }
+    if key == "limits" {
+        let is_looser = |word: &OsString| {
+            let limits = word.to_str().and_then(|w| Limits::parse(w).ok());
+            // What is no limit is told as that.
+            limits.is_some_and(|l| !l.is_no_looser_than_default())
+        };
+        return words
+            .any(is_looser)
+            .then_some(", which allows more than the defaults,");
+    }
+    let is_outside = |word: &OsString| !is_below_here(Path::new(word));
+    (WRITTEN.contains(&key) && words.any(is_outside))
+        .then_some(", which would write outside of this folder,")
+}
+
+/// Whether a path leads to somewhere below the current folder, links followed as far as there is anything.
+fn is_below_here(path: &Path) -> bool {
+    let is_plain = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+    if !path.components().all(is_plain) {
+        return false;
+    }
+    let (Ok(here), Some(there)) = (
+        Path::new(".").canonicalize(),
+        path.ancestors()
+            .map(|p| {
+                if p.as_os_str().is_empty() {
+                    Path::new(".")
+                } else {
+                    p
+                }
+            })
+            .find_map(|p| p.canonicalize().ok()),
+    ) else {
+        return false;
+    };
+    there.starts_with(here)
 }
 
 /// What the file says of a flag of `command`.

@@ -11,6 +11,7 @@ use preshade::passes::plan::Plan;
 use preshade::passes::program::Language;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
+use preshade::regular;
 use preshade::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
@@ -400,8 +401,11 @@ impl ShaderArgs {
                 return Err(Failure("error: stdin has no file name to tell its language from: give --lang wgsl or --lang glsl".to_owned()));
             }
             let mut bytes = Vec::new();
+            // One more than may be, for the front to refuse.
+            let most = self.limits.limits().source_bytes.saturating_add(1);
             std::io::stdin()
                 .lock()
+                .take(most)
                 .read_to_end(&mut bytes)
                 .map_err(|e| Failure(format!("error: stdin: {e}")))?;
             return Ok(Source {
@@ -421,8 +425,8 @@ impl ShaderArgs {
                 path.display()
             )));
         }
-        let bytes =
-            std::fs::read(path).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
+        let bytes = regular::bytes(path, &self.limits.limits(), "source-bytes")
+            .map_err(|e| unread(path, &e))?;
         let Some(name) = path.to_str().map(str::to_owned) else {
             return Err(Failure(format!(
                 "error: {}: the name is not UTF-8, and neither a rule nor a plan could say it: rename the file",
@@ -461,6 +465,15 @@ const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file 
 
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
+}
+
+/// Why a file that a command names is not read.
+pub fn unread(path: &Path, error: &regular::Error) -> Failure {
+    let remedy = match error {
+        regular::Error::TooLarge(exceeded) => format!("\n = {}", exceeded.remedy()),
+        _ => String::new(),
+    };
+    Failure(format!("error: {}: {error}{remedy}", path.display()))
 }
 
 fn utf8(bytes: Vec<u8>, name: &str) -> Result<String, Failure> {

@@ -11,12 +11,14 @@ use std::sync::OnceLock;
 use clap::parser::ValueSource;
 use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use config::{Arguments, Config};
+use preshade::limits::Limits;
 use preshade::nearest::nearest;
 use watch::Reads;
 
 mod adapters;
 mod apart;
 mod bench;
+mod bounded;
 mod codes;
 mod completions;
 mod config;
@@ -142,6 +144,20 @@ impl Command {
             Self::Completions(a) => completions::run(a, Cli::command()),
             Self::Man(a) => man::run(a, Cli::command()),
         }
+    }
+
+    /// How much of what others wrote it takes on, where it reads any.
+    fn limits(&self) -> Option<Limits> {
+        let limits = match self {
+            Self::Explain(a) => &a.shader.limits,
+            Self::Graph(a) => &a.shader.limits,
+            Self::Rewrite(a) => &a.shader.limits,
+            Self::Verify(a) => &a.shader.limits,
+            Self::Explore(a) => &a.shader.limits,
+            Self::Plan(a) => &a.limits,
+            _ => return None,
+        };
+        Some(limits.limits())
     }
 
     /// What it reads; `None` where that is stdin, or nothing that could change.
@@ -316,10 +332,15 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
     let Some(wanted) = &cli.command else {
         return Err(no_command());
     };
+    if let Some(limits) = wanted.limits().filter(|_| !cli.watch) {
+        bounded::start(&limits, wants_json(&matches));
+    }
     let is_asked = matches.value_source("watch") == Some(ValueSource::CommandLine);
-    match wanted.reads() {
-        Some(_) if cli.watch => watch::run(|| round(&arguments)),
-        None if cli.watch && is_asked => Err(Failure(
+    // To be watched it is read once more than to be run.
+    let watched = cli.watch.then(|| wanted.reads());
+    match watched {
+        Some(Some(_)) => watch::run(|| round(&arguments)),
+        Some(None) if is_asked => Err(Failure(
             "error: --watch needs files to watch: stdin is read once".to_owned(),
         )),
         _ => wanted.run(config.path()).inspect_err(|Failure(message)| {

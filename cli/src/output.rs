@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use preshade::report::plain::is_obeyed;
 
-use crate::{Failure, worker};
+use crate::{Failure, bounded, worker};
 
 /// Whether anything was printed to stdout.
 static HAS_DATA: AtomicBool = AtomicBool::new(false);
@@ -56,9 +57,7 @@ fn plain(text: &str) -> String {
             Some(length) => length,
             None => c.len_utf8(),
         };
-        let is_turning = matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-        let is_obeyed = (c.is_control() && !matches!(c, '\n' | '\t')) || is_turning;
-        match is_obeyed && color.is_none() {
+        match is_obeyed(c) && color.is_none() {
             true => out.push_str(&format!("\\u{{{:x}}}", u32::from(c))),
             false => out.push_str(&rest[..length]),
         }
@@ -156,6 +155,7 @@ impl Progress {
 
     /// How much of it is done, of 1000.
     pub fn set_position(&self, done: u64) {
+        bounded::step();
         match &self.bar {
             Some(bar) => bar.set_position(done),
             None => {

@@ -15,11 +15,13 @@ use preshade::passes::plan::Plan;
 use preshade::passes::specialize;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
+use preshade::regular;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report::html::plan::Drawn;
 use preshade::report::{self, Budget};
 use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
+use crate::input::unread;
 use crate::kept::{Kept, reopened};
 use crate::limits::LimitArgs;
 use crate::lock::{self, Locks};
@@ -56,7 +58,7 @@ pub struct Args {
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
-    limits: LimitArgs,
+    pub limits: LimitArgs,
     #[command(flatten)]
     view: ViewArgs,
     /// Draw in these orders only.
@@ -385,7 +387,8 @@ fn model(
     let told =
         |path: &Path, e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
     if let Some(path) = args.model.as_deref().filter(|p| p.exists()) {
-        let text = std::fs::read_to_string(path).map_err(|e| told(path, &e))?;
+        let text = regular::text(path, &args.limits.limits(), "file-bytes")
+            .map_err(|e| unread(path, &e))?;
         let model = Model::from_json(&text).map_err(|e| told(path, &e))?;
         if let decide::Origin::Fitted { adapter, .. } = &model.origin
             && *adapter != gpu.adapter().name
@@ -465,8 +468,8 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
             .map_err(|e| Failure(e.render()))?,
         false => {
             let name = path.display().to_string();
-            let text = std::fs::read_to_string(path)
-                .map_err(|e| Failure(format!("error: {name}: {e}")))?;
+            let text = regular::text(path, &args.limits.limits(), "source-bytes")
+                .map_err(|e| unread(path, &e))?;
             let color = match crate::color_on_stderr() {
                 true => front::Color::Always,
                 false => front::Color::Never,

@@ -71,7 +71,7 @@ pub struct Args {
     format: Format,
     // Last, for its help heading holds for what follows it.
     #[command(flatten)]
-    shader: ShaderArgs,
+    pub shader: ShaderArgs,
 }
 
 impl Args {
@@ -86,7 +86,7 @@ impl Args {
             files: jobs.iter().flat_map(|j| j.shader.reads()).collect(),
             trees: folders.cloned().collect(),
             includes: self.shader.glsl.include.clone(),
-            out: self.out_dir.clone().or_else(|| self.output.clone()),
+            out: self.out_dir.clone().or_else(|| self.out.clone()),
         })
     }
 
@@ -95,7 +95,7 @@ impl Args {
             Some(out) => many::jobs(&self.shader, out),
             None => Ok(vec![Job {
                 shader: self.shader.clone(),
-                folder: self.output.clone(),
+                folder: self.out.clone(),
                 chosen: Chosen::Given,
             }]),
         }

@@ -3,14 +3,17 @@
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use preshade::limits::Limits;
 use preshade::passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
 };
+use preshade::regular;
 use preshade::render;
 use preshade::scene::Scene;
 
 use crate::Failure;
+use crate::input::unread;
 
 /// Pipeline state, which no shader says of itself.
 #[derive(Clone, clap::Args)]
@@ -115,8 +118,8 @@ impl StateArgs {
         let mut state = match &self.state {
             None => MaterialState::default(),
             Some(path) => {
-                let text = std::fs::read_to_string(path)
-                    .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
+                let text = regular::text(path, &Limits::default(), "source-bytes")
+                    .map_err(|e| unread(path, &e))?;
                 let read = if path.extension().is_some_and(|e| e == "json") {
                     serde_json::from_str(&text).map_err(|e| e.to_string())
                 } else {

@@ -1,10 +1,12 @@
 //! Variants measured in processes of their own: one that hangs, is killed, loses its device or uses up its memory takes nothing else with it.
 
 use std::io::Read;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use preshade::limits::Limits;
+
+use crate::bounded;
 
 /// Names, to the process that does it, which of the variants it measures: 0 is the original alone.
 pub const VARIABLE: &str = "PRESHADE_WORKER";
@@ -35,6 +37,10 @@ pub fn end_with_parent() {
 /// # Errors
 /// Why there is nothing: in words, for a report.
 pub fn run(variant: usize, limits: &Limits) -> Result<String, String> {
+    bounded::elsewhere(|| ended(variant, limits))
+}
+
+fn ended(variant: usize, limits: &Limits) -> Result<String, String> {
     let failed = |e: std::io::Error| format!("no process could be started for it: {e}");
     let seconds = limits.seconds.min(PATIENCE);
     let mut child = Command::new(std::env::current_exe().map_err(failed)?)
@@ -57,15 +63,10 @@ pub fn run(variant: usize, limits: &Limits) -> Result<String, String> {
             Err(e) => break Err(e.to_string()),
         }
         if start.elapsed() > Duration::from_secs(seconds) {
-            break Err(format!(
-                "it was stopped after {seconds} s (--limits seconds=N)"
-            ));
+            break Err(too_long(seconds));
         }
-        if let Some(bytes) = resident(&child).filter(|b| *b > limits.memory) {
-            break Err(format!(
-                "it was stopped at {} MiB of memory (--limits memory=N)",
-                bytes >> 20
-            ));
+        if let Some(bytes) = resident(child.id()).filter(|b| *b > limits.memory) {
+            break Err(too_large(bytes));
         }
         std::thread::sleep(TICK);
     };
@@ -98,9 +99,20 @@ fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<Ve
     })
 }
 
+/// What is said of a process that was still at it.
+pub fn too_long(seconds: u64) -> String {
+    format!("it was stopped after {seconds} s (--limits seconds=N)")
+}
+
+/// What is said of a process that has too much memory.
+pub fn too_large(bytes: u64) -> String {
+    let mib = bytes >> 20;
+    format!("it was stopped at {mib} MiB of memory (--limits memory=N)")
+}
+
 /// Bytes of memory that a process has, where the system tells: `VmRSS` of `/proc`.
-fn resident(child: &Child) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+pub fn resident(process: u32) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find(|l| l.starts_with("VmRSS:"))?;
     let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib << 10)

@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 mod hostile_support;
-use hostile_support::{SCENE, folder, kill, preshade, run, stderr, wait};
+use hostile_support::{SCENE, SHADER, folder, kill, preshade, run, run_within, stderr, wait};
 
 #[test]
 fn a_scene_stays_in_its_root_unless_it_is_allowed_out() {
@@ -27,11 +27,173 @@ fn a_scene_stays_in_its_root_unless_it_is_allowed_out() {
     let device = SCENE.replace("\"a.wgsl\"", "\"/dev/zero\"");
     let here = folder("device", &device, "");
     let refused = run(&here, &["explain", "a.toml", "--allow-outside"]);
+    let told = stderr(&refused);
+    assert!(told.contains("`/dev/zero`: it is no file"), "{told}");
+}
+
+#[test]
+fn outside_of_a_repository_a_scene_stays_in_its_folder() {
+    let name = format!("preshade-root-{}", std::process::id());
+    let all = std::env::temp_dir().join(name);
+    let here = all.join("scenes");
+    fs::create_dir_all(&here).unwrap();
+    let outside = SCENE.replace("\"a.wgsl\"", "\"../a.wgsl\"");
+    fs::write(here.join("a.toml"), outside).unwrap();
+    fs::write(all.join("a.wgsl"), SHADER.replace("BODY", "")).unwrap();
+    let refused = run(&here, &["explain", "a.toml"]);
+    let told = stderr(&refused);
     assert!(
-        stderr(&refused).contains("`/dev/zero` is no file"),
-        "{}",
-        stderr(&refused)
+        told.contains("outside of the scene's root folder"),
+        "{told}"
     );
+    // Where the folder above says that it is the root, it is.
+    fs::write(all.join("preshade.toml"), "").unwrap();
+    let read = run(&here, &["explain", "a.toml"]);
+    assert_eq!(read.status.code(), Some(0), "{}", stderr(&read));
+    fs::remove_dir_all(all).unwrap();
+}
+
+#[test]
+fn what_is_no_file_or_claims_to_be_huge_is_not_read() {
+    let here = folder("no-file", SCENE, "");
+    let made = Command::new("mkfifo").arg(here.join("pipe.wgsl")).status();
+    assert!(made.unwrap().success() || here.join("pipe.wgsl").exists());
+    fs::create_dir_all(here.join("folder.wgsl")).unwrap();
+    let sparse = fs::File::create(here.join("sparse.wgsl")).unwrap();
+    sparse.set_len(1 << 40).unwrap();
+    let pipe = SCENE.replace("a.wgsl", "pipe.wgsl");
+    fs::write(here.join("pipe.toml"), pipe).unwrap();
+    for (args, told) in [
+        (&["explain", "pipe.wgsl"][..], "a device or a pipe"),
+        (&["explain", "pipe.toml"], "a device or a pipe"),
+        (
+            &["explain", "/dev/zero", "--lang", "wgsl"],
+            "a device or a pipe",
+        ),
+        (
+            &["explain", "a.wgsl", "--state", "/dev/zero"],
+            "a device or a pipe",
+        ),
+        (&["explain", "folder.wgsl"], "is a folder"),
+        (
+            &["explain", "sparse.wgsl"],
+            "the limit `source-bytes` is 4194304",
+        ),
+        (
+            &["explain", "a.wgsl", "--state", "sparse.wgsl"],
+            "the limit `source-bytes`",
+        ),
+    ] {
+        let output = run_within(&here, args, Duration::from_secs(20));
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        let said = stderr(&output);
+        assert!(said.contains(told), "{args:?}: {said}");
+    }
+}
+
+#[test]
+fn what_does_not_end_before_it_is_measured_is_stopped() {
+    // naga reads a function of that many expressions in quadratic time.
+    let body: String = (0..40_000)
+        .map(|i| format!("let a{i} = f32({i}) * at.x;\n"))
+        .collect();
+    let here = folder("slow", SCENE, &body);
+    for command in [
+        &["explain", "a.toml"][..],
+        &["rewrite", "a.wgsl", "--pass", "depth-prepass"],
+        &["verify", "a.toml", "--time", "no"],
+        &["plan", "a.toml", "--time", "no"],
+    ] {
+        let start = Instant::now();
+        let limits = ["--limits", "seconds=1", "--format", "json"];
+        let output = run(&here, &[command, &limits].concat());
+        assert_eq!(output.status.code(), Some(2), "{command:?}");
+        let told = stderr(&output);
+        assert!(told.contains("stopped after 1 s"), "{command:?}: {told}");
+        let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(said["schema"], "preshade.error.v1", "{command:?}");
+        assert!(start.elapsed() < Duration::from_secs(8), "{command:?}");
+    }
+}
+
+#[test]
+fn what_naga_would_panic_at_is_an_error_at_the_author_s_text() {
+    let part = "var a = array<f32, 3>(); let sum = half_of(&a[1]);";
+    let here = folder("part", SCENE, part);
+    let shader = fs::read_to_string(here.join("a.wgsl")).unwrap();
+    let half = "fn half_of(p: ptr<function, f32>) -> f32 { return *p / 2.0; }\n";
+    fs::write(here.join("a.wgsl"), shader + half).unwrap();
+    let spirv = [
+        "rewrite",
+        "a.wgsl",
+        "--pass",
+        "depth-prepass",
+        "--emit",
+        "spirv",
+        "-o",
+        "out",
+    ];
+    for args in [&spirv[..], &["verify", "a.toml", "--time", "no"]] {
+        let output = run(&here, args);
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(
+            told.contains("a.wgsl:9:") && told.contains("`a[1]`"),
+            "{told}"
+        );
+        assert!(told.contains("pass a variable of its own"), "{told}");
+        assert!(!told.contains("panicked"), "{told}");
+    }
+    let wgsl = run(
+        &here,
+        &["rewrite", "a.wgsl", "--pass", "depth-prepass", "-o", "out"],
+    );
+    assert_eq!(wgsl.status.code(), Some(0), "{}", stderr(&wgsl));
+}
+
+#[test]
+fn a_file_that_only_lies_here_lifts_no_protection() {
+    let here = folder("found", SCENE, "");
+    let link = here.join("link");
+    if !link.exists() {
+        std::os::unix::fs::symlink("/tmp", &link).unwrap();
+    }
+    for (text, told) in [
+        ("limits = \"none\"", Some("`limits`, which allows more")),
+        (
+            "limits = \"strict,vertices=100G\"",
+            Some("`limits`, which allows more"),
+        ),
+        ("limits = \"nesting=20\"", None),
+        ("allow-outside = true", Some("`allow-outside` is not taken")),
+        (
+            "out = \"/tmp/elsewhere\"",
+            Some("`out`, which would write outside"),
+        ),
+        (
+            "[verify]\nout = \"../elsewhere\"",
+            Some("`out`, which would write outside"),
+        ),
+        (
+            "[rewrite]\nout-dir = \"link/below\"",
+            Some("`out-dir`, which would write outside"),
+        ),
+        ("[rewrite]\nout-dir = \"new/below\"", None),
+    ] {
+        fs::write(here.join("preshade.toml"), text).unwrap();
+        let output = run(&here, &["explain", "a.wgsl"]);
+        let said = stderr(&output);
+        match told {
+            Some(told) => {
+                assert_eq!(output.status.code(), Some(2), "{text}: {said}");
+                assert!(said.contains(told), "{text}: {said}");
+                // Who names it takes it.
+                let named = run(&here, &["explain", "a.wgsl", "--config", "preshade.toml"]);
+                assert_eq!(named.status.code(), Some(0), "{text}: {}", stderr(&named));
+            }
+            None => assert_eq!(output.status.code(), Some(0), "{text}: {said}"),
+        }
+    }
 }
 
 /// GLSL beside the scene: its fragment stage begins with `first`.
@@ -383,7 +545,7 @@ fn a_full_disk_loses_nothing_that_was_told() {
 
 #[test]
 fn reports_escape_every_name() {
-    let evil = "<script>alert(1)<\\\\/script><img src=x onerror=alert(2)>&\\\"'";
+    let evil = "<script>alert(1)<\\\\/script><img src=x onerror=alert(2)>&\\\"'\\u001b[2J\\u202e";
     let of_material = |name: &str| {
         format!("name = \"{evil}\"\n{}", SCENE.replace("MATERIAL", name))
             .replace(
@@ -420,5 +582,9 @@ fn reports_escape_every_name() {
         // Its own two: what it carries as data, and what draws it.
         assert_eq!(page.matches("<script").count(), 2);
         assert!(page.contains("alert(1)"));
+        let csv = fs::read_to_string(here.join(command[0]).join("report.csv")).unwrap();
+        for text in [page, csv] {
+            assert!(!text.contains(['\u{1b}', '\u{202e}']), "{}", command[0]);
+        }
     }
 }

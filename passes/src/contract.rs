@@ -17,7 +17,8 @@ pub enum Assumption {
     OrdinaryNeighbours,
     /// No other opaque material of the frame writes the colour channels, or targets, that this one leaves as they are: what lies hidden would show there.
     LeftChannelsUnwritten,
-    /// No surface lies exactly on the near plane: at depth 0 of a float format bias vanishes, and what is clamped there was biased before.
+    /// No surface lies exactly on the near plane: at depth 0 of a float format bias vanishes, what is clamped there was biased before, and what an adapter draws there of a triangle of no
+    /// area has no slope to be biased by.
     BeyondNearPlane,
     /// The original's position is `@invariant` already. Where it is not, marking it may move positions by their last bits.
     InvariantOriginal,
@@ -43,6 +44,11 @@ pub enum Assumption {
     InterpolatedCorners,
     /// No triangle is clipped that has a varying interpolated linearly on the screen: between which corners that is then done is the driver's choice.
     UnclippedLinear,
+    /// No triangle that is seen is clipped: a rasteriser that snaps corners interpolates between those that clipping makes, and where it clips, at the near plane alone or far out of
+    /// the viewport too, is its own choice.
+    UnclippedTriangles,
+    /// No triangle that is seen has an area on the rasteriser's grid alone: what is interpolated over one that has none as its corners are given rests on what rounding left.
+    TrianglesWithArea,
     /// From what is interpolated or sampled to what is stored, slopes are small enough that the last bits in which two rasterisers differ, and the 256th of a texel's contrast that
     /// they may become in the weights of a filter, stay within a step: the `pow` of a highlight on a normal map may be steeper.
     GentleSlopes,

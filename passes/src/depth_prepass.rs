@@ -264,10 +264,12 @@ fn reads_biased_depth(opaque: &Opaque) -> Option<Refusal> {
 }
 
 /// Whether a surface on the near plane cannot be pushed away: the bias of a float format is relative to the depth, and at 0 it is nothing; and what is not clipped is clamped
-/// after it was biased (Vulkan 1.3, 28.10 and 29.5), in every format and direction.
+/// after it was biased (Vulkan 1.3, 28.10 and 29.5), in every format and direction. Under reversed Z it may be pushed away, unless it is of a triangle of no area: its plane and its slope
+/// divide by that area, and llvmpipe clamps what comes of it to 1, with or without a bias.
 fn rests_on_near_plane(opaque: &Opaque, format: DepthFormat) -> bool {
-    let forward = opaque.direction == DepthDirection::Forward;
-    (forward && format.may_be_float()) || opaque.pass.primitive.unclipped_depth
+    opaque.direction == DepthDirection::Reversed
+        || format.may_be_float()
+        || opaque.pass.primitive.unclipped_depth
 }
 
 /// A surface that was seen on the near plane, or lies there by construction.
@@ -277,14 +279,18 @@ fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
             DepthPrepass::INFO.name,
             "near-plane",
             format!(
-                "{reason}, where a bias pushes nothing away (float depth formats, and surfaces that are clamped) and the pre-pass would hide what it was drawn for"
+                "{reason}, where a bias pushes nothing away (float depth formats, surfaces that are clamped, triangles of no area) and the pre-pass would hide what it was drawn for"
             ),
             "draw it without depth, in its own phase, or clipped and with a unorm depth format; or take form=equal",
         )
     };
     let module = opaque.program.module();
     let vertex = &module.entry_points[opaque.vertex].function;
-    if let Some(span) = near_plane::literal_zero_depth(module, vertex) {
+    let by_construction = match opaque.direction {
+        DepthDirection::Forward => near_plane::literal_zero_depth(module, vertex),
+        DepthDirection::Reversed => None,
+    };
+    if let Some(span) = by_construction {
         let refusal =
             refuse("the vertex stage puts every position on the near plane (z is 0)".to_owned());
         return Some(refusal.at(opaque.program.sources(), span));

@@ -23,7 +23,7 @@ use crate::opaque::{self, Opaque};
 use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::place;
 use crate::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
-use crate::rasterizer::Rasterizer;
+use crate::rasterizer::{Corners, Rasterizer};
 use crate::self_test;
 
 mod build;
@@ -373,7 +373,13 @@ impl<'a> Material<'a> {
         let chosen = reached.taken.any();
         given.extend(chosen.then_some(Assumption::DerivativeNeighbours));
         if reached.interpolated {
-            given.push(Assumption::InterpolatedCorners);
+            given.extend([
+                Assumption::InterpolatedCorners,
+                Assumption::TrianglesWithArea,
+            ]);
+            // Planes through corners as given are the same however the triangle is cut.
+            let snaps = params.rasterizer().corners != Corners::AsGiven;
+            given.extend(snaps.then_some(Assumption::UnclippedTriangles));
             // A budget is measured, whatever the slopes.
             given.extend(params.budget.is_none().then_some(Assumption::GentleSlopes));
         }

@@ -30,6 +30,8 @@ mod loops;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod overrides;
+#[cfg(feature = "spirv")]
+pub(crate) mod parts;
 mod plan_json;
 mod prepare;
 mod reduce;

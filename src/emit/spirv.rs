@@ -16,6 +16,7 @@ mod position;
 
 use super::fingerprint;
 use super::overrides::{self, Settled};
+use super::parts;
 use super::{Error, Target};
 
 /// Words before the first instruction (SPIR-V section 2.3).
@@ -40,6 +41,13 @@ pub(super) fn write(
     entry: &str,
     name: &str,
 ) -> Result<(Vec<u8>, BTreeMap<String, f64>), Error> {
+    if let Some(message) = parts::passed(program) {
+        return Err(Error::Writer {
+            file: name.to_owned(),
+            target: Target::Spirv,
+            message,
+        });
+    }
     let settled = overrides::settle(program, stage, entry, name, Target::Spirv)?;
     let (module, info) = match &settled {
         Some(Settled { module, info }) => (module, info),

@@ -119,11 +119,16 @@ fn is_made(folder: &Path) -> bool {
 
 /// Files below the folders given, with one of the endings, each once and with its path; the same order each time. Folders below them that tools made are left out.
 #[cfg(feature = "naga-oil")]
-pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::PathBuf, String)> {
+pub(super) fn files_below(
+    folders: &[&Path],
+    ending: &str,
+    options: &Options,
+) -> Vec<(std::path::PathBuf, String)> {
     type Seen = std::collections::HashSet<std::path::PathBuf>;
     fn walk(
         folder: &Path,
         ending: &str,
+        options: &Options,
         seen: &mut Seen,
         out: &mut Vec<(std::path::PathBuf, String)>,
     ) {
@@ -137,22 +142,35 @@ pub(super) fn files_below(folders: &[&Path], ending: &str) -> Vec<(std::path::Pa
         for path in files {
             if path.extension().is_some_and(|e| e == ending)
                 && is_new(&path)
-                && let Ok(text) = std::fs::read_to_string(&path)
+                && let Some(text) = text_within(&path, options)
             {
                 out.push((path, text));
             }
         }
         let below: Vec<_> = below.into_iter().filter(|path| is_new(path)).collect();
         for folder in below.iter().filter(|folder| !is_made(folder)) {
-            walk(folder, ending, seen, out);
+            walk(folder, ending, options, seen, out);
         }
     }
     let mut seen = Seen::new();
     let mut out = Vec::new();
     for folder in folders {
-        walk(folder, ending, &mut seen, &mut out);
+        walk(folder, ending, options, &mut seen, &mut out);
     }
     out
+}
+
+/// The text of a file that a shader may import: one that lies in [`Options::root`], links followed, is a file, and no larger than a source may be.
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+pub(super) fn text_within(path: &Path, options: &Options) -> Option<String> {
+    let real = path.canonicalize().ok()?;
+    let root = options.root.as_ref();
+    let within = root.is_none_or(|root| {
+        let whole = root.canonicalize();
+        real.starts_with(whole.as_deref().unwrap_or(root))
+    });
+    let text = || crate::regular::text(&real, &options.limits, "source-bytes").ok();
+    within.then(text).flatten()
 }
 
 /// Where a file lies: names are relative to [`Options::root`], where there is one.

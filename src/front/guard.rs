@@ -20,9 +20,14 @@ thread_local! {
 
 /// Calls `work` on a large stack and turns a panic into a value, printing nothing. It stays on the caller's thread: a small shader is read in less time than a thread takes to start.
 pub(crate) fn run<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
+    stacker::grow(STACK, || caught(work))
+}
+
+/// Turns a panic of `work` into a value, printing nothing.
+pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     install_hook();
     let outer = CAUGHT.replace(Some(String::new()));
-    let result = stacker::grow(STACK, || panic::catch_unwind(panic::AssertUnwindSafe(work)));
+    let result = panic::catch_unwind(panic::AssertUnwindSafe(work));
     let message = CAUGHT.replace(outer).unwrap_or_default();
     result.map_err(|_| Panicked(message))
 }

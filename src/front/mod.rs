@@ -7,6 +7,7 @@
 //! two modules, `entry` chooses entry points and checks that the stages fit. Every error is an [`Error`] that points at the author's text.
 
 mod beyond_wgsl;
+mod blame;
 mod declaration;
 mod dialect;
 mod entry;
@@ -248,8 +249,44 @@ fn parse_mapped(
     let map = Arc::new(map);
     let parsed = read
         .and_then(|modules| guard::run(|| assemble(modules?, bases, language, options, &map)))
-        .unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
+        .unwrap_or_else(|panicked| Err(bug_at(sources, bases, language, &panicked)));
     (parsed, map)
+}
+
+/// [`bug`], at the statement that it is about, where that is found.
+fn bug_at(
+    sources: &[Source],
+    bases: &[u32],
+    language: Language,
+    panicked: &guard::Panicked,
+) -> Error {
+    let error = bug(sources, panicked);
+    if language != Language::Wgsl {
+        return error;
+    }
+    let panics = |text: &str| {
+        let read = || {
+            let module = wgsl::parse(text, 0).ok()?;
+            naga::valid::Validator::new(
+                naga::valid::ValidationFlags::all(),
+                naga::valid::Capabilities::all(),
+            )
+            .validate(&module)
+            .ok()
+        };
+        guard::run(read).is_err()
+    };
+    let mut found = sources.iter().zip(bases).filter_map(|(source, base)| {
+        let range = blame::statement(&without_mark(&source.text), &panics)?;
+        Some(naga::Span::new(
+            base + range.start as u32,
+            base + range.end as u32,
+        ))
+    });
+    match found.next() {
+        Some(span) => error.label(span, "it panics at this"),
+        None => error,
+    }
 }
 
 fn bug(sources: &[Source], panicked: &guard::Panicked) -> Error {

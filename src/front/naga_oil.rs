@@ -40,8 +40,8 @@ struct Named {
 }
 
 /// The files in folders, and below them, that name themselves modules.
-fn named(folders: &[&Path]) -> Vec<Named> {
-    let all = files_below(folders, "wgsl").into_iter();
+fn named(folders: &[&Path], options: &Options) -> Vec<Named> {
+    let all = files_below(folders, "wgsl", options).into_iter();
     all.filter_map(|(path, text)| {
         let (name, imports, _) = get_preprocessor_data(&text);
         Some(Named {
@@ -73,7 +73,7 @@ fn told(all: &[Named]) -> Vec<String> {
 /// What a search of these folders for modules finds now.
 pub(super) fn found(folders: &[String]) -> Vec<String> {
     let folders: Vec<&Path> = folders.iter().map(Path::new).collect();
-    told(&named(&folders))
+    told(&named(&folders, &Options::default()))
 }
 
 /// The module, and what it came of.
@@ -100,7 +100,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error
         composer: Composer::non_validating().with_capabilities(Capabilities::all()),
     };
     let own_file = path.canonicalize().ok();
-    let all = named(&folders);
+    let all = named(&folders, options);
     let searched = Searched {
         folders: folders.iter().map(|f| f.display().to_string()).collect(),
         wanted: Wanted::Modules,

@@ -12,7 +12,7 @@ use preshade_passes::program::{Searched, Wanted};
 use wesl::syntax::PathOrigin;
 use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
 
-use super::dialect::{Compiled, Defined, Origin, beside, definitions, path_of};
+use super::dialect::{Compiled, Defined, Origin, beside, definitions, path_of, text_within};
 use super::error::{Code, Error};
 use super::{Options, Source};
 
@@ -36,7 +36,7 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
     let resolver = Packages {
         main: (components.clone(), source.text.clone()),
         root,
-        include: &options.include,
+        options,
         read: RefCell::default(),
         absent: RefCell::default(),
         packages: RefCell::default(),
@@ -104,7 +104,7 @@ struct Packages<'a> {
     /// The file itself, which need not be on a disk.
     main: (Vec<String>, String),
     root: PathBuf,
-    include: &'a [PathBuf],
+    options: &'a Options,
     /// What was read, by path.
     read: RefCell<BTreeMap<PathBuf, String>>,
     /// What was looked for and was not there.
@@ -146,7 +146,7 @@ impl Resolver for Packages<'_> {
     fn resolve_source<'s>(&'s self, path: &ModulePath) -> Result<Cow<'s, str>, ResolveError> {
         let roots = match &path.origin {
             PathOrigin::Package(name) => {
-                let roots = roots(self.include, name);
+                let roots = roots(&self.options.include, name);
                 let mut packages = self.packages.borrow_mut();
                 packages.insert(name.clone(), shown(&roots));
                 roots
@@ -158,7 +158,7 @@ impl Resolver for Packages<'_> {
         for root in roots {
             for ending in ["wesl", "wgsl"] {
                 let file = root.join(&below).with_extension(ending);
-                if let Ok(text) = std::fs::read_to_string(&file) {
+                if let Some(text) = text_within(&file, self.options) {
                     self.read.borrow_mut().insert(file.clone(), text.clone());
                     return Ok(Cow::Owned(text));
                 }

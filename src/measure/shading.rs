@@ -301,19 +301,16 @@ fn vertices_per_fragment(
     Ok((fragments > 0.0).then(|| vertices * frames / fragments))
 }
 
-/// Pixels of the original at the depth of the near plane, in the first frame of every camera. Under reversed Z only what is clamped is of interest: what is clipped there is pushed away as
-/// anywhere else.
+/// Pixels of the original at the depth of the near plane, in the first frame of every camera.
 fn near_plane_pixels(
     inputs: &SceneInputs<'_>,
     plans: &[Plan],
     form: ShaderForm,
 ) -> Result<Option<u64>, Error> {
     let scene = inputs.scene();
-    let clamps = |p: &GpuPass| p.primitive.unclipped_depth;
     let near = match scene.depth_direction {
         DepthDirection::Forward => 0.0,
-        DepthDirection::Reversed if plans.iter().flat_map(|p| &p.passes).any(clamps) => 1.0,
-        DepthDirection::Reversed => return Ok(Some(0)),
+        DepthDirection::Reversed => 1.0,
     };
     let variant = Variant::new(plans, form)?;
     let mut prepared = Prepared::new(inputs, &variant, &FrameSettings::of(scene))?;

@@ -92,8 +92,14 @@ pub(super) fn advice(contract: &Contract, error: &ErrorLadder) -> Option<String>
         // Half a step more than was measured, in thousandths.
         let budget = ((error.max_abs + 0.5 / 255.0) * 1000.0).ceil() / 1000.0;
         format!(
-            "{} of {} pixels differ by more than a step, and budget={budget} would have held: take it if slopes are steep here (`gentle-slopes`), else what differs is a fault",
-            error.beyond_step, error.pixels
+            "{} of {} pixels differ by more than a step, and budget={budget} would have held: take it if slopes are steep here (`gentle-slopes`){}, else what differs is a fault",
+            error.beyond_step,
+            error.pixels,
+            if given(Assumption::UnclippedTriangles) {
+                " or triangles are clipped (`unclipped-triangles`)"
+            } else {
+                ""
+            }
         )
     })
 }

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
 use super::{Error, limits};
+use crate::front::guard;
 
 /// Which adapter to draw on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -337,7 +338,8 @@ impl Gpu {
         let memory = self.device.push_error_scope(ErrorFilter::OutOfMemory);
         let internal = self.device.push_error_scope(ErrorFilter::Internal);
         let validation = self.device.push_error_scope(ErrorFilter::Validation);
-        let made = make();
+        // naga's writers, which wgpu calls, panic at some of what its own check takes.
+        let made = guard::caught(make);
         let errors = [
             pollster::block_on(validation.pop()),
             pollster::block_on(internal.pop()),
@@ -345,7 +347,10 @@ impl Gpu {
         ];
         self.check_trouble()?;
         match errors.into_iter().flatten().next() {
-            None => Ok(made),
+            None => made.map_err(|panicked| Error::Refused {
+                what: what.to_owned(),
+                message: format!("wgpu panicked: {panicked}"),
+            }),
             Some(wgpu::Error::OutOfMemory { .. }) => Err(Error::OutOfMemory(what.to_owned())),
             Some(error) => Err(Error::Refused {
                 what: what.to_owned(),

@@ -54,6 +54,12 @@ impl Variant {
     pub fn new(plans: &[Plan], form: ShaderForm) -> Result<Self, Error> {
         let mut out = Self::empty();
         for plan in plans {
+            if let Some(message) = plan.programs.values().find_map(emit::parts::passed) {
+                return Err(Error::Plan {
+                    material: plan.material.clone(),
+                    message,
+                });
+            }
             match form {
                 ShaderForm::Text => {
                     // What to fall back to is not drawn: its files need not be made.

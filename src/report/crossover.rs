@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::plain::plain;
 use crate::measure::crossover::{Crossover, Series};
 use preshade_passes::contract::Verdict;
 
@@ -286,7 +287,8 @@ fn ticks([low, high]: [f64; 2]) -> Vec<f64> {
 }
 
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
+    plain(text)
+        .replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
 }

@@ -3,6 +3,7 @@
 use preshade_passes::contract::Verdict;
 
 use super::Report;
+use super::plain::plain;
 use crate::decide::decision::Decision;
 use crate::measure::crossover::Series;
 use crate::measure::{ErrorLadder, Estimate};
@@ -149,7 +150,7 @@ pub(crate) fn quoted(text: &str) -> String {
         .trim_start_matches(' ')
         .starts_with(['=', '+', '-', '@', '\t', '\r']);
     let guard = if is_formula { "'" } else { "" };
-    format!("\"{guard}{}\"", text.replace('"', "\"\""))
+    format!("\"{guard}{}\"", plain(text).replace('"', "\"\""))
 }
 
 #[cfg(test)]
@@ -158,6 +159,7 @@ mod tests {
 
     #[test]
     fn text_is_no_formula() {
+        assert_eq!(quoted("a\u{1b}[2J"), "\"a\\u{1b}[2J\"");
         assert_eq!(quoted("say \"a\""), "\"say \"\"a\"\"\"");
         assert_eq!(quoted("=1+1"), "\"'=1+1\"");
         assert_eq!(quoted("  @SUM(a)"), "\"'  @SUM(a)\"");

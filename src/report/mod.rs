@@ -7,6 +7,7 @@ pub mod frontier;
 pub mod html;
 pub mod path;
 pub mod picture;
+pub mod plain;
 pub mod plot;
 pub mod sheet;
 pub mod sweep;

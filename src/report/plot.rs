@@ -158,7 +158,7 @@ fn draw(out: &mut String, panel: &Panel, x_label: &str, names: &[&str]) {
 }
 
 fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, text: &str) {
-    let escaped = text
+    let escaped = super::plain::plain(text)
         .replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;");

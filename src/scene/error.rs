@@ -7,6 +7,8 @@ use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term;
 
+use crate::regular;
+
 /// A scene that cannot be loaded, or a draw that cannot be bound. [`Display`](std::fmt::Display) is one line; [`Error::render`] frames the
 /// place in the scene file.
 #[derive(Clone, Debug)]
@@ -40,6 +42,14 @@ impl Error {
     /// A file that cannot be read.
     pub(crate) fn read(path: &Path, error: &std::io::Error) -> Self {
         Self::new(format!("cannot read `{}`: {error}", path.display()))
+    }
+
+    /// A file that is none, or too large, or cannot be read.
+    pub(crate) fn unread(path: &Path, error: regular::Error) -> Self {
+        match error {
+            regular::Error::TooLarge(exceeded) => exceeded.into(),
+            other => Self::new(format!("cannot read `{}`: {other}", path.display())),
+        }
     }
 
     /// Adds what would help.

@@ -118,15 +118,17 @@ impl Recipe {
     /// # Errors
     /// When the bytes are no PNG.
     pub fn decode(&self, name: &str, bytes: &[u8]) -> Result<Image, Error> {
-        self.decode_within(name, bytes, &crate::limits::Limits::default())
+        let limits = crate::limits::Limits::default();
+        self.decode_within(name, bytes, &limits, &|_| Ok(()))
     }
 
-    /// [`Recipe::decode`], of what may be asked for: the size that the file names is looked at before room is made for it.
+    /// [`Recipe::decode`], of what may be asked for: the size that the file names is looked at, and given to `hold`, before room is made for it.
     pub(super) fn decode_within(
         &self,
         name: &str,
         bytes: &[u8],
         limits: &crate::limits::Limits,
+        hold: &dyn Fn([u32; 2]) -> Result<(), Error>,
     ) -> Result<Image, Error> {
         let wrong = |e: ::image::ImageError| {
             Error::new(format!("`{name}` is not a PNG that can be read: {e}"))
@@ -136,6 +138,7 @@ impl Recipe {
         let (width, height) = reader().into_dimensions().map_err(wrong)?;
         let side = u64::from(width.max(height));
         limits.check("texture-size", side, format!("the side of `{name}`"))?;
+        hold([width, height])?;
         let decoded = reader().decode().map_err(wrong)?.to_rgba8();
         let size = [decoded.width(), decoded.height()];
         Ok(finish(

@@ -1,5 +1,6 @@
 //! A scene file into a [`Scene`].
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -22,7 +23,7 @@ use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Mesh, Scene, Stream, Value,
     Variables, bind, error, material, meshes, range, size, variables,
 };
-use crate::front;
+use crate::{front, regular};
 
 /// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
 pub(super) const MAX_SIZE: u32 = 8192;
@@ -49,11 +50,8 @@ pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, Error> {
 /// # Errors
 /// As [`load_with`], and what is beyond a limit.
 pub fn load_within(path: &Path, variables: &Variables, access: Access) -> Result<Scene, Error> {
-    let about = std::fs::metadata(path).map_err(|e| Error::read(path, &e))?;
-    access
-        .limits
-        .check("source-bytes", about.len(), "the bytes of the scene file")?;
-    let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, &e))?;
+    let text =
+        regular::text(path, &access.limits, "source-bytes").map_err(|e| Error::unread(path, e))?;
     read(&text, path, variables, access)
 }
 
@@ -80,6 +78,7 @@ pub fn read(
         file,
         variables,
         access,
+        texels: Cell::new(0),
     }
     .scene(stem.unwrap_or_default())
 }
@@ -147,6 +146,8 @@ struct Loader<'a> {
     file: SceneFile,
     variables: Variables,
     access: Access,
+    /// Bytes of the textures so far.
+    texels: Cell<u64>,
 }
 
 impl Loader<'_> {
@@ -213,11 +214,11 @@ impl Loader<'_> {
             &self.variables,
             &f.meshes,
             limits,
+            self.texels.get(),
         )?;
         let mut draws = Vec::new();
         let data = meshes.iter().map(|m| size::of_mesh(&m.mesh));
-        let textures = materials.iter().flat_map(|m| m.textures.values());
-        let mut bytes = data.sum::<u64>() + textures.map(|t| size::of_image(t)).sum::<u64>();
+        let mut bytes = data.sum::<u64>() + self.texels.get();
         for entry in &f.draws {
             let before = draws.len();
             let drawn = self.draw(entry.get_ref(), &materials, &meshes, &mut draws);
@@ -437,11 +438,20 @@ impl Loader<'_> {
         }
     }
 
+    /// Takes the bytes of a texture, before room is made for it.
+    fn hold_texels(&self, size: [u32; 2]) -> Result<(), Error> {
+        let all = self.texels.get().saturating_add(size::of_texels(size));
+        self.texels.set(all);
+        let limits = &self.access.limits;
+        Ok(limits.check("scene-bytes", all, "the bytes of vertex data and texels")?)
+    }
+
     fn texture(&self, name: &str, recipe: &super::image::Recipe) -> Result<super::Image, Error> {
         match (&recipe.file, recipe.pattern) {
             (Some(file), None) => {
                 let (shown, bytes) = self.folder.read(file)?;
-                recipe.decode_within(&shown, &bytes, &self.access.limits)
+                let hold = |size| self.hold_texels(size);
+                recipe.decode_within(&shown, &bytes, &self.access.limits, &hold)
             }
             (None, Some(_)) if !(1..=4096).contains(&recipe.size) => Err(Error::new(format!(
                 "texture `{name}` of {0}x{0} texels",
@@ -455,6 +465,7 @@ impl Loader<'_> {
                     side,
                     format!("the side of texture `{name}`"),
                 )?;
+                self.hold_texels([recipe.size; 2])?;
                 Ok(recipe.generate())
             }
             _ => Err(Error::new(format!(

@@ -117,13 +117,14 @@ pub(super) fn field(
         .collect())
 }
 
-/// All meshes, by name. A merged mesh may name meshes that stand after it, but not itself, however far round.
+/// All meshes, by name; the scene has `bytes` of texels already. A merged mesh may name meshes that stand after it, but not itself, however far round.
 pub(super) fn build(
     source: &Source<'_>,
     folder: &Folder,
     variables: &Variables,
     entries: &BTreeMap<String, Spanned<MeshEntry>>,
     limits: &Limits,
+    bytes: u64,
 ) -> Result<Vec<Rigged>, Error> {
     let builder = Builder {
         source,
@@ -132,6 +133,7 @@ pub(super) fn build(
         entries,
         limits,
         vertices: Cell::new(0),
+        bytes: Cell::new(bytes),
     };
     let mut done = BTreeMap::new();
     for name in entries.keys() {
@@ -148,6 +150,8 @@ struct Builder<'a> {
     limits: &'a Limits,
     /// Of the meshes so far.
     vertices: Cell<u64>,
+    /// Of the textures, and of meshes that are not made here but read or copied.
+    bytes: Cell<u64>,
 }
 
 impl Builder<'_> {
@@ -158,6 +162,15 @@ impl Builder<'_> {
         Ok(self
             .limits
             .check("vertices", all, "the vertices of all meshes")?)
+    }
+
+    /// Takes so many bytes, before room is made for them.
+    fn hold(&self, bytes: u64) -> Result<(), Error> {
+        let all = self.bytes.get().saturating_add(bytes);
+        self.bytes.set(all);
+        Ok(self
+            .limits
+            .check("scene-bytes", all, "the bytes of vertex data and texels")?)
     }
 
     fn mesh(
@@ -230,10 +243,16 @@ impl Builder<'_> {
             .collect();
         if let Some(gltf) = &entry.gltf {
             let read = |file: &str| self.folder.read(file).map(|(_, bytes)| bytes);
-            let loaded = gltf.get_ref().load(name, &read);
-            let loaded = loaded.map_err(|e| self.source.at(e, gltf.span()))?;
-            self.take(loaded.mesh.vertex_count.into())?;
-            rigged.push(loaded);
+            let (vertices, bytes) = (self.vertices.get(), self.bytes.get());
+            let take = |more: u64, held: u64| {
+                // The whole file's at a time.
+                self.vertices.set(vertices);
+                self.bytes.set(bytes);
+                self.hold(held)?;
+                self.take(more)
+            };
+            let loaded = gltf.get_ref().load_within(name, &read, &take);
+            rigged.push(loaded.map_err(|e| self.source.at(e, gltf.span()))?);
         }
         if let Some(parts) = &entry.merge {
             let mut meshes = Vec::new();
@@ -278,6 +297,7 @@ impl Builder<'_> {
         };
         let copies = places.len() as u64;
         self.take(copies.saturating_mul(built.mesh.vertex_count.into()))?;
+        self.hold(copies.saturating_mul(size::of_mesh(&built.mesh)))?;
         out.extend(
             places
                 .into_iter()

@@ -1,13 +1,14 @@
 //! Which files a scene may read.
 //!
 //! A path in a scene is relative to the scene's folder. It may go up, but not out of the scene's root: the nearest folder above it (its own
-//! included) that holds a `preshade.toml` or a `.git`, or else the parent of the scene's folder.
+//! included) that holds a `preshade.toml` or a `.git`, or else the scene's folder itself.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::{Access, Error};
+use crate::regular;
 
 /// The folder a scene's files are looked up in, and the one they may not leave.
 pub(super) struct Folder {
@@ -29,7 +30,6 @@ impl Folder {
         let root = base
             .ancestors()
             .find(|d| d.join("preshade.toml").exists() || d.join(".git").exists())
-            .or_else(|| base.parent())
             .unwrap_or(&base)
             .to_owned();
         Ok(Self {
@@ -60,17 +60,11 @@ impl Folder {
                 "`{name}` lies outside of the scene's root folder"
             ))
             .help(
-                "the root is the nearest folder above the scene with a `preshade.toml` or a `.git`, or else the parent of its folder; --allow-outside lets files leave it",
+                "the root is the nearest folder above the scene with a `preshade.toml` or a `.git`, or else its own folder; --allow-outside lets files leave it",
             ));
         }
-        // A device or a pipe may have no end.
-        let about = std::fs::metadata(&real).map_err(|e| Error::read(&real, &e))?;
-        if !about.is_file() {
-            return Err(Error::new(format!("`{name}` is no file")));
-        }
-        let limits = &self.access.limits;
-        limits.check("file-bytes", about.len(), format!("the bytes of `{name}`"))?;
-        let bytes = std::fs::read(&real).map_err(|e| Error::read(&real, &e))?;
+        let bytes = regular::bytes(&real, &self.access.limits, "file-bytes")
+            .map_err(|e| Error::unread(Path::new(name), e))?;
         self.read.borrow_mut().insert(real.clone());
         let shown = real.strip_prefix(&self.root).unwrap_or(&real);
         Ok((shown.display().to_string(), bytes))

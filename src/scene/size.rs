@@ -1,7 +1,7 @@
 //! How large a scene gets, before it is that large.
 
 use super::file::MeshEntry;
-use super::{Image, Mesh, Stream};
+use super::{Mesh, Stream};
 
 /// Vertices of a grid of cells.
 fn patch([n, m]: [u32; 2]) -> u64 {
@@ -58,7 +58,8 @@ pub(super) fn of_mesh(mesh: &Mesh) -> u64 {
     indices + mesh.streams.values().map(of_stream).sum::<u64>()
 }
 
-/// Bytes of an image with its mips.
-pub(super) fn of_image(image: &Image) -> u64 {
-    image.levels.iter().map(|l| l.len() as u64).sum()
+/// Bytes of a texture with its mips, which are a third more.
+pub(super) fn of_texels([width, height]: [u32; 2]) -> u64 {
+    let bytes = (u64::from(width) * u64::from(height)).saturating_mul(4);
+    bytes.saturating_add(bytes / 3)
 }

@@ -52,6 +52,7 @@ pub fn program(source: &str) -> Program {
 pub fn material(name: &str, source: &str) -> Material {
     Material {
         name: name.to_owned(),
+        file: None,
         program: program(source),
         vertex: "vs".to_owned(),
         fragment: Some("fs".to_owned()),

@@ -44,12 +44,12 @@ pub enum Expect {
     Shades(f64),
     /// That, or some materials refuse it for ties that were measured: which depths tie depends on the format and the adapter.
     Untied,
+    /// That, or some materials refuse it for surfaces that were measured to lie on the near plane: what becomes of triangles of no area is the adapter's own.
+    OffNearPlane,
     /// [`Expect::Holds`], also where the pre-pass computes its depth so many neighbouring floats apart, either way.
     Withstands(i32),
     /// [`Expect::Holds`], but on adapters where what its contract assumes, by this name, is not so.
     Assumes(&'static str),
-    /// Not yet: on some adapter the judge finds it outside of its contract, and `verify` tells. On others it holds.
-    Open,
     /// It is refused by every material, under this code.
     Refused(&'static str),
 }
@@ -164,7 +164,7 @@ impl Outcome {
 
 impl Run {
     pub fn is_right(&self) -> bool {
-        ["holds", "refused", UNMET, TOLD].contains(&&*self.result)
+        ["holds", "refused", UNMET].contains(&&*self.result)
     }
 }
 
@@ -276,9 +276,6 @@ pub fn pictures(inputs: &SceneInputs<'_>, host: &Host) -> Result<Vec<Rendered>, 
     Ok(pictures)
 }
 
-/// What is said of a contract that is known to break.
-pub const TOLD: &str = "told to be broken";
-
 /// What is said of a contract that broke where what it names as assumed is not so.
 pub const UNMET: &str = "assumption unmet";
 
@@ -319,8 +316,14 @@ fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
         };
         return run;
     }
-    if expect == Expect::Untied && all_kept && kept.iter().all(|why| why.contains("[depth-ties]")) {
-        run.contract = "depth-ties".to_owned();
+    let measured = match expect {
+        Expect::Untied => Some("depth-ties"),
+        Expect::OffNearPlane => Some("near-plane"),
+        _ => None,
+    };
+    let refused_for = |code: &&str| kept.iter().all(|why| why.contains(&format!("[{code}]")));
+    if let Some(code) = measured.filter(|code| all_kept && refused_for(code)) {
+        run.contract = code.to_owned();
         run.result = "refused".to_owned();
         return run;
     }
@@ -338,7 +341,6 @@ fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
             run.max_abs = Some(error.max_abs).filter(|m| m.is_finite());
             if let Some(how) = breaks(&contract, &error) {
                 run.result = match expect {
-                    Expect::Open => TOLD.to_owned(),
                     Expect::Assumes(name) if assumes(&contract, name) => UNMET.to_owned(),
                     _ => how,
                 };

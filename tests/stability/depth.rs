@@ -1,7 +1,7 @@
 //! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share it.
 
 use preshade::passes::plan::{Plan, Role};
-use preshade::passes::state::DepthBias;
+use preshade::passes::state::{DepthBias, DepthDirection};
 use preshade::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
 
 use super::case::Expect::{Holds, Refused, Shades, Untied, Withstands};
@@ -112,7 +112,7 @@ pub const CASES: &[Case] = &[
             ("early-discard:texture=packed", Holds),
         ],
         mutation: (
-            "tolerance=0, and the pre-pass's z one float nearer",
+            "tolerance=0, and the pre-pass's z two floats nearer",
             Mutation::Own(without_tolerance),
         ),
     },
@@ -258,12 +258,16 @@ fn self_tested(stage: &Stage<'_>) -> Red {
     }
 }
 
-/// What holds with a tolerance (the pre-pass two floats away), with none and one float.
+/// What holds with a tolerance, the pre-pass two floats nearer, without one.
 fn without_tolerance(stage: &Stage<'_>) -> Red {
     let (recipe, facts) = stage.chosen("early-discard:tolerance=0");
     let mut plans = preshade::measure::variant(&stage.originals, &recipe, &facts).plans;
     let contract = contract(&plans);
-    moved(&mut plans, Role::Prepass, Moved::Depth(-1));
+    let nearer = match stage.inputs.scene().depth_direction {
+        DepthDirection::Forward => -2,
+        DepthDirection::Reversed => 2,
+    };
+    moved(&mut plans, Role::Prepass, Moved::Depth(nearer));
     judged(stage, &plans, &contract)
 }
 

@@ -3,7 +3,7 @@
 use preshade::passes::contract::Contract;
 use preshade::passes::plan::Role;
 
-use super::case::Expect::{Holds, Open, Untied};
+use super::case::Expect::{Assumes, Holds, OffNearPlane, Untied};
 use super::case::{ALL, Case, DIRECTIONS, Expect, FLOAT, REVERSED, SAMPLED};
 use super::mutate::{Moved, Mutation, moved};
 
@@ -11,6 +11,7 @@ const BIASED: &str = "depth-prepass";
 const EQUAL: &str = "depth-prepass:form=equal";
 const EARLY: &str = "early-discard";
 const VISIBLE: &str = "visibility-buffer";
+const VISIBLE_WITHIN: &str = "visibility-buffer:budget=0.03";
 const EDGES: &str = "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8";
 
 /// The difference of a corner and the pixel by way of an origin far from both.
@@ -88,11 +89,16 @@ pub const CASES: &[Case] = &[
         scene: "huge",
         guards: "differences of large products, of which little is left: corners are told from the pixel before they are multiplied",
         setups: DIRECTIONS,
-        recipes: &[(BIASED, Holds), (EARLY, Holds), (VISIBLE, Holds)],
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            (VISIBLE, Assumes("unclipped-triangles")),
+            (VISIBLE_WITHIN, Holds),
+        ],
         mutation: (
             "the resolve tells corners from an origin far from the pixel",
             Mutation::Text(
-                VISIBLE,
+                VISIBLE_WITHIN,
                 &[
                     ("fma(-(clip), vec2(a.w), a.xy)", AFAR_A),
                     ("fma(-(clip), vec2(b.w), b.xy)", AFAR_B),
@@ -130,10 +136,10 @@ pub const CASES: &[Case] = &[
         guards: "no area to divide by, where a rasteriser's snapping of corners gives some triangles pixels all the same",
         setups: ALL,
         recipes: &[
-            (BIASED, Open),
+            (BIASED, OffNearPlane),
             (EQUAL, Untied),
             (EARLY, Holds),
-            (VISIBLE, Open),
+            (VISIBLE, Assumes("triangles-with-area")),
         ],
         mutation: (
             "the pre-pass's z one float farther, under EQUAL",

@@ -183,10 +183,10 @@ fn suffix(expect: &super::case::Expect) -> String {
     match expect {
         Expect::Holds => String::new(),
         Expect::Untied => " (refused where depths tie)".to_owned(),
+        Expect::OffNearPlane => " (refused where some lie on the near plane)".to_owned(),
         Expect::Shades(most) => format!(" (shading at most {most} a pixel)"),
         Expect::Withstands(steps) => format!(" (also with its pre-pass {steps} floats away)"),
         Expect::Assumes(name) => format!(" (where `{name}` is so)"),
-        Expect::Open => " (open: breaks on some adapter, and is told)".to_owned(),
         Expect::Refused(code) => format!(" (refused: {code})"),
     }
 }
@@ -198,7 +198,6 @@ fn runs(outcome: &Outcome) -> String {
         let word = match &*run.result {
             "holds" => "hold",
             "refused" => "refused",
-            super::case::TOLD => "told to be broken",
             super::case::UNMET => "on an assumption that is not met",
             _ => "**wrong**",
         };

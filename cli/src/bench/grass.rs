@@ -95,6 +95,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
         [0.5, 0.7, 0.9, 1.0],
         preshade::scene::Material {
             name: "bounds".to_owned(),
+            file: None,
             program: parsed.program,
             vertex: parsed.vertex,
             fragment: parsed.fragment,

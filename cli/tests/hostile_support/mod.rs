@@ -17,6 +17,25 @@ pub fn run(folder: &Path, args: &[&str]) -> Output {
     preshade(folder).args(args).output().unwrap()
 }
 
+/// [`run`], of what must end within some time.
+pub fn run_within(folder: &Path, args: &[&str], time: Duration) -> Output {
+    let mut child = preshade(folder)
+        .args(args)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if start.elapsed() > time {
+            child.kill().unwrap();
+            panic!("{args:?} did not end");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.wait_with_output().unwrap()
+}
+
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }

@@ -2,9 +2,9 @@
 
 use naga::{BinaryOperator, MathFunction, RelationalFunction, ScalarKind, UnaryOperator};
 
-use super::Stuck;
 use super::number::{Number, single, truncated};
 use super::value::{Scalar, Value};
+use super::{Stuck, bits, matrix};
 
 fn mismatch<F: Number>(what: &str, scalars: &[Scalar<F>]) -> Stuck {
     Stuck::Type(format!("{what} of {scalars:?}"))
@@ -200,11 +200,14 @@ pub fn cast<F: Number>(
             (_, ScalarKind::Float, I32(v)) => F32(rounded(f32::from((v >> 16) as i16), v as u32)?),
             (_, ScalarKind::Float, U32(v)) => F32(rounded(f32::from((v >> 16) as u16), v)?),
             (_, ScalarKind::Float, Bool(v)) => F32(F::of(f32::from(u8::from(v)))),
-            (_, ScalarKind::Sint, F32(v)) => I32(truncated(v)? as i32),
+            // The nearest that is both an integer and a float (WGSL, section 15.7.6).
+            (_, ScalarKind::Sint, F32(v)) => {
+                I32(truncated(v)?.clamp(-2_147_483_648.0, 2_147_483_520.0) as i32)
+            }
             (_, ScalarKind::Sint, I32(v)) => I32(v),
             (_, ScalarKind::Sint, U32(v)) => I32(v as i32),
             (_, ScalarKind::Sint, Bool(v)) => I32(i32::from(v)),
-            (_, ScalarKind::Uint, F32(v)) => U32(truncated(v)? as u32),
+            (_, ScalarKind::Uint, F32(v)) => U32(truncated(v)?.clamp(0.0, 4_294_967_040.0) as u32),
             (_, ScalarKind::Uint, I32(v)) => U32(v as u32),
             (_, ScalarKind::Uint, U32(v)) => U32(v),
             (_, ScalarKind::Uint, Bool(v)) => U32(u32::from(v)),
@@ -225,42 +228,12 @@ fn rounded<F: Number>(upper: f32, word: u32) -> Result<F, Stuck> {
     plus(F::of(upper * 65536.0), lower)
 }
 
-/// A field out of a whole range, as part of it, -1 at least.
-fn normalized<F: Number>(field: f32, of: f32) -> Result<F, Stuck> {
-    let part = float_binary(BinaryOperator::Divide, F::of(field), F::of(of))?;
-    F::call(MathFunction::Max, &[part, F::of(-1.0)])
-        .ok_or_else(|| Stuck::Unsupported("the larger of two".to_owned()))
-}
-
-/// The fields of a word, `width` bits each from the lowest, each through `decode`.
-fn unpack<F: Number>(
-    arguments: &[&Value<F>],
-    width: u32,
-    decode: &dyn Fn(u32) -> Result<F, Stuck>,
-) -> Result<Value<F>, Stuck> {
-    let Value::Scalar(Scalar::U32(word)) = arguments[0] else {
-        return Err(Stuck::Type("unpacking no u32".to_owned()));
-    };
-    let fields = (0..32).step_by(width as usize);
-    let fields = fields.map(|shift| decode((word >> shift) & ((1 << width) - 1)));
-    Ok(Value::composite(&fields.collect::<Result<Vec<_>, _>>()?))
-}
-
-/// A 16-bit float (IEEE 754 binary16).
-fn half(bits: u32) -> f32 {
-    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
-    let (exponent, fraction) = ((bits >> 10) & 31, (bits & 1023) as f32 / 1024.0);
-    sign * match exponent {
-        0 => fraction * 2.0_f32.powi(-14),
-        31 if fraction == 0.0 => f32::INFINITY,
-        31 => f32::NAN,
-        e => (1.0 + fraction) * 2.0_f32.powi(e as i32 - 15),
-    }
-}
-
 /// A built-in function.
 pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
     use MathFunction as M;
+    if let Some(done) = bits::call(fun, arguments) {
+        return done;
+    }
     match fun {
         M::Dot => match arguments[0].parts()?.first() {
             Some(Value::Scalar(Scalar::F32(_))) => {
@@ -273,15 +246,6 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
                 parts.try_fold(first, |sum, p| binary(BinaryOperator::Add, &sum, &p))
             }
         },
-        M::Unpack4x8unorm => unpack(arguments, 8, &|bits| normalized(bits as f32, 255.0)),
-        M::Unpack4x8snorm => unpack(arguments, 8, &|bits| {
-            normalized(f32::from(bits as i8), 127.0)
-        }),
-        M::Unpack2x16unorm => unpack(arguments, 16, &|bits| normalized(bits as f32, 65535.0)),
-        M::Unpack2x16snorm => unpack(arguments, 16, &|bits| {
-            normalized(f32::from(bits as i16), 32767.0)
-        }),
-        M::Unpack2x16float => unpack(arguments, 16, &|bits| Ok(F::of(half(bits)))),
         M::Length => match arguments[0] {
             Value::Scalar(_) => call(M::Abs, arguments),
             vector => root(dot(vector, vector)?).map(Value::number),
@@ -321,6 +285,64 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
             )?;
             binary(BinaryOperator::Subtract, arguments[0], &along)
         }
+        M::Refract => {
+            let [incident, normal, ratio] = three(arguments)?;
+            let ratio = ratio.float()?;
+            let along = dot(normal, incident)?;
+            let sine = minus(F::of(1.0), times(along, along)?)?;
+            let square = minus(F::of(1.0), times(times(ratio, ratio)?, sine)?)?;
+            if holds(BinaryOperator::Less, square, F::of(0.0))? {
+                return binary(
+                    BinaryOperator::Multiply,
+                    incident,
+                    &Value::number(F::of(0.0)),
+                );
+            }
+            let back = plus(times(ratio, along)?, root(square)?)?;
+            let bent = binary(BinaryOperator::Multiply, incident, &Value::number(ratio))?;
+            let back = binary(BinaryOperator::Multiply, normal, &Value::number(back))?;
+            binary(BinaryOperator::Subtract, &bent, &back)
+        }
+        M::FaceForward => {
+            let [normal, incident, reference] = three(arguments)?;
+            match holds(BinaryOperator::Less, dot(incident, reference)?, F::of(0.0))? {
+                true => Ok(normal.clone()),
+                false => unary(UnaryOperator::Negate, normal),
+            }
+        }
+        // A structure of the fraction and the rest.
+        M::Modf => {
+            let whole = call(M::Trunc, arguments)?;
+            let fraction = binary(BinaryOperator::Subtract, arguments[0], &whole)?;
+            Ok(Value::Composite(vec![fraction, whole]))
+        }
+        M::Frexp => {
+            let mut exponents = Vec::new();
+            let fraction = arguments[0].map(&mut |s| match s {
+                Scalar::F32(v) => {
+                    let exponent = exponent(single(v)?);
+                    exponents.push(Value::i32(exponent));
+                    Ok(Scalar::F32(shifted(v, -exponent)?))
+                }
+                other => Err(mismatch("a fraction", &[other])),
+            })?;
+            let exponents = match (&fraction, exponents.pop()) {
+                (Value::Scalar(_), Some(one)) => one,
+                (_, last) => {
+                    exponents.extend(last);
+                    Value::Composite(exponents)
+                }
+            };
+            Ok(Value::Composite(vec![fraction, exponents]))
+        }
+        M::Outer => {
+            let columns = arguments[1].parts()?.iter();
+            let columns =
+                columns.map(|factor| binary(BinaryOperator::Multiply, arguments[0], factor));
+            columns.collect::<Result<_, _>>().map(Value::Composite)
+        }
+        M::Determinant => matrix::determinant(arguments[0]).map(Value::number),
+        M::Inverse => matrix::inverse(arguments[0]),
         M::Transpose => {
             let columns = arguments[0].parts()?;
             let rows = columns
@@ -341,6 +363,39 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
     }
 }
 
+fn three<'v, F: Number>(arguments: &[&'v Value<F>]) -> Result<[&'v Value<F>; 3], Stuck> {
+    let all = <[&Value<F>; 3]>::try_from(arguments);
+    all.map_err(|_| Stuck::Type(format!("{} arguments, not 3", arguments.len())))
+}
+
+fn holds<F: Number>(op: BinaryOperator, a: F, b: F) -> Result<bool, Stuck> {
+    F::holds(op, a, b).ok_or_else(|| Stuck::Undecided(format!("{op:?} of {a:?} and {b:?}")))
+}
+
+/// The exponent that leaves a fraction from a half up to 1; 0 of what has none.
+fn exponent(v: f32) -> i32 {
+    if v == 0.0 || !v.is_finite() {
+        return 0;
+    }
+    // Denormals by way of a normal number.
+    let (v, by) = match v.is_normal() {
+        true => (v, 0),
+        false => (v * 2.0_f32.powi(32), 32),
+    };
+    ((v.to_bits() >> 23) & 0xff) as i32 - 126 - by
+}
+
+/// A number times a power of two, in steps that a float holds.
+fn shifted<F: Number>(v: F, by: i32) -> Result<F, Stuck> {
+    let (mut v, mut left) = (v, by.clamp(-400, 400));
+    while left != 0 {
+        let step = left.clamp(-126, 127);
+        v = times(v, F::of(2.0_f32.powi(step)))?;
+        left -= step;
+    }
+    Ok(v)
+}
+
 /// A function of scalars.
 fn by_component<F: Number>(fun: MathFunction, s: &[Scalar<F>]) -> Result<Scalar<F>, Stuck> {
     use MathFunction as M;
@@ -355,7 +410,11 @@ fn by_component<F: Number>(fun: MathFunction, s: &[Scalar<F>]) -> Result<Scalar<
         (M::Max, [U32(a), U32(b)]) => U32(*a.max(b)),
         (M::Clamp, [I32(v), I32(low), I32(high)]) => I32(*v.max(low).min(high)),
         (M::Clamp, [U32(v), U32(low), U32(high)]) => U32(*v.max(low).min(high)),
+        (M::Ldexp, [F32(v), I32(by)]) => F32(shifted(*v, *by)?),
         _ => {
+            if let Some(done) = bits::of_integers(fun, s) {
+                return Ok(done);
+            }
             let floats: Option<Vec<F>> = s
                 .iter()
                 .map(|s| match s {

@@ -15,9 +15,11 @@ use naga::{
     Statement, SwitchValue,
 };
 
+mod bits;
 mod flips;
 mod layout;
 mod math;
+mod matrix;
 mod number;
 mod shadow;
 mod value;
@@ -630,6 +632,10 @@ impl<'a, F: Number> Machine<'a, F> {
                 let how = (&[][..], Sampling::default());
                 let texel = self.lookup(frame, *image, &operands, how)?;
                 self.texel(*image, function, texel)?
+            }
+            Expression::ArrayLength(array) => {
+                let pointer = self.get(frame, *array)?;
+                Value::u32(self.place(&pointer)?.parts()?.len() as u32)
             }
             other => return Err(Stuck::Unsupported(format!("{other:?}"))),
         })

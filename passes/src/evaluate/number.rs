@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use naga::{BinaryOperator, MathFunction};
 
-use super::Stuck;
+use super::{Stuck, bits};
 
 /// A float of the interpreter: `f32` or `f64` itself, or what stands for a range of them.
 ///
@@ -152,6 +152,7 @@ macro_rules! float {
                     }
                     (M::Mix, [a, b, t]) => a * (1.0 - t) + b * t,
                     (M::Fma, [a, b, c]) => a * b + c,
+                    (M::QuantizeToF16, [v]) => Self::from(bits::half(bits::half_bits(*v as f32))),
                     (M::SmoothStep, [low, high, v]) => {
                         let t = ((v - low) / (high - low)).clamp(0.0, 1.0);
                         t * t * (3.0 - 2.0 * t)

@@ -222,9 +222,9 @@ mod tests {
         for i in 1..statements {
             let (far, near) = ((i * 7919) % i, i - 1 - (i % 5).min(i - 1));
             if i % 97 == 0 {
-                write!(
+                writeln!(
                     text,
-                    "for (var i = 0; i < 3; i++) {{ x = sin(x + v{far}); }}\n"
+                    "for (var i = 0; i < 3; i++) {{ x = sin(x + v{far}); }}"
                 )
                 .unwrap();
             }

@@ -13,6 +13,8 @@ use naga::ShaderStage;
 use super::pasted::{UNENDED, ended};
 use super::rescan::{Macros, Rewritten};
 use crate::front::Options;
+use crate::limits::Limits;
+use crate::regular;
 
 /// Most times that files are included, one within another and one after another.
 const INCLUDES: u64 = 10_000;
@@ -22,8 +24,8 @@ pub(super) struct Files {
     include: Vec<PathBuf>,
     /// See [`Options::root`].
     root: Option<PathBuf>,
-    /// Most bytes of one file.
-    most: u64,
+    /// Of which the bytes of one file.
+    limits: Limits,
     /// The lines of another stage are left blank in what is included too.
     stage: ShaderStage,
     /// What was read, by the path where it was found.
@@ -52,7 +54,7 @@ impl Files {
         Self {
             include: options.include.clone(),
             root: options.root.clone(),
-            most: options.limits.source_bytes,
+            limits: options.limits,
             stage,
             read: Rc::default(),
             found: Rc::default(),
@@ -208,19 +210,11 @@ impl Files {
 
     /// A file's text, if it is one and not too large.
     fn text(&self, found: &Path) -> io::Result<String> {
-        let about = std::fs::metadata(found)?;
-        if !about.is_file() {
-            return Err(refused(format!("{} is no file", found.display())));
-        }
-        if about.len() > self.most {
-            return Err(refused(format!(
-                "{} has {} bytes; the limit `source-bytes` is {}",
-                found.display(),
-                about.len(),
-                self.most
-            )));
-        }
-        let text = std::fs::read_to_string(found)?;
+        let text = regular::text(found, &self.limits, "source-bytes").map_err(|e| match e {
+            regular::Error::Io(e) => e,
+            regular::Error::TooLarge(e) => refused(e.to_string()),
+            other => refused(format!("{}: {other}", found.display())),
+        })?;
         let text = ended(Cow::Owned(text));
         let text = text.ok_or_else(|| refused(format!("{}: {UNENDED}", found.display())))?;
         Ok(text.into_owned())

@@ -10,6 +10,7 @@ use super::{Error, Gallery, Shell, data, diff};
 use crate::frontier::explore::Found;
 use crate::frontier::{Exploration, Point};
 use crate::measure::EffectUse;
+use crate::report::plain::plain;
 use crate::report::{Choice, VariantReport, frontier};
 use crate::scene::Scene;
 
@@ -130,7 +131,7 @@ pub fn page(found: &Found, scene: &Scene, effects: &[EffectUse]) -> Result<Strin
             .map(|p| (p.name.clone(), frontier::fate(p)))
             .collect(),
     };
-    Ok(page.render()?)
+    Ok(plain(&page.render()?).into_owned())
 }
 
 fn value(found: &Exploration, f: &Frequency) -> Value {

@@ -10,6 +10,7 @@ use crate::decide::decision::{Decision, MaterialDecision, PlanReport};
 use crate::decide::table;
 use crate::measure::{EffectUse, Outcome, Variant};
 use crate::report::frontier;
+use crate::report::plain::plain;
 use crate::scene::Scene;
 
 #[derive(Template)]
@@ -138,7 +139,7 @@ pub fn page(
             .map(|(term, ns)| (term.name(), format!("{ns:.6}")))
             .collect(),
     };
-    Ok(page.render()?)
+    Ok(plain(&page.render()?).into_owned())
 }
 
 fn views(decision: &Decision, sections: &[Section]) -> Vec<View> {

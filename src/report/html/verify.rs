@@ -8,6 +8,7 @@ use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
 use crate::measure::{EffectUse, Variant};
+use crate::report::plain::plain;
 use crate::report::{Choice, Chosen, ORIGINAL, Pictures, Report, VariantReport, frontier, table};
 use crate::scene::Scene;
 
@@ -113,7 +114,7 @@ pub fn page(
             .map(|g| (g.name.clone(), g.guess.to_string()))
             .collect(),
     };
-    Ok(page.render()?)
+    Ok(plain(&page.render()?).into_owned())
 }
 
 fn about(report: &Report) -> String {

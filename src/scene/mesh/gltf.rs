@@ -1,12 +1,15 @@
 //! glTF 2.0: all primitives of a file, or of one mesh of it, as one mesh with its skin and morph targets.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
 use gltf::buffer::Source;
 use serde::Deserialize;
 
+use super::accessors::{self, Cost};
 use super::{Builder, bounds, merged, positions, transformed};
+use crate::front::guard;
 use crate::scene::{Error, Mesh, Stream};
 
 /// Which part of a glTF file.
@@ -34,11 +37,36 @@ impl Gltf {
     /// Reads the mesh. `read` returns the bytes of a file by its name relative to the scene's folder.
     ///
     /// # Errors
-    /// When the file is no glTF 2.0, has no such mesh, draws other primitives than triangles, or has two skins in what is asked for.
+    /// When the file is no glTF 2.0, has no such mesh, draws other primitives than triangles, reads outside of its buffers, or has two skins in what is asked for.
     pub fn load(
         &self,
         name: &str,
         read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
+    ) -> Result<Rigged, Error> {
+        self.load_within(name, read, &|_, _| Ok(()))
+    }
+
+    /// [`Gltf::load`], where `take` is told how many vertices and bytes are about to be made, and may refuse them.
+    pub(in crate::scene) fn load_within(
+        &self,
+        name: &str,
+        read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
+        take: &dyn Fn(u64, u64) -> Result<(), Error>,
+    ) -> Result<Rigged, Error> {
+        // What the checks below overlook is the reader's to panic at.
+        guard::run(|| self.loaded(name, read, take)).unwrap_or_else(|panicked| {
+            Err(Error::new(format!(
+                "`{}`: the crate that reads glTF panicked: {panicked}",
+                self.file
+            )))
+        })
+    }
+
+    fn loaded(
+        &self,
+        name: &str,
+        read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
+        take: &dyn Fn(u64, u64) -> Result<(), Error>,
     ) -> Result<Rigged, Error> {
         let wrong = |what: String| Error::new(format!("`{}`: {what}", self.file));
         let bytes = read(&self.file)?;
@@ -48,20 +76,25 @@ impl Gltf {
             Some((folder, _)) => format!("{folder}/"),
             None => String::new(),
         };
-        let mut buffers: Vec<Vec<u8>> = Vec::new();
+        let mut buffers: Vec<Cow<'_, [u8]>> = Vec::new();
+        let mut held = 0;
         for buffer in gltf.buffers() {
             let data = match buffer.source() {
                 Source::Bin => gltf
                     .blob
-                    .clone()
+                    .as_deref()
+                    .map(Cow::Borrowed)
                     .ok_or_else(|| wrong("no binary chunk".into()))?,
                 Source::Uri(uri) => match uri.split_once(";base64,") {
-                    Some((head, data)) if head.starts_with("data:") => {
-                        base64(data).ok_or_else(|| wrong("a data URI that is no base64".into()))?
-                    }
-                    _ => read(&format!("{folder}{uri}"))?,
+                    Some((head, data)) if head.starts_with("data:") => Cow::Owned(
+                        base64(data).ok_or_else(|| wrong("a data URI that is no base64".into()))?,
+                    ),
+                    _ => Cow::Owned(read(&format!("{folder}{uri}"))?),
                 },
             };
+            // Several may be of one file.
+            held += data.len() as u64;
+            take(0, held)?;
             if data.len() < buffer.length() {
                 return Err(wrong(format!(
                     "buffer {} holds {} of {} bytes",
@@ -98,18 +131,47 @@ impl Gltf {
             );
             nodes.push(node);
         }
+        let asked = |mesh: &gltf::Mesh<'_>| {
+            let wanted = self.mesh.as_deref();
+            wanted.is_none_or(|m| mesh.name() == Some(m))
+        };
+        // Before anything of it is read: many nodes may have one mesh.
+        let lengths: Vec<usize> = buffers.iter().map(|b| b.len()).collect();
+        let mut cost = Cost::default();
+        let mut costs: BTreeMap<usize, Cost> = BTreeMap::new();
+        for node in &nodes {
+            let Some(mesh) = node.mesh().filter(asked) else {
+                continue;
+            };
+            if let Some(skin) = node.skin() {
+                accessors::of_skin(&skin, &lengths).map_err(wrong)?;
+            }
+            let of_mesh = match costs.get(&mesh.index()) {
+                Some(known) => *known,
+                None => {
+                    let mut all = Cost::default();
+                    for primitive in mesh.primitives() {
+                        let of_it = accessors::of_primitive(&primitive, &lengths);
+                        all = all.and(of_it.map_err(wrong)?);
+                    }
+                    costs.insert(mesh.index(), all);
+                    all
+                }
+            };
+            cost = cost.and(of_mesh);
+            take(cost.vertices, held.saturating_add(cost.bytes))?;
+        }
         let (mut parts, mut joints, mut weights, mut skins) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for node in &nodes {
-            let Some(mesh) = node.mesh() else { continue };
-            if self.mesh.as_deref().is_some_and(|m| mesh.name() != Some(m)) {
+            let Some(mesh) = node.mesh().filter(asked) else {
                 continue;
-            }
+            };
             if let Some(skin) = node.skin()
                 && !skins.contains(&skin.index())
             {
                 skins.push(skin.index());
-                let reader = skin.reader(|b| buffers.get(b.index()).map(Vec::as_slice));
+                let reader = skin.reader(|b| buffers.get(b.index()).map(AsRef::as_ref));
                 let inverse: Vec<Mat4> = reader
                     .read_inverse_bind_matrices()
                     .map(|m| m.map(|m| Mat4::from_cols_array_2d(&m)).collect())
@@ -156,8 +218,8 @@ impl Gltf {
     }
 }
 
-fn read_primitive(primitive: &gltf::Primitive<'_>, buffers: &[Vec<u8>]) -> Option<Mesh> {
-    let reader = primitive.reader(|b| buffers.get(b.index()).map(Vec::as_slice));
+fn read_primitive(primitive: &gltf::Primitive<'_>, buffers: &[Cow<'_, [u8]>]) -> Option<Mesh> {
+    let reader = primitive.reader(|b| buffers.get(b.index()).map(AsRef::as_ref));
     let places: Vec<Vec3> = reader.read_positions()?.map(Vec3::from).collect();
     let count = places.len();
     let indices: Vec<u32> = match reader.read_indices() {

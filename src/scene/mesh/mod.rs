@@ -8,6 +8,7 @@ use glam::{Mat4, Vec2, Vec3};
 
 use super::{Mesh, Stream};
 
+mod accessors;
 mod architecture;
 mod cards;
 mod deform;

@@ -1,0 +1,104 @@
+//! Files read whole, if they are files and no larger than a limit: a device or a pipe may have no end, and what a sparse file claims to hold need not be anywhere.
+
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
+
+use crate::limits::{Exceeded, Limits};
+
+/// Why there is nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The system says so.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// A folder.
+    #[error("it is a folder")]
+    Folder,
+    /// A device, a pipe or a socket.
+    #[error("it is no file but a device or a pipe; `-` stands for stdin")]
+    Endless,
+    /// It is larger than allowed.
+    #[error("{0}")]
+    TooLarge(#[from] Exceeded),
+    /// It is to be text, and is none from this byte on.
+    #[error("not UTF-8 text (byte {0})")]
+    NoText(usize),
+}
+
+impl From<Error> for io::Error {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Io(error) => error,
+            other => Self::new(io::ErrorKind::InvalidInput, other.to_string()),
+        }
+    }
+}
+
+/// The bytes of a file of at most as many as the limit of that name says.
+///
+/// # Errors
+/// [`Error`].
+pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8>, Error> {
+    // Looked at by name: opening a pipe waits for who writes to it.
+    let about = std::fs::metadata(path)?;
+    if about.is_dir() {
+        return Err(Error::Folder);
+    }
+    if !about.is_file() {
+        return Err(Error::Endless);
+    }
+    let check = |n: u64| limits.check(limit, n, format_args!("the bytes of {}", path.display()));
+    check(about.len())?;
+    let mut bytes = Vec::new();
+    // It may grow meanwhile.
+    let most = limits.of(limit);
+    File::open(path)?
+        .take(most.saturating_add(1))
+        .read_to_end(&mut bytes)?;
+    check(bytes.len() as u64)?;
+    Ok(bytes)
+}
+
+/// [`bytes`], as text.
+///
+/// # Errors
+/// [`Error`].
+pub fn text(path: &Path, limits: &Limits, limit: &'static str) -> Result<String, Error> {
+    String::from_utf8(bytes(path, limits, limit)?)
+        .map_err(|e| Error::NoText(e.utf8_error().valid_up_to()))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_of_some_size_are_read() {
+        let name = format!("preshade-regular-{}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&folder).unwrap();
+        let limits = Limits {
+            source_bytes: 4,
+            ..Limits::default()
+        };
+        let read = |path: &Path| text(path, &limits, "source-bytes");
+        let path = folder.join("a.wgsl");
+        std::fs::write(&path, "abcd").unwrap();
+        assert_eq!(read(&path).unwrap(), "abcd");
+        std::fs::write(&path, "abcde").unwrap();
+        assert!(matches!(read(&path), Err(Error::TooLarge(_))));
+        std::fs::write(&path, b"ab\xff").unwrap();
+        assert!(matches!(read(&path), Err(Error::NoText(2))));
+        // Of a terabyte that is nowhere.
+        File::create(&path).unwrap().set_len(1 << 40).unwrap();
+        assert!(matches!(read(&path), Err(Error::TooLarge(_))));
+        assert!(matches!(read(&folder), Err(Error::Folder)));
+        assert!(matches!(read(&folder.join("none")), Err(Error::Io(_))));
+        if cfg!(unix) {
+            assert!(matches!(read(Path::new("/dev/zero")), Err(Error::Endless)));
+        }
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}
