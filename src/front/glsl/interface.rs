@@ -149,7 +149,7 @@ impl Interface {
                     self.uniforms.push(Member {
                         name: uniform.name.clone(),
                         ty: uniform.ty.clone(),
-                        row_major: uniform.qualifiers.says("row_major"),
+                        row_major: false,
                         place: uniform.place,
                     });
                 }
@@ -192,9 +192,7 @@ impl Interface {
         }
         for stage in stages.iter_mut() {
             for block in stage.blocks.clone() {
-                if block.qualifiers.storage == Some(super::stage::Storage::Uniform)
-                    && !block.qualifiers.says("push_constant")
-                {
+                if !block.qualifiers.is_tight() {
                     for member in &block.members {
                         stage.structs.host(&member.ty);
                     }

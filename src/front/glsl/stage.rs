@@ -14,6 +14,7 @@ use naga::{ShaderStage, Span};
 use super::constant::{self, Constants};
 use super::syntax::Unit;
 use super::ty::{Member, Struct, Structs, Ty};
+use super::writes as writers;
 use crate::front::error::{Code, Error};
 
 /// Where a variable lives.
@@ -51,6 +52,11 @@ impl Qualifiers {
 
     pub(super) fn says(&self, key: &str) -> bool {
         self.layout.iter().any(|(k, _)| k == key)
+    }
+
+    /// Whether a block with them is laid out by std430: one of push constants, and a storage block that does not say std140. naga knows no other layouts.
+    pub(super) fn is_tight(&self) -> bool {
+        self.says("push_constant") || self.storage == Some(Storage::Buffer) && !self.says("std140")
     }
 }
 
@@ -125,6 +131,8 @@ pub(super) struct Stage<'u> {
     /// Those that `main` reaches, each after what it calls.
     pub functions: Vec<&'u ast::FunctionDefinition>,
     pub signatures: HashMap<String, Vec<Signature>>,
+    /// Functions that write what is not their own.
+    pub writers: HashSet<String>,
     /// Names that what `main` reaches uses.
     pub used: HashSet<String>,
     /// The position is declared `invariant`, or something is `precise`.
@@ -171,6 +179,7 @@ impl<'u> Stage<'u> {
             globals: Vec::new(),
             functions: Vec::new(),
             signatures: HashMap::new(),
+            writers: HashSet::new(),
             used: HashSet::new(),
             invariant: unit.invariant_all,
             early_fragment_tests: false,
@@ -380,7 +389,7 @@ impl<'u> Stage<'u> {
             }
             return Ok(());
         }
-        let tight = qualifiers.says("push_constant") || qualifiers.says("std430");
+        let tight = qualifiers.is_tight();
         self.refuse_offsets(&members, &member_qualifiers, tight)?;
         self.blocks.push(Block {
             name,
@@ -402,8 +411,8 @@ impl<'u> Stage<'u> {
         let mut end = 0u32;
         for (member, own) in members.iter().zip(qualifiers) {
             let (align, size) = match tight {
-                true => self.structs.std430(&member.ty),
-                false => self.structs.std140(&member.ty),
+                true => self.structs.std430_by(&member.ty, member.row_major),
+                false => self.structs.std140_by(&member.ty, member.row_major),
             };
             let at = end.next_multiple_of(align);
             let asked = own.number("offset").unwrap_or(at);
@@ -524,6 +533,7 @@ impl<'u> Stage<'u> {
                         name: name.clone(),
                         members,
                         hosted: false,
+                        tight: false,
                     });
                     self.structs.host_small();
                 }
@@ -702,6 +712,7 @@ impl<'u> Stage<'u> {
             self.used.extend(names[*i].iter().cloned());
         }
         self.functions = order.into_iter().map(|i| definitions[i]).collect();
+        self.writers = writers::writers(&self.functions, &self.signatures);
         Ok(())
     }
 }

@@ -176,6 +176,18 @@ impl Ty {
         self.base_name() + &self.dimensions()
     }
 
+    /// The whole name as an author writes it, the outermost dimension first.
+    pub(super) fn spelled(&self) -> String {
+        fn dimensions(ty: &Ty) -> String {
+            match ty {
+                Ty::Array(of, Some(n)) => format!("[{n}]{}", dimensions(of)),
+                Ty::Array(of, None) => format!("[]{}", dimensions(of)),
+                _ => String::new(),
+            }
+        }
+        self.base_name() + &dimensions(self)
+    }
+
     /// A declaration: `float x[3]`.
     pub(super) fn declare(&self, name: &str) -> String {
         format!("{} {name}{}", self.base_name(), self.dimensions())
@@ -207,6 +219,36 @@ pub(super) struct Struct {
     pub members: Vec<Member>,
     /// It lies in a uniform block, so that its members are declared as they are stored there: [`stored`].
     pub hosted: bool,
+    /// It is another struct as a storage block has it: nothing of it is ever padded.
+    pub tight: bool,
+}
+
+/// How a value lies where it is stored, as far as that is not as it is computed with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Lay {
+    /// In a block by std140, or in a struct that lies in one: [`stored`].
+    pub hosted: bool,
+    /// By rows: its matrices are declared with rows for columns.
+    pub rows: bool,
+    /// By std430.
+    pub tight: bool,
+    /// In a struct.
+    pub nested: bool,
+}
+
+impl Lay {
+    /// The type of a matrix with rows for columns, where it lies by rows.
+    pub(super) fn turned(self, ty: &Ty) -> Ty {
+        match ty {
+            Ty::Matrix(k, c, r) if self.rows => Ty::Matrix(*k, *r, *c),
+            other => other.clone(),
+        }
+    }
+
+    /// Whether a matrix is declared as an array of its columns: naga has none of two rows in a struct.
+    pub(super) fn is_of_columns(self, ty: &Ty) -> bool {
+        self.tight && self.nested && matches!(self.turned(ty), Ty::Matrix(_, _, 2))
+    }
 }
 
 /// The structs of a stage, by name.
@@ -328,6 +370,11 @@ pub(super) enum Entry<'a> {
 impl Structs {
     /// Alignment and size of the type in a uniform block: OpenGL 4.6, section 7.6.2.2 (std140).
     pub(super) fn std140(&self, ty: &Ty) -> (u32, u32) {
+        self.std140_by(ty, false)
+    }
+
+    /// The same, with matrices by rows or by columns.
+    pub(super) fn std140_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
         let width = |k: &Kind| if *k == Kind::Double { 8 } else { 4 };
         let vector = |k: &Kind, n: u8| {
             (
@@ -339,11 +386,15 @@ impl Structs {
             Ty::Scalar(k) => (width(k), width(k)),
             Ty::Vector(k, n) => vector(k, *n),
             Ty::Matrix(k, columns, rows) => {
+                let (columns, rows) = match by_rows {
+                    true => (rows, columns),
+                    false => (columns, rows),
+                };
                 let stride = vector(k, *rows).0.max(16);
                 (stride, stride * u32::from(*columns))
             }
             Ty::Array(of, n) => {
-                let (align, size) = self.std140(of);
+                let (align, size) = self.std140_by(of, by_rows);
                 let align = align.max(16);
                 (align, size.next_multiple_of(align) * n.unwrap_or(1))
             }
@@ -355,7 +406,7 @@ impl Structs {
                 let mut align = 16;
                 let mut end = 0;
                 for member in members.iter().filter(|m| self.has_data(&m.ty)) {
-                    let (a, size) = self.std140(&member.ty);
+                    let (a, size) = self.std140_by(&member.ty, by_rows);
                     align = align.max(a);
                     end = u32::next_multiple_of(end, a) + size;
                 }
@@ -367,15 +418,24 @@ impl Structs {
 
     /// Alignment and size by std430, of storage blocks and push constants.
     pub(super) fn std430(&self, ty: &Ty) -> (u32, u32) {
+        self.std430_by(ty, false)
+    }
+
+    /// The same, with matrices by rows or by columns.
+    pub(super) fn std430_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
         match ty {
             Ty::Array(of, n) => {
-                let (align, size) = self.std430(of);
+                let (align, size) = self.std430_by(of, by_rows);
                 (
                     align,
                     size.next_multiple_of(align).saturating_mul(n.unwrap_or(1)),
                 )
             }
             Ty::Matrix(kind, columns, rows) => {
+                let (columns, rows) = match by_rows {
+                    true => (rows, columns),
+                    false => (columns, rows),
+                };
                 let (align, _) = self.std430(&Ty::Vector(*kind, *rows));
                 (align, align * u32::from(*columns))
             }
@@ -384,7 +444,7 @@ impl Structs {
                 let mut align = 4;
                 let mut end = 0u32;
                 for member in members.unwrap_or_default() {
-                    let (a, size) = self.std430(&member.ty);
+                    let (a, size) = self.std430_by(&member.ty, by_rows);
                     align = align.max(a);
                     end = end.next_multiple_of(a).saturating_add(size);
                 }
@@ -432,9 +492,63 @@ impl Structs {
         out
     }
 
+    /// Whether the type holds a matrix.
+    pub(super) fn has_matrices(&self, ty: &Ty) -> bool {
+        match ty.innermost() {
+            Ty::Matrix(..) => true,
+            Ty::Struct(name) => {
+                let of = self.get(name);
+                of.is_some_and(|s| s.members.iter().any(|m| self.has_matrices(&m.ty)))
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether a struct is declared with other offsets, or other members, than a storage block by std430 has for it: naga lays its members out by std140 wherever it is used, and
+    /// one that lies in a uniform block too is declared as it is stored there.
+    pub(super) fn is_loose(&self, name: &str) -> bool {
+        fn differs(all: &Structs, ty: &Ty) -> bool {
+            match ty {
+                Ty::Array(of, _) => {
+                    let (align, size) = all.std430(of);
+                    size.next_multiple_of(align) % 16 != 0 || differs(all, of)
+                }
+                Ty::Struct(name) => all.is_loose(name),
+                Ty::Matrix(_, _, rows) => *rows == 2,
+                other => other.kind() == Some(Kind::Bool),
+            }
+        }
+        let of = self.get(name).filter(|s| !s.tight);
+        of.is_some_and(|s| s.hosted || s.members.iter().any(|m| differs(self, &m.ty)))
+    }
+
+    /// Whether a value of the type lies otherwise than it is computed with.
+    pub(super) fn lies_otherwise(&self, ty: &Ty, lay: Lay) -> bool {
+        let bools = ty.kind() == Some(Kind::Bool) && lay.tight;
+        (lay.hosted && is_stored_otherwise(ty))
+            || bools
+            || match ty {
+                Ty::Matrix(..) => lay.rows || lay.is_of_columns(ty),
+                Ty::Array(of, _) => self.lies_otherwise(of, lay),
+                Ty::Struct(name) => {
+                    lay.rows && self.has_matrices(ty) || lay.tight && self.is_loose(name)
+                }
+                _ => false,
+            }
+    }
+
+    /// How a member lies of a struct that lies so itself.
+    pub(super) fn member_lay(&self, name: &str, lay: Lay) -> Lay {
+        Lay {
+            hosted: !lay.tight && self.get(name).is_some_and(|s| s.hosted),
+            nested: true,
+            ..lay
+        }
+    }
+
     /// Marks the structs whose members naga lays out as in a block wherever they are used: those with arrays of small elements, or with matrices of two rows.
     pub(super) fn host_small(&mut self) {
-        for of in self.by_name.values_mut() {
+        for of in self.by_name.values_mut().filter(|of| !of.tight) {
             of.hosted |= of
                 .members
                 .iter()

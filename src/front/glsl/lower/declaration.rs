@@ -3,9 +3,9 @@
 use naga::ShaderStage;
 
 use super::super::interface::{Slot, index};
-use super::super::marks::unmarked;
+use super::super::marks::{Marks, unmarked};
 use super::super::stage::{Global, Storage, Variable, unsupported};
-use super::super::ty::{Entry, Kind, Member, Ty, stored};
+use super::super::ty::{Entry, Kind, Lay, Member, Ty, stored};
 use super::{Lower, Var};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
@@ -96,7 +96,13 @@ impl Lower<'_, '_> {
         for block in self.stage.blocks.clone() {
             let storage = block.qualifiers.storage == Some(Storage::Buffer);
             let push = block.qualifiers.says("push_constant");
-            let hosted = !storage && !push;
+            let tight = block.qualifiers.is_tight();
+            let lay = |member: &Member| Lay {
+                hosted: !tight,
+                rows: member.row_major,
+                tight,
+                nested: false,
+            };
             let layout = match push {
                 true => "push_constant".to_owned(),
                 false => {
@@ -123,13 +129,21 @@ impl Lower<'_, '_> {
             let mark = self.marks.mark(block.place);
             let word = if storage { "buffer" } else { "uniform" };
             let mut body = String::new();
-            let entries = match hosted {
-                true => self.stage.structs.laid_out(&block.members, false),
-                false => block.members.iter().map(Entry::Member).collect(),
+            let shapes: Vec<Member> = block
+                .members
+                .iter()
+                .map(|m| Member {
+                    ty: self.shape(&m.ty, lay(m)),
+                    ..m.clone()
+                })
+                .collect();
+            let entries = match tight {
+                false => self.stage.structs.laid_out(&shapes, false),
+                true => shapes.iter().map(Entry::Member).collect(),
             };
             for (i, entry) in entries.into_iter().enumerate() {
                 body += &match entry {
-                    Entry::Member(member) => self.member(member, hosted)?,
+                    Entry::Member(member) => member_text(&mut self.marks, member, !tight),
                     Entry::Padding => format!("    float {}_padding_{i};\n", block.name),
                 };
             }
@@ -153,9 +167,15 @@ impl Lower<'_, '_> {
                         Var {
                             text,
                             ty: m.ty.clone(),
-                            hosted,
-                            row_major: m.row_major,
+                            lay: lay(m),
                             path: None,
+                            fixed: match storage {
+                                true if block.qualifiers.memory.contains(&"readonly") => {
+                                    Some("in a readonly block")
+                                }
+                                true => None,
+                                false => Some("a uniform"),
+                            },
                         },
                     )
                 })
@@ -242,9 +262,12 @@ impl Lower<'_, '_> {
             let var = Var {
                 text: format!("{instance}.{}", uniform.name),
                 ty: uniform.ty.clone(),
-                hosted: true,
-                row_major: uniform.qualifiers.says("row_major"),
+                lay: Lay {
+                    hosted: true,
+                    ..Lay::default()
+                },
                 path,
+                fixed: Some("a uniform"),
             };
             self.bind(&uniform.name, var);
         }
@@ -262,42 +285,11 @@ impl Lower<'_, '_> {
             .enumerate()
         {
             out += &match entry {
-                Entry::Member(member) => self.member(member, true)?,
+                Entry::Member(member) => member_text(&mut self.marks, member, true),
                 Entry::Padding => format!("    float padding_{i};\n"),
             };
         }
         Ok(out + &format!("}} {instance};\n"))
-    }
-
-    /// A member of a block, declared as it is stored.
-    fn member(&mut self, member: &Member, hosted: bool) -> Result<String, Error> {
-        let mark = self.marks.mark(member.place);
-        let ty = match (&member.ty, member.row_major) {
-            (ty, true) => match transposed(ty) {
-                Some(turned) => turned,
-                None if matches!(ty.innermost(), Ty::Struct(_)) && self.has_matrices(ty) => {
-                    return Err(unsupported(
-                        "a struct with matrices in a `row_major` block is not read: qualify matrices one by one, outside of structs",
-                        member.place,
-                    ));
-                }
-                None => ty.clone(),
-            },
-            (ty, false) => ty.clone(),
-        };
-        let ty = if hosted { stored(&ty) } else { ty };
-        Ok(format!("{mark}    {};\n", ty.declare(&member.name)))
-    }
-
-    fn has_matrices(&self, ty: &Ty) -> bool {
-        match ty.innermost() {
-            Ty::Matrix(..) => true,
-            Ty::Struct(name) => {
-                let of = self.stage.structs.get(name);
-                of.is_some_and(|s| s.members.iter().any(|m| self.has_matrices(&m.ty)))
-            }
-            _ => false,
-        }
     }
 
     fn varyings(&mut self) -> Result<String, Error> {
@@ -339,7 +331,8 @@ impl Lower<'_, '_> {
         let name = self.safe(&emitted);
         let mut leaves = Vec::new();
         self.stage.structs.leaves(&variable.ty, "", &mut leaves);
-        let var = Var::plain(name.clone(), variable.ty.clone());
+        let fixed = (direction == Storage::In).then_some("an input");
+        let var = Var::plain(name.clone(), variable.ty.clone()).fixed(fixed);
         match &variable.block {
             Some((_, Some(instance))) => self.bind(&format!("{instance}.{}", variable.name), var),
             _ => self.bind(&variable.name, var),
@@ -450,9 +443,8 @@ impl Lower<'_, '_> {
     fn global(&mut self, global: &Global<'_>, out: &mut String) -> Result<(), Error> {
         let author = global.name.as_str();
         let name = self.safe(author);
-        let hosted = self.is_hosted(&global.ty);
-        let mut var = Var::plain(name.clone(), global.ty.clone());
-        var.hosted = hosted;
+        let fixed = (global.qualifiers.storage == Some(Storage::Const)).then_some("a constant");
+        let var = Var::plain(name.clone(), global.ty.clone()).fixed(fixed);
         if !self.stage.used.contains(author) && !global.qualifiers.says("constant_id") {
             self.bind(author, var);
             return Ok(());
@@ -509,18 +501,14 @@ impl Lower<'_, '_> {
         }
         name
     }
-
-    /// Whether values of the type hold what is stored in another way than it is computed with.
-    pub(super) fn is_hosted(&self, ty: &Ty) -> bool {
-        matches!(ty.innermost(), Ty::Struct(name) if self.stage.structs.get(name).is_some_and(|s| s.hosted))
-    }
 }
 
-/// The type of a matrix, or array of matrices, with rows for columns.
-pub(super) fn transposed(ty: &Ty) -> Option<Ty> {
-    match ty {
-        Ty::Matrix(k, c, r) => Some(Ty::Matrix(*k, *r, *c)),
-        Ty::Array(of, n) => Some(Ty::Array(Box::new(transposed(of)?), *n)),
-        _ => None,
-    }
+/// A member of a block, declared as it is stored.
+fn member_text(marks: &mut Marks, member: &Member, hosted: bool) -> String {
+    let mark = marks.mark(member.place);
+    let ty = match hosted {
+        true => stored(&member.ty),
+        false => member.ty.clone(),
+    };
+    format!("{mark}    {};\n", ty.declare(&member.name))
 }

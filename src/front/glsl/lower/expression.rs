@@ -9,10 +9,10 @@ use super::super::constant;
 use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{initial_length, unsupported};
-use super::super::ty::{Kind, Ty, is_stored_otherwise, stored};
+use super::super::ty::{Kind, Lay, Ty};
 use super::effect::after;
-use super::{Lower, Var};
-use crate::front::error::Error;
+use super::{Lower, Var, check};
+use crate::front::error::{Code, Error};
 
 /// How tightly what was printed holds together, as in GLSL's table of operators turned round.
 pub(super) mod level {
@@ -30,9 +30,14 @@ pub(super) struct Ex {
     pub text: String,
     pub ty: Ty,
     pub level: u8,
-    /// It is as it lies in a uniform block; [`Lower::value`] makes a value of it.
-    pub hosted: bool,
-    pub row_major: bool,
+    /// It is as it lies in a block; [`Lower::value`] makes a value of it.
+    pub lay: Lay,
+    /// What is written in its place, component by component, where naga cannot write to it at once: `m[1].xy`, a column of a matrix that lies by rows.
+    pub parts: Option<Vec<String>>,
+    /// It is a column of a matrix.
+    pub column: bool,
+    /// The matrix and the index that it is a column of, where that lies by rows.
+    pub turned: Option<(String, String)>,
     /// Where its samplers are found.
     pub path: Option<String>,
     /// It is a combined sampler.
@@ -47,8 +52,10 @@ impl Ex {
             text: text.into(),
             ty,
             level,
-            hosted: false,
-            row_major: false,
+            lay: Lay::default(),
+            parts: None,
+            column: false,
+            turned: None,
             path: None,
             pair: None,
             choice: None,
@@ -73,68 +80,6 @@ impl Lower<'_, '_> {
     pub(super) fn expr(&mut self, expr: &Expr) -> Result<Ex, Error> {
         let ex = self.raw(expr)?;
         Ok(self.value(ex))
-    }
-
-    pub(super) fn value(&self, ex: Ex) -> Ex {
-        if ex.row_major && super::declaration::transposed(&ex.ty).is_some() {
-            let turned = super::declaration::transposed(&ex.ty).unwrap_or(Ty::Unknown);
-            let inner = self.value(Ex {
-                ty: turned,
-                row_major: false,
-                ..ex.clone()
-            });
-            return match &ex.ty {
-                Ty::Matrix(..) => Ex::primary(format!("transpose({})", inner.text), ex.ty),
-                Ty::Array(of, Some(n)) => {
-                    let parts: Vec<String> = (0..*n)
-                        .map(|i| {
-                            let text = format!("{}[{i}]", inner.at(level::POSTFIX));
-                            let part = Ex {
-                                text,
-                                ty: (**of).clone(),
-                                level: level::POSTFIX,
-                                ..ex.clone()
-                            };
-                            self.value(part).text
-                        })
-                        .collect();
-                    Ex::primary(format!("{}({})", ex.ty.name(), parts.join(", ")), ex.ty)
-                }
-                _ => inner,
-            };
-        }
-        if !ex.hosted || !is_stored_otherwise(&ex.ty) {
-            return Ex {
-                hosted: false,
-                row_major: false,
-                ..ex
-            };
-        }
-        let text = ex.at(level::POSTFIX);
-        match &ex.ty {
-            Ty::Scalar(Kind::Bool) => Ex::new(format!("{text} != 0u"), Ty::BOOL, 10),
-            Ty::Vector(Kind::Bool, n) => {
-                Ex::primary(format!("notEqual({text}, uvec{n}(0u))"), ex.ty.clone())
-            }
-            Ty::Matrix(_, columns, _) => {
-                let columns: Vec<String> =
-                    (0..*columns).map(|c| format!("{text}[{c}].xy")).collect();
-                Ex::primary(
-                    format!("{}({})", ex.ty.name(), columns.join(", ")),
-                    ex.ty.clone(),
-                )
-            }
-            Ty::Array(_, Some(n)) => {
-                let parts: Vec<String> = (0..*n)
-                    .map(|i| self.value(element(&ex, &i.to_string())).text)
-                    .collect();
-                Ex::primary(
-                    format!("{}({})", ex.ty.name(), parts.join(", ")),
-                    ex.ty.clone(),
-                )
-            }
-            _ => ex,
-        }
     }
 
     /// The expression, still as it lies in a block.
@@ -166,11 +111,27 @@ impl Lower<'_, '_> {
                     place,
                 ));
             }
-            ExprData::Unary(op, of) => self.unary(op, of)?,
-            ExprData::Binary(op, a, b) => self.binary(&op.content, a, b)?,
+            ExprData::Unary(op, of) => self.unary(op, of, place)?,
+            ExprData::Binary(op, a, b) => self.binary(&op.content, a, b, place)?,
             ExprData::Ternary(condition, a, b) => {
+                let of = self.place(condition.span);
                 let condition = self.expr(condition)?;
+                self.check_condition(&condition, of)?;
                 let (a, b) = (self.expr(a)?, self.expr(b)?);
+                if a.ty == Ty::Void || b.ty == Ty::Void {
+                    return Err(
+                        unsupported("`?` chooses between values, and this is none", place)
+                            .note("write an `if`"),
+                    );
+                }
+                if !check::meet(&a.ty, &b.ty) {
+                    let message = format!(
+                        "`?` chooses between {} and {}",
+                        check::a(&a.ty),
+                        check::a(&b.ty)
+                    );
+                    return Err(Error::new(Code::Parse, message).label_if(place));
+                }
                 let ty = match (a.ty.kind(), b.ty.kind()) {
                     (Some(x), Some(y)) if x.power() < y.power() => b.ty.clone(),
                     _ => a.ty.clone(),
@@ -180,40 +141,7 @@ impl Lower<'_, '_> {
                 Ex::new(text, ty, level::TERNARY)
             }
             ExprData::Assignment(to, op, from) => {
-                let word = assignment(&op.content);
-                if let Some(ex) = self.assigned_column(to, word, from)? {
-                    return Ok(ex);
-                }
-                // naga reads by one evaluation of the target and writes by another.
-                let settled = match word {
-                    "=" => Vec::new(),
-                    _ => self.settle(to)?,
-                };
-                let target = self.raw(to)?;
-                let from = self.expr(from)?;
-                let text = if word == "=" && target.hosted && is_stored_otherwise(&target.ty) {
-                    let packed =
-                        pack(&self.coerce(from, &target.ty), &target.ty).ok_or_else(|| {
-                            unsupported(
-                                "this part of a uniform's struct cannot be written to as a whole",
-                                place,
-                            )
-                        })?;
-                    format!("{} = {packed}", target.at(level::UNARY))
-                } else {
-                    let from = match word {
-                        "=" => self.coerce(from, &target.ty),
-                        "<<=" | ">>=" => from,
-                        "%=" => splat(self.coerce_kind(from, target.ty.kind()), &target.ty),
-                        _ => self.coerce_kind(from, target.ty.kind()),
-                    };
-                    format!(
-                        "{} {word} {}",
-                        target.at(level::UNARY),
-                        from.at(level::ASSIGNMENT)
-                    )
-                };
-                after(settled, Ex::new(text, target.ty, level::ASSIGNMENT))
+                self.assignment(to, assignment(&op.content), from)?
             }
             ExprData::Bracket(of, index) => self.index(of, index, expr)?,
             ExprData::FunCall(name, arguments) => {
@@ -223,57 +151,21 @@ impl Lower<'_, '_> {
                 ex
             }
             ExprData::Dot(of, name) => self.dot(of, name.as_str(), expr)?,
-            ExprData::PostInc(of) => {
-                let settled = self.settle(of)?;
-                let of = self.raw(of)?;
-                let text = format!("{}++", of.at(level::POSTFIX));
-                after(settled, Ex::new(text, of.ty, level::POSTFIX))
-            }
-            ExprData::PostDec(of) => {
-                let settled = self.settle(of)?;
-                let of = self.raw(of)?;
-                let text = format!("{}--", of.at(level::POSTFIX));
-                after(settled, Ex::new(text, of.ty, level::POSTFIX))
-            }
+            ExprData::PostInc(of) => self.stepped(of, "++", true)?,
+            ExprData::PostDec(of) => self.stepped(of, "--", true)?,
             ExprData::Comma(a, b) => {
                 let (a, b) = (self.expr(a)?, self.expr(b)?);
+                if a.ty == Ty::Void || b.ty == Ty::Void {
+                    return Err(unsupported(
+                        "a call that returns nothing cannot be part of this expression",
+                        place,
+                    )
+                    .note("make it a statement of its own"));
+                }
                 let text = format!("{}, {}", a.text, b.at(level::ASSIGNMENT));
                 Ex::new(text, b.ty, level::COMMA)
             }
         })
-    }
-
-    /// An assignment to several components of a matrix's column, which naga does not know, by way of the whole column.
-    fn assigned_column(&mut self, to: &Expr, word: &str, from: &Expr) -> Result<Option<Ex>, Error> {
-        let ExprData::Dot(column, components) = &to.content else {
-            return Ok(None);
-        };
-        let ExprData::Bracket(matrix, _) = &column.content else {
-            return Ok(None);
-        };
-        let components = components.as_str();
-        if components.len() < 2 || !matches!(self.raw(matrix)?.ty, Ty::Matrix(..)) {
-            return Ok(None);
-        }
-        let mut all = self.settle(column)?;
-        let column = self.raw(column)?;
-        let (Some(kind), Some(held)) = (column.ty.kind(), self.temporary(&column.ty)) else {
-            return Ok(None);
-        };
-        let ty = Ty::Vector(kind, components.len().min(4) as u8);
-        let from = self.expr(from)?;
-        let from = match word {
-            "=" => self.coerce(from, &ty),
-            _ => self.coerce_kind(from, Some(kind)),
-        };
-        all.push(format!("{held} = {}", column.text));
-        all.push(format!(
-            "{held}.{components} {word} {}",
-            from.at(level::ASSIGNMENT)
-        ));
-        all.push(format!("{} = {held}", column.at(level::UNARY)));
-        let value = Ex::new(format!("{held}.{components}"), ty, level::POSTFIX);
-        Ok(Some(after(all, value)))
     }
 
     fn variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
@@ -296,8 +188,7 @@ impl Lower<'_, '_> {
             false => level::PRIMARY,
         };
         let mut ex = Ex::new(var.text.clone(), var.ty.clone(), level);
-        ex.hosted = var.hosted;
-        ex.row_major = var.row_major;
+        ex.lay = var.lay;
         ex.path = var.path.clone();
         self.with_pair(ex)
     }
@@ -386,35 +277,40 @@ impl Lower<'_, '_> {
         name
     }
 
-    fn unary(&mut self, op: &ast::UnaryOp, of: &Expr) -> Result<Ex, Error> {
+    fn unary(
+        &mut self,
+        op: &ast::UnaryOp,
+        of: &Expr,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
         let word = match op.content {
-            UnaryOpData::Inc => "++",
-            UnaryOpData::Dec => "--",
+            UnaryOpData::Inc => return self.stepped(of, "++", false),
+            UnaryOpData::Dec => return self.stepped(of, "--", false),
             UnaryOpData::Add => return self.expr(of),
             UnaryOpData::Minus => "-",
             UnaryOpData::Not => "!",
             UnaryOpData::Complement => "~",
         };
-        let settled = match word {
-            "++" | "--" => self.settle(of)?,
-            _ => Vec::new(),
-        };
-        let of = match word {
-            "++" | "--" => self.raw(of)?,
-            _ => self.expr(of)?,
-        };
+        let of = self.expr(of)?;
+        self.check_sign(word, &of.ty, place)?;
         let mut text = of.at(level::UNARY);
         if unmarked(&text).starts_with(['-', '+']) {
             text = format!("({text})");
         }
-        let text = format!("{word}{text}");
-        Ok(after(settled, Ex::new(text, of.ty, level::UNARY)))
+        Ok(Ex::new(format!("{word}{text}"), of.ty, level::UNARY))
     }
 
-    fn binary(&mut self, op: &B, a: &Expr, b: &Expr) -> Result<Ex, Error> {
+    fn binary(
+        &mut self,
+        op: &B,
+        a: &Expr,
+        b: &Expr,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
         // naga evaluates both sides whatever the first one is.
         if matches!(op, B::And | B::Or) && self.has_effect(b) {
             let (a, b) = (self.expr(a)?, self.expr(b)?);
+            self.check_operator(op, operator(op).0, [&a.ty, &b.ty], place)?;
             let tighter = level::TERNARY + 1;
             let text = match op {
                 B::And => format!("{} ? {} : false", a.at(tighter), b.at(tighter)),
@@ -424,6 +320,7 @@ impl Lower<'_, '_> {
         }
         let (a, b) = (self.expr(a)?, self.expr(b)?);
         let (word, level) = operator(op);
+        self.check_operator(op, word, [&a.ty, &b.ty], place)?;
         if *op == B::Xor {
             let text = format!("({}) != ({})", a.text, b.text);
             return Ok(Ex::new(text, Ty::BOOL, 10));
@@ -498,19 +395,28 @@ impl Lower<'_, '_> {
             return Ok(Ex::primary(self.target_name(n), Ty::Vector(Kind::Float, 4)));
         }
         let base = self.raw(of)?;
-        let index = self.expr(index)?;
+        let (of_index, index) = (index, self.expr(index)?);
         if self.stage.structs.has_samplers(&base.ty) {
             return self.index_samplers(base, &index, known, place);
         }
-        if base.row_major && matches!(base.ty, Ty::Matrix(..)) {
-            let base = self.value(base);
-            return Ok(element(&base, &index.text));
+        self.check_index(&base.ty, &index.ty, place)?;
+        let repeats = match &base.ty {
+            Ty::Array(of, _) => self.stage.structs.lies_otherwise(of, base.lay),
+            Ty::Matrix(..) => base.lay.rows,
+            _ => false,
+        };
+        if repeats && known.is_none() && self.writes(of_index) {
+            return Err(unsupported(
+                "this index does something, and what it chooses is put together of several parts",
+                place,
+            )
+            .note("put the index into a variable first"));
         }
         let index = match index.ty.kind() {
             Some(Kind::Float | Kind::Bool) => format!("int({})", index.text),
             _ => index.text,
         };
-        Ok(element(&base, &index))
+        Ok(self.element_of(base, &index))
     }
 
     /// An element of an array that holds samplers.
@@ -564,15 +470,15 @@ impl Lower<'_, '_> {
         {
             return self.own_variable(name, whole);
         }
-        let base = self.raw(of)?;
+        let (of_expr, base) = (of, self.raw(of)?);
         match base.ty.clone() {
             Ty::Struct(of) => {
                 let member = self
                     .stage
                     .structs
                     .get(&of)
-                    .map(|s| (s.hosted, s.members.iter().find(|m| m.name == name).cloned()));
-                let Some((hosted, Some(member))) = member else {
+                    .and_then(|s| s.members.iter().find(|m| m.name == name).cloned());
+                let Some(member) = member else {
                     return Err(Error::new(
                         crate::front::error::Code::Parse,
                         format!("the struct `{of}` has no member `{name}`"),
@@ -584,7 +490,7 @@ impl Lower<'_, '_> {
                     member.ty,
                     level::POSTFIX,
                 );
-                ex.hosted = hosted;
+                ex.lay = self.stage.structs.member_lay(&of, base.lay);
                 ex.path = base.path.map(|p| format!("{p}.{name}"));
                 Ok(self.with_pair(ex))
             }
@@ -599,27 +505,7 @@ impl Lower<'_, '_> {
                     ),
                 })
             }
-            Ty::Vector(kind, _) => {
-                let base = match base.hosted && kind == Kind::Bool {
-                    true => self.value(base),
-                    false => base,
-                };
-                let n = name.len().min(4) as u8;
-                // naga writes to no component of a matrix's column but by its number.
-                let number = "xyzw rgba stpq"
-                    .find(name)
-                    .filter(|_| n == 1)
-                    .map(|at| at % 5);
-                if let (ExprData::Bracket(..), Some(number)) = (&of.content, number) {
-                    let text = format!("{}[{number}]", base.at(level::POSTFIX));
-                    return Ok(Ex::new(text, Ty::Scalar(kind), level::POSTFIX));
-                }
-                Ok(Ex::new(
-                    format!("{}.{name}", base.at(level::POSTFIX)),
-                    Ty::vector(kind, n),
-                    level::POSTFIX,
-                ))
-            }
+            Ty::Vector(..) => self.components_of(base, of_expr, name, self.place(whole.span)),
             _ => Ok(Ex::new(
                 format!("{}.{name}", base.at(level::POSTFIX)),
                 Ty::Unknown,
@@ -660,6 +546,7 @@ impl Lower<'_, '_> {
         match &init.content {
             InitializerData::Simple(e) => {
                 let ex = self.expr(e)?;
+                self.check_given(&ex.ty, ty, self.place(e.span))?;
                 Ok(self.coerce(ex, ty).at(level::ASSIGNMENT))
             }
             InitializerData::List(list) => {
@@ -733,9 +620,8 @@ impl Lower<'_, '_> {
     }
 }
 
-/// An element of an array, a column or a component, as it lies there.
 /// A scalar beside a vector, as one.
-fn splat(ex: Ex, to: &Ty) -> Ex {
+pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
     match (&ex.ty, to) {
         (Ty::Scalar(_), Ty::Vector(..)) => {
             Ex::primary(format!("{}({})", to.name(), ex.text), to.clone())
@@ -744,12 +630,13 @@ fn splat(ex: Ex, to: &Ty) -> Ex {
     }
 }
 
+/// An element of an array, a column or a component, as it lies there.
 pub(super) fn element(base: &Ex, index: &str) -> Ex {
     let text = format!("{}[{index}]", base.at(level::POSTFIX));
     let (ty, ending) = match &base.ty {
         Ty::Array(of, _) => {
             // Padded to four components in a block.
-            let ending = match (&**of, base.hosted) {
+            let ending = match (&**of, base.lay.hosted) {
                 (Ty::Scalar(_), true) => ".x",
                 (Ty::Vector(_, 2), true) => ".xy",
                 _ => "",
@@ -757,47 +644,20 @@ pub(super) fn element(base: &Ex, index: &str) -> Ex {
             ((**of).clone(), ending)
         }
         Ty::Matrix(k, _, rows) => {
-            let ending = if base.hosted && *rows == 2 { ".xy" } else { "" };
+            let ending = if base.lay.hosted && *rows == 2 {
+                ".xy"
+            } else {
+                ""
+            };
             (Ty::Vector(*k, *rows), ending)
         }
         Ty::Vector(k, _) => (Ty::Scalar(*k), ""),
         _ => (Ty::Unknown, ""),
     };
     let mut ex = Ex::new(text + ending, ty, level::POSTFIX);
-    ex.hosted = base.hosted;
-    ex.row_major = base.row_major;
+    ex.lay = base.lay;
+    ex.column = matches!(base.ty, Ty::Matrix(..));
     ex
-}
-
-/// A value as it lies in a block.
-pub(super) fn pack(value: &Ex, ty: &Ty) -> Option<String> {
-    Some(match ty {
-        Ty::Scalar(Kind::Bool) => format!("uint({})", value.text),
-        Ty::Vector(Kind::Bool, n) => format!("uvec{n}({})", value.text),
-        Ty::Matrix(_, columns, 2) => {
-            let parts: Vec<String> = (0..*columns)
-                .map(|c| format!("vec4({}[{c}], 0.0, 0.0)", value.at(level::POSTFIX)))
-                .collect();
-            format!("{}({})", stored(ty).name(), parts.join(", "))
-        }
-        Ty::Array(of, Some(n)) if matches!(**of, Ty::Scalar(_) | Ty::Vector(_, 2)) => {
-            let vector = match stored(ty) {
-                Ty::Array(of, _) => of.name(),
-                _ => return None,
-            };
-            let zeros = if matches!(**of, Ty::Scalar(_)) {
-                ", 0, 0, 0"
-            } else {
-                ", 0, 0"
-            };
-            let parts: Vec<String> = (0..*n)
-                .map(|i| format!("{vector}({}[{i}]{zeros})", value.at(level::POSTFIX)))
-                .collect();
-            format!("{}({})", stored(ty).name(), parts.join(", "))
-        }
-        other if !is_stored_otherwise(other) => value.text.clone(),
-        _ => return None,
-    })
 }
 
 /// A float with all its digits, as GLSL spells it.
