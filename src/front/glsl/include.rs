@@ -89,7 +89,9 @@ impl Files {
                 self.most
             )));
         }
-        std::fs::read_to_string(found)
+        // Comments may be in whatever encoding: what is no UTF-8 elsewhere, no parser takes.
+        let bytes = std::fs::read(found)?;
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
     /// What a file that was found is called: as it was asked for where it is there, so that messages say what the author wrote.
