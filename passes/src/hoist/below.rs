@@ -88,14 +88,11 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
 
     /// By place, how many calls lead to each.
     fn depths(&self) -> Vec<u32> {
-        let mut of_context: Vec<u32> = Vec::with_capacity(self.values.contexts.len());
-        for context in &self.values.contexts {
-            let caller = context.call.map(|(caller, _)| of_context[caller] + 1);
-            of_context.push(caller.unwrap_or_default());
-        }
         let depth = |id: &ValueId| match self.values.values[*id].node {
             Node::Input(_) => 0,
-            Node::Expression(c, ..) | Node::Version(c, _) | Node::Control(c, _) => of_context[c],
+            Node::Expression(c, ..) | Node::Version(c, _) | Node::Control(c, _) => {
+                self.values.contexts[c].depth
+            }
         };
         self.order.iter().map(depth).collect()
     }

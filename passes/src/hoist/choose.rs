@@ -193,7 +193,10 @@ fn items<'v>(
                     let (_, width) = shape(values, id)?;
                     let flat = c.interpolated == Interpolated::Flat;
                     // Of two names for one value, the one in the outermost function: it is carried without a copy of the callee.
-                    let depth = depth(values, id);
+                    let depth = values
+                        .expression(id)
+                        .map(|(c, ..)| values.contexts[c].depth);
+                    let depth = f64::from(depth.unwrap_or_default());
                     Some(price(f64::from(width), flat) * (1.0 + 0.002 * depth))
                 });
                 (Some(value.cost), price)
@@ -228,16 +231,4 @@ pub fn shape(values: &Values<'_, '_>, id: ValueId) -> Option<(naga::ScalarKind, 
         TypeInner::Vector { size, scalar } => Some((scalar.kind, *size as u8)),
         _ => None,
     }
-}
-
-fn depth(values: &Values<'_, '_>, id: ValueId) -> f64 {
-    let Some((mut context, ..)) = values.expression(id) else {
-        return 0.0;
-    };
-    let mut depth = 0.0;
-    while let Some((caller, _)) = values.contexts[context].call {
-        depth += 1.0;
-        context = caller;
-    }
-    depth
 }

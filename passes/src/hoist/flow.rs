@@ -28,8 +28,6 @@ pub struct Network {
     /// The first arc of each node that may still lead on in this phase.
     next: Vec<usize>,
     work: u64,
-    /// Arcs that `leaving` has.
-    known: usize,
 }
 
 /// Not visited in this phase.
@@ -45,7 +43,6 @@ impl Network {
             level: vec![FAR; nodes],
             next: vec![0; nodes],
             work: 0,
-            known: 0,
         }
     }
 
@@ -77,8 +74,7 @@ impl Network {
     /// Lets as much more flow as can; returns how much that is.
     pub fn augment(&mut self, source: usize, sink: usize) -> u64 {
         let arcs = self.arcs.iter().enumerate();
-        if arcs.len() != self.known {
-            self.known = arcs.len();
+        if arcs.len() != self.leaving.pairs() {
             self.leaving = Users::new(self.nodes, arcs.map(|(id, arc)| (arc.from, id)));
         }
         let mut more = 0;
@@ -169,7 +165,7 @@ impl Network {
 
     /// The next arc of a node that is open and leads one level on.
     fn onward(&mut self, node: usize) -> Option<ArcId> {
-        while let Some(arc) = self.leaving.nth(node, self.next[node]) {
+        while let Some(&arc) = self.leaving[node].get(self.next[node]) {
             self.work += 1;
             let Arc { to, residual, .. } = self.arcs[arc];
             if residual > 0 && self.level[to] != FAR && self.level[to] == self.level[node] + 1 {

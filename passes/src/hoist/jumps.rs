@@ -9,18 +9,15 @@
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind};
 
 use super::range::{AllRanges, Range};
-use super::sign;
 use super::travel::Stays;
 use super::values::{ContextId, Node, ValueId, Values};
-use crate::pass::SourceRange;
 
 /// For each value, the jump that it is or rests on, or else one that comes again and again and rests on it.
-pub(super) fn reached(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<Option<Stays>> {
-    let ranges = AllRanges::new(values, values.circles(), known, sign::LARGEST_INPUT);
+pub(super) fn reached(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Stays>> {
     let users = values.users();
     let mut found: Vec<Option<Stays>> = (0..values.values.len())
         .map(|id| {
-            let operation = happens(values, &ranges, id)?;
+            let operation = happens(values, ranges, id)?;
             Some(Stays::Discontinuous { operation })
         })
         .collect();

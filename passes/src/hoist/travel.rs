@@ -234,11 +234,16 @@ pub(super) fn held_back(
             }
         }
     };
+    if assumed == Assumed::ALL {
+        return verdicts;
+    }
+    let known = &precision.ranges;
+    let ranges = AllRanges::new(values, values.circles(), known, sign::LARGEST_INPUT);
     if assumed.jumps == Jumps::Stay {
-        hold(jumps::reached(values, &precision.ranges));
+        hold(jumps::reached(values, &ranges));
     }
     if assumed.finite == Finite::Proved {
-        hold(hazards(values, &precision.ranges));
+        hold(hazards(values, &ranges));
     }
     verdicts
 }
@@ -418,9 +423,8 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
 }
 
 /// For each value, an operation in or below it whose result may be NaN or infinite.
-fn hazards(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<Option<Stays>> {
+fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Stays>> {
     let signs = Signs::new(values);
-    let ranges = AllRanges::new(values, values.circles(), known, sign::LARGEST_INPUT);
     let users = values.users();
     let hazard = |id: ValueId| {
         let (context, e, _) = values.expression(id)?;
@@ -429,7 +433,7 @@ fn hazards(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<Option<Stays>>
             operation: operation.to_owned(),
         });
         undefined.or_else(|| {
-            sign::overflow(values, &ranges, id).map(|operation| Stays::MayOverflow {
+            sign::overflow(values, ranges, id).map(|operation| Stays::MayOverflow {
                 operation: operation.to_owned(),
             })
         })

@@ -29,9 +29,9 @@ impl Users {
         Self { start, of }
     }
 
-    /// Of a thing, the one at a place among its own.
-    pub fn nth(&self, thing: usize, place: usize) -> Option<usize> {
-        self[thing].get(place).copied()
+    /// Number of pairs.
+    pub fn pairs(&self) -> usize {
+        self.of.len()
     }
 }
 

@@ -31,6 +31,8 @@ pub struct Context {
     pub function: FunctionId,
     /// Who calls it, and where. `None` for the entry point.
     pub call: Option<(ContextId, StmtId)>,
+    /// How many calls lead to it: 0 for the entry point.
+    pub depth: u32,
     /// How often it runs for one fragment, as far as that can be told.
     pub times: f64,
 }
@@ -120,6 +122,7 @@ impl<'g, 'p> Values<'g, 'p> {
             contexts: vec![Context {
                 function: FunctionId::EntryPoint(entry),
                 call: None,
+                depth: 0,
                 times: 1.0,
             }],
             values: Vec::new(),
@@ -336,6 +339,7 @@ impl<'g, 'p> Values<'g, 'p> {
         self.contexts.push(Context {
             function: FunctionId::Function(*function),
             call: Some((context, call)),
+            depth: self.contexts[context].depth + 1,
             times: self.contexts[context].times * f.times[call.index()],
         });
         self.children.insert((context, call), child);
