@@ -86,6 +86,10 @@ pub(super) enum Spelling {
     /// `1.5f`.
     Wgsl,
     /// `1.5`, or `1e-7`.
+    #[cfg_attr(
+        not(feature = "glsl"),
+        allow(dead_code, reason = "GLSL is written with that feature alone")
+    )]
     Glsl,
 }
 

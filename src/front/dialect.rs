@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use preshade_passes::program::{Searched, Wanted};
+use preshade_passes::program::Searched;
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+use preshade_passes::program::Wanted;
 
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 use super::Options;

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use super::cut;
 use super::reach::with_operands;
+use super::users::Users;
 use super::values::{Node, ValueId, Values};
 
 /// Cost of computing values and all they rest on, each once, and the inputs among that.
@@ -58,11 +59,15 @@ pub fn dearest(
     found.iter().map(|(at, cost)| (order[*at], *cost)).collect()
 }
 
-/// Walks downwards from up to [`Above::MOST`] values at once. Values go by their place in an order in which users come before operands, but for those of a circle.
+/// Walks downwards from up to [`Above::MOST`] values at once. Values go by their place in an order in which users come before operands, but for those of a circle: what a walk reads next lies next.
 struct Walk<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     order: Vec<ValueId>,
     place: Vec<usize>,
+    /// By place: the places of the operands.
+    operands: Users,
+    /// By place: what each costs, apart from its operands.
+    own: Vec<f64>,
     /// By place: which of those walked from rest on it.
     resting: Vec<Above>,
     /// Bits by place: whether any does.
@@ -77,8 +82,14 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
         for (at, id) in order.iter().enumerate() {
             place[*id] = at;
         }
+        let pairs = order.iter().enumerate().flat_map(|(at, id)| {
+            let operands = values.values[*id].operands.iter();
+            operands.map(|o| place[*o]).map(move |o| (at, o))
+        });
         Self {
             values,
+            operands: Users::new(order.len(), pairs),
+            own: order.iter().map(|id| values.values[*id].cost).collect(),
             resting: vec![Above::default(); order.len()],
             reached: vec![0; order.len().div_ceil(64)],
             order,
@@ -104,9 +115,8 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
             bounds[*at] = *cost;
         }
         for at in 0..bounds.len() {
-            for operand in &self.values.values[self.order[at]].operands {
-                let operand = self.place[*operand];
-                bounds[operand] = bounds[operand].min(bounds[at]);
+            for operand in &self.operands[at] {
+                bounds[*operand] = bounds[*operand].min(bounds[at]);
             }
         }
         bounds
@@ -114,7 +124,6 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
 
     /// What each of some values costs; they are given by place, in ascending order.
     fn costs(&mut self, some: &[usize]) -> Vec<f64> {
-        let values = self.values;
         let reach = |reached: &mut [u64], at: usize| reached[at / 64] |= 1 << (at % 64);
         // Operands stand behind, but those of a circle: what is reached lies between these.
         let mut from = some.first().copied().unwrap_or_default();
@@ -129,8 +138,7 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
             let mut at = from;
             while let Some(next) = next_set(&self.reached[..=last / 64], at) {
                 let above = self.resting[next];
-                for operand in &values.values[self.order[next]].operands {
-                    let operand = self.place[*operand];
+                for operand in self.operands[next].iter().copied() {
                     let more = self.resting[operand].join(&above);
                     changed |= more && operand <= next;
                     reach(&mut self.reached, operand);
@@ -145,7 +153,7 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
         let mut at = from;
         while let Some(next) = next_set(&self.reached[..=last / 64], at) {
             let above = std::mem::take(&mut self.resting[next]);
-            let cost = values.values[self.order[next]].cost;
+            let cost = self.own[next];
             if cost > 0.0 {
                 *shared.entry(above).or_default() += cost;
             }

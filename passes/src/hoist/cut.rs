@@ -23,7 +23,7 @@ use std::borrow::Cow;
 
 use rustc_hash::FxHashSet;
 
-use super::flow::{ArcId, Network};
+use super::flow::{Arc, Network};
 use super::users::Users;
 
 /// A value in the cut problem.
@@ -79,7 +79,7 @@ struct Contracted {
     /// The node of `F(item)`.
     computed: Vec<Option<usize>>,
     /// Items with a price that may be cut: its arc, and the capacity that it has so far.
-    prices: Vec<(usize, ArcId, u64)>,
+    prices: Vec<(usize, usize, u64)>,
     /// What is computed in any case costs this.
     base: u64,
     flow: u64,
@@ -131,47 +131,64 @@ impl Contracted {
                 None => need,
             });
         }
-        let mut this = Self {
-            network: Network::new(nodes),
-            needed,
-            computed,
-            prices: Vec::new(),
-            base: 0,
-            flow: 0,
-        };
-        this.connect(items);
-        Some(this)
+        Some(Self::connected(items, nodes, needed, computed))
     }
 
-    fn connect(&mut self, items: &[Item<'_>]) {
-        let mut costs = vec![0; self.network.nodes()];
+    fn connected(
+        items: &[Item<'_>],
+        nodes: usize,
+        needed: Vec<Option<usize>>,
+        computed: Vec<Option<usize>>,
+    ) -> Self {
+        let mut arcs = Vec::new();
+        let mut prices = Vec::new();
+        let mut costs = vec![0; nodes];
         let mut joined: FxHashSet<(usize, usize)> = FxHashSet::default();
         for (i, item) in items.iter().enumerate() {
-            let (Some(needed), Some(computed)) = (self.needed[i], self.computed[i]) else {
+            let (Some(need), Some(compute)) = (needed[i], computed[i]) else {
                 continue;
             };
-            if item.price.is_some() && needed != computed {
-                let arc = self.network.arc(needed, computed, 0);
-                self.prices.push((i, arc, 0));
+            if item.price.is_some() && need != compute {
+                prices.push((i, arcs.len(), 0));
+                arcs.push(Arc {
+                    from: need,
+                    to: compute,
+                    capacity: 0,
+                });
             }
-            if computed == SINK {
+            if compute == SINK {
                 continue;
             }
-            costs[computed] += item.cost.map_or(0, capacity);
+            costs[compute] += item.cost.map_or(0, capacity);
             for operand in item.operands.iter() {
-                let Some(operand) = self.needed[*operand] else {
+                let Some(operand) = needed[*operand] else {
                     continue;
                 };
-                if computed != operand && operand != SOURCE && joined.insert((computed, operand)) {
-                    self.network.arc(computed, operand, INFINITE);
+                if compute != operand && operand != SOURCE && joined.insert((compute, operand)) {
+                    arcs.push(Arc {
+                        from: compute,
+                        to: operand,
+                        capacity: INFINITE,
+                    });
                 }
             }
         }
-        self.base = costs[SOURCE];
         for (node, cost) in costs.iter().enumerate() {
             if node != SOURCE && *cost > 0 {
-                self.network.arc(node, SINK, *cost);
+                arcs.push(Arc {
+                    from: node,
+                    to: SINK,
+                    capacity: *cost,
+                });
             }
+        }
+        Self {
+            network: Network::new(nodes, &arcs),
+            needed,
+            computed,
+            prices,
+            base: costs[SOURCE],
+            flow: 0,
         }
     }
 

@@ -3,30 +3,42 @@
 //! A flow stays one while capacities grow, so that the next maximum is found from where the last one stood: what a sweep of prices needs, and what a function
 //! from a network to its flow cannot give. A phase costs what it visits, up to the distance of the sink, not the size of the network.
 
-use super::users::Users;
-
-/// An arc's index; the one after an even index runs the other way.
-pub type ArcId = usize;
-
+/// Where an arc leads, how much, and where from.
 #[derive(Clone, Copy, Debug)]
-struct Arc {
-    from: usize,
-    to: usize,
+pub struct Arc {
+    pub from: usize,
+    pub to: usize,
+    pub capacity: u64,
+}
+
+/// An arc or the way back along one; they lie in the order of the nodes that they leave, so that a walk reads them one after another.
+#[derive(Clone, Copy, Debug)]
+struct Half {
+    to: u32,
+    /// The one that runs against it.
+    back: u32,
     /// What may still flow.
     residual: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    /// Its first half-arc; the next node's is behind its last.
+    first: u32,
+    /// Distance from the source in arcs, or [`FAR`].
+    level: u32,
+    /// The first half-arc that may still lead on in this phase.
+    next: u32,
 }
 
 /// A network and a flow through it.
 #[derive(Clone, Debug)]
 pub struct Network {
-    arcs: Vec<Arc>,
-    nodes: usize,
-    /// Arcs that leave each node, those that run against a flow among them; of those that there were at the last flow.
-    leaving: Users,
-    /// Distance from the source in arcs, of nodes visited in this phase.
-    level: Vec<u32>,
-    /// The first arc of each node that may still lead on in this phase.
-    next: Vec<usize>,
+    /// The nodes, and one behind them.
+    nodes: Vec<Node>,
+    halves: Vec<Half>,
+    /// Where each arc lies among the halves, in the order in which the arcs were given.
+    places: Vec<u32>,
     work: u64,
 }
 
@@ -34,35 +46,59 @@ pub struct Network {
 const FAR: u32 = u32::MAX;
 
 impl Network {
-    /// Nodes without arcs.
-    pub fn new(nodes: usize) -> Self {
+    /// A network of so many nodes without a flow. Arcs go by their place among `arcs`.
+    pub fn new(nodes: usize, arcs: &[Arc]) -> Self {
+        let mut first = vec![0_u32; nodes + 1];
+        for arc in arcs {
+            first[arc.from + 1] += 1;
+            first[arc.to + 1] += 1;
+        }
+        for i in 0..nodes {
+            first[i + 1] += first[i];
+        }
+        let mut free = first.clone();
+        let mut take = |node: usize| {
+            free[node] += 1;
+            free[node] - 1
+        };
+        let none = Half {
+            to: 0,
+            back: 0,
+            residual: 0,
+        };
+        let mut halves = vec![none; 2 * arcs.len()];
+        let mut places = Vec::with_capacity(arcs.len());
+        for arc in arcs {
+            let (there, back) = (take(arc.from), take(arc.to));
+            let (from, to) = (arc.from as u32, arc.to as u32);
+            halves[there as usize] = Half {
+                to,
+                back,
+                residual: arc.capacity,
+            };
+            halves[back as usize] = Half {
+                to: from,
+                back: there,
+                residual: 0,
+            };
+            places.push(there);
+        }
+        let node = |first| Node {
+            first,
+            level: FAR,
+            next: first,
+        };
         Self {
-            arcs: Vec::new(),
-            nodes,
-            leaving: Users::new(nodes, std::iter::empty()),
-            level: vec![FAR; nodes],
-            next: vec![0; nodes],
+            nodes: first.into_iter().map(node).collect(),
+            halves,
+            places,
             work: 0,
         }
     }
 
-    /// Adds an arc.
-    pub fn arc(&mut self, from: usize, to: usize, capacity: u64) -> ArcId {
-        let id = self.arcs.len();
-        for (from, to, residual) in [(from, to, capacity), (to, from, 0)] {
-            self.arcs.push(Arc { from, to, residual });
-        }
-        id
-    }
-
     /// Lets more through an arc.
-    pub fn widen(&mut self, arc: ArcId, by: u64) {
-        self.arcs[arc].residual += by;
-    }
-
-    /// Number of nodes.
-    pub fn nodes(&self) -> usize {
-        self.nodes
+    pub fn widen(&mut self, arc: usize, by: u64) {
+        self.halves[self.places[arc] as usize].residual += by;
     }
 
     /// Arcs looked at so far: the time that flows took, on any machine.
@@ -73,20 +109,17 @@ impl Network {
 
     /// Lets as much more flow as can; returns how much that is.
     pub fn augment(&mut self, source: usize, sink: usize) -> u64 {
-        let arcs = self.arcs.iter().enumerate();
-        if arcs.len() != self.leaving.pairs() {
-            self.leaving = Users::new(self.nodes, arcs.map(|(id, arc)| (arc.from, id)));
-        }
         let mut more = 0;
         loop {
             let visited = self.levels(source, sink);
-            let reached = self.level[sink] != FAR;
+            let reached = self.nodes[sink].level != FAR;
             if reached {
                 more += self.blocking(source, sink);
             }
             for node in visited {
-                self.level[node] = FAR;
-                self.next[node] = 0;
+                let node = &mut self.nodes[node as usize];
+                node.level = FAR;
+                node.next = node.first;
             }
             if !reached {
                 return more;
@@ -96,13 +129,13 @@ impl Network {
 
     /// Whether more could flow from the source to each node: the smallest source side of all minimum cuts, where the flow is greatest.
     pub fn reached(&self, source: usize) -> Vec<bool> {
-        let mut reached = vec![false; self.nodes];
+        let mut reached = vec![false; self.nodes.len() - 1];
         let mut stack = vec![source];
         reached[source] = true;
         while let Some(node) = stack.pop() {
-            for arc in &self.leaving[node] {
-                let Arc { to, residual, .. } = self.arcs[*arc];
-                if residual > 0 && !std::mem::replace(&mut reached[to], true) {
+            for half in &self.halves[self.leaving(node)] {
+                let to = half.to as usize;
+                if half.residual > 0 && !std::mem::replace(&mut reached[to], true) {
                     stack.push(to);
                 }
             }
@@ -110,22 +143,28 @@ impl Network {
         reached
     }
 
+    /// The half-arcs of a node.
+    fn leaving(&self, node: usize) -> std::ops::Range<usize> {
+        self.nodes[node].first as usize..self.nodes[node + 1].first as usize
+    }
+
     /// Finds the distances from the source, no farther than the sink's; returns the nodes that have one.
-    fn levels(&mut self, source: usize, sink: usize) -> Vec<usize> {
-        self.level[source] = 0;
-        let mut visited = vec![source];
+    fn levels(&mut self, source: usize, sink: usize) -> Vec<u32> {
+        self.nodes[source].level = 0;
+        let mut visited = vec![source as u32];
         let mut at = 0;
-        while let Some(node) = visited.get(at).copied() {
+        while let Some(node) = visited.get(at).map(|node| *node as usize) {
             at += 1;
-            if self.level[node] >= self.level[sink] {
+            let level = self.nodes[node].level;
+            if level >= self.nodes[sink].level {
                 break;
             }
-            for arc in &self.leaving[node] {
+            for half in &self.halves[self.leaving(node)] {
                 self.work += 1;
-                let Arc { to, residual, .. } = self.arcs[*arc];
-                if residual > 0 && self.level[to] == FAR {
-                    self.level[to] = self.level[node] + 1;
-                    visited.push(to);
+                let to = &mut self.nodes[half.to as usize].level;
+                if half.residual > 0 && *to == FAR {
+                    *to = level + 1;
+                    visited.push(half.to);
                 }
             }
         }
@@ -135,43 +174,55 @@ impl Network {
     /// Saturates an arc of every shortest path.
     fn blocking(&mut self, source: usize, sink: usize) -> u64 {
         let mut flow = 0;
-        let mut path: Vec<ArcId> = Vec::new();
+        let mut path: Vec<usize> = Vec::new();
         loop {
-            let node = path.last().map_or(source, |arc| self.arcs[*arc].to);
+            let node = path
+                .last()
+                .map_or(source, |half| self.halves[*half].to as usize);
             if node == sink {
-                let narrowest = path.iter().map(|a| self.arcs[*a].residual).min();
+                let narrowest = path.iter().map(|half| self.halves[*half].residual).min();
                 let through = narrowest.unwrap_or(0);
                 flow += through;
                 self.work += path.len() as u64;
-                for arc in &path {
-                    self.arcs[*arc].residual -= through;
-                    self.arcs[*arc ^ 1].residual += through;
+                for half in &path {
+                    let back = self.halves[*half].back as usize;
+                    self.halves[*half].residual -= through;
+                    self.halves[back].residual += through;
                 }
                 // On from where the path is still open.
-                let full = path.iter().position(|a| self.arcs[*a].residual == 0);
+                let full = path
+                    .iter()
+                    .position(|half| self.halves[*half].residual == 0);
                 path.truncate(full.unwrap_or(0));
                 continue;
             }
             match self.onward(node) {
-                Some(arc) => path.push(arc),
+                Some(half) => path.push(half),
                 // Nothing leads on from here: neither does the arc to it.
                 None => match path.pop() {
-                    Some(arc) => self.next[self.arcs[arc ^ 1].to] += 1,
+                    Some(half) => {
+                        let back = self.halves[half].back as usize;
+                        let from = self.halves[back].to as usize;
+                        self.nodes[from].next += 1;
+                    }
                     None => return flow,
                 },
             }
         }
     }
 
-    /// The next arc of a node that is open and leads one level on.
-    fn onward(&mut self, node: usize) -> Option<ArcId> {
-        while let Some(&arc) = self.leaving[node].get(self.next[node]) {
+    /// The next half-arc of a node that is open and leads one level on.
+    fn onward(&mut self, node: usize) -> Option<usize> {
+        let end = self.nodes[node + 1].first;
+        while self.nodes[node].next < end {
             self.work += 1;
-            let Arc { to, residual, .. } = self.arcs[arc];
-            if residual > 0 && self.level[to] != FAR && self.level[to] == self.level[node] + 1 {
-                return Some(arc);
+            let half = self.nodes[node].next as usize;
+            let Half { to, residual, .. } = self.halves[half];
+            let level = self.nodes[to as usize].level;
+            if residual > 0 && level != FAR && level == self.nodes[node].level + 1 {
+                return Some(half);
             }
-            self.next[node] += 1;
+            self.nodes[node].next += 1;
         }
         None
     }
@@ -181,18 +232,18 @@ impl Network {
 mod tests {
     use super::*;
 
+    fn arc((from, to, capacity): (usize, usize, u64)) -> Arc {
+        Arc { from, to, capacity }
+    }
+
     #[test]
     fn a_flow_grows_with_its_capacities() {
-        let mut network = Network::new(4);
-        let narrow = network.arc(0, 1, 2);
-        network.arc(1, 3, 5);
-        network.arc(0, 2, 4);
-        network.arc(2, 3, 1);
-        network.arc(2, 1, 9);
+        let arcs = [(0, 1, 2), (1, 3, 5), (0, 2, 4), (2, 3, 1), (2, 1, 9)];
+        let mut network = Network::new(4, &arcs.map(arc));
         assert_eq!(network.augment(0, 3), 6);
         assert_eq!(network.reached(0), [true, false, false, false]);
         assert_eq!(network.augment(0, 3), 0);
-        network.widen(narrow, 3);
+        network.widen(0, 3);
         assert_eq!(network.augment(0, 3), 0);
         assert_eq!(network.reached(0), [true, true, true, false]);
     }
@@ -200,10 +251,8 @@ mod tests {
     /// The second path has to take back what the first one took.
     #[test]
     fn a_flow_is_led_another_way_where_that_lets_more_through() {
-        let mut network = Network::new(6);
-        for (from, to) in [(0, 1), (1, 2), (2, 5), (0, 3), (3, 2), (1, 4), (4, 5)] {
-            network.arc(from, to, 1);
-        }
+        let arcs = [(0, 1), (1, 2), (2, 5), (0, 3), (3, 2), (1, 4), (4, 5)];
+        let mut network = Network::new(6, &arcs.map(|(from, to)| arc((from, to, 1))));
         assert_eq!(network.augment(0, 5), 2);
     }
 }

@@ -28,11 +28,6 @@ impl Users {
         }
         Self { start, of }
     }
-
-    /// Number of pairs.
-    pub fn pairs(&self) -> usize {
-        self.of.len()
-    }
 }
 
 impl Index<usize> for Users {
