@@ -260,6 +260,35 @@ pub enum Mismatch {
     Emit(#[from] emit::Error),
 }
 
+impl LockError {
+    /// What kind of error it is, as messages have it in brackets; stable.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Io { .. } => "lock-file",
+            Self::Syntax { .. } => "lock-syntax",
+            Self::Foreign { .. } => "lock-foreign",
+        }
+    }
+}
+
+impl Mismatch {
+    /// What kind of mismatch it is, as messages have it in brackets; stable.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NoMaterial { .. } => "lock-material",
+            Self::Tool { .. } => "lock-tool",
+            Self::Files { .. } => "lock-files",
+            Self::Source { .. } => "lock-source",
+            Self::Defines { .. } => "lock-defines",
+            Self::EntryPoints => "lock-entry-points",
+            Self::State { .. } => "lock-state",
+            Self::Refused(_) => "lock-step",
+            Self::Shaders => "lock-shaders",
+            Self::Emit(error) => error.code(),
+        }
+    }
+}
+
 impl Inputs {
     /// Of a material as it is read now.
     pub fn of(parsed: &front::Parsed, defines: &[(String, String)], state: &MaterialState) -> Self {

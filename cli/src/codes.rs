@@ -17,6 +17,36 @@ pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
     })
 }
 
+/// The code of an error that has one.
+pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
+    use preshade::{decide, emit, lock, measure, render, scene};
+    if let Some(error) = error.downcast_ref::<decide::Error>() {
+        return match error {
+            decide::Error::Measure(error) => of(error),
+            decide::Error::Render(error) => of(error),
+            decide::Error::Counting { .. }
+            | decide::Error::Probe(_)
+            | decide::Error::Recipe(_)
+            | decide::Error::NoView(_) => None,
+        };
+    }
+    if let Some(error) = error.downcast_ref::<measure::Error>() {
+        return match error {
+            measure::Error::Render(error) => of(error),
+            measure::Error::Mismatch(_) | measure::Error::Clock => None,
+        };
+    }
+    None.or_else(|| error.downcast_ref().map(render::Error::code))
+        .or_else(|| error.downcast_ref().map(emit::Error::code))
+        .or_else(|| error.downcast_ref().map(lock::Mismatch::code))
+        .or_else(|| error.downcast_ref().map(lock::LockError::code))
+        .or_else(|| {
+            error
+                .downcast_ref()
+                .map(|_: &scene::Error| scene::Error::CODE)
+        })
+}
+
 /// Every code, pass and assumption, by name alone.
 fn list() -> String {
     let codes: Vec<&str> = all().map(|(code, _)| code).collect();
@@ -154,16 +184,29 @@ mod tests {
             missing.is_empty(),
             "cli/src/codes.md says nothing of {missing:?}"
         );
-        // Of the front ends' errors the type says all.
-        let error = std::fs::read_to_string(root.join("src/front/error.rs")).unwrap();
-        let names = error.split("match self {").nth(1).unwrap();
-        let names = names.split('}').next().unwrap();
-        for name in names.split('"').skip(1).step_by(2) {
-            assert!(
-                explained.contains(name),
-                "cli/src/codes.md says nothing of {name}"
-            );
+        // Of errors that are types the type says all.
+        for (file, function) in [
+            ("front/error.rs", "pub fn name(self)"),
+            ("emit/mod.rs", "pub fn code(&self)"),
+            ("render/mod.rs", "pub fn code(&self)"),
+            ("lock.rs", "pub fn code(&self)"),
+        ] {
+            let text = std::fs::read_to_string(root.join("src").join(file)).unwrap();
+            let functions: Vec<&str> = text.split(function).skip(1).collect();
+            assert!(!functions.is_empty(), "{file} has no `{function}`");
+            for function in functions {
+                let names = function.split("\n    }\n").next().unwrap();
+                let names: Vec<&str> = names.split('"').skip(1).step_by(2).collect();
+                assert!(names.len() > 2, "{file}: {names:?}");
+                for name in names {
+                    let is_explained = explained.contains(name);
+                    assert!(is_explained, "cli/src/codes.md says nothing of {name}");
+                }
+            }
         }
+        assert!(explained.contains(preshade::scene::Error::CODE));
+        let sections = TEXT.matches("\n## ").count() + 1;
+        assert_eq!(sections, explained.len(), "a code is explained twice");
     }
 
     #[test]

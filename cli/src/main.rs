@@ -218,9 +218,10 @@ pub fn unknown(what: &str, name: &str, known: &[&str]) -> String {
     }
 }
 
-impl<E: std::error::Error> From<E> for Failure {
+impl<E: std::error::Error + 'static> From<E> for Failure {
     fn from(error: E) -> Self {
-        let mut message = format!("error: {error}");
+        let code = codes::of(&error).map_or(String::new(), |code| format!("[{code}]"));
+        let mut message = format!("error{code}: {error}");
         let mut source = error.source();
         while let Some(s) = source {
             message.push_str(&format!("\n  because: {s}"));

@@ -93,7 +93,10 @@ pub(super) fn choose(
     };
     let variant = match (keeping, obeyed) {
         (Keeping::Foreign(error, _), _) => {
-            let why = format!("{error}; run `preshade plan SCENE --one --lock` again");
+            let why = format!(
+                "[{}] {error}; run `preshade plan SCENE --one --lock` again",
+                error.code()
+            );
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
             (original.clone(), vec![why])
         }
@@ -114,7 +117,10 @@ pub(super) fn choose(
             let scene = measured.map_or(String::new(), |m| {
                 format!(" (it was measured on the scene `{}`)", m.scene)
             });
-            let why = format!("{mismatch}; run `preshade plan SCENE --one --lock` again{scene}");
+            let why = format!(
+                "[{}] {mismatch}; run `preshade plan SCENE --one --lock` again{scene}",
+                mismatch.code()
+            );
             warnings.push(warning(sources, &format!("{why}. The original is shipped")));
             (original.clone(), vec![why])
         }

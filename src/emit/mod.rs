@@ -212,6 +212,19 @@ pub enum Error {
     },
 }
 
+impl Error {
+    /// What kind of error it is, as messages have it in brackets; stable.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Inexpressible { .. } => "inexpressible",
+            Self::Writer { .. } => "writer",
+            Self::Differs { .. } => "differs",
+            Self::BrokenPlan { .. } => "broken-plan",
+            Self::NotBuilt { .. } => "not-built",
+        }
+    }
+}
+
 /// Writes `plan` in every target asked for: the programs' files in the order of the plan's programs and of `targets`, then
 /// `MATERIAL.plan.json`. The same plan always gives the same bytes.
 ///

@@ -112,6 +112,25 @@ pub enum Error {
     Size(u32, u32),
 }
 
+impl Error {
+    /// What kind of error it is, as messages have it in brackets; stable.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NoAdapter { .. } => "no-adapter",
+            Self::Lost(_) => "device-lost",
+            Self::Unsupported { .. } => "no-feature",
+            Self::Refused { .. } => "driver-refused",
+            Self::OutOfMemory(_) => "out-of-memory",
+            Self::Plan { .. } => "broken-plan",
+            Self::Frame(_) => "frame",
+            Self::Scene { .. } => "draw",
+            Self::Draws { .. } => "draws",
+            Self::Attachment { .. } => "attachment",
+            Self::Size(..) => "frame-size",
+        }
+    }
+}
+
 fn no_adapter(wanted: &Option<String>, found: &[String]) -> String {
     match wanted {
         Some(wanted) if !found.is_empty() => format!(

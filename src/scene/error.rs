@@ -28,6 +28,9 @@ struct Place {
 }
 
 impl Error {
+    /// Its code, as messages have it in brackets: it is one for all, for what is wrong is said where it is wrong.
+    pub const CODE: &str = "scene";
+
     /// An error that points at no place.
     pub(crate) fn new(message: impl Into<String>) -> Self {
         Self {
@@ -135,7 +138,9 @@ impl Error {
 
     /// The message with a frame on the scene file's text, without colours.
     pub fn render(&self) -> String {
-        let mut diagnostic: Diagnostic<()> = Diagnostic::error().with_message(&self.message);
+        let mut diagnostic: Diagnostic<()> = Diagnostic::error()
+            .with_code(Self::CODE)
+            .with_message(&self.message);
         if let Some(help) = &self.help {
             diagnostic = diagnostic.with_notes(vec![format!("help: {help}")]);
         }
