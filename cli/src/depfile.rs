@@ -82,7 +82,11 @@ fn escaped(path: &Path, place: Place) -> String {
         let is_drive = at == 1 && text[2..].starts_with(['/', '\\']);
         match c {
             '$' => escaped.push('$'),
-            ' ' | '#' => escaped.push('\\'),
+            ' ' | '#' => {
+                // Backslashes there would each take the next one's meaning away.
+                let before = text[..at].bytes().rev().take_while(|b| *b == b'\\').count();
+                escaped.extend(std::iter::repeat_n('\\', before + 1));
+            }
             ':' if !is_drive => escaped.push('\\'),
             '%' if place == Place::Target => escaped.push('\\'),
             _ => {}
@@ -102,10 +106,11 @@ mod tests {
         let rules = [
             (path("out/a b%.wgsl"), path("in/$a%#b:c.wgsl")),
             (path("C:/out/d"), path("in/$a%#b:c.wgsl")),
+            (path("out\\e"), path("in\\ f\\g.wgsl")),
         ];
         assert_eq!(
             text(&rules),
-            "out/a\\ b\\%.wgsl: in/$$a%\\#b\\:c.wgsl\nC:/out/d: in/$$a%\\#b\\:c.wgsl\nin/$$a\\%\\#b\\:c.wgsl:\n"
+            "out/a\\ b\\%.wgsl: in/$$a%\\#b\\:c.wgsl\nC:/out/d: in/$$a%\\#b\\:c.wgsl\nout\\e: in\\\\\\ f\\g.wgsl\nin/$$a\\%\\#b\\:c.wgsl:\nin\\\\\\ f\\g.wgsl:\n"
         );
     }
 }

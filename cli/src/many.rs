@@ -213,7 +213,7 @@ fn name(file: &Path) -> Name {
 
 fn vertex_first(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
     let is_fragment = |file: &PathBuf| {
-        let name = file.to_string_lossy();
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
         [".frag", ".fs"].iter().any(|s| name.contains(s))
     };
     files.sort_by_key(|f| (is_fragment(f), f.clone()));

@@ -39,7 +39,8 @@ Examples:
 A pass that does not apply is told on stderr with its reason, and the material is written without
 it. `preshade passes` lists the passes. A target that cannot say what a material does is told on
 stderr with its reason; the other targets are written, plan.json names those alone, and the exit
-status is 2. The files of a material are written whole or not at all.")]
+status is 2. The files of a material are written whole or not at all. What an earlier run wrote for
+a shader, a pass or a target that is not there any more is left: plan.json names what belongs to it.")]
 pub struct Args {
     /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]

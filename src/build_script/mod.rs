@@ -364,6 +364,7 @@ impl Builder {
             let below = folder.strip_prefix(&out).unwrap_or(&folder).to_owned();
             hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
         }
+        stamp::sweep(&folder, &out, &hashes);
         // Last, so that a build that was cut off is made again.
         stamp::write(&folder, &key, &made.trace, hashes).map_err(|error| Error::Write {
             path: folder,

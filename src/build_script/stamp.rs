@@ -84,8 +84,7 @@ pub(super) struct Kept {
 
 /// What the last build told, if it was of the same and its files are all still there.
 pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> {
-    let text = std::fs::read(folder.join(FILE)).ok()?;
-    let stamp: Stamp = serde_json::from_slice(&text).ok()?;
+    let stamp = read(folder)?;
     let is_there = |path: &Path, wanted: &String| {
         let bytes = std::fs::read(path);
         bytes.is_ok_and(|bytes| hash(&bytes) == *wanted)
@@ -99,6 +98,34 @@ pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> 
         warnings: stamp.warnings,
         included: stamp.included.into_iter().map(|(path, _)| path).collect(),
     })
+}
+
+/// Removes what the last build wrote into a material's folder and this one did not: a variant that is not asked for any more, or a pass that is refused now. Who lists the folder would ship it.
+pub(super) fn sweep(folder: &Path, out: &Path, files: &[(String, String)]) {
+    let Some(stamp) = read(folder) else {
+        return;
+    };
+    let gone = stamp
+        .files
+        .iter()
+        .filter(|(old, _)| !files.iter().any(|(new, _)| new == old));
+    for (path, _) in gone {
+        let path = out.join(path);
+        // Nothing rests on its being gone; and a stamp is a file that may hold anything.
+        let is_below = path.starts_with(folder)
+            && path
+                .components()
+                .all(|c| !matches!(c, std::path::Component::ParentDir));
+        if is_below && std::fs::remove_file(&path).is_ok() {
+            // Empty or not.
+            let _ = path.parent().map(std::fs::remove_dir);
+        }
+    }
+}
+
+fn read(folder: &Path) -> Option<Stamp> {
+    let text = std::fs::read(folder.join(FILE)).ok()?;
+    serde_json::from_slice(&text).ok()
 }
 
 /// Keeps what a build came to.
@@ -139,6 +166,35 @@ pub(super) fn write(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+
+    /// A variant that went away is not shipped by who lists the folder.
+    #[test]
+    fn what_is_not_made_any_more_is_removed() {
+        let out = std::env::temp_dir().join(format!("preshade-sweep-{}", std::process::id()));
+        let folder = out.join("lit");
+        for variant in ["variant", "cheap"] {
+            std::fs::create_dir_all(folder.join(variant)).unwrap();
+            std::fs::write(folder.join(variant).join("lit.main.wgsl"), "text").unwrap();
+        }
+        std::fs::write(out.join("kept.rs"), "text").unwrap();
+        let file = |path: &str| (path.to_owned(), hash(b"text"));
+        let (variant, cheap) = (
+            file("lit/variant/lit.main.wgsl"),
+            file("lit/cheap/lit.main.wgsl"),
+        );
+        let before = vec![
+            variant.clone(),
+            cheap,
+            file("kept.rs"),
+            file("lit/../kept.rs"),
+        ];
+        write(&folder, "key", &Trace::default(), before).unwrap();
+        sweep(&folder, &out, &[variant]);
+        assert!(folder.join("variant/lit.main.wgsl").is_file());
+        assert!(!folder.join("cheap").exists());
+        assert!(out.join("kept.rs").is_file());
+        std::fs::remove_dir_all(&out).unwrap();
+    }
 
     /// What was saved while it was compiled is not what was compiled.
     #[test]
