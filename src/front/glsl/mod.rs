@@ -3,7 +3,7 @@
 //! naga's own front end reads one dialect, that of Vulkan with all bindings and locations said. What it reads as it is stays as it is. Anything else is parsed, understood and
 //! printed as that dialect, in the order of these files:
 //!
-//! `rescan` writes macros so that the preprocessor expands them; `syntax` preprocesses and parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `declared` keeps what they were before; `lower` prints; `marks` know which
+//! `preprocess` does what directives and macros ask; `syntax` parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `declared` keeps what they were before; `lower` prints; `marks` know which
 //! place of the author's each piece came from; `respan` moves the module's spans back there. `gather` puts in what the dialect cannot say.
 
 mod constant;
@@ -13,8 +13,7 @@ mod include;
 mod interface;
 mod lower;
 mod marks;
-mod pasted;
-mod rescan;
+mod preprocess;
 mod respan;
 mod stage;
 mod syntax;
@@ -79,9 +78,19 @@ pub(super) fn parse(
     }
 }
 
-/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches.
+/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches, and
+/// macros that reach others.
 fn is_evaluated_otherwise(text: &str) -> bool {
-    let marks = ["&&", "||", "Array", "texelFetchOffset"];
+    let marks = [
+        "&&",
+        "||",
+        "Array",
+        "texelFetchOffset",
+        "#define",
+        "# define",
+        "#if",
+        "# if",
+    ];
     let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
     marks.iter().any(|m| text.contains(m)) || words.any(|w| w == "do")
 }
