@@ -20,7 +20,7 @@ use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
 use super::include::Files;
-use super::preprocess::{Task, preprocess};
+use super::preprocess::{Preprocessed, Task, preprocess};
 use crate::front::error::{Code, Error};
 use crate::front::{Options, nesting};
 
@@ -151,14 +151,10 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         map.add_absent(path.to_string_lossy());
     }
     let preprocessed = preprocessed?;
-    // What macros come to nests as deeply as they like.
-    nesting::check(&preprocessed.text, 0, &input.options.limits).map_err(|e| {
-        let places: Vec<Span> = e.labels().iter().map(|l| l.span).collect();
-        let at = places.first().and_then(|s| s.to_range());
-        let place = at.map(|at| preprocessed.place(at.start as u32));
-        let error = Error::new(e.code(), e.message()).label_if(place);
-        e.notes().iter().fold(error, |error, note| error.note(note))
-    })?;
+    // What macros come to nests as deeply as they like. What was given was looked at before.
+    if preprocessed.is_more {
+        check_nesting(&preprocessed, input.options)?;
+    }
     let text = preprocessed.text.as_str();
     let mut processor = Processor::new_with_fs(Std);
     let file = processor
@@ -213,6 +209,15 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         }),
         Err(error) => Err(explain(error, &places, &span)),
     }
+}
+
+fn check_nesting(preprocessed: &Preprocessed, options: &Options) -> Result<(), Error> {
+    nesting::check(&preprocessed.text, 0, &options.limits).map_err(|e| {
+        let first = e.labels().first().and_then(|l| l.span.to_range());
+        let place = first.map(|at| preprocessed.place(at.start as u32));
+        let error = Error::new(e.code(), e.message()).label_if(place);
+        e.notes().iter().fold(error, |error, note| error.note(note))
+    })
 }
 
 type Io = LexicalError<io::Error>;

@@ -95,6 +95,7 @@ impl Preprocessor<'_> {
         let Some(found) = self.macros.get(&token.name).cloned() else {
             return Ok(Some(token));
         };
+        self.out.is_more = true;
         let Some(parameters) = &found.parameters else {
             let hidden = with(token.hidden.as_ref(), token.name);
             let place = (token.start, token.end);

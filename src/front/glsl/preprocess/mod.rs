@@ -56,6 +56,8 @@ pub(super) struct Preprocessed {
     places: Vec<(u32, Span)>,
     /// `#pragma STDGL invariant(all)`.
     pub invariant_all: bool,
+    /// It has more in it than the text that was given: what macros come to, or other files.
+    pub is_more: bool,
 }
 
 impl Preprocessed {
@@ -561,6 +563,7 @@ impl Preprocessor<'_> {
             _ => String::new(),
         };
         self.included += 1;
+        self.out.is_more = true;
         if self.included > INCLUDES {
             let message = format!("files are included more than {INCLUDES} times");
             return Err(Error::new(Code::TooDeep, message).label(Span::new(place.0, place.1), ""));
