@@ -86,6 +86,7 @@ for ( const [ name, shader ] of Object.entries( ShaderLib ) ) {
 		}
 
 		if ( name === 'backgroundCube' ) Object.assign( parameters, { envMap: true, envMapPMREM: set === 'maps', envMapMaxLod: 8, envMapSize: 256, defines: pmrem } );
+		if ( name === 'depth' ) Object.assign( parameters, { useDepthPacking: true, depthPacking: 3200 } );
 		sources.length = 0;
 		new WebGLProgram( renderer, 'key', parameters, null );
 		const into = join( out, name );

@@ -79,11 +79,13 @@ impl Files {
 
     /// A file's text, if it is one and not too large.
     pub fn text(&self, found: &Path) -> io::Result<String> {
-        regular::text(found, &self.limits, "source-bytes").map_err(|e| match e {
+        let bytes = regular::bytes(found, &self.limits, "source-bytes").map_err(|e| match e {
             regular::Error::Io(e) => e,
             regular::Error::TooLarge(e) => refused(e.to_string()),
             other => refused(format!("{}: {other}", found.display())),
-        })
+        })?;
+        // Comments may be in whatever encoding: what is no UTF-8 elsewhere, no parser takes.
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
     /// What a file that was found is called: as it was asked for where it is there, so that messages say what the author wrote.
