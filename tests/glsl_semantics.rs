@@ -423,3 +423,27 @@ void main() {{
     }
     insta::assert_snapshot!("errors", all);
 }
+
+/// What an array of varyings is taken apart into is named as a constant of ours would be.
+#[test]
+fn names_of_ours_are_told_apart() {
+    let vertex = "#version 330
+in vec4 p;
+out vec2 offset[2];
+void main() { offset = vec2[2](p.xy, p.zw); gl_Position = p; }
+";
+    let fragment = "#version 330
+uniform sampler2D map;
+in vec2 offset[2];
+out vec4 c;
+void main() { c = textureOffset(map, offset[0], ivec2(1, 0)) + textureOffset(map, offset[1], ivec2(0, 1)); }
+";
+    let sources = [
+        Source::new("a.vert", vertex),
+        Source::new("a.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    let text = wgsl(parsed);
+    assert_eq!(text.matches("textureSample(").count(), 2, "{text}");
+}

@@ -581,12 +581,13 @@ impl Lower<'_, '_> {
         self.called(call, result, parts, place)
     }
 
-    /// The name of a function of ours; always the same for the same purpose.
-    pub(super) fn helper_name(&self, wanted: &str) -> String {
-        let mut name = wanted.to_owned();
-        while self.stage.unit.names.contains(&name) {
-            name.push('_');
+    /// The name of a function or a constant of ours; always the same for the same purpose.
+    pub(super) fn helper_name(&mut self, wanted: &str) -> String {
+        if let Some(name) = self.helper_names.get(wanted) {
+            return name.clone();
         }
+        let name = self.fresh(wanted);
+        self.helper_names.insert(wanted.to_owned(), name.clone());
         name
     }
 

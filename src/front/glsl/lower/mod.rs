@@ -125,6 +125,8 @@ pub(super) struct Lower<'a, 'u> {
     targets: BTreeSet<u32>,
     /// Functions that stand for what naga's front end lacks, by name.
     helpers: BTreeMap<String, String>,
+    /// Their names, by those that were wanted.
+    helper_names: HashMap<String, String>,
     /// Declarations of ours at the head of the function that is printed; `None` outside of functions.
     temporaries: Option<Vec<String>>,
     /// What expressions became ahead of where they stand, by their places.
@@ -173,6 +175,7 @@ pub(super) fn lower(
         standins: BTreeMap::new(),
         targets: BTreeSet::new(),
         helpers: BTreeMap::new(),
+        helper_names: HashMap::new(),
         temporaries: None,
         held: HashMap::new(),
         offsets: Vec::new(),
