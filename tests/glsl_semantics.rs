@@ -447,3 +447,59 @@ void main() { c = textureOffset(map, offset[0], ivec2(1, 0)) + textureOffset(map
     let text = wgsl(parsed);
     assert_eq!(text.matches("textureSample(").count(), 2, "{text}");
 }
+
+/// A function of floats returns one of what it is given of ints too, so that `int(..)` round it is no word too many.
+#[test]
+fn functions_of_floats_return_floats() {
+    let text = given(
+        "#version 330
+uniform vec2 v;
+out vec4 c;
+void main() {
+    int x = int(mod(v.x, 8));
+    int y = int(step(v.y, 1)) + int(pow(2, 3));
+    ivec2 z = ivec2(mod(v, 8));
+    c = vec4(x, y, z);
+}
+",
+    );
+    for line in [
+        "int x = int(mod(uniforms.v.x, 8.0));",
+        "int(step(uniforms.v.y, 1.0)) + int(pow(2.0, 3.0))",
+        "ivec2 z = ivec2(mod(uniforms.v, 8.0));",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+}
+
+/// Each stage may be in a file of its own, of which the other stage has nothing.
+#[test]
+fn stages_lie_in_included_files() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("stages");
+    std::fs::create_dir_all(&folder).unwrap();
+    let vertex = "#pragma stage vertex
+layout(location = 0) in vec4 p;
+layout(location = 0) out vec2 at;
+void main() { at = p.xy; gl_Position = p; }
+";
+    let fragment = "#pragma stage fragment
+layout(location = 0) in vec2 at;
+layout(location = 0) out vec4 c;
+void main() { c = vec4(at, LEVEL, 1.0); }
+";
+    std::fs::write(folder.join("v.h"), vertex).unwrap();
+    std::fs::write(folder.join("f.h"), fragment).unwrap();
+    let text = "#version 450
+#define LEVEL 0.5
+#include \"v.h\"
+#include \"f.h\"
+";
+    let options = Options {
+        include: vec![folder],
+        ..Options::default()
+    };
+    let parsed = front::parse(&[Source::new("a.slang", text)], &options)
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    assert!(parsed.fragment.is_some());
+    wgsl(parsed);
+}

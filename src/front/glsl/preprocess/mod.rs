@@ -633,10 +633,7 @@ impl Preprocessor<'_> {
 
     /// The tokens of a file, which the source map gets.
     fn read(&mut self, asked: &Path, found: &Path, text: String) -> Result<Rc<Vec<Token>>, Stop> {
-        let own = match super::has_stages(&text) {
-            true => super::stage_of(&text, self.stage),
-            false => text.clone(),
-        };
+        let own = super::stage_of(&text, self.stage);
         let name = self.files.shown(asked, found);
         let base = self.map.add(name, text);
         let own = match own.strip_prefix('\u{feff}') {
