@@ -1,13 +1,13 @@
 //! How much GLSL of other people's is read: over the folders named, a table of what is accepted and why the rest is refused.
 //!
 //! ```text
-//! cargo run --release --example glsl-corpus --features glsl,spirv -- [--verbose] [--include DIR] [--write DIR] FOLDER..
+//! cargo run --release --example glsl-corpus --features glsl,spirv -- [--verbose] [--limit SECONDS] [--include DIR] [--write DIR] FOLDER..
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- --print FILE [FILE]
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- --time FILE [FILE]
 //! ```
 //!
 //! A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader by itself is given a vertex stage that writes what it reads, and a file with
-//! `#pragma stage` lines is a pair. `--write` keeps what is emitted, for other compilers to look at. Accepted is what parses, validates, is emitted as WGSL that reads back as the same program, and as GLSL 4.50 or ES 3.00 that is read in again.
+//! `#pragma stage` lines is a pair. A material that takes longer than 30 seconds (`--limit`) hangs; each hundred of them is told on stderr, with the slowest. `--write` keeps what is emitted, for other compilers to look at. Accepted is what parses, validates, is emitted as WGSL that reads back as the same program, and as GLSL 4.50 or ES 3.00 that is read in again.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
@@ -24,7 +24,7 @@ use preshade::front::{self, Code, Options, Source};
 use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 
-/// What takes longer hangs.
+/// What takes longer hangs, unless `--limit` says otherwise.
 const LIMIT: Duration = Duration::from_secs(30);
 
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -45,6 +45,7 @@ fn main() {
     let mut folders = Vec::new();
     let mut include = Vec::new();
     let mut write = None;
+    let mut limit = LIMIT;
     let (mut verbose, mut print, mut time) = (false, false, false);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -53,6 +54,10 @@ fn main() {
             "--print" => print = true,
             "--time" => time = true,
             "--write" => write = arguments.next().map(PathBuf::from),
+            "--limit" => {
+                let seconds = arguments.next().and_then(|n| n.parse().ok());
+                limit = seconds.map_or(LIMIT, Duration::from_secs);
+            }
             "--include" => include.extend(arguments.next().map(PathBuf::from)),
             _ => folders.push(PathBuf::from(argument)),
         }
@@ -65,7 +70,7 @@ fn main() {
         return normalised(&folders, include);
     }
     for folder in &folders {
-        table(folder, &include, write.as_deref(), verbose);
+        table(folder, &include, write.as_deref(), limit, verbose);
     }
 }
 
@@ -124,14 +129,25 @@ fn normalised(paths: &[PathBuf], include: Vec<PathBuf>) {
     }
 }
 
-fn table(folder: &Path, include: &[PathBuf], write: Option<&Path>, verbose: bool) {
+fn table(folder: &Path, include: &[PathBuf], write: Option<&Path>, limit: Duration, verbose: bool) {
     let mut files = Vec::new();
     walk(folder, &mut files);
     let (cases, others) = cases(&files);
     let mut counted: BTreeMap<Outcome, Vec<String>> = BTreeMap::new();
     let begun = Instant::now();
-    for case in &cases {
-        let outcome = limited(case, include, write);
+    let mut slowest = (Duration::ZERO, "");
+    for (i, case) in cases.iter().enumerate() {
+        let began = Instant::now();
+        let outcome = limited(case, include, write, limit);
+        slowest = slowest.max((began.elapsed(), case.name.as_str()));
+        if (i + 1) % 100 == 0 {
+            let (all, seconds) = (cases.len(), begun.elapsed().as_secs_f64());
+            let (longest, name) = (slowest.0.as_secs_f64(), slowest.1);
+            eprintln!(
+                "{} of {all} in {seconds:.0} s; slowest {longest:.1} s: {name}",
+                i + 1
+            );
+        }
         if verbose && outcome != Outcome::Accepted {
             println!("{}: {outcome:?}", case.name);
         }
@@ -230,7 +246,7 @@ fn cases(files: &[PathBuf]) -> (Vec<Case>, usize) {
     (cases, others)
 }
 
-fn limited(case: &Case, include: &[PathBuf], write: Option<&Path>) -> Outcome {
+fn limited(case: &Case, include: &[PathBuf], write: Option<&Path>, limit: Duration) -> Outcome {
     let (send, receive) = mpsc::channel();
     let (paths, include) = (case.paths.clone(), include.to_vec());
     // Folders and all, so that two materials of one name stay apart.
@@ -240,7 +256,7 @@ fn limited(case: &Case, include: &[PathBuf], write: Option<&Path>) -> Outcome {
         .stack_size(64 << 20)
         .spawn(move || send.send(judge(&paths, include, write.as_deref())).ok());
     assert!(spawned.is_ok());
-    match receive.recv_timeout(LIMIT) {
+    match receive.recv_timeout(limit) {
         Ok(outcome) => outcome,
         Err(mpsc::RecvTimeoutError::Timeout) => Outcome::Hung,
         Err(mpsc::RecvTimeoutError::Disconnected) => {

@@ -22,7 +22,7 @@ const { WebGLProgram } = await load( 'src/renderers/webgl/WebGLProgram.js' );
 const lights = {
 	numDirLights: 1, numPointLights: 1, numSpotLights: 1, numRectAreaLights: 0, numHemiLights: 1,
 	numDirLightShadows: 0, numPointLightShadows: 0, numSpotLightShadows: 0, numSpotLightMaps: 0, numSpotLightShadowsWithMaps: 0,
-	numLightProbes: 0,
+	numLightProbes: 0, numSunLights: 0, numSunLightShadows: 0, numLightProbeGrids: 0,
 };
 const maps = {
 	map: true, mapUv: 'uv', vertexUvs: true, alphaTest: true, doubleSided: true,
@@ -86,6 +86,7 @@ for ( const [ name, shader ] of Object.entries( ShaderLib ) ) {
 		}
 
 		if ( name === 'backgroundCube' ) Object.assign( parameters, { envMap: true, envMapPMREM: set === 'maps', envMapMaxLod: 8, envMapSize: 256, defines: pmrem } );
+		if ( name === 'depth' ) Object.assign( parameters, { useDepthPacking: true, depthPacking: 3200 } );
 		sources.length = 0;
 		new WebGLProgram( renderer, 'key', parameters, null );
 		const into = join( out, name );

@@ -217,6 +217,17 @@ fn a_deep_expression_can_be_read_again() {
         &MaterialState::default(),
     );
     let files = emit_all(&plan);
+    for target in [Target::Glsl450, Target::GlslEs300] {
+        let files = emit::emit(&plan, &[target], &emit::Options::default()).unwrap();
+        let of = |f: &&emit::File| f.name.ends_with(".vert") || f.name.ends_with(".frag");
+        let texts: Vec<Source> = files
+            .iter()
+            .filter(of)
+            .map(|f| Source::new(&f.name, String::from_utf8_lossy(&f.bytes)))
+            .collect();
+        let again = front::parse(&texts, &front::Options::default());
+        again.unwrap_or_else(|e| panic!("{target:?}: {}", e.render(Color::Never)));
+    }
     accept::accept(&[("deep".to_owned(), files)]);
 }
 

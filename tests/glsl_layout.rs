@@ -285,6 +285,36 @@ void main() {
     }
 }
 
+/// Structs are read, and written, as a whole too, each at an index that is taken once.
+#[test]
+fn a_struct_of_a_storage_block_is_copied_whole() {
+    let text = emitted(
+        "#version 450
+struct S { bool on; float many[3]; mat2 turn; };
+layout(std430, binding = 0) buffer Out { S all[]; };
+layout(location = 0) in vec2 at;
+layout(location = 0) out vec4 color;
+void main() {
+    int i = int(at.x);
+    all[i++] = all[i];
+    S s = all[i++];
+    all[4] = S(at.y > 0.5, float[3](at.x, at.y, 1.0), mat2(at, at.yx));
+    color = vec4(s.turn[0], s.many[i], float(s.on));
+}
+",
+        Target::Wgsl,
+    );
+    for store in [
+        "all[4i].on = select(0u, 1u, ",
+        "all[4i].many = array<f32, 3>(",
+        "all[4i].turn = array<vec2<f32>, 2>(",
+    ] {
+        assert!(text.contains(store), "{store}\n{text}");
+    }
+    // Two indices, and no more.
+    assert_eq!(text.matches(" + 1i").count(), 2, "{text}");
+}
+
 /// Numbers by lot (Steele, Lea, Flood 2014: SplitMix).
 struct Lot(u64);
 
@@ -360,12 +390,14 @@ fn blocks_of_any_types_keep_their_layout() {
         }
         let mut sum = Vec::new();
         let layouts = [
-            "layout(std430, binding = 1) readonly buffer",
-            "layout(std140, binding = 2) readonly buffer",
-            "layout(std140, binding = 3) uniform",
-            "layout(std430, binding = 4) readonly buffer",
+            "std430, binding = 1) readonly buffer",
+            "std140, binding = 2) readonly buffer",
+            "std140, binding = 3) uniform",
+            "std430, binding = 4) readonly buffer",
         ];
         for (b, layout) in layouts.into_iter().enumerate() {
+            let rows = ["", "row_major, "][lot.below(2)];
+            let layout = format!("layout({rows}{layout}");
             let mut members = String::new();
             for m in 0..1 + lot.below(4) {
                 let (declared, read) = member(&mut lot, &all, &format!("b{b}m{m}"));

@@ -249,6 +249,22 @@ void wrap(inout float p, float size) { p = mod(p + size, size); }
 float halved(inout float p) { p *= 0.5; return p; }
 void both(inout float a, inout float b) { a += 0.1; b += 0.25; }
 void split(float a, out float low, out float high) { low = a * 0.25; high = a * 0.75; }
+void swap(inout float a, inout float b) { float t = a; a = b; b = t; }
+void turn(inout vec2 v) { v = vec2(0.5 - v.y, v.x); }
+void bump(int by, inout int n) { n += by; count += n; }
+float sum(float low, inout float a, float high) { a = a * 0.5 + low; return a + high; }
+struct Part { float a[2]; vec2 v; bool on; mat2 m; };
+void lit(out bool on, inout Part p) { on = p.v.x > 0.5; p.v.y = on ? 0.9 : 0.1; }
+void whole(out float x) { x = uv.x * 0.7; }
+void number(out int x) { x = int(uv.x * 9.0); }
+float kind(int x) { return 0.1; }
+float kind(uint x) { return 0.3; }
+float kind(float x) { return 0.5; }
+float kind(vec2 x) { return 0.7; }
+float kind(ivec2 x) { return 0.9; }
+float near(float a, int b) { return 0.2; }
+float near(float a, float b) { return 0.8; }
+float near(ivec2 a, float b) { return 0.4; }
 const int N = 1;
 int pick(int N) { int t[3] = int[3](2, 3, 5); return t[N]; }
 ";
@@ -264,6 +280,17 @@ int pick(int N) { int t[3] = int[3](2, 3, 5); return t[N]; }
         "float k = 0.0; { const int N = 0; k += float(pick(N)) * 0.1; } k += float(pick(N + 1)) * 0.01; color = vec4(k, uv, 1.0);",
         "const int M = int(0.5 * 4.0); float a[int(1.5 * 2.0)]; a[M] = 0.4; color = vec4(a[2], float(a.length()) * 0.1, 0.6 < 0.5 ? 0.1 : 0.9, float((0u - 1u) >> 31));",
         "ivec3 i = ivec3(uv * 9.0, 7) % 3; i %= 2; float w; float f = modf(uv.x * 4.0, w); vec2 v; f += modf(uv.y * 3.0, v.y); color = vec4(vec3(i) * 0.3, f * 0.3 + v.y * 0.1 + w * 0.05);",
+        "vec2 v = uv; swap(v.x, v.y); float a[3] = float[3](0.1, 0.4, 0.7); int i = 0; swap(a[i++], a[i++]); swap(a[i], a[0]); color = vec4(v * 0.5, a[0], a[1] + a[2] * 0.1);",
+        "float a[3] = float[3](0.1, 0.4, 0.7); int i = 0; float s = sum(float(i++) * 0.2, a[i], 0.3 * float(i)); color = vec4(s, a[1], float(i) * 0.2, sum(a[2], a[2], a[2]) * 0.5);",
+        "int a[3] = int[3](2, 3, 4); int i = 1; bump(i, a[i]); bump(a[next()], a[0]); color = vec4(vec3(a[0], a[1], a[2]) * 0.1, float(count) * 0.05);",
+        "int i = 1; bump(i++, i); int j = 2; bump(j, j); color = vec4(float(i) * 0.2, float(j) * 0.1, float(count) * 0.05, uv.x);",
+        "mat2 m = mat2(0.1, 0.3, uv); turn(m[0]); turn(m[1].yx); swap(m[0].y, m[1][0]); m[1].yx *= 0.5; m[int(uv.x * 1.9)].xy += 0.1; color = vec4(m[0], m[1]);",
+        "Part p; p.a = float[2](0.2, uv.y); p.v = uv; p.on = false; p.m = mat2(0.1, 0.2, 0.3, 0.4); swap(p.a[0], p.a[1]); p.a[1] *= 2.0; turn(p.v); lit(p.on, p); turn(p.m[1]); color = vec4(p.a[0], p.v.y, p.on ? 0.9 : p.a[1], p.m[1].x + p.m[0].y);",
+        "Part p = Part(float[2](uv.x, 0.4), uv, uv.x > 0.3, mat2(0.3)), q = p; q.m[1].xy = q.v; q.m *= 0.5; q.a[0]++; p.a = q.a; color = vec4(p.a[0] - 1.0, q.m[1], p.on && !q.on ? 0.0 : 0.6);",
+        "float w; whole(w); vec2 v = uv; whole(v.y); number(w); number(v.x); color = vec4(w * 0.1, v * vec2(0.1, 1.0), 0.5);",
+        "color = vec4(kind(1) + kind(1u), kind(1.0), kind(ivec2(uv * 3.0)), kind(uv * 2.0)); color.r += kind(floatBitsToUint(uv.x)) * 0.3; color.g += near(1, 1) * 0.3; color.b *= near(uv.x, 2u); color.a *= near(uv.y, 1) + near(ivec2(1), 1);",
+        "float w = 0.6; bool b = uv.x > 0.5 && modf(uv.y * 4.0, w) > 0.5; color = vec4(w * 0.25, b ? 0.8 : 0.2, uv);",
+        "vec2 v = vec2(0.1, uv.x); float a[3] = float[3](0.1, 0.4, 0.7); int n = 0; for (swap(v.x, v.y); n < 2; n++, swap(a[0], a[n])) { if (n == 1) continue; v.y += 0.1; } swap(v.x, a[1]), turn(v); color = vec4(v, a[0], a[2]);",
         "float s = 0.0; for (int i = 0, j = 3; i < j || tick() > 0.9; i++) { s += 0.1; if (s > uv.x) break; } color = vec4(s, float(count) * 0.2, 0.0, 1.0);",
     ];
     let vertex = "#version 450

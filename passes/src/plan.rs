@@ -15,7 +15,7 @@ use crate::geometry::{Formats, Geometry};
 use crate::program::Program;
 use crate::state::{
     AttachmentOps, ColorTarget, CompareFunction, DepthDirection, DepthFormat, DepthState,
-    MaterialState, Multisample, PrimitiveState, StencilState,
+    MaterialState, Multisample, PrimitiveState, StencilState, Topology,
 };
 
 /// Version of the JSON that [`Plan`] serialises to.
@@ -634,6 +634,7 @@ impl Plan {
             state.targets.clone()
         };
         let blended = state.is_blended();
+        let lost = program.declared().point_size;
         let mut pass = GpuPass {
             role: Role::Main,
             phase: if blended {
@@ -694,7 +695,7 @@ impl Plan {
             fallback: None,
             guard: None,
             original: None,
-            notes: Vec::new(),
+            notes: point_size_note(lost, state.primitive.topology),
         };
         Self {
             original: Some(Arc::new(plan.clone())),
@@ -721,6 +722,20 @@ impl Plan {
     pub fn attachment(&self, name: &str) -> Option<&Attachment> {
         self.attachments.iter().find(|a| a.name == name)
     }
+}
+
+/// What a host is told of a vertex stage that says how large points are, which the IR does not keep.
+fn point_size_note(is_said: bool, topology: Topology) -> Vec<String> {
+    let note = match (is_said, topology) {
+        (false, _) => return Vec::new(),
+        (true, Topology::PointList) => {
+            "`gl_PointSize` is dropped: points come out one pixel large, for WGSL has no word for their size; draw quads in their place"
+        }
+        (true, _) => {
+            "`gl_PointSize` is dropped: that changes no triangle and no line, and a host that draws points with the material gets them one pixel large (`--topology point-list`, or `topology` in a scene, says that it does)"
+        }
+    };
+    vec![note.to_owned()]
 }
 
 /// One `rgba8unorm` a location the fragment stage writes; integer outputs get the integer format of their width.

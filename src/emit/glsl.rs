@@ -36,6 +36,9 @@ use super::{ClipSpace, Error, Options, Target, reduce};
 
 /// The program made ready to be written under its author's names.
 pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, Error> {
+    // naga writes two brackets a level, and the front end takes no more than `limits::nesting` of them.
+    let named = super::prepare::prepare(program).and_then(|m| program.with_module(m).ok());
+    let program = named.as_ref().unwrap_or(program);
     author::prepare(program).map_err(|failed| match failed {
         author::Failed::Layout(what) => Error::Inexpressible {
             file: name.to_owned(),

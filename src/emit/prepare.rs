@@ -1,5 +1,5 @@
-//! A chain of unnamed expressions is broken by a name every 32 levels before it is written as WGSL: naga's parser gives up at 200. No value
-//! changes.
+//! A chain of unnamed expressions is broken by a name every 32 levels before it is written as WGSL or GLSL: naga's WGSL parser gives up at 200 brackets, and preshade's limit is 180. No
+//! value changes.
 
 use naga::proc::TypeResolution;
 use naga::{Expression, Function, Handle, Module, TypeInner};

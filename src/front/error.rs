@@ -132,7 +132,7 @@ impl Error {
 
     /// What naga's validator says of the author's module.
     pub(crate) fn invalid(invalid: &Invalid) -> Self {
-        let mut error = Self::new(Code::Invalid, &invalid.message);
+        let mut error = Self::new(Code::Invalid, without_handles(&invalid.message));
         for (span, text) in &invalid.labels {
             // naga says `naga::ir::Expression [12]`: a handle tells an author nothing.
             let text = if text.starts_with("naga::") { "" } else { text };
@@ -233,6 +233,24 @@ impl std::fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+/// naga's message without the numbers that it gives to expressions and types: ` [43]`.
+fn without_handles(message: &str) -> String {
+    let mut out = String::with_capacity(message.len());
+    let mut rest = message;
+    while let Some((before, after)) = rest.split_once(" [") {
+        out.push_str(before);
+        let digits = after.bytes().take_while(u8::is_ascii_digit).count();
+        rest = match after[digits..].strip_prefix(']').filter(|_| digits > 0) {
+            Some(behind) => behind,
+            None => {
+                out.push_str(" [");
+                after
+            }
+        };
+    }
+    out + rest
+}
 
 /// `text` without control characters that could drive the reader's terminal, byte for byte as long, so that ranges still fit.
 fn printable(text: &str) -> String {

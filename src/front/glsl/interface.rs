@@ -79,8 +79,8 @@ pub(super) struct Interface {
     pub uniform_block: [String; 2],
     /// By path: `map`, `material.diffuse`, `maps[2]`.
     pub samplers: BTreeMap<String, Bound>,
-    /// Structs that storage blocks have by std430 and anything else has otherwise, each with its name there.
-    pub tight: HashMap<String, String>,
+    /// Structs as blocks have them that have them otherwise than they are computed with, each with its name there: by std430, by rows, or both.
+    pub twins: HashMap<(String, bool, bool), String>,
     pub opaque: HashMap<String, Slot>,
     pub blocks: HashMap<String, Slot>,
     /// Locations of inputs and outputs by key, a map for each stage.
@@ -189,7 +189,7 @@ impl Interface {
                     self.uniforms.push(Member {
                         name: uniform.name.clone(),
                         ty: uniform.ty.clone(),
-                        row_major: uniform.qualifiers.says("row_major"),
+                        row_major: false,
                         place: uniform.place,
                     });
                 }
@@ -238,18 +238,6 @@ impl Interface {
                     }
                 }
             }
-        }
-        let mut tight = Vec::new();
-        for stage in stages.iter() {
-            for block in stage.blocks.iter().filter(|b| b.rules() == Rules::Std430) {
-                for member in &block.members {
-                    stage.structs.not_tight(&member.ty, &mut tight);
-                }
-            }
-        }
-        for name in tight {
-            let own = self.fresh(&format!("{name}_std430"));
-            self.tight.insert(name, own);
         }
         self.uniform_block = [self.fresh("Uniforms"), self.fresh("uniforms")];
         Ok(())

@@ -3,7 +3,7 @@
 //! naga's own front end reads one dialect, that of Vulkan with all bindings and locations said. What it reads as it is stays as it is. Anything else is parsed, understood and
 //! printed as that dialect, in the order of these files:
 //!
-//! `rescan` writes macros so that the preprocessor expands them; `syntax` preprocesses and parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `declared` keeps what they were before; `lower` prints; `marks` know which
+//! `preprocess` does what directives and macros ask; `syntax` parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `declared` keeps what they were before; `lower` prints; `marks` know which
 //! place of the author's each piece came from; `respan` moves the module's spans back there. `gather` puts in what the dialect cannot say.
 
 mod constant;
@@ -13,12 +13,13 @@ mod include;
 mod interface;
 mod lower;
 mod marks;
-mod pasted;
-mod rescan;
+mod preprocess;
 mod respan;
 mod stage;
 mod syntax;
+mod told;
 mod ty;
+mod writes;
 
 use std::path::Path;
 
@@ -31,6 +32,7 @@ use preshade_passes::link::offset;
 use preshade_passes::program::SourceMap;
 
 use self::interface::Interface;
+use self::lower::Given;
 use self::marks::Map;
 use self::stage::Stage;
 use self::syntax::{Dialect, Input};
@@ -74,16 +76,48 @@ pub(super) fn parse(
     let rewritten = rewritten(texts, options, map);
     match lost {
         // What is not rewritten is better read as it is than not at all.
-        true => rewritten.or_else(|e| as_they_are().ok_or(e)),
+        true => rewritten.or_else(|e| match e.code() {
+            Code::Unsupported => as_they_are().ok_or(e),
+            _ => Err(e),
+        }),
         false => rewritten,
     }
 }
 
-/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches.
+/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches, parameters that are written, and
+/// macros that reach others.
 fn is_evaluated_otherwise(text: &str) -> bool {
-    let marks = ["&&", "||", "Array", "texelFetchOffset"];
+    let marks = [
+        "&&",
+        "||",
+        "Array",
+        "texelFetchOffset",
+        "#define",
+        "# define",
+        "#if",
+        "# if",
+    ];
     let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
-    marks.iter().any(|m| text.contains(m)) || words.any(|w| w == "do")
+    marks.iter().any(|m| text.contains(m))
+        || words.any(|w| w == "do" || w == "inout")
+        || writes_parameters(text)
+        || does_something_in_an_index(text)
+}
+
+/// Whether a parameter is `out`.
+fn writes_parameters(text: &str) -> bool {
+    text.match_indices("out ").any(|(at, _)| {
+        let before = text[..at].trim_end();
+        before.ends_with(['(', ',']) || before.ends_with("const")
+    })
+}
+
+/// Whether an index is more than a name or a number: naga evaluates that of a target twice.
+fn does_something_in_an_index(text: &str) -> bool {
+    text.split('[').skip(1).any(|rest| {
+        let inside = rest.split(']').next().unwrap_or("");
+        inside.contains("++") || inside.contains("--") || inside.contains(['(', '='])
+    })
 }
 
 fn rewritten(
@@ -97,7 +131,7 @@ fn rewritten(
         .zip(texts)
         .map(|(rewritten, text)| {
             let place = |span: Span| rewritten.map.back(span);
-            let mut module = read(&rewritten.text, text.stage, &[], &place)?;
+            let mut module = read(&rewritten.text, text.stage, &[], &place, &rewritten.given)?;
             gather::replace(&mut module);
             rewritten.opened.iter().for_each(|o| o.close(&mut module));
             respan::respan(&mut module, &place);
@@ -144,6 +178,7 @@ pub(super) struct Normalised {
     pub text: String,
     map: Map,
     opened: Vec<interface::Opened>,
+    given: Vec<Given>,
 }
 
 /// Rewrites the stages of one material for naga; with what they declared.
@@ -163,10 +198,14 @@ pub(super) fn normalise(
     let texts: Result<_, Error> = stages
         .iter_mut()
         .map(|stage| {
-            let (marked, marks) = lower::lower(stage, &mut interface, clip)?;
+            let (marked, marks, given) = lower::lower(stage, &mut interface, clip)?;
             let (text, map) = marks.settle(&marked);
-            let opened = std::mem::take(&mut interface.opened);
-            Ok(Normalised { text, map, opened })
+            Ok(Normalised {
+                text,
+                map,
+                opened: std::mem::take(&mut interface.opened),
+                given,
+            })
         })
         .collect();
     Ok((texts?, declared))
@@ -214,7 +253,7 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
                 return None;
             }
             let place = |span: Span| span;
-            let read = || read(text.text, text.stage, &options.defines, &place).ok();
+            let read = || read(text.text, text.stage, &options.defines, &place, &[]).ok();
             let mut module =
                 std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).ok()??;
             // It lays structs out by no rules of GLSL's, and storage blocks of std140 are none of WGSL's.
@@ -264,6 +303,7 @@ fn read(
     stage: ShaderStage,
     defines: &[(String, String)],
     place: &dyn Fn(Span) -> Span,
+    given: &[Given],
 ) -> Result<Module, Error> {
     let mut options = NagaOptions::from(stage);
     options.defines.extend(defines.iter().cloned());
@@ -272,9 +312,23 @@ fn read(
         let Some(first) = all.next() else {
             return Error::new(Code::Parse, "the GLSL parser gave up without saying why");
         };
-        let error = Error::new(Code::Parse, first.kind.to_string()).label(place(first.meta), "");
+        let at = place(first.meta);
+        let called = |g: &&Given| {
+            let name = format!("`{}`", g.name);
+            let meets = g.place.to_range().zip(at.to_range());
+            told::told(&first.kind).contains(&name)
+                && meets.is_some_and(|(a, b)| a.start < b.end && b.start < a.end)
+        };
+        let message = match given.iter().find(called) {
+            Some(given) => {
+                let types: Vec<String> = given.types.iter().map(ty::Ty::spelled).collect();
+                format!("no `{}` takes ({})", given.name, types.join(", "))
+            }
+            None => told::told(&first.kind),
+        };
+        let error = Error::new(Code::Parse, message).label(at, "");
         all.fold(error, |error, other| {
-            error.label(place(other.meta), other.kind.to_string())
+            error.label(place(other.meta), told::told(&other.kind))
         })
     })
 }

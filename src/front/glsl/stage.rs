@@ -14,6 +14,7 @@ use naga::{ShaderStage, Span};
 use super::constant::{self, Constants};
 use super::syntax::Unit;
 use super::ty::{Member, Rules, Struct, Structs, Ty};
+use super::writes as writers;
 use crate::front::error::{Code, Error};
 
 /// Where a variable lives.
@@ -94,7 +95,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// How its members are laid out. A storage block that says nothing is one of std430, as in Vulkan.
+    /// How its members are laid out. A storage block that says nothing is one of std430, as in Vulkan; naga knows no other layouts.
     pub(super) fn rules(&self) -> Rules {
         rules(&self.qualifiers)
     }
@@ -140,6 +141,8 @@ pub(super) struct Stage<'u> {
     /// Those that `main` reaches, each after what it calls.
     pub functions: Vec<&'u ast::FunctionDefinition>,
     pub signatures: HashMap<String, Vec<Signature>>,
+    /// Functions that write what is not their own.
+    pub writers: HashSet<String>,
     /// Names that what `main` reaches uses.
     pub used: HashSet<String>,
     /// The position is declared `invariant`, or something is `precise`.
@@ -186,6 +189,7 @@ impl<'u> Stage<'u> {
             globals: Vec::new(),
             functions: Vec::new(),
             signatures: HashMap::new(),
+            writers: HashSet::new(),
             used: HashSet::new(),
             invariant: unit.invariant_all,
             early_fragment_tests: false,
@@ -417,8 +421,8 @@ impl<'u> Stage<'u> {
         let mut end = 0u32;
         for (member, own) in members.iter().zip(qualifiers) {
             let (align, size) = match tight {
-                true => self.structs.std430(&member.ty),
-                false => self.structs.std140(&member.ty),
+                true => self.structs.std430_by(&member.ty, member.row_major),
+                false => self.structs.std140_by(&member.ty, member.row_major),
             };
             let at = end.next_multiple_of(align);
             let asked = own.number("offset").unwrap_or(at);
@@ -539,6 +543,7 @@ impl<'u> Stage<'u> {
                         name: name.clone(),
                         members,
                         hosted: false,
+                        tight: false,
                     });
                     self.structs.host_small();
                 }
@@ -717,6 +722,7 @@ impl<'u> Stage<'u> {
             self.used.extend(names[*i].iter().cloned());
         }
         self.functions = order.into_iter().map(|i| definitions[i]).collect();
+        self.writers = writers::writers(&self.functions, &self.signatures);
         Ok(())
     }
 }

@@ -1,48 +1,31 @@
-//! Text to a syntax tree: the preprocessor, included files and the parser of `glsl-lang`.
+//! Text to a syntax tree, by the lexer and parser of `glsl-lang`.
 //!
-//! The tree's own positions are numbers of tokens, counted as the preprocessor delivers them, so that they grow from the first to the last whatever macro or
-//! file they come from; [`Unit::place`] turns them into the author's bytes.
+//! The tree's own positions are numbers of tokens, so that they grow from the first to the last whatever macro or file they come from; [`Unit::place`] turns them into the author's bytes.
 
-use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::io;
-use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::path::Path;
 
 use glsl_lang::ast;
 use glsl_lang::lexer::full::LexicalError;
 use glsl_lang::lexer::full::fs::{Lexer, LexerIterator, PreprocessorExt as _};
 use glsl_lang::lexer::{HasLexerError, LangLexer as _, ParseContext, ParseOptions, Token};
 use glsl_lang::parse::{HasParser, LangParser};
-use glsl_lang_pp::ext_name;
 use glsl_lang_pp::exts::Registry;
-use glsl_lang_pp::processor::event::DirectiveKind;
-use glsl_lang_pp::processor::fs::Processor;
-use glsl_lang_pp::processor::nodes::{Define, DefineObject, ExtensionBehavior};
+use glsl_lang_pp::processor::fs::{Processor, Std};
 use glsl_lang_pp::processor::{ProcessorState, ProcessorStateBuilder};
-use lang_util::located::FileIdResolver as _;
 use lang_util::position::{LexerPosition, NodeSpan};
 use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
 use super::include::Files;
-use super::pasted::{UNENDED, ended};
-use super::rescan::Rewritten;
-use crate::front::Options;
+use super::preprocess::{Preprocessed, Task, preprocess};
 use crate::front::error::{Code, Error};
+use crate::front::{Options, nesting};
 
 /// Most tokens a stage may have once its macros are expanded.
 const TOKENS: usize = 1 << 20;
-
-/// Extensions that are part of what is read, for `#ifdef`.
-const EXTENSIONS: [&str; 5] = [
-    "GL_OES_standard_derivatives",
-    "GL_EXT_shader_texture_lod",
-    "GL_EXT_frag_depth",
-    "GL_EXT_draw_buffers",
-    "GL_GOOGLE_include_directive",
-];
 
 /// Which GLSL a text is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,25 +102,6 @@ impl Unit {
     }
 }
 
-/// The text with its `#version` raised, byte for byte as long.
-fn as_version_460(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for line in text.split_inclusive('\n') {
-        let directive = line.trim_start().strip_prefix('#').map(str::trim_start);
-        match directive.is_some_and(|d| d.starts_with("version")) {
-            true => {
-                out += &line
-                    .replace("420", "460")
-                    .replace("430", "460")
-                    .replace("440", "460")
-                    .replace("450", "460")
-            }
-            false => out += line,
-        }
-    }
-    out
-}
-
 /// From the start of `first` to the end of `last`, where that is one stretch of text; else `first`.
 fn joined(first: Span, last: Span) -> Span {
     match (first.to_range(), last.to_range()) {
@@ -170,34 +134,41 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         && input.text.contains("sampler")
         && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
     let folder = input.path.parent().unwrap_or(Path::new(""));
-    let mut files = Files::new(input.options, input.stage);
-    let own = files
-        .check(input.text, folder)
-        .map_err(|e| Error::new(Code::Parse, e.to_string()))?;
-    let (read, rewritten) = (Rc::clone(&files.read), Rc::clone(&files.rewritten));
-    let (found, shown) = (Rc::clone(&files.found), Rc::clone(&files.shown));
-    let absent = Rc::clone(&files.absent);
-    let text = own.as_ref().map_or(input.text, |own| &own.text);
+    let files = Files::new(input.options);
     // The lexer knows Vulkan's types from 4.60 on.
-    let text = match vulkan {
-        true => Cow::Owned(as_version_460(text)),
-        false => Cow::Borrowed(text),
+    let said_version = if vulkan { 460 } else { dialect.version };
+    let task = Task {
+        text: input.text,
+        stage: input.stage,
+        folder,
+        base: input.base,
+        dialect,
+        defines: &input.options.defines,
+        said_version,
     };
-    let text = ended(text).ok_or_else(|| Error::new(Code::Parse, UNENDED))?;
-    let mut processor = Processor::new_with_fs(files);
-    processor.system_paths_mut().push(folder.to_owned());
+    let preprocessed = preprocess(&task, &files, map);
+    for path in files.absent.borrow().iter() {
+        map.add_absent(path.to_string_lossy());
+    }
+    let preprocessed = preprocessed?;
+    // What macros come to nests as deeply as they like. What was given was looked at before.
+    if preprocessed.is_more {
+        check_nesting(&preprocessed, input.options)?;
+    }
+    let text = preprocessed.text.as_str();
+    let mut processor = Processor::new_with_fs(Std);
     let file = processor
-        .open_source(&text, folder)
-        .with_state(state(dialect, &input.options.defines));
+        .open_source(text, Path::new(""))
+        .with_state(state(dialect));
     let options = ParseOptions {
-        default_version: if vulkan { 460 } else { dialect.version },
+        default_version: said_version,
         target_vulkan: vulkan,
         ..ParseOptions::default()
     };
     let context = ParseContext::default();
     let lexer = Lexer::new(file, &options).run(context.clone());
     let mut numbered = Numbered {
-        text: &text,
+        text,
         lexer,
         dialect,
         raw: Vec::new(),
@@ -207,50 +178,19 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     type Parser = <ast::TranslationUnit as HasParser>::Parser;
     let parsed = <Parser as LangParser>::parse(&Parser::new(), context, &mut numbered);
     let Numbered {
-        lexer,
         raw,
         names,
         too_many,
         ..
     } = numbered;
-    let directives = lexer.into_directives();
-    let invariant_all = directives.directives().iter().any(|d| match d.kind() {
-        DirectiveKind::Pragma(pragma) => pragma
-            .raw()
-            .replace(' ', "")
-            .contains("STDGLinvariant(all)"),
-        _ => false,
-    });
-
-    // Only now are the files known that the text includes.
-    let mut files: HashMap<FileId, (u32, Option<Rewritten>)> = HashMap::new();
-    let mut span = |id: FileId, start: TextSize, end: TextSize| {
-        let (base, rewritten) = files.entry(id).or_insert_with(|| {
-            // The preprocessor knows it by the path that was asked for.
-            let path = processor.resolve(id);
-            let path = path.and_then(|p| found.borrow().get(p).cloned());
-            let text = path.as_ref().and_then(|p| read.borrow().get(p).cloned());
-            match (path, text) {
-                (Some(path), Some(text)) => (
-                    map.add(name(&shown.borrow(), &path), text),
-                    rewritten.borrow().get(&path).cloned(),
-                ),
-                _ => (input.base, own.clone()),
-            }
-        });
-        let back = |at: TextSize| {
-            let at = u32::from(at);
-            rewritten.as_ref().map_or(at, |r| r.back(at))
-        };
-        let (start, end) = (back(start), back(end));
-        Span::new(*base + start, *base + end.max(start))
+    let span = |start: TextSize, end: TextSize| {
+        let first = preprocessed.place(start.into());
+        let last = u32::from(end).max(u32::from(start) + 1) - 1;
+        joined(first, preprocessed.place(last))
     };
     let places: Vec<Span> = raw
         .iter()
-        .map(|(start, end)| match start.source_id == end.source_id {
-            true => span(start.source_id, start.offset, end.offset),
-            false => span(start.source_id, start.offset, start.offset),
-        })
+        .map(|(start, end)| span(start.offset, end.offset))
         .collect();
     if too_many {
         return Err(Error::new(
@@ -260,44 +200,24 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         .note("write functions in their place"));
     }
     match parsed {
-        Ok(tree) => {
-            add_silent(&read.borrow(), &shown.borrow(), map);
-            for path in absent.borrow().iter() {
-                map.add_absent(path.to_string_lossy());
-            }
-            Ok(Unit {
-                tree,
-                dialect,
-                names,
-                invariant_all,
-                places,
-            })
-        }
-        Err(error) => Err(explain(error, &places, &mut span)),
+        Ok(tree) => Ok(Unit {
+            tree,
+            dialect,
+            names,
+            invariant_all: preprocessed.invariant_all,
+            places,
+        }),
+        Err(error) => Err(explain(error, &places, &span)),
     }
 }
 
-/// What a file that was found is called.
-fn name(shown: &HashMap<PathBuf, PathBuf>, path: &Path) -> String {
-    let shown = shown.get(path).map_or(path, PathBuf::as_path);
-    shown.to_string_lossy().into_owned()
-}
-
-/// Adds to `map` the files of which no word is left, which define macros and nothing else: the text rests on them too.
-fn add_silent(
-    read: &HashMap<PathBuf, String>,
-    shown: &HashMap<PathBuf, PathBuf>,
-    map: &mut SourceMap,
-) {
-    let mut silent: Vec<(String, &String)> = read
-        .iter()
-        .map(|(path, text)| (name(shown, path), text))
-        .filter(|(name, _)| !map.files().iter().any(|f| f.name == *name))
-        .collect();
-    silent.sort();
-    for (name, text) in silent {
-        map.add(name, text);
-    }
+fn check_nesting(preprocessed: &Preprocessed, options: &Options) -> Result<(), Error> {
+    nesting::check(&preprocessed.text, 0, &options.limits).map_err(|e| {
+        let first = e.labels().first().and_then(|l| l.span.to_range());
+        let place = first.map(|at| preprocessed.place(at.start as u32));
+        let error = Error::new(e.code(), e.message()).label_if(place);
+        e.notes().iter().fold(error, |error, note| error.note(note))
+    })
 }
 
 type Io = LexicalError<io::Error>;
@@ -306,7 +226,7 @@ type Io = LexicalError<io::Error>;
 fn explain(
     error: lalrpop_util::ParseError<LexerPosition, Token, Io>,
     places: &[Span],
-    span: &mut impl FnMut(FileId, TextSize, TextSize) -> Span,
+    span: &impl Fn(TextSize, TextSize) -> Span,
 ) -> Error {
     use lalrpop_util::ParseError as E;
     let at = |p: LexerPosition| places.get(u32::from(p.offset) as usize).copied();
@@ -340,53 +260,25 @@ fn explain(
             use lang_util::error::LexicalError as _;
             let message = error.to_string();
             let (start, length) = error.location();
-            let place = span(start.source_id, start.offset, start.offset + length);
-            let error = Error::new(Code::Parse, message.clone()).label(place, "");
-            match message.contains("#include")
-                || matches!(error.message(), m if m.contains("os error"))
-            {
-                true => error.note(
-                    "included files are looked up beside the file, then in the include paths",
-                ),
-                false => error,
-            }
+            let place = span(start.offset, start.offset + length);
+            Error::new(Code::Parse, message).label(place, "")
         }
     }
 }
 
-/// What is defined before the first line.
-fn state(dialect: Dialect, defines: &[(String, String)]) -> ProcessorState {
+/// What the lexer is to know besides: nothing is left for its preprocessor.
+fn state(dialect: Dialect) -> ProcessorState {
     let none = Registry::new();
-    let define = |name: &str, value: &str| {
-        let value = ended(Cow::Borrowed(value)).and_then(|v| v.parse().ok());
-        let value = value.unwrap_or_else(DefineObject::one);
-        Define::object(name.into(), value, false)
-    };
-    let mut builder: ProcessorStateBuilder<'_> = ProcessorStateBuilder::new(&none)
+    ProcessorStateBuilder::new(&none)
         .es_profile(dialect.es)
         .core_profile(!dialect.es && dialect.version >= 150)
-        .extension(
-            ext_name!("GL_GOOGLE_include_directive"),
-            ExtensionBehavior::Enable,
-        );
-    for name in EXTENSIONS {
-        builder = builder.definition(define(name, "1"));
-    }
-    if dialect.es {
-        builder = builder
-            .definition(define("GL_ES", "1"))
-            .definition(define("GL_FRAGMENT_PRECISION_HIGH", "1"));
-    }
-    for (name, value) in defines {
-        builder = builder.definition(define(name, value));
-    }
-    builder.finish()
+        .finish()
 }
 
 /// The lexer's tokens, each at its number instead of its place.
 struct Numbered<'a, 'r, 'p> {
     text: &'a str,
-    lexer: LexerIterator<'r, 'p, Files>,
+    lexer: LexerIterator<'r, 'p, Std>,
     dialect: Dialect,
     raw: Vec<(LexerPosition, LexerPosition)>,
     names: HashSet<String>,

@@ -176,6 +176,18 @@ impl Ty {
         self.base_name() + &self.dimensions()
     }
 
+    /// The whole name as an author writes it, the outermost dimension first.
+    pub(super) fn spelled(&self) -> String {
+        fn dimensions(ty: &Ty) -> String {
+            match ty {
+                Ty::Array(of, Some(n)) => format!("[{n}]{}", dimensions(of)),
+                Ty::Array(of, None) => format!("[]{}", dimensions(of)),
+                _ => String::new(),
+            }
+        }
+        self.base_name() + &dimensions(self)
+    }
+
     /// A declaration: `float x[3]`.
     pub(super) fn declare(&self, name: &str) -> String {
         format!("{} {name}{}", self.base_name(), self.dimensions())
@@ -207,6 +219,52 @@ pub(super) struct Struct {
     pub members: Vec<Member>,
     /// It lies in a uniform block, so that its members are declared as they are stored there: [`stored`].
     pub hosted: bool,
+    /// It is another struct as a storage block has it: nothing of it is ever padded.
+    pub tight: bool,
+}
+
+/// How a value lies where it is stored, as far as that is not as it is computed with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Lay {
+    /// Those of the block that it lies in, or of the struct that it is part of; `None` of what is computed with.
+    pub rules: Option<Rules>,
+    /// By rows: its matrices are declared with rows for columns.
+    pub rows: bool,
+}
+
+impl Lay {
+    pub(super) fn by(rules: Rules) -> Self {
+        Self {
+            rules: Some(rules),
+            rows: false,
+        }
+    }
+
+    /// Whether small elements of arrays are padded to 16 bytes.
+    pub(super) fn is_padded(self) -> bool {
+        self.rules == Some(Rules::Std140)
+    }
+
+    /// By std430.
+    pub(super) fn is_tight(self) -> bool {
+        matches!(self.rules, Some(Rules::Std430 | Rules::Std430Struct))
+    }
+
+    /// The type of a matrix with rows for columns, where it lies by rows.
+    pub(super) fn turned(self, ty: &Ty) -> Ty {
+        match ty {
+            Ty::Matrix(k, c, r) if self.rows => Ty::Matrix(*k, *r, *c),
+            other => other.clone(),
+        }
+    }
+
+    /// What a type without structs is declared as.
+    pub(super) fn stored(self, ty: &Ty) -> Ty {
+        match self.rules {
+            Some(rules) => stored(ty, rules),
+            None => ty.clone(),
+        }
+    }
 }
 
 /// The structs of a stage, by name.
@@ -229,23 +287,9 @@ impl Structs {
         self.by_name.insert(of.name.clone(), of);
     }
 
-    /// The structs of a storage block of std430, or of push constants, that naga reads otherwise than the author means them: it lays out a struct by std140 where it is declared, and what lies in
-    /// a uniform block as well has [`stored`] members and padding. Inner ones come first.
-    pub(super) fn not_tight(&self, ty: &Ty, out: &mut Vec<String>) {
-        let Ty::Struct(name) = ty.innermost() else {
-            return;
-        };
-        let members = self.get(name).map(|s| s.members.as_slice());
-        for member in members.unwrap_or_default() {
-            self.not_tight(&member.ty, out);
-        }
-        if !self.is_tight(ty.innermost()) && !out.contains(name) {
-            out.push(name.clone());
-        }
-    }
-
-    /// Whether what naga makes of the type where a struct is declared is what std430 asks for.
-    fn is_tight(&self, ty: &Ty) -> bool {
+    /// Whether what naga makes of the type where a struct is declared is what std430 asks for: it lays a struct out by std140 there, and what lies in a uniform block as well has [`stored`]
+    /// members and padding.
+    pub(super) fn is_tight(&self, ty: &Ty) -> bool {
         match ty {
             Ty::Scalar(kind) | Ty::Vector(kind, _) => *kind != Kind::Bool,
             Ty::Matrix(_, _, rows) => *rows != 2,
@@ -361,6 +405,11 @@ pub(super) enum Entry<'a> {
 impl Structs {
     /// Alignment and size of the type in a uniform block: OpenGL 4.6, section 7.6.2.2 (std140).
     pub(super) fn std140(&self, ty: &Ty) -> (u32, u32) {
+        self.std140_by(ty, false)
+    }
+
+    /// The same, with matrices by rows or by columns.
+    pub(super) fn std140_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
         let width = |k: &Kind| if *k == Kind::Double { 8 } else { 4 };
         let vector = |k: &Kind, n: u8| {
             (
@@ -372,11 +421,15 @@ impl Structs {
             Ty::Scalar(k) => (width(k), width(k)),
             Ty::Vector(k, n) => vector(k, *n),
             Ty::Matrix(k, columns, rows) => {
+                let (columns, rows) = match by_rows {
+                    true => (rows, columns),
+                    false => (columns, rows),
+                };
                 let stride = vector(k, *rows).0.max(16);
                 (stride, stride * u32::from(*columns))
             }
             Ty::Array(of, n) => {
-                let (align, size) = self.std140(of);
+                let (align, size) = self.std140_by(of, by_rows);
                 let align = align.max(16);
                 (align, size.next_multiple_of(align) * n.unwrap_or(1))
             }
@@ -388,7 +441,7 @@ impl Structs {
                 let mut align = 16;
                 let mut end = 0;
                 for member in members.iter().filter(|m| self.has_data(&m.ty)) {
-                    let (a, size) = self.std140(&member.ty);
+                    let (a, size) = self.std140_by(&member.ty, by_rows);
                     align = align.max(a);
                     end = u32::next_multiple_of(end, a) + size;
                 }
@@ -400,15 +453,24 @@ impl Structs {
 
     /// Alignment and size by std430, of storage blocks and push constants.
     pub(super) fn std430(&self, ty: &Ty) -> (u32, u32) {
+        self.std430_by(ty, false)
+    }
+
+    /// The same, with matrices by rows or by columns.
+    pub(super) fn std430_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
         match ty {
             Ty::Array(of, n) => {
-                let (align, size) = self.std430(of);
+                let (align, size) = self.std430_by(of, by_rows);
                 (
                     align,
                     size.next_multiple_of(align).saturating_mul(n.unwrap_or(1)),
                 )
             }
             Ty::Matrix(kind, columns, rows) => {
+                let (columns, rows) = match by_rows {
+                    true => (rows, columns),
+                    false => (columns, rows),
+                };
                 let (align, _) = self.std430(&Ty::Vector(*kind, *rows));
                 (align, align * u32::from(*columns))
             }
@@ -417,7 +479,7 @@ impl Structs {
                 let mut align = 4;
                 let mut end = 0u32;
                 for member in members.unwrap_or_default() {
-                    let (a, size) = self.std430(&member.ty);
+                    let (a, size) = self.std430_by(&member.ty, by_rows);
                     align = align.max(a);
                     end = end.next_multiple_of(a).saturating_add(size);
                 }
@@ -465,12 +527,49 @@ impl Structs {
         out
     }
 
+    /// Whether the type holds a matrix.
+    pub(super) fn has_matrices(&self, ty: &Ty) -> bool {
+        match ty.innermost() {
+            Ty::Matrix(..) => true,
+            Ty::Struct(name) => {
+                let of = self.get(name);
+                of.is_some_and(|s| s.members.iter().any(|m| self.has_matrices(&m.ty)))
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether a value of the type lies otherwise than it is computed with.
+    pub(super) fn lies_otherwise(&self, ty: &Ty, lay: Lay) -> bool {
+        let otherwise = lay.stored(ty) != *ty;
+        otherwise
+            || match ty {
+                Ty::Matrix(..) => lay.rows,
+                Ty::Array(of, _) => self.lies_otherwise(of, lay),
+                Ty::Struct(_) => {
+                    lay.rows && self.has_matrices(ty) || lay.is_tight() && !self.is_tight(ty)
+                }
+                _ => false,
+            }
+    }
+
+    /// How a member lies of a struct that lies so itself.
+    pub(super) fn member_lay(&self, name: &str, lay: Lay) -> Lay {
+        let hosted = self.get(name).is_some_and(|s| s.hosted);
+        Lay {
+            rules: match lay.is_tight() {
+                true => Some(Rules::Std430Struct),
+                false => hosted.then_some(Rules::Std140),
+            },
+            ..lay
+        }
+    }
+
     /// Marks the structs whose members naga lays out as in a block wherever they are used: those with arrays of small elements, or with matrices of two rows.
     pub(super) fn host_small(&mut self) {
-        for of in self.by_name.values_mut() {
+        for of in self.by_name.values_mut().filter(|of| !of.tight) {
             of.hosted |= of.members.iter().any(|m| {
-                !matches!(m.ty.kind(), Some(Kind::Bool))
-                    && is_stored_otherwise(&m.ty, Rules::Std140)
+                !matches!(m.ty.kind(), Some(Kind::Bool)) && stored(&m.ty, Rules::Std140) != m.ty
             });
         }
     }
@@ -516,11 +615,6 @@ pub(super) fn stored(ty: &Ty, rules: Rules) -> Ty {
     }
 }
 
-/// Whether [`stored`] changes the type.
-pub(super) fn is_stored_otherwise(ty: &Ty, rules: Rules) -> bool {
-    stored(ty, rules) != *ty
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -560,9 +654,7 @@ mod tests {
             stored(&array(Ty::named("mat2"), 3), Rules::Std140).name(),
             "vec4[2][3]"
         );
-        assert!(!is_stored_otherwise(
-            &array(Ty::named("vec3"), 4),
-            Rules::Std140
-        ));
+        let whole = array(Ty::named("vec3"), 4);
+        assert_eq!(stored(&whole, Rules::Std140), whole);
     }
 }

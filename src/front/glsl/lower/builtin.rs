@@ -140,7 +140,11 @@ pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
         }
         "unpackSnorm4x8" | "unpackUnorm4x8" => Ty::Vector(Kind::Float, 4),
         "unpackSnorm2x16" | "unpackUnorm2x16" | "unpackHalf2x16" => Ty::Vector(Kind::Float, 2),
-        "step" | "smoothstep" => arguments.last().cloned().unwrap_or(Ty::Unknown),
+        "step" | "smoothstep" => match arguments.last() {
+            Some(last) if last.kind() == Some(Kind::Double) => last.clone(),
+            Some(last) => last.with_kind(Kind::Float),
+            None => Ty::Unknown,
+        },
         "imageLoad" | "imageSize" | "subpassLoad" => Ty::Unknown,
         "imageStore" | "barrier" | "memoryBarrier" | "groupMemoryBarrier" => Ty::Void,
         // The others work on each component, with the widest argument's type.
@@ -158,11 +162,13 @@ pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
                 .cloned()
                 .unwrap_or(Ty::Unknown);
             match (name, kind) {
-                // `mix` with a bool to choose by has the others' kind, and the functions of floats make ints floats.
-                ("abs" | "sign" | "min" | "max" | "clamp" | "mix", Some(k)) => widest.with_kind(k),
+                // The functions of floats make ints floats, each of them: `mod(x, 8)`.
                 (_, Some(Kind::Int | Kind::Uint)) if is_of_floats(name) => {
                     widest.with_kind(Kind::Float)
                 }
+                (_, Some(k)) if is_of_floats(name) => widest.with_kind(k),
+                // `mix` with a bool to choose by has the others' kind.
+                ("abs" | "sign" | "min" | "max" | "clamp" | "mix", Some(k)) => widest.with_kind(k),
                 _ => widest,
             }
         }

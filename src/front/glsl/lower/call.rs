@@ -5,10 +5,11 @@ use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{Signature, Storage, spelled, unsupported};
-use super::super::ty::{Kind, Ty};
-use super::effect::after;
+use super::super::ty::{Entry, Kind, Lay, Ty};
+use super::effect::{Argument, after};
 use super::expression::{Ex, level};
-use super::{Lower, builtin, texture};
+use super::overload::{Choice, choose};
+use super::{Given, Lower, builtin, texture};
 use crate::front::error::Error;
 
 impl Lower<'_, '_> {
@@ -59,6 +60,8 @@ impl Lower<'_, '_> {
     fn constructor(&mut self, ty: Ty, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
         let place = self.place(whole.span);
         let values = self.values(arguments)?;
+        let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
+        self.check_constructor(&ty, &types, place)?;
         let texts = |values: &[Ex]| -> String {
             let all: Vec<String> = values.iter().map(|v| v.at(level::ASSIGNMENT)).collect();
             all.join(", ")
@@ -83,11 +86,42 @@ impl Lower<'_, '_> {
                 Ok(ex)
             }
             Ty::Struct(name) => {
-                let text = self.construct(name, values);
-                let text = text.ok_or_else(|| {
-                    unsupported("a struct of this shape cannot be constructed", place)
-                })?;
-                Ok(Ex::primary(text, ty.clone()))
+                let members = self
+                    .stage
+                    .structs
+                    .get(name)
+                    .map(|s| (s.hosted, s.members.clone()));
+                let (hosted, members) = members.unwrap_or_default();
+                let entries = match hosted {
+                    true => self.stage.structs.laid_out(&members, true),
+                    false => members.iter().map(Entry::Member).collect(),
+                };
+                let (mut first, mut parts) = (Vec::new(), Vec::new());
+                let mut values = values.into_iter();
+                for entry in entries {
+                    let Entry::Member(member) = entry else {
+                        parts.push("0.0".to_owned());
+                        continue;
+                    };
+                    let Some(value) = values.next() else {
+                        break;
+                    };
+                    let value = self.coerce(value, &member.ty);
+                    let lay = self.stage.structs.member_lay(name, Lay::default());
+                    let value = match self.stage.structs.lies_otherwise(&member.ty, lay) {
+                        true => {
+                            let (before, value) = self.once(&value);
+                            first.extend(before);
+                            value
+                        }
+                        false => value,
+                    };
+                    parts.push(self.packed(&value, &member.ty, lay).ok_or_else(|| {
+                        unsupported("a struct of this shape cannot be constructed", place)
+                    })?);
+                }
+                let text = format!("{name}({})", parts.join(", "));
+                Ok(after(first, Ex::primary(text, ty.clone())))
             }
             Ty::Array(of, n) => {
                 let n = n.unwrap_or(values.len() as u32);
@@ -221,13 +255,34 @@ impl Lower<'_, '_> {
     }
 
     fn named(&mut self, name: &str, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
-        if let Some(signatures) = self.stage.signatures.get(name).cloned() {
+        if let Some(signatures) = self.stage.signatures.get(name).cloned()
+            && !self.is_own_after_all(name, &signatures, arguments)?
+        {
             return self.authors(name, &signatures, arguments, whole);
         }
         if let Some(ex) = self.textured(name, arguments, whole)? {
             return Ok(ex);
         }
         self.own(name, arguments, whole)
+    }
+
+    /// Whether GLSL's own function is meant where the author has some of that name: in GLSL ES 1.00 they stand beside it, elsewhere they hide it.
+    fn is_own_after_all(
+        &mut self,
+        name: &str,
+        signatures: &[Signature],
+        arguments: &[Expr],
+    ) -> Result<bool, Error> {
+        let own = builtin::is_known(name) || texture::function(name).is_some();
+        if !own || !self.stage.unit.dialect.es {
+            return Ok(false);
+        }
+        let mut values = Vec::new();
+        for argument in arguments {
+            values.push(self.raw(argument)?.ty);
+        }
+        let given: Vec<&Ty> = values.iter().collect();
+        Ok(choose(signatures, &given, false) == Choice::None)
     }
 
     /// A call of a function of the author's.
@@ -242,69 +297,35 @@ impl Lower<'_, '_> {
         for argument in arguments {
             values.push(self.raw(argument)?);
         }
-        // Exactly, or else with as few conversions as there are.
-        let distance = |s: &Signature| -> Option<u32> {
-            if s.parameters.len() != values.len() {
-                return None;
-            }
-            s.parameters
-                .iter()
-                .zip(&values)
-                .try_fold(0, |sum, ((_, to), from)| {
-                    if from.ty == *to {
-                        return Some(sum);
-                    }
-                    match (from.ty.kind(), to.kind()) {
-                        _ if from.ty == Ty::Unknown => Some(sum + 1),
-                        (Some(a), Some(b)) if from.ty.with_kind(b) == *to => {
-                            Some(sum + 1 + u32::from(b.power().abs_diff(a.power())))
-                        }
-                        (None, None) if from.ty.base_name() == to.base_name() => Some(sum + 1),
-                        _ => None,
-                    }
-                })
-        };
-        let best = signatures
-            .iter()
-            .enumerate()
-            .filter_map(|(i, s)| Some((distance(s)?, i, s)))
-            .min_by_key(|(d, ..)| *d);
-        let Some((_, overload, signature)) = best else {
-            let given: Vec<String> = values.iter().map(|v| v.ty.name()).collect();
-            return Err(Error::new(
-                crate::front::error::Code::Parse,
-                format!("no `{name}` takes ({})", given.join(", ")),
-            )
-            .label_if(self.place(whole.span)));
-        };
+        let place = self.place(whole.span);
+        let overload = self.overload(name, signatures, &values, place)?;
+        let signature = &signatures[overload];
         self.calls.push((name.to_owned(), overload));
+        let structs = &self.stage.structs;
+        let copies = |(storage, to): &(Storage, Ty)| {
+            *storage != Storage::In && structs.has_data(to) && !structs.has_samplers(to)
+        };
+        let outs: Vec<bool> = signature.parameters.iter().map(copies).collect();
+        let meeting = self.meeting(arguments, outs.clone());
+        let mut direct = Vec::new();
+        for (i, (_, to)) in signature.parameters.iter().enumerate() {
+            direct.push(!outs[i] || self.is_direct(&meeting, i, to)?);
+        }
+        // Where something is copied ahead of the call, what else is evaluated keeps its turn.
+        let in_turn = direct.contains(&false) && meeting.has_effects();
         let mut parts = Vec::new();
-        let mut written = Vec::new();
-        let is_written = |(_, (storage, _)): &(&Expr, &(Storage, Ty))| *storage != Storage::In;
-        let outs: Vec<&str> = arguments
-            .iter()
-            .zip(&signature.parameters)
-            .filter(is_written)
-            .filter_map(|(argument, _)| root(argument))
-            .collect();
-        let all = values.into_iter().zip(arguments).zip(&signature.parameters);
-        for ((value, argument), (storage, to)) in all {
-            if *storage != Storage::In
-                && self.stage.structs.has_data(to)
-                && !self.stage.structs.has_samplers(to)
-                && !self.is_otherwise(&value)
-            {
-                let one = self.written(argument, to, *storage, &outs)?;
-                parts.push(one.argument.clone());
-                written.push(one);
+        for (i, (storage, to)) in signature.parameters.iter().enumerate() {
+            if !direct[i] {
+                parts.push(self.copied(&meeting, i, to, *storage)?);
                 continue;
             }
+            let value = values[i].clone();
             let path = value.path.clone();
             let pair = value.pair.clone();
             if value.choice.is_some() {
                 return Err(unsupported(
                     "a sampler that is chosen by an index the GPU computes cannot be an argument",
-                    self.place(whole.span),
+                    place,
                 ));
             }
             if self.stage.structs.has_data(to) {
@@ -313,45 +334,40 @@ impl Lower<'_, '_> {
                         let value = self.value(value);
                         self.coerce(value, to)
                     }
-                    _ if self.is_otherwise(&value) => {
-                        return Err(unsupported(
-                            "this part of a uniform's struct cannot be an out argument",
-                            self.place(whole.span),
-                        ));
-                    }
                     _ => value,
                 };
-                parts.push(value.at(level::ASSIGNMENT));
+                let samplers = self.stage.structs.has_samplers(to);
+                parts.push(match in_turn && *storage == Storage::In && !samplers {
+                    true => self.in_turn(value, place)?,
+                    false => Argument::of(value.at(level::ASSIGNMENT)),
+                });
             }
             if !self.stage.structs.has_samplers(to) {
                 continue;
             }
             if let Some(pair) = pair {
-                parts.push(pair.texture);
-                parts.push(pair.sampler);
+                parts.push(Argument::of(pair.texture));
+                parts.push(Argument::of(pair.sampler));
                 continue;
             }
             let path = path.unwrap_or_default();
             let mut found = Vec::new();
             self.stage.structs.samplers(to, &path, &mut found);
             for (path, _) in found {
-                let pair = self.pairs.get(&path).cloned().ok_or_else(|| {
-                    unsupported(
-                        "these samplers cannot be told apart",
-                        self.place(whole.span),
-                    )
-                })?;
-                parts.push(pair.texture);
-                parts.push(pair.sampler);
+                let pair = self.pairs.get(&path).cloned();
+                let pair =
+                    pair.ok_or_else(|| unsupported("these samplers cannot be told apart", place))?;
+                parts.push(Argument::of(pair.texture));
+                parts.push(Argument::of(pair.sampler));
             }
         }
         let emitted = self
             .renamed
             .get(name)
-            .cloned()
-            .unwrap_or_else(|| name.to_owned());
-        let call = format!("{emitted}({})", parts.join(", "));
-        Ok(self.called(call, signature.result.clone(), written))
+            .map_or(name, String::as_str)
+            .to_owned();
+        let call = |parts: &[String]| format!("{emitted}({})", parts.join(", "));
+        self.called(call, signature.result.clone(), parts, place)
     }
 
     /// A call of one of GLSL's functions that take no texture.
@@ -365,6 +381,10 @@ impl Lower<'_, '_> {
         }
         let mut values = self.values(arguments)?;
         let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
+        if let Some(place) = place {
+            let (name, types) = (name.to_owned(), types.clone());
+            self.given.push(Given { name, types, place });
+        }
         let result = builtin::result(name, &types);
         // What GLSL converts without being asked.
         if builtin::is_of_floats(name) {
@@ -536,25 +556,38 @@ impl Lower<'_, '_> {
             }
         };
         self.helpers.insert(helper.clone(), text);
-        let mut parts: Vec<String> = values.iter().map(|v| v.at(level::ASSIGNMENT)).collect();
-        let mut written = Vec::new();
         // The last is written, and of a product the last two.
         let outs = 1 + usize::from(name == "umulExtended");
-        for i in arguments.len().saturating_sub(outs)..arguments.len() {
-            let all: Vec<&str> = arguments.iter().filter_map(root).collect();
-            let one = self.written(&arguments[i], &values[i].ty, Storage::Out, &all)?;
-            parts[i].clone_from(&one.argument);
-            written.push(one);
+        let first = arguments.len().saturating_sub(outs);
+        let is_out: Vec<bool> = (0..arguments.len()).map(|i| i >= first).collect();
+        let meeting = self.meeting(arguments, is_out);
+        let mut direct = Vec::new();
+        for (i, value) in values.iter().enumerate() {
+            direct.push(i < first || self.is_direct(&meeting, i, &value.ty)?);
         }
-        Ok(self.called(format!("{helper}({})", parts.join(", ")), result, written))
+        let in_turn = direct.contains(&false) && meeting.has_effects();
+        let mut parts = Vec::new();
+        for (i, value) in values.into_iter().enumerate() {
+            parts.push(match direct[i] {
+                false => self.copied(&meeting, i, &value.ty, Storage::Out)?,
+                true if i < first && in_turn => {
+                    let value = self.value(value);
+                    self.in_turn(value, place)?
+                }
+                true => Argument::of(self.value(value).at(level::ASSIGNMENT)),
+            });
+        }
+        let call = |parts: &[String]| format!("{helper}({})", parts.join(", "));
+        self.called(call, result, parts, place)
     }
 
-    /// The name of a function of ours; always the same for the same purpose.
-    pub(super) fn helper_name(&self, wanted: &str) -> String {
-        let mut name = wanted.to_owned();
-        while self.stage.unit.names.contains(&name) {
-            name.push('_');
+    /// The name of a function or a constant of ours; always the same for the same purpose.
+    pub(super) fn helper_name(&mut self, wanted: &str) -> String {
+        if let Some(name) = self.helper_names.get(wanted) {
+            return name.clone();
         }
+        let name = self.fresh(wanted);
+        self.helper_names.insert(wanted.to_owned(), name.clone());
         name
     }
 
@@ -590,15 +623,6 @@ fn multiplied(name: &str) -> String {
         "}\n",
     ]
     .join("\n")
-}
-
-/// The variable that an argument is part of.
-fn root(e: &Expr) -> Option<&str> {
-    match &e.content {
-        ExprData::Variable(name) => Some(name.as_str()),
-        ExprData::Dot(of, _) | ExprData::Bracket(of, _) => root(of),
-        _ => None,
-    }
 }
 
 /// A matrix made of another: what it lacks is the identity's.

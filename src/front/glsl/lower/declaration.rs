@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use naga::ShaderStage;
 
 use super::super::interface::{Opened, Slot, index};
-use super::super::marks::unmarked;
+use super::super::marks::{Marks, unmarked};
 use super::super::stage::{Global, Storage, Variable, unsupported};
-use super::super::ty::{Entry, Kind, Member, Rules, Ty, stored};
+use super::super::ty::{Entry, Kind, Lay, Member, Rules, Ty, stored};
 use super::{Lower, Var};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
@@ -83,30 +83,8 @@ impl Lower<'_, '_> {
                 out += &format!("    {};\n", ty.declare(&member.name));
             }
             out += "};\n";
-            if let Some(tight) = self.interface.tight.get(&name).cloned() {
-                out += &format!("struct {tight} {{\n");
-                for member in &of.members {
-                    let ty = self.lying(&member.ty, Rules::Std430Struct);
-                    out += &self.marks.mark(member.place);
-                    out += &format!("    {};\n", ty.declare(&member.name));
-                }
-                out += "};\n";
-            }
         }
         out
-    }
-
-    /// What a type is declared as where it lies in a block.
-    fn lying(&self, ty: &Ty, rules: Rules) -> Ty {
-        match (ty, rules) {
-            (Ty::Struct(name), Rules::Std430 | Rules::Std430Struct) => {
-                Ty::Struct(self.interface.tight.get(name).unwrap_or(name).clone())
-            }
-            (Ty::Array(of, n), Rules::Std430 | Rules::Std430Struct) => {
-                Ty::Array(Box::new(self.lying(of, rules)), *n)
-            }
-            _ => stored(ty, rules),
-        }
     }
 
     fn layout(slot: Slot) -> String {
@@ -121,6 +99,10 @@ impl Lower<'_, '_> {
             let storage = block.qualifiers.storage == Some(Storage::Buffer);
             let push = block.qualifiers.says("push_constant");
             let rules = block.rules();
+            let lay = |member: &Member| Lay {
+                rows: member.row_major,
+                ..Lay::by(rules)
+            };
             let layout = match push {
                 true => "push_constant, std430".to_owned(),
                 false => {
@@ -147,9 +129,17 @@ impl Lower<'_, '_> {
             let mark = self.marks.mark(block.place);
             let word = if storage { "buffer" } else { "uniform" };
             let mut body = String::new();
+            let shapes: Vec<Member> = block
+                .members
+                .iter()
+                .map(|m| Member {
+                    ty: self.shape(&m.ty, lay(m)),
+                    ..m.clone()
+                })
+                .collect();
             let entries = match rules {
-                Rules::Std140 => self.stage.structs.laid_out(&block.members, false),
-                _ => block.members.iter().map(Entry::Member).collect(),
+                Rules::Std140 => self.stage.structs.laid_out(&shapes, false),
+                _ => shapes.iter().map(Entry::Member).collect(),
             };
             let instance = block.instance.as_ref().map(|i| self.safe(i));
             let last = block.members.last().map(|m| &m.ty);
@@ -166,7 +156,8 @@ impl Lower<'_, '_> {
                             own.name = self.fresh(&format!("{instance}_{}", member.name));
                             written.insert(member.name.clone(), own.name.clone());
                         }
-                        (member.name.clone(), self.member(&own, rules)?)
+                        let text = member_text(&mut self.marks, &own, rules);
+                        (member.name.clone(), text)
                     }
                     Entry::Padding => {
                         let name = format!("{}_padding_{i}", block.name);
@@ -204,9 +195,15 @@ impl Lower<'_, '_> {
                         Var {
                             text,
                             ty: m.ty.clone(),
-                            hosted: Some(rules),
-                            row_major: m.row_major,
+                            lay: lay(m),
                             path: None,
+                            fixed: match storage {
+                                true if block.qualifiers.memory.contains(&"readonly") => {
+                                    Some("in a readonly block")
+                                }
+                                true => None,
+                                false => Some("a uniform"),
+                            },
                         },
                     )
                 })
@@ -293,9 +290,9 @@ impl Lower<'_, '_> {
             let var = Var {
                 text: format!("{instance}.{}", uniform.name),
                 ty: uniform.ty.clone(),
-                hosted: Some(Rules::Std140),
-                row_major: uniform.qualifiers.says("row_major"),
+                lay: Lay::by(Rules::Std140),
                 path,
+                fixed: Some("a uniform"),
             };
             self.bind(&uniform.name, var);
         }
@@ -313,42 +310,11 @@ impl Lower<'_, '_> {
             .enumerate()
         {
             out += &match entry {
-                Entry::Member(member) => self.member(member, Rules::Std140)?,
+                Entry::Member(member) => member_text(&mut self.marks, member, Rules::Std140),
                 Entry::Padding => format!("    float padding_{i};\n"),
             };
         }
         Ok(out + &format!("}} {instance};\n"))
-    }
-
-    /// A member of a block, declared as it is stored.
-    fn member(&mut self, member: &Member, rules: Rules) -> Result<String, Error> {
-        let mark = self.marks.mark(member.place);
-        let ty = match (&member.ty, member.row_major) {
-            (ty, true) => match transposed(ty) {
-                Some(turned) => turned,
-                None if matches!(ty.innermost(), Ty::Struct(_)) && self.has_matrices(ty) => {
-                    return Err(unsupported(
-                        "a struct with matrices in a `row_major` block is not read: qualify matrices one by one, outside of structs",
-                        member.place,
-                    ));
-                }
-                None => ty.clone(),
-            },
-            (ty, false) => ty.clone(),
-        };
-        let ty = self.lying(&ty, rules);
-        Ok(format!("{mark}    {};\n", ty.declare(&member.name)))
-    }
-
-    fn has_matrices(&self, ty: &Ty) -> bool {
-        match ty.innermost() {
-            Ty::Matrix(..) => true,
-            Ty::Struct(name) => {
-                let of = self.stage.structs.get(name);
-                of.is_some_and(|s| s.members.iter().any(|m| self.has_matrices(&m.ty)))
-            }
-            _ => false,
-        }
     }
 
     fn varyings(&mut self) -> Result<String, Error> {
@@ -390,7 +356,8 @@ impl Lower<'_, '_> {
         let name = self.safe(&emitted);
         let mut leaves = Vec::new();
         self.stage.structs.leaves(&variable.ty, "", &mut leaves);
-        let var = Var::plain(name.clone(), variable.ty.clone());
+        let fixed = (direction == Storage::In).then_some("an input");
+        let var = Var::plain(name.clone(), variable.ty.clone()).fixed(fixed);
         match &variable.block {
             Some((_, Some(instance))) => self.bind(&format!("{instance}.{}", variable.name), var),
             _ => self.bind(&variable.name, var),
@@ -501,9 +468,8 @@ impl Lower<'_, '_> {
     fn global(&mut self, global: &Global<'_>, out: &mut String) -> Result<(), Error> {
         let author = global.name.as_str();
         let name = self.safe(author);
-        let hosted = self.is_hosted(&global.ty);
-        let mut var = Var::plain(name.clone(), global.ty.clone());
-        var.hosted = hosted.then_some(Rules::Std140);
+        let fixed = (global.qualifiers.storage == Some(Storage::Const)).then_some("a constant");
+        let var = Var::plain(name.clone(), global.ty.clone()).fixed(fixed);
         if !self.stage.used.contains(author) && !global.qualifiers.says("constant_id") {
             self.bind(author, var);
             return Ok(());
@@ -560,18 +526,11 @@ impl Lower<'_, '_> {
         }
         name
     }
-
-    /// Whether values of the type hold what is stored in another way than it is computed with.
-    pub(super) fn is_hosted(&self, ty: &Ty) -> bool {
-        matches!(ty.innermost(), Ty::Struct(name) if self.stage.structs.get(name).is_some_and(|s| s.hosted))
-    }
 }
 
-/// The type of a matrix, or array of matrices, with rows for columns.
-pub(super) fn transposed(ty: &Ty) -> Option<Ty> {
-    match ty {
-        Ty::Matrix(k, c, r) => Some(Ty::Matrix(*k, *r, *c)),
-        Ty::Array(of, n) => Some(Ty::Array(Box::new(transposed(of)?), *n)),
-        _ => None,
-    }
+/// A member of a block, declared as it is stored.
+fn member_text(marks: &mut Marks, member: &Member, rules: Rules) -> String {
+    let mark = marks.mark(member.place);
+    let ty = stored(&member.ty, rules);
+    format!("{mark}    {};\n", ty.declare(&member.name))
 }

@@ -5,18 +5,62 @@ use glsl_lang::ast::{
     SelectionRestStatementData, Statement, StatementData, UnaryOpData,
 };
 
+use std::collections::HashSet;
+
+use naga::Span;
+
 use super::super::marks::unmarked;
 use super::super::stage::Storage;
 use super::super::ty::Ty;
+use super::super::writes::{Found, root, written_by_own};
 use super::Lower;
 use super::expression::{Ex, level};
 use crate::front::error::Error;
 
-/// An argument that a function writes: what stands before the call, what is handed over, and what stands after it.
-pub(super) struct Written {
-    pub before: Option<String>,
-    pub argument: String,
-    pub after: Option<String>,
+/// An argument of a call whose order is kept: what stands before the call, what is handed over, and what stands after it.
+#[derive(Default)]
+pub(super) struct Argument {
+    pub before: Vec<String>,
+    pub text: String,
+    pub after: Vec<String>,
+}
+
+impl Argument {
+    pub(super) fn of(text: String) -> Self {
+        Self {
+            text,
+            ..Self::default()
+        }
+    }
+}
+
+/// How the arguments of one call may meet: what each one's evaluation writes, and what the call does.
+pub(super) struct Meeting<'e> {
+    arguments: &'e [Expr],
+    /// Which of them the call writes.
+    outs: Vec<bool>,
+    /// What evaluating each one writes, and whether it calls what writes globals.
+    effects: Vec<(HashSet<String>, bool)>,
+}
+
+impl Meeting<'_> {
+    /// Whether evaluating any of the arguments does something.
+    pub(super) fn has_effects(&self) -> bool {
+        self.effects
+            .iter()
+            .any(|(w, calls)| *calls || !w.is_empty())
+    }
+
+    /// Whether a variable may be written while the arguments are evaluated or by the call, other than as the argument `own`.
+    fn may_change(&self, name: &str, is_local: bool, own: Option<usize>) -> bool {
+        let by_call = self.arguments.iter().zip(&self.outs).enumerate();
+        let mut by_call = by_call.filter(|(i, (_, out))| **out && Some(*i) != own);
+        let mut by_others = self.effects.iter().enumerate();
+        by_call.any(|(_, (argument, _))| root(argument) == Some(name))
+            || by_others.any(|(i, (written, calls))| {
+                Some(i) != own && (written.contains(name) || *calls && !is_local)
+            })
+    }
 }
 
 /// Where a node is, for remembering what it became.
@@ -43,6 +87,7 @@ impl Lower<'_, '_> {
                 self.stage.signatures.contains_key(name)
                     || name.starts_with("image")
                     || name.starts_with("atomic")
+                    || written_by_own(name) > 0
                     || arguments.iter().any(|a| self.has_effect(a))
             }
             _ => false,
@@ -78,91 +123,178 @@ impl Lower<'_, '_> {
         self.held.get(&key(e.span)?).cloned()
     }
 
-    /// Evaluates the indices of a target that do something, so that the target itself may be written twice; what is to be evaluated first.
+    /// Evaluates the indices of a place that do something, and what is indexed where that is a value, so that the place itself may be written twice; what is to be evaluated first.
     pub(super) fn settle(&mut self, target: &Expr) -> Result<Vec<String>, Error> {
+        self.settle_where(target, &|this, index| this.has_effect(index))
+    }
+
+    /// The same with the indices of which `is_moving` says so.
+    fn settle_where(
+        &mut self,
+        target: &Expr,
+        is_moving: &dyn Fn(&Self, &Expr) -> bool,
+    ) -> Result<Vec<String>, Error> {
         let mut first = Vec::new();
         match &target.content {
-            ExprData::Dot(of, _) => first.extend(self.settle(of)?),
+            ExprData::Dot(of, _) => first.extend(self.settle_where(of, is_moving)?),
             ExprData::Bracket(of, index) => {
-                first.extend(self.settle(of)?);
-                if self.has_effect(index) {
-                    let value = self.expr(index)?;
-                    let (before, value) = self.once(&value);
-                    if let (Some(before), Some(key)) = (before, key(index.span)) {
-                        first.push(before);
-                        self.held.insert(key, value);
-                    }
+                first.extend(self.settle_where(of, is_moving)?);
+                if is_moving(self, index) {
+                    first.push(self.hold_ahead(index)?);
                 }
             }
+            ExprData::Variable(_) => {}
+            _ if is_moving(self, target) => first.push(self.hold_ahead(target)?),
             _ => {}
         }
         Ok(first)
     }
 
-    /// An argument for a parameter of type `to` that is written. What is not a variable by itself, or is one that another argument writes too, is copied in and out, as GLSL
-    /// has it: WGSL has no pointer to a component, nor two to one variable.
-    pub(super) fn written(
-        &mut self,
-        argument: &Expr,
-        to: &Ty,
-        storage: Storage,
-        others: &[&str],
-    ) -> Result<Written, Error> {
-        let whole = match &argument.content {
-            ExprData::Variable(name) => others.iter().filter(|o| **o == name.as_str()).count() < 2,
-            _ => false,
-        };
-        let settled = match whole {
-            true => Vec::new(),
-            false => self.settle(argument)?,
-        };
-        let target = self.raw(argument)?;
-        let name = match whole || self.is_otherwise(&target) || target.ty != *to {
-            true => None,
-            false => self.temporary(to),
-        };
-        let Some(name) = name else {
-            return Ok(Written {
-                before: None,
-                argument: target.at(level::ASSIGNMENT),
-                after: None,
-            });
-        };
-        let mut before = settled;
-        if storage == Storage::InOut {
-            before.push(format!("{name} = {}", target.at(level::ASSIGNMENT)));
+    /// What gives a variable of ours the value of an expression, for which the variable stands from there on.
+    fn hold_ahead(&mut self, e: &Expr) -> Result<String, Error> {
+        let value = self.expr(e)?;
+        let name = self.needed(&value.ty, self.place(e.span))?;
+        let first = format!("{name} = {}", value.at(level::ASSIGNMENT));
+        if let Some(key) = key(e.span) {
+            self.held.insert(key, Ex::primary(name, value.ty));
         }
-        Ok(Written {
-            before: (!before.is_empty()).then(|| before.join(", ")),
-            after: Some(format!("{} = {name}", target.at(level::UNARY))),
-            argument: name,
+        Ok(first)
+    }
+
+    /// Whether evaluating it writes something: `++`, an assignment, a call of what does.
+    pub(super) fn writes(&self, e: &Expr) -> bool {
+        let (written, calls) = self.effects(e);
+        calls || !written.is_empty()
+    }
+
+    fn effects(&self, e: &Expr) -> (HashSet<String>, bool) {
+        let found = Found::within(e, &self.stage.signatures);
+        let calls = found.images || found.calls.iter().any(|c| self.stage.writers.contains(c));
+        (found.written, calls)
+    }
+
+    /// The arguments of a call that writes those of `outs`.
+    pub(super) fn meeting<'e>(&self, arguments: &'e [Expr], outs: Vec<bool>) -> Meeting<'e> {
+        let effects = arguments.iter().map(|a| self.effects(a)).collect();
+        Meeting {
+            arguments,
+            outs,
+            effects,
+        }
+    }
+
+    fn is_local(&self, name: &str) -> bool {
+        self.scopes.iter().skip(1).any(|s| s.contains_key(name))
+    }
+
+    /// Whether naga may write to the argument in place: it is a variable by itself, of the parameter's type, and nothing else of the call touches it.
+    pub(super) fn is_direct(
+        &mut self,
+        meeting: &Meeting<'_>,
+        i: usize,
+        to: &Ty,
+    ) -> Result<bool, Error> {
+        let argument = &meeting.arguments[i];
+        self.check_written(argument)?;
+        let ExprData::Variable(name) = &argument.content else {
+            return Ok(false);
+        };
+        let name = name.as_str();
+        if meeting.may_change(name, self.is_local(name), Some(i)) {
+            return Ok(false);
+        }
+        let target = self.raw(argument)?;
+        Ok(target.ty == *to && self.is_plain(&target))
+    }
+
+    /// An argument that is handed over by value, where those behind it do something: it is evaluated in its turn.
+    pub(super) fn in_turn(&mut self, value: Ex, place: Option<Span>) -> Result<Argument, Error> {
+        let text = value.at(level::ASSIGNMENT);
+        let bare = unmarked(&text);
+        // A number is the same whenever it is read.
+        if bare.starts_with(|c: char| c.is_ascii_digit()) || matches!(value.ty, Ty::Unknown) {
+            return Ok(Argument {
+                text,
+                ..Argument::default()
+            });
+        }
+        let name = self.needed(&value.ty, place)?;
+        Ok(Argument {
+            before: vec![format!("{name} = {text}")],
+            text: name,
+            after: Vec::new(),
         })
     }
 
-    /// A call between what its written arguments ask for.
-    pub(super) fn called(&mut self, call: String, result: Ty, written: Vec<Written>) -> Ex {
+    /// An argument for a parameter of type `to` that is written, by way of a variable of ours: it is copied in when its turn comes, and out behind the call, as GLSL has it
+    /// (4.60, section 6.1.1). Which element is meant is settled when its turn comes.
+    pub(super) fn copied(
+        &mut self,
+        meeting: &Meeting<'_>,
+        i: usize,
+        to: &Ty,
+        storage: Storage,
+    ) -> Result<Argument, Error> {
+        let argument = &meeting.arguments[i];
+        let place = self.place(argument.span);
+        let mut before = self.settle_where(argument, &|this, index| {
+            let found = Found::within(index, &this.stage.signatures);
+            let moves = |name: &String| {
+                let known = this.stage.constants.contains_key(name);
+                !known && meeting.may_change(name, this.is_local(name), None)
+            };
+            let global =
+                |name: &String| !this.is_local(name) && !this.stage.constants.contains_key(name);
+            !found.calls.is_empty()
+                || !found.written.is_empty()
+                || found.named.iter().any(|n| moves(n) || global(n))
+        })?;
+        let target = self.raw(argument)?;
+        let name = self.needed(to, place)?;
+        let held = Ex::primary(name.clone(), to.clone());
+        if storage == Storage::InOut {
+            let value = self.value(target.clone());
+            before.push(format!("{name} = {}", value.at(level::ASSIGNMENT)));
+        }
+        let value = self.coerce(held, &target.ty);
+        Ok(Argument {
+            before,
+            text: name,
+            after: self.stores(&target, &value, place)?,
+        })
+    }
+
+    /// A call between what its arguments ask for.
+    pub(super) fn called(
+        &mut self,
+        call: impl FnOnce(&[String]) -> String,
+        result: Ty,
+        arguments: Vec<Argument>,
+        place: Option<Span>,
+    ) -> Result<Ex, Error> {
+        let texts: Vec<String> = arguments.iter().map(|a| a.text.clone()).collect();
+        let call = call(&texts);
         let (mut before, mut after) = (Vec::new(), Vec::new());
-        for each in written {
+        for each in arguments {
             before.extend(each.before);
             after.extend(each.after);
         }
         if before.is_empty() && after.is_empty() {
-            return Ex::primary(call, result);
+            return Ok(Ex::primary(call, result));
         }
         if result == Ty::Void {
-            // A statement: it stands in no expression.
+            // Statements: they stand in no expression.
             before.push(call);
             before.extend(after);
-            return Ex::new(before.join("; "), result, 0);
+            return Ok(Ex::new(before.join("; "), result, 0));
         }
-        match self.temporary(&result) {
-            Some(name) => {
-                before.push(format!("{name} = {call}"));
-                before.extend(after);
-                Ex::primary(format!("({}, {name})", before.join(", ")), result)
-            }
-            None => Ex::primary(call, result),
-        }
+        let name = self.needed(&result, place)?;
+        before.push(format!("{name} = {call}"));
+        before.extend(after);
+        Ok(Ex::primary(
+            format!("({}, {name})", before.join(", ")),
+            result,
+        ))
     }
 }
 

@@ -9,10 +9,10 @@ use super::super::constant;
 use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{initial_length, unsupported};
-use super::super::ty::{Entry, Kind, Rules, Ty, is_stored_otherwise, stored};
+use super::super::ty::{Kind, Lay, Ty};
 use super::effect::after;
-use super::{Lower, Var};
-use crate::front::error::Error;
+use super::{Lower, Var, check};
+use crate::front::error::{Code, Error};
 
 /// How tightly what was printed holds together, as in GLSL's table of operators turned round.
 pub(super) mod level {
@@ -31,8 +31,13 @@ pub(super) struct Ex {
     pub ty: Ty,
     pub level: u8,
     /// It is as it lies in a block; [`Lower::value`] makes a value of it.
-    pub hosted: Option<Rules>,
-    pub row_major: bool,
+    pub lay: Lay,
+    /// What is written in its place, component by component, where naga cannot write to it at once: `m[1].xy`, a column of a matrix that lies by rows.
+    pub parts: Option<Vec<String>>,
+    /// It is a column of a matrix.
+    pub column: bool,
+    /// The matrix and the index that it is a column of, where that lies by rows.
+    pub turned: Option<(String, String)>,
     /// Where its samplers are found.
     pub path: Option<String>,
     /// It is a combined sampler.
@@ -47,8 +52,10 @@ impl Ex {
             text: text.into(),
             ty,
             level,
-            hosted: None,
-            row_major: false,
+            lay: Lay::default(),
+            parts: None,
+            column: false,
+            turned: None,
             path: None,
             pair: None,
             choice: None,
@@ -71,135 +78,15 @@ impl Ex {
 impl Lower<'_, '_> {
     /// A value: what lies in a block otherwise is taken out of it.
     pub(super) fn expr(&mut self, expr: &Expr) -> Result<Ex, Error> {
-        let ex = self.raw(expr)?;
-        if matches!(ex.ty.innermost(), Ty::Struct(_))
-            && self.is_otherwise(&ex)
-            && self.has_effect(expr)
-        {
-            // It is taken member by member, each time from the place that is written here.
-            return Err(unsupported(
-                "a struct is read out of a storage block at an index that does something: take the index first",
-                self.place(expr.span),
-            ));
+        let mut ex = self.raw(expr)?;
+        let mut first = Vec::new();
+        let is_whole = matches!(ex.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
+        if is_whole && self.stage.structs.lies_otherwise(&ex.ty, ex.lay) && self.has_effect(expr) {
+            // It is put together of several parts, each of which names its place.
+            first = self.settle(expr)?;
+            ex = self.raw(expr)?;
         }
-        Ok(self.value(ex))
-    }
-
-    /// Whether it lies in its block as something else than a value of its type.
-    pub(super) fn is_otherwise(&self, ex: &Ex) -> bool {
-        let Some(rules) = ex.hosted else {
-            return false;
-        };
-        let struct_of = |ty: &Ty| match ty.innermost() {
-            Ty::Struct(name) => self.interface.tight.contains_key(name),
-            _ => false,
-        };
-        is_stored_otherwise(&ex.ty, rules) || rules != Rules::Std140 && struct_of(&ex.ty)
-    }
-
-    /// A value of a struct, made of those of its members in order; `None` where one of them cannot be.
-    pub(super) fn construct(&self, name: &str, values: Vec<Ex>) -> Option<String> {
-        let of = self.stage.structs.get(name);
-        let (hosted, members) = of
-            .map(|s| (s.hosted, s.members.as_slice()))
-            .unwrap_or_default();
-        let entries = match hosted {
-            true => self.stage.structs.laid_out(members, true),
-            false => members.iter().map(Entry::Member).collect(),
-        };
-        let mut parts = Vec::new();
-        let mut values = values.into_iter();
-        for entry in entries {
-            let Entry::Member(member) = entry else {
-                parts.push("0.0".to_owned());
-                continue;
-            };
-            let Some(value) = values.next() else {
-                break;
-            };
-            let value = self.coerce(value, &member.ty);
-            parts.push(match hosted {
-                true => pack(&value, &member.ty, Rules::Std140)?,
-                false => value.at(level::ASSIGNMENT),
-            });
-        }
-        Some(format!("{name}({})", parts.join(", ")))
-    }
-
-    pub(super) fn value(&self, ex: Ex) -> Ex {
-        if ex.row_major && super::declaration::transposed(&ex.ty).is_some() {
-            let turned = super::declaration::transposed(&ex.ty).unwrap_or(Ty::Unknown);
-            let inner = self.value(Ex {
-                ty: turned,
-                row_major: false,
-                ..ex.clone()
-            });
-            return match &ex.ty {
-                Ty::Matrix(..) => Ex::primary(format!("transpose({})", inner.text), ex.ty),
-                Ty::Array(of, Some(n)) => {
-                    let parts: Vec<String> = (0..*n)
-                        .map(|i| {
-                            let text = format!("{}[{i}]", inner.at(level::POSTFIX));
-                            let part = Ex {
-                                text,
-                                ty: (**of).clone(),
-                                level: level::POSTFIX,
-                                ..ex.clone()
-                            };
-                            self.value(part).text
-                        })
-                        .collect();
-                    Ex::primary(format!("{}({})", ex.ty.name(), parts.join(", ")), ex.ty)
-                }
-                _ => inner,
-            };
-        }
-        if !self.is_otherwise(&ex) {
-            return Ex {
-                hosted: None,
-                row_major: false,
-                ..ex
-            };
-        }
-        let text = ex.at(level::POSTFIX);
-        match &ex.ty {
-            Ty::Scalar(Kind::Bool) => Ex::new(format!("{text} != 0u"), Ty::BOOL, 10),
-            Ty::Vector(Kind::Bool, n) => {
-                Ex::primary(format!("notEqual({text}, uvec{n}(0u))"), ex.ty.clone())
-            }
-            Ty::Matrix(_, columns, _) => {
-                let columns: Vec<String> = (0..*columns)
-                    .map(|c| element(&ex, &c.to_string()).text)
-                    .collect();
-                Ex::primary(
-                    format!("{}({})", ex.ty.name(), columns.join(", ")),
-                    ex.ty.clone(),
-                )
-            }
-            Ty::Array(_, Some(n)) => {
-                let parts: Vec<String> = (0..*n)
-                    .map(|i| self.value(element(&ex, &i.to_string())).text)
-                    .collect();
-                Ex::primary(
-                    format!("{}({})", ex.ty.name(), parts.join(", ")),
-                    ex.ty.clone(),
-                )
-            }
-            Ty::Struct(name) => {
-                let members = self.stage.structs.get(name).map(|s| s.members.as_slice());
-                let members = members.unwrap_or_default().iter().map(|m| {
-                    let member =
-                        Ex::new(format!("{text}.{}", m.name), m.ty.clone(), level::POSTFIX);
-                    self.value(Ex {
-                        hosted: Some(Rules::Std430Struct),
-                        ..member
-                    })
-                });
-                let constructed = self.construct(name, members.collect());
-                Ex::primary(constructed.unwrap_or(text), ex.ty.clone())
-            }
-            _ => ex,
-        }
+        Ok(after(first, self.value(ex)))
     }
 
     /// The expression, still as it lies in a block.
@@ -231,11 +118,27 @@ impl Lower<'_, '_> {
                     place,
                 ));
             }
-            ExprData::Unary(op, of) => self.unary(op, of)?,
-            ExprData::Binary(op, a, b) => self.binary(&op.content, a, b)?,
+            ExprData::Unary(op, of) => self.unary(op, of, place)?,
+            ExprData::Binary(op, a, b) => self.binary(&op.content, a, b, place)?,
             ExprData::Ternary(condition, a, b) => {
+                let of = self.place(condition.span);
                 let condition = self.expr(condition)?;
+                self.check_condition(&condition, of)?;
                 let (a, b) = (self.expr(a)?, self.expr(b)?);
+                if a.ty == Ty::Void || b.ty == Ty::Void {
+                    return Err(
+                        unsupported("`?` chooses between values, and this is none", place)
+                            .note("write an `if`"),
+                    );
+                }
+                if !check::meet(&a.ty, &b.ty) {
+                    let message = format!(
+                        "`?` chooses between {} and {}",
+                        check::a(&a.ty),
+                        check::a(&b.ty)
+                    );
+                    return Err(Error::new(Code::Parse, message).label_if(place));
+                }
                 let ty = match (a.ty.kind(), b.ty.kind()) {
                     (Some(x), Some(y)) if x.power() < y.power() => b.ty.clone(),
                     _ => a.ty.clone(),
@@ -245,44 +148,7 @@ impl Lower<'_, '_> {
                 Ex::new(text, ty, level::TERNARY)
             }
             ExprData::Assignment(to, op, from) => {
-                let word = assignment(&op.content);
-                if let Some(ex) = self.assigned_column(to, word, from)? {
-                    return Ok(ex);
-                }
-                // naga reads by one evaluation of the target and writes by another.
-                let settled = match word {
-                    "=" => Vec::new(),
-                    _ => self.settle(to)?,
-                };
-                let target = self.raw(to)?;
-                let from = self.expr(from)?;
-                let text = if word == "=" && self.is_otherwise(&target) {
-                    let rules = target.hosted.unwrap_or(Rules::Std140);
-                    let packed = match target.ty.innermost() {
-                        Ty::Struct(_) => None,
-                        _ => pack(&self.coerce(from, &target.ty), &target.ty, rules),
-                    };
-                    let packed = packed.ok_or_else(|| {
-                        unsupported(
-                            "this part of a block cannot be written to as a whole: write to its members one by one",
-                            place,
-                        )
-                    })?;
-                    format!("{} = {packed}", target.at(level::UNARY))
-                } else {
-                    let from = match word {
-                        "=" => self.coerce(from, &target.ty),
-                        "<<=" | ">>=" => from,
-                        "%=" => splat(self.coerce_kind(from, target.ty.kind()), &target.ty),
-                        _ => self.coerce_kind(from, target.ty.kind()),
-                    };
-                    format!(
-                        "{} {word} {}",
-                        target.at(level::UNARY),
-                        from.at(level::ASSIGNMENT)
-                    )
-                };
-                after(settled, Ex::new(text, target.ty, level::ASSIGNMENT))
+                self.assignment(to, assignment(&op.content), from)?
             }
             ExprData::Bracket(of, index) => self.index(of, index, expr)?,
             ExprData::FunCall(name, arguments) => {
@@ -292,57 +158,21 @@ impl Lower<'_, '_> {
                 ex
             }
             ExprData::Dot(of, name) => self.dot(of, name.as_str(), expr)?,
-            ExprData::PostInc(of) => {
-                let settled = self.settle(of)?;
-                let of = self.raw(of)?;
-                let text = format!("{}++", of.at(level::POSTFIX));
-                after(settled, Ex::new(text, of.ty, level::POSTFIX))
-            }
-            ExprData::PostDec(of) => {
-                let settled = self.settle(of)?;
-                let of = self.raw(of)?;
-                let text = format!("{}--", of.at(level::POSTFIX));
-                after(settled, Ex::new(text, of.ty, level::POSTFIX))
-            }
+            ExprData::PostInc(of) => self.stepped(of, "++", true)?,
+            ExprData::PostDec(of) => self.stepped(of, "--", true)?,
             ExprData::Comma(a, b) => {
                 let (a, b) = (self.expr(a)?, self.expr(b)?);
+                if a.ty == Ty::Void || b.ty == Ty::Void {
+                    return Err(unsupported(
+                        "a call that returns nothing cannot be part of this expression",
+                        place,
+                    )
+                    .note("make it a statement of its own"));
+                }
                 let text = format!("{}, {}", a.text, b.at(level::ASSIGNMENT));
                 Ex::new(text, b.ty, level::COMMA)
             }
         })
-    }
-
-    /// An assignment to several components of a matrix's column, which naga does not know, by way of the whole column.
-    fn assigned_column(&mut self, to: &Expr, word: &str, from: &Expr) -> Result<Option<Ex>, Error> {
-        let ExprData::Dot(column, components) = &to.content else {
-            return Ok(None);
-        };
-        let ExprData::Bracket(matrix, _) = &column.content else {
-            return Ok(None);
-        };
-        let components = components.as_str();
-        if components.len() < 2 || !matches!(self.raw(matrix)?.ty, Ty::Matrix(..)) {
-            return Ok(None);
-        }
-        let mut all = self.settle(column)?;
-        let column = self.raw(column)?;
-        let (Some(kind), Some(held)) = (column.ty.kind(), self.temporary(&column.ty)) else {
-            return Ok(None);
-        };
-        let ty = Ty::Vector(kind, components.len().min(4) as u8);
-        let from = self.expr(from)?;
-        let from = match word {
-            "=" => self.coerce(from, &ty),
-            _ => self.coerce_kind(from, Some(kind)),
-        };
-        all.push(format!("{held} = {}", column.text));
-        all.push(format!(
-            "{held}.{components} {word} {}",
-            from.at(level::ASSIGNMENT)
-        ));
-        all.push(format!("{} = {held}", column.at(level::UNARY)));
-        let value = Ex::new(format!("{held}.{components}"), ty, level::POSTFIX);
-        Ok(Some(after(all, value)))
     }
 
     fn variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
@@ -365,8 +195,7 @@ impl Lower<'_, '_> {
             false => level::PRIMARY,
         };
         let mut ex = Ex::new(var.text.clone(), var.ty.clone(), level);
-        ex.hosted = var.hosted;
-        ex.row_major = var.row_major;
+        ex.lay = var.lay;
         ex.path = var.path.clone();
         self.with_pair(ex)
     }
@@ -455,35 +284,40 @@ impl Lower<'_, '_> {
         name
     }
 
-    fn unary(&mut self, op: &ast::UnaryOp, of: &Expr) -> Result<Ex, Error> {
+    fn unary(
+        &mut self,
+        op: &ast::UnaryOp,
+        of: &Expr,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
         let word = match op.content {
-            UnaryOpData::Inc => "++",
-            UnaryOpData::Dec => "--",
+            UnaryOpData::Inc => return self.stepped(of, "++", false),
+            UnaryOpData::Dec => return self.stepped(of, "--", false),
             UnaryOpData::Add => return self.expr(of),
             UnaryOpData::Minus => "-",
             UnaryOpData::Not => "!",
             UnaryOpData::Complement => "~",
         };
-        let settled = match word {
-            "++" | "--" => self.settle(of)?,
-            _ => Vec::new(),
-        };
-        let of = match word {
-            "++" | "--" => self.raw(of)?,
-            _ => self.expr(of)?,
-        };
+        let of = self.expr(of)?;
+        self.check_sign(word, &of.ty, place)?;
         let mut text = of.at(level::UNARY);
         if unmarked(&text).starts_with(['-', '+']) {
             text = format!("({text})");
         }
-        let text = format!("{word}{text}");
-        Ok(after(settled, Ex::new(text, of.ty, level::UNARY)))
+        Ok(Ex::new(format!("{word}{text}"), of.ty, level::UNARY))
     }
 
-    fn binary(&mut self, op: &B, a: &Expr, b: &Expr) -> Result<Ex, Error> {
+    fn binary(
+        &mut self,
+        op: &B,
+        a: &Expr,
+        b: &Expr,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
         // naga evaluates both sides whatever the first one is.
         if matches!(op, B::And | B::Or) && self.has_effect(b) {
             let (a, b) = (self.expr(a)?, self.expr(b)?);
+            self.check_operator(op, operator(op).0, [&a.ty, &b.ty], place)?;
             let tighter = level::TERNARY + 1;
             let text = match op {
                 B::And => format!("{} ? {} : false", a.at(tighter), b.at(tighter)),
@@ -493,6 +327,7 @@ impl Lower<'_, '_> {
         }
         let (a, b) = (self.expr(a)?, self.expr(b)?);
         let (word, level) = operator(op);
+        self.check_operator(op, word, [&a.ty, &b.ty], place)?;
         if *op == B::Xor {
             let text = format!("({}) != ({})", a.text, b.text);
             return Ok(Ex::new(text, Ty::BOOL, 10));
@@ -571,15 +406,22 @@ impl Lower<'_, '_> {
         if self.stage.structs.has_samplers(&base.ty) {
             return self.index_samplers(base, &index, known, place);
         }
-        if base.row_major && matches!(base.ty, Ty::Matrix(..)) {
-            let base = self.value(base);
-            return Ok(element(&base, &index.text));
+        self.check_index(&base.ty, &index.ty, place)?;
+        let of_columns = matches!(base.ty, Ty::Matrix(..))
+            && base.lay.rows
+            && base.lay.stored(&base.lay.turned(&base.ty)) != base.lay.turned(&base.ty);
+        if of_columns && self.writes(of) {
+            return Err(unsupported(
+                "this index does something, and what it chooses is put together of several parts",
+                place,
+            )
+            .note("put the index into a variable first"));
         }
         let index = match index.ty.kind() {
             Some(Kind::Float | Kind::Bool) => format!("int({})", index.text),
             _ => index.text,
         };
-        Ok(element(&base, &index))
+        Ok(self.element_of(base, &index))
     }
 
     /// An element of an array that holds samplers.
@@ -633,15 +475,15 @@ impl Lower<'_, '_> {
         {
             return self.own_variable(name, whole);
         }
-        let base = self.raw(of)?;
+        let (of_expr, base) = (of, self.raw(of)?);
         match base.ty.clone() {
             Ty::Struct(of) => {
                 let member = self
                     .stage
                     .structs
                     .get(&of)
-                    .map(|s| (s.hosted, s.members.iter().find(|m| m.name == name).cloned()));
-                let Some((hosted, Some(member))) = member else {
+                    .and_then(|s| s.members.iter().find(|m| m.name == name).cloned());
+                let Some(member) = member else {
                     return Err(Error::new(
                         crate::front::error::Code::Parse,
                         format!("the struct `{of}` has no member `{name}`"),
@@ -653,15 +495,7 @@ impl Lower<'_, '_> {
                     member.ty,
                     level::POSTFIX,
                 );
-                // Inside of a struct of std430 all is of std430; any other struct is what it is wherever it lies.
-                ex.hosted = match base.hosted {
-                    Some(Rules::Std430 | Rules::Std430Struct)
-                        if self.interface.tight.contains_key(&of) =>
-                    {
-                        Some(Rules::Std430Struct)
-                    }
-                    _ => hosted.then_some(Rules::Std140),
-                };
+                ex.lay = self.stage.structs.member_lay(&of, base.lay);
                 ex.path = base.path.map(|p| format!("{p}.{name}"));
                 Ok(self.with_pair(ex))
             }
@@ -676,27 +510,7 @@ impl Lower<'_, '_> {
                     ),
                 })
             }
-            Ty::Vector(kind, _) => {
-                let base = match base.hosted.is_some() && kind == Kind::Bool {
-                    true => self.value(base),
-                    false => base,
-                };
-                let n = name.len().min(4) as u8;
-                // naga writes to no component of a matrix's column but by its number.
-                let number = "xyzw rgba stpq"
-                    .find(name)
-                    .filter(|_| n == 1)
-                    .map(|at| at % 5);
-                if let (ExprData::Bracket(..), Some(number)) = (&of.content, number) {
-                    let text = format!("{}[{number}]", base.at(level::POSTFIX));
-                    return Ok(Ex::new(text, Ty::Scalar(kind), level::POSTFIX));
-                }
-                Ok(Ex::new(
-                    format!("{}.{name}", base.at(level::POSTFIX)),
-                    Ty::vector(kind, n),
-                    level::POSTFIX,
-                ))
-            }
+            Ty::Vector(..) => self.components_of(base, of_expr, name, self.place(whole.span)),
             _ => Ok(Ex::new(
                 format!("{}.{name}", base.at(level::POSTFIX)),
                 Ty::Unknown,
@@ -737,6 +551,7 @@ impl Lower<'_, '_> {
         match &init.content {
             InitializerData::Simple(e) => {
                 let ex = self.expr(e)?;
+                self.check_given(&ex.ty, ty, self.place(e.span))?;
                 Ok(self.coerce(ex, ty).at(level::ASSIGNMENT))
             }
             InitializerData::List(list) => {
@@ -810,9 +625,8 @@ impl Lower<'_, '_> {
     }
 }
 
-/// An element of an array, a column or a component, as it lies there.
 /// A scalar beside a vector, as one.
-fn splat(ex: Ex, to: &Ty) -> Ex {
+pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
     match (&ex.ty, to) {
         (Ty::Scalar(_), Ty::Vector(..)) => {
             Ex::primary(format!("{}({})", to.name(), ex.text), to.clone())
@@ -821,13 +635,13 @@ fn splat(ex: Ex, to: &Ty) -> Ex {
     }
 }
 
+/// An element of an array, a column or a component, as it lies there.
 pub(super) fn element(base: &Ex, index: &str) -> Ex {
     let text = format!("{}[{index}]", base.at(level::POSTFIX));
     let (ty, ending) = match &base.ty {
         Ty::Array(of, _) => {
             // Padded to four components in a block.
-            let padded = base.hosted == Some(Rules::Std140);
-            let ending = match (&**of, padded) {
+            let ending = match (&**of, base.lay.is_padded()) {
                 (Ty::Scalar(_), true) => ".x",
                 (Ty::Vector(_, 2), true) => ".xy",
                 _ => "",
@@ -835,7 +649,7 @@ pub(super) fn element(base: &Ex, index: &str) -> Ex {
             ((**of).clone(), ending)
         }
         Ty::Matrix(k, _, rows) => {
-            let padded = base.hosted == Some(Rules::Std140) && *rows == 2;
+            let padded = base.lay.is_padded() && *rows == 2;
             let ending = if padded { ".xy" } else { "" };
             (Ty::Vector(*k, *rows), ending)
         }
@@ -843,51 +657,9 @@ pub(super) fn element(base: &Ex, index: &str) -> Ex {
         _ => (Ty::Unknown, ""),
     };
     let mut ex = Ex::new(text + ending, ty, level::POSTFIX);
-    ex.hosted = base.hosted;
-    ex.row_major = base.row_major;
+    ex.lay = base.lay;
+    ex.column = matches!(base.ty, Ty::Matrix(..));
     ex
-}
-
-/// A value as it lies in a block; `None` where its length is not known.
-pub(super) fn pack(value: &Ex, ty: &Ty, rules: Rules) -> Option<String> {
-    if !is_stored_otherwise(ty, rules) {
-        return Some(value.at(level::ASSIGNMENT));
-    }
-    let text = value.at(level::POSTFIX);
-    let stored_name = stored(ty, rules).name();
-    Some(match ty {
-        Ty::Scalar(Kind::Bool) => format!("uint({})", value.text),
-        Ty::Vector(Kind::Bool, n) => format!("uvec{n}({})", value.text),
-        Ty::Matrix(_, columns, 2) => {
-            let parts: Vec<String> = (0..*columns)
-                .map(|c| match rules {
-                    Rules::Std140 => format!("vec4({text}[{c}], 0.0, 0.0)"),
-                    _ => format!("{text}[{c}]"),
-                })
-                .collect();
-            format!("{stored_name}({})", parts.join(", "))
-        }
-        Ty::Array(of, Some(n)) => {
-            let padded = match (&**of, rules) {
-                (Ty::Scalar(_), Rules::Std140) => Some(", 0, 0, 0"),
-                (Ty::Vector(_, 2), Rules::Std140) => Some(", 0, 0"),
-                _ => None,
-            };
-            let Ty::Array(element, _) = stored(ty, rules) else {
-                return None;
-            };
-            let part = |i: u32| match padded {
-                Some(zeros) => Some(format!("{}({text}[{i}]{zeros})", element.name())),
-                None => {
-                    let part = Ex::new(format!("{text}[{i}]"), (**of).clone(), level::POSTFIX);
-                    pack(&part, of, rules)
-                }
-            };
-            let parts: Option<Vec<String>> = (0..*n).map(part).collect();
-            format!("{stored_name}({})", parts?.join(", "))
-        }
-        _ => return None,
-    })
 }
 
 /// A float with all its digits, as GLSL spells it.

@@ -1,14 +1,18 @@
 //! One stage's tree printed as the GLSL 4.50 that naga reads, with a mark before whatever comes from a place of the author's.
 //!
-//! Outside of functions: `declaration`. Inside: `statement` and `expression`, with `call` for calls and `texture` for those of textures.
+//! Outside of functions: `declaration`. Inside: `statement` and `expression`, with `call` for calls, `overload` for which function is meant, `texture` for those of textures, `check` for types that do not go together, `store` for what lies in a block otherwise, and `effect` for what is
+//! evaluated when.
 
 mod builtin;
 mod call;
+mod check;
 mod declaration;
 mod effect;
 mod expression;
 mod function;
+mod overload;
 mod statement;
+mod store;
 mod texture;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -19,7 +23,7 @@ use naga::{ShaderStage, Span};
 use super::interface::{Interface, Pair};
 use super::marks::Marks;
 use super::stage::Stage;
-use super::ty::{Rules, Ty};
+use super::ty::{Lay, Ty};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
 
@@ -68,21 +72,29 @@ struct Var {
     /// How it is read.
     text: String,
     ty: Ty,
-    /// It lies in a block, or in a struct that does: see [`super::ty::stored`].
-    hosted: Option<Rules>,
-    row_major: bool,
+    /// How it lies in a block, or in a struct that does.
+    lay: Lay,
     /// Where the samplers in it are found: a path of [`Lower::pairs`].
     path: Option<String>,
+    /// What it is, if it cannot be written to.
+    fixed: Option<&'static str>,
 }
 
 impl Var {
+    fn fixed(self, what: Option<&'static str>) -> Self {
+        Self {
+            fixed: what,
+            ..self
+        }
+    }
+
     fn plain(text: impl Into<String>, ty: Ty) -> Self {
         Self {
             text: text.into(),
             ty,
-            hosted: None,
-            row_major: false,
+            lay: Lay::default(),
             path: None,
+            fixed: None,
         }
     }
 }
@@ -113,15 +125,27 @@ pub(super) struct Lower<'a, 'u> {
     targets: BTreeSet<u32>,
     /// Functions that stand for what naga's front end lacks, by name.
     helpers: BTreeMap<String, String>,
+    /// Their names, by those that were wanted.
+    helper_names: HashMap<String, String>,
     /// Declarations of ours at the head of the function that is printed; `None` outside of functions.
     temporaries: Option<Vec<String>>,
     /// What expressions became ahead of where they stand, by their places.
     held: HashMap<(u32, u32), expression::Ex>,
     /// Literal offsets of samples, each a constant of ours.
     offsets: Vec<String>,
+    /// What GLSL's functions are given, where they are called: for errors.
+    given: Vec<Given>,
     indent: usize,
     /// Names that this stage's text has got.
     taken: HashSet<String>,
+}
+
+/// A call of one of GLSL's functions.
+#[derive(Clone, Debug)]
+pub(super) struct Given {
+    pub name: String,
+    pub types: Vec<Ty>,
+    pub place: Span,
 }
 
 /// The rewritten text of a stage, its marks still in.
@@ -129,7 +153,7 @@ pub(super) fn lower(
     stage: &mut Stage<'_>,
     interface: &mut Interface,
     clip: ClipSpace,
-) -> Result<(String, Marks), Error> {
+) -> Result<(String, Marks, Vec<Given>), Error> {
     let pairs = interface
         .samplers
         .iter()
@@ -151,14 +175,16 @@ pub(super) fn lower(
         standins: BTreeMap::new(),
         targets: BTreeSet::new(),
         helpers: BTreeMap::new(),
+        helper_names: HashMap::new(),
         temporaries: None,
         held: HashMap::new(),
         offsets: Vec::new(),
+        given: Vec::new(),
         indent: 0,
         taken: HashSet::new(),
     };
     let text = lower.stage()?;
-    Ok((text, lower.marks))
+    Ok((text, lower.marks, lower.given))
 }
 
 impl Lower<'_, '_> {

@@ -1,7 +1,7 @@
 //! Statements, one a line.
 
 use glsl_lang::ast::{
-    self, CaseLabelData, ConditionData, DeclarationData, ForInitStatementData,
+    self, CaseLabelData, ConditionData, DeclarationData, Expr, ExprData, ForInitStatementData,
     IterationStatementData, JumpStatementData, SelectionRestStatementData, Statement,
     StatementData,
 };
@@ -10,9 +10,9 @@ use super::super::constant;
 use super::super::marks::unmarked;
 use super::super::stage::{Storage, unsupported};
 use super::super::ty::Ty;
-use super::expression::level;
+use super::expression::{Ex, level};
 use super::{Lower, Var, effect};
-use crate::front::error::Error;
+use crate::front::error::{Code, Error};
 
 impl Lower<'_, '_> {
     pub(super) fn statement(&mut self, statement: &Statement) -> Result<String, Error> {
@@ -26,10 +26,7 @@ impl Lower<'_, '_> {
                 out
             }
             StatementData::Expression(e) => match &e.content.0 {
-                Some(e) => {
-                    let text = self.expr(e)?.text;
-                    self.line(&format!("{mark}{text};"))
-                }
+                Some(e) => self.alone(e, &mark)?,
                 None => String::new(),
             },
             StatementData::Compound(c) => {
@@ -37,7 +34,7 @@ impl Lower<'_, '_> {
                 self.line("{") + &body + &self.line("}")
             }
             StatementData::Selection(s) => {
-                let condition = self.expr(&s.cond)?.text;
+                let condition = self.asked(&s.cond)?.text;
                 let (then, other) = match &s.rest.content {
                     SelectionRestStatementData::Statement(then) => (then, None),
                     SelectionRestStatementData::Else(then, other) => (then, Some(other)),
@@ -77,6 +74,11 @@ impl Lower<'_, '_> {
                 JumpStatementData::Return(Some(e)) => {
                     let ex = self.expr(e)?;
                     let result = self.result.clone();
+                    if result == Ty::Void {
+                        return Err(Error::new(Code::Parse, "this function returns nothing")
+                            .label_if(self.place(e.span)));
+                    }
+                    self.check_given(&ex.ty, &result, self.place(e.span))?;
                     let text = self.coerce(ex, &result).text;
                     self.line(&format!("{mark}return {text};"))
                 }
@@ -90,6 +92,33 @@ impl Lower<'_, '_> {
                     out + &self.line(&format!("{mark}return;"))
                 }
             },
+        })
+    }
+
+    /// An expression that is a statement; of several, each by itself.
+    fn alone(&mut self, e: &Expr, mark: &str) -> Result<String, Error> {
+        match &e.content {
+            ExprData::Comma(a, b) => Ok(self.alone(a, mark)? + &self.alone(b, mark)?),
+            _ => {
+                let text = self.expr(e)?.text;
+                Ok(self.line(&format!("{mark}{text};")))
+            }
+        }
+    }
+
+    /// A condition.
+    fn asked(&mut self, e: &Expr) -> Result<Ex, Error> {
+        let ex = self.expr(e)?;
+        self.check_condition(&ex, self.place(e.span))?;
+        Ok(ex)
+    }
+
+    /// Whether the expression is one that can stand in a loop's head: not several statements, which a call that returns nothing may come to.
+    fn is_expression(&mut self, e: &Expr) -> Result<bool, Error> {
+        Ok(match &e.content {
+            ExprData::Comma(a, b) => self.is_expression(a)? && self.is_expression(b)?,
+            ExprData::FunCall(..) => self.expr(e)?.ty != Ty::Void,
+            _ => true,
         })
     }
 
@@ -142,7 +171,7 @@ impl Lower<'_, '_> {
             }
             // naga tests at the end of the body, which a `continue` passes over.
             IterationStatementData::DoWhile(body, condition) if effect::continues(body) => {
-                let condition = self.expr(condition)?;
+                let condition = self.asked(condition)?;
                 let first = self.fresh("first");
                 let condition = condition.at(level::TERNARY + 1);
                 self.line(&format!(
@@ -151,7 +180,7 @@ impl Lower<'_, '_> {
                     + &self.line("}")
             }
             IterationStatementData::DoWhile(body, condition) => {
-                let condition = self.expr(condition)?.text;
+                let condition = self.asked(condition)?.text;
                 self.line(&format!("{mark}do {{"))
                     + &self.body(body)?
                     + &self.line(&format!("}} while ({condition});"))
@@ -159,9 +188,14 @@ impl Lower<'_, '_> {
             IterationStatementData::For(init, rest, body) => {
                 self.scopes.push(Default::default());
                 let constants = self.stage.constants.clone();
+                let mut lead = String::new();
                 // Several variables, or none that naga would take inside: before the loop, in a block.
                 let (before, init) = match &init.content {
                     ForInitStatementData::Expression(None) => (Vec::new(), String::new()),
+                    ForInitStatementData::Expression(Some(e)) if !self.is_expression(e)? => {
+                        lead = self.alone(e, mark)?;
+                        (Vec::new(), String::new())
+                    }
                     ForInitStatementData::Expression(Some(e)) => (Vec::new(), self.expr(e)?.text),
                     ForInitStatementData::Declaration(d) => {
                         let mut all = self.declared(d)?;
@@ -175,11 +209,16 @@ impl Lower<'_, '_> {
                     Some(condition) => self.condition(condition)?,
                     None => String::new(),
                 };
+                let mut step = None;
                 let post = match &rest.post_expr {
+                    Some(e) if !self.is_expression(e)? => {
+                        step = Some(e);
+                        String::new()
+                    }
                     Some(e) => self.expr(e)?.text,
                     None => String::new(),
                 };
-                let mut out = String::new();
+                let mut out = lead;
                 if !before.is_empty() {
                     out += &self.line("{");
                     self.indent += 1;
@@ -187,9 +226,32 @@ impl Lower<'_, '_> {
                         out += &self.line(&format!("{mark}{each};"));
                     }
                 }
-                out += &self.line(&format!("{mark}for ({init}; {condition}; {post}) {{"));
-                out += &self.body(body)?;
-                out += &self.line("}");
+                match step {
+                    // Statements stand ahead of the body, from the second turn on.
+                    Some(e) => {
+                        let first = self.fresh("first");
+                        out += &self.line("{");
+                        out += &self.line(&format!("bool {first} = true;"));
+                        if !init.is_empty() {
+                            out += &self.line(&format!("{mark}{init};"));
+                        }
+                        out += &self.line("while (true) {");
+                        out += &self.line(&format!("if ({first}) {{ {first} = false; }} else {{"));
+                        out += &self.alone(e, mark)?;
+                        out += &self.line("}");
+                        if !condition.is_empty() {
+                            out += &self.line(&format!("if (!({condition})) {{ break; }}"));
+                        }
+                        out += &self.body(body)?;
+                        out += &self.line("}");
+                        out += &self.line("}");
+                    }
+                    None => {
+                        out += &self.line(&format!("{mark}for ({init}; {condition}; {post}) {{"));
+                        out += &self.body(body)?;
+                        out += &self.line("}");
+                    }
+                }
                 if !before.is_empty() {
                     self.indent -= 1;
                     out += &self.line("}");
@@ -204,7 +266,7 @@ impl Lower<'_, '_> {
     fn condition(&mut self, condition: &ast::Condition) -> Result<String, Error> {
         match &condition.content {
             ConditionData::Expr(e) => {
-                let text = self.expr(e)?.text;
+                let text = self.asked(e)?.text;
                 // naga takes what begins with a type for a declaration.
                 let bare = unmarked(&text);
                 let word = bare
@@ -251,7 +313,8 @@ impl Lower<'_, '_> {
             let ty = self
                 .stage
                 .dimensions(base.clone(), head.array_specifier.as_ref(), place)?;
-            out.push(self.local(name.as_str(), ty, head.initializer.as_ref(), constant)?);
+            let init = head.initializer.as_ref();
+            out.push(self.local(name.as_str(), ty, init, constant, place)?);
         }
         for other in &list.tail {
             let ty = self
@@ -262,6 +325,7 @@ impl Lower<'_, '_> {
                 ty,
                 other.initializer.as_ref(),
                 constant,
+                place,
             )?);
         }
         Ok(out)
@@ -273,6 +337,7 @@ impl Lower<'_, '_> {
         mut ty: Ty,
         init: Option<&ast::Initializer>,
         constant: bool,
+        place: Option<naga::Span>,
     ) -> Result<String, Error> {
         if let (Ty::Array(of, None), Some(init)) = (&ty, init) {
             ty = Ty::Array(of.clone(), super::super::stage::initial_length(init));
@@ -294,7 +359,16 @@ impl Lower<'_, '_> {
         }
         let name = self.safe(author);
         let declared = ty.declare(&name);
-        self.bind(author, Var::plain(name, ty));
+        let fixed = constant.then_some("a constant");
+        if constant && value.is_none() {
+            let message = format!("the constant `{author}` has no value");
+            return Err(Error::new(Code::Parse, message).label_if(place));
+        }
+        if self.scopes.last().is_some_and(|s| s.contains_key(author)) {
+            let message = format!("`{author}` is declared twice");
+            return Err(Error::new(Code::Parse, message).label_if(place));
+        }
+        self.bind(author, Var::plain(name, ty).fixed(fixed));
         Ok(match value {
             Some(value) => format!("{declared} = {value}"),
             None => declared,

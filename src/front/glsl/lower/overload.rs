@@ -1,0 +1,241 @@
+//! Which of several functions of one name is called: GLSL 4.60, section 6.1.
+
+use naga::Span;
+
+use super::super::stage::{Signature, Storage};
+use super::super::ty::{Kind, Ty};
+use super::Lower;
+use super::expression::Ex;
+use crate::front::error::{Code, Error};
+
+/// What becomes of an argument, better first where GLSL says which is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Conversion {
+    Exact,
+    FloatToDouble,
+    IntToFloat,
+    IntToDouble,
+    Other,
+    /// Of a type that only naga knows.
+    Open,
+}
+
+impl Conversion {
+    /// Whether it is better than another one for the same argument. Of the others GLSL prefers none.
+    fn beats(self, other: Self) -> bool {
+        use Conversion::{Exact, FloatToDouble, IntToDouble, IntToFloat};
+        match (self, other) {
+            (a, b) if a == b => false,
+            (Exact, _) => true,
+            (_, Exact) => false,
+            (FloatToDouble, _) => true,
+            (_, FloatToDouble) => false,
+            (IntToFloat, IntToDouble) => true,
+            _ => false,
+        }
+    }
+}
+
+/// Whether the types are one; a length that is left open is any.
+pub(super) fn is_same(a: &Ty, b: &Ty) -> bool {
+    match (a, b) {
+        (Ty::Array(a, n), Ty::Array(b, m)) => {
+            (n == m || n.is_none() || m.is_none()) && is_same(a, b)
+        }
+        _ => a == b,
+    }
+}
+
+/// How a value of one type becomes one of another without being asked (4.60, 4.1.10).
+pub(super) fn conversion(from: &Ty, to: &Ty, implicit: bool) -> Option<Conversion> {
+    if is_same(from, to) {
+        return Some(Conversion::Exact);
+    }
+    if matches!(from, Ty::Unknown) || matches!(to, Ty::Unknown) {
+        return Some(Conversion::Open);
+    }
+    let (a, b) = (from.kind()?, to.kind()?);
+    if !implicit || from.with_kind(b) != *to {
+        return None;
+    }
+    match (a, b) {
+        (Kind::Float, Kind::Double) => Some(Conversion::FloatToDouble),
+        (Kind::Int | Kind::Uint, Kind::Float) => Some(Conversion::IntToFloat),
+        (Kind::Int | Kind::Uint, Kind::Double) => Some(Conversion::IntToDouble),
+        (Kind::Int, Kind::Uint) => Some(Conversion::Other),
+        _ => None,
+    }
+}
+
+/// What becomes of each argument, if the function takes them.
+fn conversions(signature: &Signature, given: &[&Ty], implicit: bool) -> Option<Vec<Conversion>> {
+    if signature.parameters.len() != given.len() {
+        return None;
+    }
+    let each = signature.parameters.iter().zip(given);
+    each.map(|((storage, to), from)| match storage {
+        Storage::Out => conversion(to, from, implicit),
+        // There and back.
+        Storage::InOut => conversion(from, to, implicit)
+            .filter(|c| matches!(c, Conversion::Exact | Conversion::Open)),
+        _ => conversion(from, to, implicit),
+    })
+    .collect()
+}
+
+/// Which function is meant.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Choice {
+    One(usize),
+    /// None takes the arguments.
+    None,
+    /// None of these is better than the others.
+    Several(Vec<usize>),
+}
+
+/// The function of these that takes the arguments best.
+pub(super) fn choose(signatures: &[Signature], given: &[&Ty], implicit: bool) -> Choice {
+    let fits: Vec<(usize, Vec<Conversion>)> = signatures
+        .iter()
+        .enumerate()
+        .filter_map(|(i, s)| Some((i, conversions(s, given, implicit)?)))
+        .collect();
+    let beats = |a: &[Conversion], b: &[Conversion]| {
+        let each = || a.iter().zip(b);
+        each().any(|(a, b)| a.beats(*b)) && !each().any(|(a, b)| b.beats(*a))
+    };
+    let best = fits.iter().find(|(i, a)| {
+        let mut others = fits.iter().filter(|(j, _)| j != i);
+        others.all(|(_, b)| beats(a, b))
+    });
+    match (best, &fits[..]) {
+        (Some((i, _)), _) => Choice::One(*i),
+        (None, []) => Choice::None,
+        (None, several) => Choice::Several(several.iter().map(|(i, _)| *i).collect()),
+    }
+}
+
+/// A function as its author calls it: `f(float, out vec3)`.
+fn shown(name: &str, signature: &Signature) -> String {
+    let each = signature.parameters.iter().map(|(storage, ty)| {
+        let word = match storage {
+            Storage::Out => "out ",
+            Storage::InOut => "inout ",
+            _ => "",
+        };
+        format!("{word}{}", ty.spelled())
+    });
+    format!("`{name}({})`", each.collect::<Vec<_>>().join(", "))
+}
+
+impl Lower<'_, '_> {
+    /// Whether values are converted without being asked: GLSL ES does not (3.20, 4.1.10 has it by extension).
+    pub(super) fn is_implicit(&self) -> bool {
+        !self.stage.unit.dialect.es
+    }
+
+    /// The place of the signature that is meant.
+    pub(super) fn overload(
+        &self,
+        name: &str,
+        signatures: &[Signature],
+        values: &[Ex],
+        place: Option<Span>,
+    ) -> Result<usize, Error> {
+        let given: Vec<&Ty> = values.iter().map(|v| &v.ty).collect();
+        let list = |which: &[usize]| {
+            let all = which.iter().filter_map(|i| signatures.get(*i));
+            let all: Vec<String> = all.map(|s| shown(name, s)).collect();
+            all.join(", ")
+        };
+        let called = || {
+            let types: Vec<String> = given.iter().map(|t| t.spelled()).collect();
+            types.join(", ")
+        };
+        let implicit = self.is_implicit();
+        match choose(signatures, &given, implicit) {
+            Choice::One(i) => Ok(i),
+            // Of a type that is not known here the first will do: naga chooses by what it is.
+            Choice::Several(which) if given.contains(&&Ty::Unknown) => Ok(which[0]),
+            Choice::Several(which) => Err(Error::new(
+                Code::Parse,
+                format!(
+                    "`{name}` with ({}) may be any of {}",
+                    called(),
+                    list(&which)
+                ),
+            )
+            .label_if(place)
+            .note("convert an argument, so that one of them fits better than the others")),
+            Choice::None => {
+                let all: Vec<usize> = (0..signatures.len()).collect();
+                let error = Error::new(Code::Parse, format!("no `{name}` takes ({})", called()))
+                    .label_if(place)
+                    .note(format!("there is {}", list(&all)));
+                let would = !implicit && choose(signatures, &given, true) != Choice::None;
+                Err(match would {
+                    true => error.note(
+                        "GLSL ES converts no argument: write what it is to be, as in `float(i)`",
+                    ),
+                    false => error,
+                })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chosen(signatures: &[&[&str]], given: &[&str], implicit: bool) -> Choice {
+        let signatures: Vec<Signature> = signatures
+            .iter()
+            .map(|types| Signature {
+                parameters: types
+                    .iter()
+                    .map(|t| match t.strip_prefix("out ") {
+                        Some(t) => (Storage::Out, Ty::named(t)),
+                        None => (Storage::In, Ty::named(t)),
+                    })
+                    .collect(),
+                result: Ty::Void,
+            })
+            .collect();
+        let given: Vec<Ty> = given.iter().map(|t| Ty::named(t)).collect();
+        choose(&signatures, &given.iter().collect::<Vec<_>>(), implicit)
+    }
+
+    #[test]
+    fn the_better_of_two_is_chosen_as_the_specification_has_it() {
+        let three: &[&[&str]] = &[
+            &["vec4", "out vec4"],
+            &["vec4", "out uvec4"],
+            &["ivec4", "out dvec4"],
+        ];
+        assert_eq!(chosen(three, &["vec4", "vec4"], true), Choice::One(0));
+        assert_eq!(chosen(three, &["vec4", "uvec4"], true), Choice::One(1));
+        // What is written is converted on its way out: from float to double rather than from uint.
+        assert_eq!(chosen(three, &["vec4", "dvec4"], true), Choice::One(0));
+        assert_eq!(chosen(three, &["ivec4", "vec4"], true), Choice::One(0));
+        assert_eq!(chosen(three, &["uvec4", "ivec4"], true), Choice::None);
+    }
+
+    #[test]
+    fn conversions_have_ranks_and_es_has_none() {
+        let floats: &[&[&str]] = &[&["double"], &["float"]];
+        assert_eq!(chosen(floats, &["int"], true), Choice::One(1));
+        assert_eq!(chosen(floats, &["int"], false), Choice::None);
+        assert_eq!(chosen(floats, &["float"], false), Choice::One(1));
+        let mixed: &[&[&str]] = &[&["uint"], &["float"]];
+        assert_eq!(chosen(mixed, &["int"], true), Choice::Several(vec![0, 1]));
+        let crossed: &[&[&str]] = &[&["float", "int"], &["int", "float"]];
+        let several = Choice::Several(vec![0, 1]);
+        assert_eq!(chosen(crossed, &["int", "int"], true), several);
+        assert_eq!(chosen(crossed, &["int", "float"], true), Choice::One(1));
+        assert_eq!(
+            chosen(&[&["bool"], &["int"]], &["float"], true),
+            Choice::None
+        );
+    }
+}

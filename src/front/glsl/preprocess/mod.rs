@@ -1,0 +1,647 @@
+//! The preprocessor: directives, included files, and macros (GLSL 4.60, section 3.3; ES 3.20, 3.4).
+//!
+//! `tokens` takes the text apart, `condition` answers `#if`, `macros` expands. What comes of it is a text without directives, but for `#version` and `#extension`, that the parser's lexer
+//! reads; each of its tokens knows its place in the author's: of what a macro comes to, the place of the call, of a call's argument its own.
+//!
+//! Of nothing that a text asks for is more done than [`WORK`] says: each token that is read, skipped or made is counted.
+
+mod condition;
+mod macros;
+mod tokens;
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use naga::{ShaderStage, Span};
+use preshade_passes::program::SourceMap;
+
+use self::condition::{Word, Wrong, evaluate, integer};
+use self::macros::{Input, Macro};
+use self::tokens::{Joined, Kind, Names, Token, tokens};
+use super::include::Files;
+use super::syntax::Dialect;
+use crate::front::error::{Code, Error};
+
+/// Most tokens that are read, skipped or made.
+const WORK: usize = 1 << 24;
+
+/// Most times that files are included, one within another and one after another.
+const INCLUDES: usize = 10_000;
+
+/// Most files open at once.
+const OPEN: usize = 200;
+
+type Stop = Error;
+
+/// What is to be preprocessed.
+pub(super) struct Task<'a> {
+    pub text: &'a str,
+    pub stage: ShaderStage,
+    /// The folder that what it includes is beside.
+    pub folder: &'a Path,
+    /// Where it begins in the source map.
+    pub base: u32,
+    pub dialect: Dialect,
+    pub defines: &'a [(String, String)],
+    /// The version to say in its `#version`.
+    pub said_version: u16,
+}
+
+/// A text without directives.
+#[derive(Debug, Default)]
+pub(super) struct Preprocessed {
+    pub text: String,
+    /// Where each token begins in it, and its place.
+    places: Vec<(u32, Span)>,
+    /// `#pragma STDGL invariant(all)`.
+    pub invariant_all: bool,
+    /// It has more in it than the text that was given: what macros come to, or other files.
+    pub is_more: bool,
+}
+
+impl Preprocessed {
+    /// The author's place of a token that begins there.
+    pub(super) fn place(&self, at: u32) -> Span {
+        let next = self.places.partition_point(|(begin, _)| *begin <= at);
+        let token = next.checked_sub(1).and_then(|i| self.places.get(i));
+        token.map_or(Span::UNDEFINED, |(_, place)| *place)
+    }
+}
+
+/// A file whose tokens are read.
+struct Reading {
+    tokens: Rc<Vec<Token>>,
+    at: usize,
+    folder: PathBuf,
+    /// Where it was found; `None` for the first.
+    found: Option<PathBuf>,
+}
+
+/// An `#if` that is open.
+struct Open {
+    /// The lines are read.
+    active: bool,
+    /// One of its groups was.
+    taken: bool,
+    /// Those around it are.
+    outside: bool,
+    seen_else: bool,
+    place: Span,
+}
+
+/// The state of preprocessing one stage.
+struct Preprocessor<'a> {
+    files: &'a Files,
+    map: &'a mut SourceMap,
+    stage: ShaderStage,
+    dialect: Dialect,
+    said_version: u16,
+    /// The folder of the first file.
+    home: PathBuf,
+    names: Names,
+    /// `__LINE__`, `__FILE__` and `__VERSION__`.
+    computed: [u32; 3],
+    macros: HashMap<u32, Rc<Macro>>,
+    /// What is read before the files, its first token last.
+    pending: Vec<Token>,
+    open: Vec<Reading>,
+    conditions: Vec<Open>,
+    /// Files by where they were found.
+    known: HashMap<PathBuf, (String, Rc<Vec<Token>>)>,
+    included: usize,
+    done: usize,
+    out: Preprocessed,
+}
+
+/// Preprocesses a stage. Included files are added to `map`.
+pub(super) fn preprocess(
+    input: &Task<'_>,
+    files: &Files,
+    map: &mut SourceMap,
+) -> Result<Preprocessed, Error> {
+    let mut names = Names::default();
+    let tokens = tokens(&Joined::of(input.text), input.base, &mut names)
+        .map_err(|at| unclosed(Span::new(at, at + 2)))?;
+    let computed = ["__LINE__", "__FILE__", "__VERSION__"].map(|name| names.number(name));
+    let mut preprocessor = Preprocessor {
+        files,
+        map,
+        stage: input.stage,
+        dialect: input.dialect,
+        said_version: input.said_version,
+        home: input.folder.to_owned(),
+        names,
+        computed,
+        macros: HashMap::new(),
+        pending: Vec::new(),
+        open: vec![Reading {
+            tokens: Rc::new(tokens),
+            at: 0,
+            folder: input.folder.to_owned(),
+            found: None,
+        }],
+        conditions: Vec::new(),
+        known: HashMap::new(),
+        included: 0,
+        done: 0,
+        out: Preprocessed::default(),
+    };
+    preprocessor.predefine(input.defines)?;
+    while let Some(token) = preprocessor.next_token()? {
+        if let Some(token) = preprocessor.expand(token, &mut Input::Files, 0)? {
+            preprocessor.emit(&token)?;
+        }
+    }
+    if let Some(open) = preprocessor.conditions.last() {
+        return Err(Error::new(Code::Parse, "this `#if` has no `#endif`").label(open.place, ""));
+    }
+    Ok(preprocessor.out)
+}
+
+fn unclosed(place: Span) -> Error {
+    Error::new(Code::Parse, "this comment is not closed").label(place, "")
+}
+
+/// Extensions that are part of what is read, for `#ifdef`.
+const EXTENSIONS: [&str; 5] = [
+    "GL_OES_standard_derivatives",
+    "GL_EXT_shader_texture_lod",
+    "GL_EXT_frag_depth",
+    "GL_EXT_draw_buffers",
+    "GL_GOOGLE_include_directive",
+];
+
+impl Preprocessor<'_> {
+    /// What is defined before the first line.
+    fn predefine(&mut self, defines: &[(String, String)]) -> Result<(), Stop> {
+        let Dialect { version, es } = self.dialect;
+        let mut own = EXTENSIONS.to_vec();
+        match es {
+            true => own.extend(["GL_ES", "GL_es_profile", "GL_FRAGMENT_PRECISION_HIGH"]),
+            false if version >= 150 => own.push("GL_core_profile"),
+            false => {}
+        }
+        let all = own.into_iter().map(|name| (name, "1", true));
+        let given = defines.iter().map(|(n, v)| (n.as_str(), v.as_str(), false));
+        for (name, value, is_own) in all.chain(given) {
+            let value = match value.trim().is_empty() {
+                true => "1",
+                false => value,
+            };
+            let joined = Joined::of(value);
+            let mut body = tokens(&joined, 0, &mut self.names).map_err(|_| {
+                Error::new(
+                    Code::Parse,
+                    format!("the value of `{name}` has a comment that is not closed"),
+                )
+            })?;
+            body.retain(|t| t.kind != Kind::Line);
+            let name = self.names.number(name);
+            let made = Macro {
+                parameters: None,
+                body,
+                is_own,
+            };
+            self.macros.insert(name, Rc::new(made));
+        }
+        Ok(())
+    }
+
+    fn stop(&self, message: impl Into<String>, place: (u32, u32)) -> Stop {
+        Error::new(Code::Parse, message).label(Span::new(place.0, place.1), "")
+    }
+
+    fn too_deep(&self, place: (u32, u32)) -> Stop {
+        Error::new(
+            Code::TooDeep,
+            "macros are called within one another too deeply",
+        )
+        .label(Span::new(place.0, place.1), "")
+        .note("write functions in their place")
+    }
+
+    /// Counts what is done.
+    fn work(&mut self, tokens: usize) -> Result<(), Stop> {
+        self.done += tokens;
+        match self.done > WORK {
+            true => Err(Error::new(
+                Code::TooDeep,
+                format!("macros and included files come to more than {WORK} words"),
+            )
+            .note("write functions in their place")),
+            false => Ok(()),
+        }
+    }
+
+    fn is(&self, token: &Token, text: &str) -> bool {
+        &*self.names.text(token.name) == text
+    }
+
+    /// The name of the file that lies there.
+    fn file_at(&self, at: u32) -> Option<u32> {
+        self.map.file_of(Span::new(at, at)).map(|f| f.base)
+    }
+
+    /// The value of `__LINE__` and its like.
+    fn own_value(&self, token: &Token) -> Option<String> {
+        match self.computed.iter().position(|n| *n == token.name)? {
+            0 => {
+                let at = self.map.locate(Span::new(token.start, token.start));
+                Some(at.map_or(0, |l| l.line).to_string())
+            }
+            1 => Some("0".to_owned()),
+            _ => Some(self.dialect.version.to_string()),
+        }
+    }
+
+    fn is_active(&self) -> bool {
+        self.conditions.last().is_none_or(|c| c.active)
+    }
+
+    /// The next token that is no directive's and not left out.
+    fn next_token(&mut self) -> Result<Option<Token>, Stop> {
+        loop {
+            if let Some(token) = self.pending.pop() {
+                return Ok(Some(token));
+            }
+            self.work(1)?;
+            let Some(reading) = self.open.last_mut() else {
+                return Ok(None);
+            };
+            let Some(token) = reading.tokens.get(reading.at) else {
+                self.open.pop();
+                continue;
+            };
+            reading.at += 1;
+            if token.kind == Kind::Line {
+                continue;
+            }
+            let token = token.clone();
+            if token.begins_line && token.kind == Kind::Other && self.is(&token, "#") {
+                let line = self.rest_of_line()?;
+                self.directive(&token, line)?;
+                continue;
+            }
+            if !self.is_active() {
+                self.rest_of_line()?;
+                continue;
+            }
+            return Ok(Some(token));
+        }
+    }
+
+    fn rest_of_line(&mut self) -> Result<Vec<Token>, Stop> {
+        let Some(reading) = self.open.last_mut() else {
+            return Ok(Vec::new());
+        };
+        let rest = reading.tokens.get(reading.at..).unwrap_or_default();
+        let ends = |t: &Token| t.kind == Kind::Line;
+        let length = rest.iter().position(ends).unwrap_or(rest.len());
+        let line = rest[..length].to_vec();
+        reading.at += length;
+        self.work(length)?;
+        Ok(line)
+    }
+
+    fn directive(&mut self, hash: &Token, line: Vec<Token>) -> Result<(), Stop> {
+        let mut rest = line.into_iter();
+        let Some(first) = rest.next() else {
+            return Ok(());
+        };
+        let rest: Vec<Token> = rest.collect();
+        let end = rest.last().unwrap_or(&first).end;
+        let place = (hash.start, end.max(first.end));
+        let active = self.is_active();
+        let word = self.names.text(first.name);
+        match &*word {
+            "if" | "ifdef" | "ifndef" => {
+                let holds = match (active, &*word) {
+                    (false, _) => false,
+                    (true, "if") => self.condition(rest, place)?,
+                    (true, word) => {
+                        let name = self.named(&rest, word, place)?;
+                        self.is_defined(name) == (word == "ifdef")
+                    }
+                };
+                self.conditions.push(Open {
+                    active: active && holds,
+                    taken: holds,
+                    outside: active,
+                    seen_else: false,
+                    place: Span::new(place.0, place.1),
+                });
+            }
+            "elif" | "else" | "endif" => {
+                let Some(mut open) = self.conditions.pop() else {
+                    return Err(self.stop(format!("this `#{word}` belongs to no `#if`"), place));
+                };
+                if &*word == "endif" {
+                    return Ok(());
+                }
+                if open.seen_else {
+                    return Err(self.stop(format!("this `#{word}` stands behind `#else`"), place));
+                }
+                let holds = match &*word {
+                    "else" => {
+                        open.seen_else = true;
+                        true
+                    }
+                    // Behind a group that was read it is not asked.
+                    _ if !open.outside || open.taken => false,
+                    _ => self.condition(rest, place)?,
+                };
+                open.active = open.outside && !open.taken && holds;
+                open.taken |= open.active;
+                self.conditions.push(open);
+            }
+            _ if !active => {}
+            "define" => self.define(&rest, place)?,
+            "undef" => {
+                let name = self.named(&rest, "undef", place)?;
+                self.refuse_own(name, place)?;
+                self.macros.remove(&name);
+            }
+            "error" => {
+                let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
+                return Err(self.stop(format!("#error {}", words.join(" ")), place));
+            }
+            "include" => self.include(rest, place)?,
+            "version" => {
+                let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
+                if let Some(version) = words.first().and_then(|v| v.parse().ok()) {
+                    self.dialect.version = version;
+                }
+                let profile = words.get(1).map(|p| format!(" {p}")).unwrap_or_default();
+                let version = match self.said_version {
+                    460 if (420..=460).contains(&self.dialect.version) => 460,
+                    _ => self.dialect.version,
+                };
+                self.own_line(&format!("#version {version}{profile}"), place);
+            }
+            "extension" => {
+                let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
+                self.own_line(&format!("#extension {}", words.join(" ")), place);
+            }
+            "pragma" => {
+                let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
+                self.out.invariant_all |= words.concat().contains("STDGLinvariant(all)");
+            }
+            // As compilers do: what none knows is no error.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// A directive that the lexer reads.
+    fn own_line(&mut self, text: &str, place: (u32, u32)) {
+        if !self.out.text.is_empty() && !self.out.text.ends_with('\n') {
+            self.out.text.push('\n');
+        }
+        let at = self.out.text.len() as u32;
+        self.out.places.push((at, Span::new(place.0, place.1)));
+        self.out.text.push_str(text);
+        self.out.text.push('\n');
+    }
+
+    fn emit(&mut self, token: &Token) -> Result<(), Stop> {
+        let text = self.names.text(token.name);
+        if matches!(&*text, "#" | "##") {
+            return Err(self.stop(format!("unexpected `{text}`"), (token.start, token.end)));
+        }
+        self.work(1)?;
+        let at = self.out.text.len() as u32;
+        let place = Span::new(token.start, token.end);
+        self.out.places.push((at, place));
+        self.out.text.push_str(&text);
+        self.out.text.push(' ');
+        Ok(())
+    }
+
+    fn named(&self, rest: &[Token], directive: &str, place: (u32, u32)) -> Result<u32, Stop> {
+        let name = rest.first().filter(|t| t.kind == Kind::Word);
+        name.map(|t| t.name)
+            .ok_or_else(|| self.stop(format!("`#{directive}` names no macro"), place))
+    }
+
+    fn is_defined(&self, name: u32) -> bool {
+        self.macros.contains_key(&name) || self.computed.contains(&name)
+    }
+
+    fn refuse_own(&self, name: u32, place: (u32, u32)) -> Result<(), Stop> {
+        let text = self.names.text(name);
+        let is_own = self.macros.get(&name).is_some_and(|m| m.is_own)
+            || self.computed.contains(&name)
+            || &*text == "defined";
+        match is_own || text.starts_with("GL_") {
+            true => Err(self.stop(
+                format!("`{text}` is a name that GLSL keeps for itself"),
+                place,
+            )),
+            false => Ok(()),
+        }
+    }
+
+    fn define(&mut self, rest: &[Token], place: (u32, u32)) -> Result<(), Stop> {
+        let name = self.named(rest, "define", place)?;
+        self.refuse_own(name, place)?;
+        let called = match (rest.first(), rest.get(1)) {
+            (Some(name), Some(open)) => self.is(open, "(") && open.start == name.end,
+            _ => false,
+        };
+        let mut at = 1;
+        let mut parameters = None;
+        if called {
+            let mut names = Vec::new();
+            at = 2;
+            loop {
+                let token = rest.get(at);
+                at += 1;
+                let text = token.map(|t| self.names.text(t.name));
+                match (token, text.as_deref()) {
+                    (_, Some(")")) => break,
+                    (_, Some(",")) => {}
+                    (Some(token), _) if token.kind == Kind::Word => names.push(token.name),
+                    _ => {
+                        let name = self.names.text(name);
+                        return Err(self.stop(
+                            format!("the parameters of the macro `{name}` are not closed"),
+                            place,
+                        ));
+                    }
+                }
+            }
+            parameters = Some(names);
+        }
+        let body = rest.get(at..).unwrap_or_default().to_vec();
+        let made = Macro {
+            parameters,
+            body,
+            is_own: false,
+        };
+        self.macros.insert(name, Rc::new(made));
+        Ok(())
+    }
+
+    fn condition(&mut self, line: Vec<Token>, place: (u32, u32)) -> Result<bool, Stop> {
+        // What `defined` asks of is not expanded.
+        let mut ready = Vec::new();
+        let mut rest = line.into_iter().peekable();
+        while let Some(token) = rest.next() {
+            if !self.is(&token, "defined") {
+                ready.push(token);
+                continue;
+            }
+            let bracket = rest.next_if(|t| self.is(t, "(")).is_some();
+            let name = rest.next_if(|t| t.kind == Kind::Word);
+            let closed = !bracket || rest.next_if(|t| self.is(t, ")")).is_some();
+            let Some(name) = name.filter(|_| closed) else {
+                return Err(self.stop("`defined` names no macro", place));
+            };
+            let value = u8::from(self.is_defined(name.name)).to_string();
+            ready.push(Token {
+                kind: Kind::Number,
+                name: self.names.number(&value),
+                ..token
+            });
+        }
+        let expanded = self.expanded(ready, 0)?;
+        let mut words = Vec::new();
+        for (i, token) in expanded.iter().enumerate() {
+            let text = self.names.text(token.name);
+            words.push(match token.kind {
+                Kind::Number => Word::Number(integer(&text).ok_or_else(|| {
+                    self.stop(format!("`{text}` is no integer, as `#if` needs"), place)
+                })?),
+                Kind::Word => Word::Undefined(i),
+                _ => Word::Operator(text.to_string()),
+            });
+        }
+        let strict = self.dialect.es;
+        evaluate(&words, strict).map(|v| v != 0).map_err(|wrong| {
+            let token = |at: usize| expanded.get(at);
+            let text = |at: usize| token(at).map(|t| self.names.text(t.name)).unwrap_or_default();
+            let at = |at: usize| token(at).map_or(place, |t| (t.start, t.end));
+            match wrong {
+                Wrong::Undefined(i) => self
+                    .stop(format!("`{}` is not defined", text(i)), at(i))
+                    .note("in GLSL ES a name that is not defined is no 0 in `#if` (ES 3.00, section 3.4): ask `defined(..)` first"),
+                Wrong::Malformed(Some(i)) if i < words.len() => {
+                    self.stop(format!("`{}` cannot stand here in a condition", text(i)), at(i))
+                }
+                Wrong::Malformed(_) => self.stop("this condition ends too early", place),
+                Wrong::DivisionByZero => self.stop("this condition divides by 0", place),
+                Wrong::TooDeep => self.too_deep(place),
+            }
+        })
+    }
+
+    fn include(&mut self, line: Vec<Token>, place: (u32, u32)) -> Result<(), Stop> {
+        let is_name = |this: &Self, line: &[Token]| {
+            line.first()
+                .is_some_and(|t| t.kind == Kind::Quoted || this.is(t, "<"))
+        };
+        let line = match is_name(self, &line) {
+            true => line,
+            false => self.expanded(line, 0)?,
+        };
+        if !is_name(self, &line) {
+            return Err(self.stop("`#include` names no file", place));
+        }
+        let texts: Vec<Rc<str>> = line.iter().map(|t| self.names.text(t.name)).collect();
+        let angled = line.first().is_some_and(|t| t.kind != Kind::Quoted);
+        let name = match (&texts[..], angled) {
+            ([first, ..], false) => first.trim_matches('"').to_owned(),
+            ([_, rest @ ..], _) => {
+                // As it is written, spaces and all.
+                let closed = rest.iter().position(|t| &**t == ">" || t.ends_with('>'));
+                let Some(closed) = closed else {
+                    return Err(self.stop("the name of this `#include` is not closed", place));
+                };
+                rest[..closed].concat()
+            }
+            _ => String::new(),
+        };
+        self.included += 1;
+        self.out.is_more = true;
+        if self.included > INCLUDES {
+            let message = format!("files are included more than {INCLUDES} times");
+            return Err(Error::new(Code::TooDeep, message).label(Span::new(place.0, place.1), ""));
+        }
+        let (folder, found) = match self.open.last() {
+            Some(reading) => {
+                let found = reading.found.as_deref().and_then(Path::parent);
+                (reading.folder.clone(), found.map(Path::to_owned))
+            }
+            None => (self.home.clone(), None),
+        };
+        let mut beside = vec![folder];
+        if angled {
+            beside.insert(0, self.home.clone());
+        }
+        beside.extend(found);
+        let asked: Vec<PathBuf> = beside.iter().map(|f| f.join(&name)).collect();
+        let told = |e: &std::io::Error| {
+            self.stop(e.to_string(), place)
+                .note("included files are looked up beside the file, then in the include paths")
+        };
+        let mut first = None;
+        let hit = asked.iter().find_map(|path| match self.files.find(path) {
+            Ok(found) => Some((path.clone(), found)),
+            Err(error) => {
+                first.get_or_insert(error);
+                None
+            }
+        });
+        let Some((asked, found)) = hit else {
+            let error = first.unwrap_or_else(|| std::io::Error::other("there is no such file"));
+            return Err(told(&error));
+        };
+        let tokens = match self.known.get(&found) {
+            Some((_, tokens)) => Rc::clone(tokens),
+            None => {
+                let text = self.files.text(&found).map_err(|e| told(&e))?;
+                let tokens = self.read(&asked, &found, text)?;
+                let name = asked.to_string_lossy().into_owned();
+                self.known.insert(found.clone(), (name, Rc::clone(&tokens)));
+                tokens
+            }
+        };
+        if self.open.len() > OPEN {
+            // The one that comes round.
+            let twice = |i: &usize| {
+                let rest = self.open.get(i + 1..).unwrap_or_default();
+                rest.iter().any(|r| r.found == self.open[*i].found)
+            };
+            let round = (1..self.open.len()).find(twice);
+            let round = round.and_then(|i| self.known.get(self.open[i].found.as_ref()?));
+            return Err(match round {
+                Some((name, _)) => self
+                    .stop(format!("{name} includes itself, and no condition ends it"), place)
+                    .note("begin it with `#ifndef A_NAME` and `#define A_NAME`, and end it with `#endif`"),
+                None => self.stop(format!("files include one another more than {OPEN} deep"), place),
+            });
+        }
+        self.open.push(Reading {
+            tokens,
+            at: 0,
+            folder: asked.parent().unwrap_or(Path::new("")).to_owned(),
+            found: Some(found),
+        });
+        Ok(())
+    }
+
+    /// The tokens of a file, which the source map gets.
+    fn read(&mut self, asked: &Path, found: &Path, text: String) -> Result<Rc<Vec<Token>>, Stop> {
+        let own = super::stage_of(&text, self.stage);
+        let name = self.files.shown(asked, found);
+        let base = self.map.add(name, text);
+        let own = match own.strip_prefix('\u{feff}') {
+            Some(rest) => format!("   {rest}"),
+            None => own,
+        };
+        let tokens = tokens(&Joined::of(&own), base, &mut self.names)
+            .map_err(|at| unclosed(Span::new(at, at + 2)))?;
+        Ok(Rc::new(tokens))
+    }
+}

@@ -1,0 +1,134 @@
+//! What naga's GLSL front end says, in an author's words: it prints types as numbers of its own, and tokens as Rust.
+
+use naga::front::glsl::ErrorKind;
+
+/// Signs of what is printed for naga's authors.
+const INNER: [&str; 12] = [
+    "TypeInner",
+    "Vector {",
+    "Matrix {",
+    "Scalar",
+    "Pointer {",
+    "ValuePointer",
+    "Struct {",
+    "Array {",
+    "Handle(",
+    "HirExpr",
+    "kind:",
+    "Span {",
+];
+
+/// The message for an error.
+pub(super) fn told(kind: &ErrorKind) -> String {
+    match kind {
+        ErrorKind::EndOfFile => "the text ends too early".to_owned(),
+        ErrorKind::InvalidToken(..) | ErrorKind::PreprocessorError(_) => {
+            "this is not read here".to_owned()
+        }
+        ErrorKind::NotImplemented(what) => format!("{what}: this is not read here"),
+        ErrorKind::UnknownVariable(name) => format!("`{name}` is not declared"),
+        ErrorKind::UnknownType(name) => format!("there is no type `{name}`"),
+        ErrorKind::UnknownField(name) => format!("there is no member `{name}`"),
+        ErrorKind::UnknownLayoutQualifier(name) => format!("the layout `{name}` is not read"),
+        ErrorKind::UnsupportedMatrixWithTwoRowsInStd140 { columns } => {
+            format!("a mat{columns}x2 is not read in this block")
+        }
+        ErrorKind::VariableAlreadyDeclared(name) => format!("`{name}` is declared twice"),
+        ErrorKind::SemanticError(text) => semantic(text),
+        other => plain(&other.to_string()),
+    }
+}
+
+fn semantic(text: &str) -> String {
+    let named = |before: &str| Some(text.strip_prefix(before)?.trim_matches(['\'', '"']));
+    if let Some(name) = named("Unknown function ") {
+        return format!("no `{name}` takes these arguments");
+    }
+    if let Some(name) = named("Ambiguous best function for ") {
+        return format!("`{name}` with these arguments may be any of several functions");
+    }
+    if text.starts_with("Cannot apply operation to ") || text.starts_with("Cannot apply operator ")
+    {
+        return "this operator does not go with values of these types".to_owned();
+    }
+    if text.starts_with("Can't lookup field on this type ") {
+        return "this has no members".to_owned();
+    }
+    if text.contains("cannot be in the left hand side")
+        || text == "Variable cannot be used in LHS position"
+    {
+        return "this cannot be written to".to_owned();
+    }
+    if text.starts_with("swizzle cannot have duplicate components") {
+        return "a component is written twice".to_owned();
+    }
+    let known = match text {
+        "Expression returns void" => "this returns nothing, where a value is wanted",
+        "Expression is not const-expression" => "this is not known where it must be",
+        "Function already defined" => "this function is defined twice",
+        "Prototype already defined" => "this function is declared twice",
+        "const values must have an initializer" => "a constant wants a value",
+        "Case values can only be integers" => "a case must be an integer constant",
+        "Constructor: Too many arguments" => "this constructor takes fewer values",
+        "Bad type constructor" => "nothing of this type is made of that",
+        "Bad call" => "a texture function is called with what it does not take",
+        "Not a texture" | "Not a valid texture expression" | "Type is not an image" => {
+            "this is no texture"
+        }
+        "Type can't be void" | "Declaration cannot have void type" => "nothing can be of type void",
+        "Increment/decrement only works on scalar/vector/matrix" => {
+            "only numbers, vectors and matrices can be counted up or down"
+        }
+        "Invalid struct member type" => "this type cannot lie in a block",
+        "There must be at least one argument" => "an argument is wanted",
+        "image types require a format layout qualifier" => {
+            "an image wants a format, as in `layout(rgba8)`"
+        }
+        "last case/default label must be followed by statements" => {
+            "the last case has no statement"
+        }
+        "Array size must be greater than zero" => "an array wants an element",
+        other => return plain(other),
+    };
+    known.to_owned()
+}
+
+/// The text, unless it is one for naga's authors.
+fn plain(text: &str) -> String {
+    let numbered = text.split('[').skip(1).any(|rest| {
+        let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
+        digits > 0 && rest[digits..].starts_with(']')
+    });
+    match numbered || INNER.iter().any(|sign| text.contains(sign)) {
+        true => "this is of a type that does not go here, or is not read".to_owned(),
+        false => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_handle_and_no_rust_comes_through() {
+        for (text, says) in [
+            (
+                "Cannot apply operation to Pointer { base: [43], space: Function } and Scalar(Scalar { kind: Float, width: 4 })",
+                "does not go with",
+            ),
+            (
+                "Can't resolve type: InvalidAccess { expr: [7], indexed: true }",
+                "does not go here",
+            ),
+            ("Unknown function 'max'", "no `max` takes"),
+            (
+                "constant_id value 3 is too high (maximum is 2)",
+                "constant_id value 3",
+            ),
+        ] {
+            let told = told(&ErrorKind::SemanticError(text.into()));
+            assert!(told.contains(says), "{told}");
+            assert!(!told.contains(['[', '{', '\'']), "{told}");
+        }
+    }
+}

@@ -1,0 +1,505 @@
+//! What GLSL says that naga's front end does otherwise or not at all: which function is called, how blocks lie, what the preprocessor is asked, and errors in GLSL's words.
+#![cfg(all(feature = "glsl", feature = "spirv"))]
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+use preshade::emit::{self, Target};
+use preshade::front::{self, Code, Color, Options, Parsed, Source, normalised_glsl};
+use preshade::passes::plan::Plan;
+use preshade::passes::state::MaterialState;
+
+const VERTEX: &str = "attribute vec4 p; void main() { gl_Position = p; }";
+
+fn sources(fragment: &str) -> Vec<Source> {
+    vec![
+        Source::new("a.vert", VERTEX),
+        Source::new("a.frag", fragment),
+    ]
+}
+
+fn parse(fragment: &str) -> Parsed {
+    front::parse(&sources(fragment), &Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)))
+}
+
+/// What naga is given for the fragment stage.
+fn given(fragment: &str) -> String {
+    parse(fragment);
+    let stages = normalised_glsl(&sources(fragment), &Options::default());
+    let stages = stages.unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    stages[1].1.clone()
+}
+
+/// Code, message and line of what is refused.
+fn refused(fragment: &str) -> (Code, String, u32) {
+    let error = front::parse(&sources(fragment), &Options::default()).unwrap_err();
+    let line = error.location().map_or(0, |l| l.line);
+    (error.code(), error.render(Color::Never), line)
+}
+
+fn wgsl(parsed: Parsed) -> String {
+    let fragment = parsed.fragment.as_deref();
+    let state = MaterialState::default();
+    let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+    let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+    let file = files.iter().find(|f| f.name.ends_with(".wgsl")).unwrap();
+    String::from_utf8(file.bytes.clone()).unwrap()
+}
+
+/// In GLSL ES nothing is converted, on the desktop the best is taken, and of two as good none.
+#[test]
+fn the_function_that_is_called_is_the_one_that_glsl_calls() {
+    let desktop = |body: &str| {
+        format!(
+            "#version 400
+out vec4 c;
+float f(float x) {{ return 0.25; }}
+float f(uint x) {{ return 0.5; }}
+float g(float x, int y) {{ return 0.125; }}
+float g(int x, float y) {{ return 0.75; }}
+float h(int x, float y) {{ return 0.375; }}
+float h(float x, float y) {{ return 0.875; }}
+void main() {{
+    {body}
+}}
+"
+        )
+    };
+    let (code, told, line) = refused(&desktop("c = vec4(f(1));"));
+    assert_eq!((code, line), (Code::Parse, 10), "{told}");
+    assert!(
+        told.contains("`f` with (int) may be any of `f(float)`, `f(uint)`"),
+        "{told}"
+    );
+    let (_, told, _) = refused(&desktop("c = vec4(g(1, 2));"));
+    assert!(told.contains("`g` with (int, int) may be any of"), "{told}");
+    let (_, told, _) = refused(&desktop("c = vec4(f(vec2(1.0)));"));
+    assert!(told.contains("no `f` takes (vec2)"), "{told}");
+    assert!(told.contains("`f(float)`, `f(uint)`"), "{told}");
+    // One conversion is better than two.
+    let text = given(&desktop(
+        "c = vec4(h(1, 2), f(2u), f(true ? 1.0 : 2), 1.0);",
+    ));
+    assert!(text.contains("h(1, 2.0)"), "{text}");
+    let es = "#version 300 es
+precision highp float;
+out vec4 c;
+float f(float x) { return x; }
+void main() { c = vec4(f(1)); }
+";
+    let (_, told, line) = refused(es);
+    assert!(told.contains("no `f` takes (int)") && line == 5, "{told}");
+    assert!(told.contains("GLSL ES converts no argument"), "{told}");
+    // In GLSL ES 1.00 a function of the author's stands beside GLSL's own.
+    let beside = "precision mediump float;
+float mix(float a) { return a; }
+void main() { gl_FragColor = vec4(mix(0.5), mix(0.1, 0.2, 0.3), 0.0, 1.0); }
+";
+    let text = given(
+        beside
+            .replacen("precision", "#version 100\nprecision", 1)
+            .as_str(),
+    );
+    assert!(text.contains("mix_(0.5), mix(0.1, 0.2, 0.3)"), "{text}");
+}
+
+/// Which element is meant is settled in the argument's turn (4.60, section 6.1.1): Mesa reads `i` once all arguments are evaluated, so this one is not drawn beside it.
+#[test]
+fn arguments_are_evaluated_from_left_to_right() {
+    let text = "#version 330
+out vec4 c;
+float sum(float low, inout float a, float high) { a += low; return a + high; }
+void main() {
+    float a[3] = float[3](0.1, 0.4, 0.7);
+    int i = 0;
+    c = vec4(sum(float(i++), a[i], float(i++)));
+}
+";
+    let text = given(text);
+    let line = text.lines().find(|l| l.contains("sum(held")).unwrap();
+    let expected = "c = vec4((held = float(i++), held_ = i, held__ = a[held_], held___ = float(i++), held____ = sum(held, held__, held___), a[held_] = held__, held____));";
+    assert_eq!(line.trim(), expected);
+    // What nothing else touches is written in place.
+    let plain = text_of_call("float x = 0.5; c = vec4(sum(sin(x), x, x * 2.0));");
+    assert!(
+        plain.contains("c = vec4(sum(sin(x), x, x * 2.0));"),
+        "{plain}"
+    );
+    let twice = text_of_call("vec2 v = vec2(0.5); c = vec4(sum(v.x, v.y, 1.0));");
+    assert!(twice.contains("v.y = held"), "{twice}");
+}
+
+fn text_of_call(body: &str) -> String {
+    given(&format!(
+        "#version 330
+out vec4 c;
+float sum(float low, inout float a, float high) {{ a += low; return a + high; }}
+void main() {{ {body} }}
+"
+    ))
+}
+
+const ROWS: &str = "#version 430
+struct Bone { mat3x4 turn; float weight; };
+struct Pair { Bone bones[2]; mat2 small; bool on; };
+layout(LAYOUT, row_major, binding = 0) buffer Poses {
+    mat4 whole;
+    layout(column_major) mat4 plain;
+    mat2x3 tall[2];
+    Pair pairs[3];
+    mat3 last;
+} poses;
+layout(binding = 1) uniform Which { int i; } which;
+out vec4 c;
+void main() {
+    int i = which.i;
+    vec4 v = vec4(0.1, 0.2, 0.3, 0.4);
+    poses.whole = poses.plain * poses.whole;
+    poses.whole[1] = v;
+    poses.whole[i].zx += v.xy;
+    poses.whole[2].y *= 2.0;
+    poses.whole[i][i] = 0.5;
+    poses.tall[1][i] = v.xyz;
+    poses.tall[0] = mat2x3(v.xyz, v.yzw);
+    poses.pairs[i].bones[1].turn[2] = v;
+    poses.pairs[i].bones[0] = poses.pairs[2].bones[1];
+    Pair pair = poses.pairs[i];
+    pair.bones[0].turn[1].xy = v.zw;
+    pair.on = !pair.on;
+    poses.pairs[1] = pair;
+    poses.pairs[0].on = pair.small[1].x > 0.5;
+    poses.pairs[0].small[1] += v.xy;
+    poses.last++;
+    c = poses.whole[1] + poses.pairs[2].bones[1].turn[0] + vec4(poses.tall[1][0], 1.0) + float(poses.pairs[1].on);
+}
+";
+
+/// Matrices by rows lie transposed, in structs and arrays too, and what is stored to one of their columns goes to a component of each row.
+#[test]
+fn matrices_by_rows_are_stored_as_they_lie() {
+    for layout in ["std430", "std140"] {
+        let text = given(&ROWS.replace("LAYOUT", layout));
+        insta::assert_snapshot!(format!("rows_{layout}"), text);
+        let parsed = parse(&ROWS.replace("LAYOUT", layout));
+        let module = parsed.program.module();
+        // By hand: by std140 each row has 16 bytes, by std430 a row of two has 8; a `mat3x4` has 4 rows of 3.
+        let expected: &[(&str, u32)] = match layout {
+            "std430" => &[
+                ("whole", 0),
+                ("plain", 64),
+                ("tall", 128),
+                ("pairs", 176),
+                ("last", 176 + 3 * 192),
+            ],
+            _ => &[
+                ("whole", 0),
+                ("plain", 64),
+                ("tall", 128),
+                ("pairs", 224),
+                ("last", 224 + 3 * 208),
+            ],
+        };
+        let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {
+            naga::TypeInner::Struct { members, .. } => {
+                let has = |name: &str| members.iter().any(|m| m.name.as_deref() == Some(name));
+                (has("whole") && has("last")).then_some(members)
+            }
+            _ => None,
+        });
+        let at: Vec<(&str, u32)> = found
+            .unwrap()
+            .iter()
+            .filter(|m| {
+                expected
+                    .iter()
+                    .any(|(name, _)| m.name.as_deref() == Some(name))
+            })
+            .map(|m| (m.name.as_deref().unwrap(), m.offset))
+            .collect();
+        assert_eq!(at, expected, "{layout}");
+        wgsl(parsed);
+    }
+}
+
+/// A struct in a storage block has no padding that one in a uniform block has, whatever else it is used for.
+#[test]
+fn structs_in_storage_blocks_are_not_padded() {
+    let text = "#version 430
+struct Light { vec3 at; float power; float falloff[3]; };
+layout(std430, binding = 0) readonly buffer Lights { Light lights[]; };
+layout(std140, binding = 1) uniform One { Light one; };
+out vec4 c;
+void main() {
+    Light light = lights[1];
+    light.falloff[1] += one.falloff[2];
+    c = vec4(light.at, light.falloff[1]) + lights[2].falloff[0];
+}
+";
+    let parsed = parse(text);
+    let module = parsed.program.module();
+    let stride = module.types.iter().find_map(|(_, ty)| match ty.inner {
+        naga::TypeInner::Array {
+            size: naga::ArraySize::Dynamic,
+            stride,
+            ..
+        } => Some(stride),
+        _ => None,
+    });
+    // 12 + 4 + 3 * 4, in steps of 16.
+    assert_eq!(stride, Some(32));
+    wgsl(parsed);
+}
+
+/// GLSL ES 3.00, section 3.4; desktop GLSL compilers take 0.
+#[test]
+fn what_if_asks_of_names_that_are_not_defined() {
+    let text = |version: &str, condition: &str| {
+        format!(
+            "#version {version}
+precision highp float;
+out vec4 c;
+#define HERE 1
+#if {condition}
+float level = 0.5;
+#else
+float level = 0.25;
+#endif
+void main() {{ c = vec4(level); }}
+"
+        )
+    };
+    let (code, told, line) = refused(&text("300 es", "QUALITY > 1"));
+    assert_eq!((code, line), (Code::Parse, 5), "{told}");
+    assert!(told.contains("`QUALITY` is not defined"), "{told}");
+    assert!(told.contains("ask `defined(..)` first"), "{told}");
+    let level = |version: &str, condition: &str| {
+        let text = given(&text(version, condition));
+        text.contains("float level = 0.5;")
+    };
+    assert!(!level("330", "QUALITY > 1"));
+    assert!(level("330", "QUALITY == 0"));
+    // What is not asked for is not missed.
+    assert!(!level("300 es", "defined(QUALITY) && QUALITY > 1"));
+    assert!(level("300 es", "HERE == 1 || QUALITY > 1"));
+    assert!(level("300 es", "!defined QUALITY && defined HERE"));
+    let elif = text("300 es", "HERE").replace("#else", "#elif QUALITY");
+    assert!(given(&elif).contains("float level = 0.5;"));
+    let (_, _, line) = refused(&elif.replace("HERE 1", "HERE 0"));
+    assert_eq!(line, 7);
+    let (_, told, line) = refused(&text("330", "1").replace("#endif", ""));
+    assert!(told.contains("has no `#endif`") && line == 5, "{told}");
+}
+
+/// C11 6.10.3, which GLSL's preprocessor follows.
+#[test]
+fn macros_reach_others() {
+    let text = |body: &str| {
+        format!(
+            "#version 330
+#define twice(x) ((x) * 2.0)
+#define more(x) twice(1.0 + x)
+#define apply(f, x) f(x)
+#define name twice
+#define call name
+#define paste(a, b) a##b
+#define pasted(a, b) paste(a, b)
+#define six 6
+#define empty
+#define self(x) x + self
+out vec4 c;
+float self = 0.5;
+void main() {{
+    float a = 0.25;
+    c = vec4({body});
+}}
+"
+        )
+    };
+    let plain = |text: &str| text.replace(['(', ')', ' '], "");
+    for (called, written) in [
+        ("twice(more(a))", "(1.0 + a) * 2.0 * 2.0"),
+        ("more(more(a))", "(1.0 + (1.0 + a) * 2.0) * 2.0"),
+        ("apply(twice, apply(more, a))", "(1.0 + a) * 2.0 * 2.0"),
+        ("call(a)", "a * 2.0"),
+        ("pasted(tw, ice)(a)", "a * 2.0"),
+        ("pasted(0., six) empty", "0.6"),
+        ("self(a)", "a + self"),
+        ("twice\n(\na\n)", "a * 2.0"),
+        ("apply(empty twice, a)", "a * 2.0"),
+    ] {
+        let (called, written) = (given(&text(called)), given(&text(written)));
+        assert_eq!(plain(&called), plain(&written));
+    }
+    let (_, told, line) = refused(&text("twice(a, a)"));
+    assert!(
+        told.contains("the macro `twice` takes 1 argument, and 2 are given"),
+        "{told}"
+    );
+    assert_eq!(line, 16);
+    // Doubled again and again it comes to an end.
+    let mut endless = text("a17");
+    for i in 0..40 {
+        let line = format!(
+            "#define b{}(x) b{i}(x + x)\n#define a{} a{i} + a{i}\n",
+            i + 1,
+            i + 1
+        );
+        endless.insert_str("#version 330\n".len(), &line);
+    }
+    let endless = endless.replace("a17", "b40(a0)").replace("a0 ", "1.0 ");
+    let (code, told, _) = refused(&endless);
+    assert_eq!(code, Code::TooDeep, "{told}");
+}
+
+/// Types by GLSL's names, at the author's line.
+#[test]
+fn errors_are_in_the_words_of_glsl() {
+    let mut all = String::new();
+    for body in [
+        "c = m * v3;",
+        "float x = v3;",
+        "v3 = vec2(1.0);",
+        "v3 += m[0];",
+        "int n = 1.5;",
+        "c = vec4(v3, v3, 1.0, 1.0);",
+        "c = vec4(1.0, 2.0);",
+        "if (v3.x) c = vec4(1.0);",
+        "c = v3.x[0] * vec4(1.0);",
+        "c = vec4(max(v3, vec2(1.0)), 1.0, 1.0);",
+        "c = vec4(v3.xw, 1.0, 1.0);",
+        "c = vec4(part.weight);",
+        "c = part;",
+        "c = vec4(!v3.x);",
+        "c = true ? v3 : 1.0;",
+        "c = vec4(nothing());",
+        "c = vec4(texture(map, 1));",
+        "c = vec4(v3[1.0]);",
+        "c = Part(1.0);",
+        "u = 1.0;",
+        "float v3; float v3;",
+        "c = vec4(dot(v3, 1.0));",
+        "return 1.0;",
+        "c = vec4(1 + true);",
+        "const float k;",
+        "v3.xx = vec2(1.0);",
+        "c = vec4(undeclared);",
+        "c = vec4(mat2(1.0) == mat3(1.0));",
+        "part.gain = vec2(1.0);",
+    ] {
+        let text = format!(
+            "#version 330
+struct Part {{ float gain; vec3 tint; }};
+uniform float u;
+uniform sampler2D map;
+in float nowhere;
+out vec4 c;
+void nothing() {{}}
+void main() {{
+    mat4 m = mat4(1.0);
+    vec3 v3 = vec3(u);
+    Part part = Part(1.0, v3);
+    {body}
+}}
+"
+        );
+        let text = text.replace("in float nowhere;\n", "");
+        let error = match front::parse(&sources(&text), &Options::default()) {
+            Ok(_) => {
+                all += &format!("{body}\n  accepted\n");
+                continue;
+            }
+            Err(error) => error,
+        };
+        let at = error.location().map(|l| (l.line, l.column));
+        assert_eq!(at.map(|a| a.0), Some(11), "{body}: {error}");
+        let told = error.render(Color::Never);
+        assert!(
+            !told.contains("naga") && !told.contains("Vector {"),
+            "{told}"
+        );
+        all += &format!("{body}\n  {}: {}\n", at.unwrap().1, error.message());
+        for note in error.notes() {
+            all += &format!("    {note}\n");
+        }
+    }
+    insta::assert_snapshot!("errors", all);
+}
+
+/// What an array of varyings is taken apart into is named as a constant of ours would be.
+#[test]
+fn names_of_ours_are_told_apart() {
+    let vertex = "#version 330
+in vec4 p;
+out vec2 offset[2];
+void main() { offset = vec2[2](p.xy, p.zw); gl_Position = p; }
+";
+    let fragment = "#version 330
+uniform sampler2D map;
+in vec2 offset[2];
+out vec4 c;
+void main() { c = textureOffset(map, offset[0], ivec2(1, 0)) + textureOffset(map, offset[1], ivec2(0, 1)); }
+";
+    let sources = [
+        Source::new("a.vert", vertex),
+        Source::new("a.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    let text = wgsl(parsed);
+    assert_eq!(text.matches("textureSample(").count(), 2, "{text}");
+}
+
+/// A function of floats returns one of what it is given of ints too, so that `int(..)` round it is no word too many.
+#[test]
+fn functions_of_floats_return_floats() {
+    let text = given(
+        "#version 330
+uniform vec2 v;
+out vec4 c;
+void main() {
+    int x = int(mod(v.x, 8));
+    int y = int(step(v.y, 1)) + int(pow(2, 3));
+    ivec2 z = ivec2(mod(v, 8));
+    c = vec4(x, y, z);
+}
+",
+    );
+    for line in [
+        "int x = int(mod(uniforms.v.x, 8.0));",
+        "int(step(uniforms.v.y, 1.0)) + int(pow(2.0, 3.0))",
+        "ivec2 z = ivec2(mod(uniforms.v, 8.0));",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+}
+
+/// Each stage may be in a file of its own, of which the other stage has nothing.
+#[test]
+fn stages_lie_in_included_files() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("stages");
+    std::fs::create_dir_all(&folder).unwrap();
+    let vertex = "#pragma stage vertex
+layout(location = 0) in vec4 p;
+layout(location = 0) out vec2 at;
+void main() { at = p.xy; gl_Position = p; }
+";
+    let fragment = "#pragma stage fragment
+layout(location = 0) in vec2 at;
+layout(location = 0) out vec4 c;
+void main() { c = vec4(at, LEVEL, 1.0); }
+";
+    std::fs::write(folder.join("v.h"), vertex).unwrap();
+    std::fs::write(folder.join("f.h"), fragment).unwrap();
+    let text = "#version 450
+#define LEVEL 0.5
+#include \"v.h\"
+#include \"f.h\"
+";
+    let options = Options {
+        include: vec![folder],
+        ..Options::default()
+    };
+    let parsed = front::parse(&[Source::new("a.slang", text)], &options)
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    assert!(parsed.fragment.is_some());
+    wgsl(parsed);
+}
