@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! cargo run --release --all-features --example combinations -- --modules 10000 --pictures 500 --seed 1 [--adapter TEXT]
+//! cargo run --release --all-features --example combinations -- --modules 0 --pictures 1 --first 32000050
 //! ```
 //!
 //! The tables go to stdout as JSON. A module is wrong that does not validate, a text that does not read back, a promise that has a counterexample, a picture of an `exact` or `rounding` plan that
-//! `verify` finds to break it. A picture over the user's budget is told apart: nothing was measured when its plan was made, and telling so is what `verify` is for.
+//! `verify` finds to break it. Told apart: a picture over the user's budget, for nothing was measured when its plan was made, and telling so is what `verify` is for; and one of a plan whose parameters say of the
+//! adapter what it was seen not to do, which is what its promise rests on by name. `--first` says the first seed by itself; scenes, recipes and all else follow from a seed.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
@@ -13,7 +15,7 @@
 )]
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use preshade::measure::{self, Settings, Timed, TimingSettings};
 use preshade::passes::contract::{Contract, Verdict};
@@ -21,6 +23,7 @@ use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::validate::Effort;
 use preshade::passes::validate::inputs::Random;
+use preshade::passes::visibility_buffer;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::scene::{DrawOrder, Scene};
@@ -31,7 +34,7 @@ mod combinations_support;
 mod fixtures_support;
 
 use combinations_support::{Tally, combinations, recipe};
-use fixtures_support::{materials, original};
+use fixtures_support::{materials, original, root};
 
 /// Not a multiple of the quad or of any tile.
 const SIZE: [u32; 2] = [97, 61];
@@ -47,6 +50,8 @@ struct Pictures {
     held: BTreeMap<String, u64>,
     /// Over the budget that the recipe gave, and told to be.
     over_budget: Vec<String>,
+    /// Outside of a promise that rests on an adapter that does otherwise than this one was seen to do, and told to.
+    of_another_adapter: Vec<String>,
     /// Not drawn, and why.
     not_measured: Vec<String>,
     /// What must not be.
@@ -88,7 +93,7 @@ fn main() {
         inputs: 18,
         ..Effort::default()
     };
-    let first = seed * 1_000_000;
+    let first = number("--first", seed * 1_000_000);
     let tally = combinations(&originals, first..first + modules, &effort);
     eprintln!(
         "{} modules, {} wrong",
@@ -112,7 +117,7 @@ fn main() {
 
 /// The scenes, small, one frame of each camera.
 fn scenes() -> Vec<(String, Scene)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
+    let folder = root().join("fixtures/scenes");
     let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)
         .unwrap()
         .map(|e| e.unwrap().path())
@@ -200,6 +205,10 @@ fn drawn(count: u64, first: u64) -> Pictures {
         *told.by_contract.entry(kind.clone()).or_default() += 1;
         let label = format!("seed {seed}: {name} by {recipe}");
         eprintln!("{} {label}", told.drawn);
+        let seen = facts.rasterizer;
+        let is_of_another =
+            |plan: &Plan| seen.is_some_and(|s| visibility_buffer::contradicted(plan, &s).is_some());
+        let of_another = variant.plans.iter().any(is_of_another);
         let outcome = match measure::verify(&gpu, scene, &[variant], &settings, &mut |_| {}) {
             Ok(outcome) => outcome,
             Err(error) => {
@@ -213,9 +222,10 @@ fn drawn(count: u64, first: u64) -> Pictures {
             Verdict::NotMeasured { why } => told.not_measured.push(format!("{label}: {why}")),
             Verdict::Broken { r#where } => {
                 let line = format!("{label} ({kind}): {where}", where = r#where);
-                match contract.budgets().is_empty() {
-                    true => told.wrong.push(line),
-                    false => told.over_budget.push(line),
+                match (contract.budgets().is_empty(), of_another) {
+                    (false, _) => told.over_budget.push(line),
+                    (true, true) => told.of_another_adapter.push(line),
+                    (true, false) => told.wrong.push(line),
                 }
             }
         }

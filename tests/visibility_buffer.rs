@@ -1328,3 +1328,19 @@ fn the_emitted_text_and_the_ir_draw_alike() {
         .map(|form| render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, form));
     assert_eq!(text, ir);
 }
+
+/// The rim of a ray-traced sphere, far away through a long lens: what cancels under the root is all there is, and comes out as steps.
+#[test]
+fn a_root_of_what_cancels_is_promised_nothing_without_a_budget() {
+    let path =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/frag-depth.toml");
+    let mut scene = preshade::scene::load(&path).unwrap().resized([320, 180]);
+    let eye = Vec3::new(30.0, 27.0, 90.0);
+    let frame = &mut scene.cameras[0].frames[0];
+    frame.view = Mat4::look_at_rh(eye, Vec3::new(0.0, 1.8, 0.0), Vec3::Y);
+    frame.projection = Mat4::perspective_rh(0.14, 320.0 / 180.0, 0.1, 600.0);
+    frame.eye = eye;
+    assert_eq!(refused(&scene), "steep");
+    let difference = compared_with(&scene, &["visibility-buffer:budget=1".to_owned()]);
+    assert!(difference.most > 1, "{difference:?}");
+}

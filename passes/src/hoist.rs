@@ -51,7 +51,7 @@ pub(crate) mod isolate;
 pub(crate) mod jumps;
 pub mod pack;
 mod params;
-mod range;
+pub(crate) mod range;
 mod reach;
 mod remainder;
 mod rounding;

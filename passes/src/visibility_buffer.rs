@@ -39,6 +39,7 @@ mod params;
 mod parts;
 mod resolve;
 mod stage;
+mod steep;
 mod text;
 
 pub use count::counted;
@@ -321,7 +322,7 @@ impl<'a> Material<'a> {
         )))
     }
 
-    /// What the roundings of interpolated values reach; refused where it is a jump, and no budget allows for one.
+    /// What the roundings of interpolated values reach; refused where it is a jump, or what has no bound, and no budget allows for it.
     fn reached(&self, params: &Params) -> Result<Reached, Box<Refusal>> {
         let program = self.opaque.program;
         let (shaded, fragment) = resolve::shaded(program, self.fragment)
@@ -336,6 +337,19 @@ impl<'a> Material<'a> {
                         "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
                     ),
                     "give budget=0.02, say, and let `verify` measure it",
+                )
+                .at(program.sources(), *span),
+            )),
+            _ => Ok(()),
+        }?;
+        match &reached.steep {
+            Some((operation, span)) if params.budget.is_none() => Err(Box::new(
+                refuse(
+                    "steep",
+                    format!(
+                        "what is interpolated reaches {operation}, whose slope has no bound where that comes to its end: it makes steps of the last bits in which a resolve and a rasteriser differ"
+                    ),
+                    "give budget=0.02, say, and let `verify` measure it, or keep the operand away from there (`max(.., 0.001)`)",
                 )
                 .at(program.sources(), *span),
             )),

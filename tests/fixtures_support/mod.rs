@@ -65,15 +65,23 @@ pub fn original(files: &[&Path]) -> Plan {
     )
 }
 
+/// The root of the checkout, also where this was built elsewhere: then it is the folder it runs in.
+pub fn root() -> PathBuf {
+    let built = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    match built.join("fixtures").is_dir() {
+        true => built,
+        false => PathBuf::from("."),
+    }
+}
+
 /// Every material of `fixtures`: WGSL files, and GLSL pairs.
 pub fn materials() -> Vec<Vec<PathBuf>> {
     let with_extension = |folder: &str, extension: &str| {
-        let mut found: Vec<PathBuf> =
-            std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder))
-                .unwrap()
-                .map(|e| e.unwrap().path())
-                .filter(|p| p.extension().is_some_and(|e| e == extension))
-                .collect();
+        let mut found: Vec<PathBuf> = std::fs::read_dir(root().join(folder))
+            .unwrap()
+            .map(|e| e.unwrap().path())
+            .filter(|p| p.extension().is_some_and(|e| e == extension))
+            .collect();
         found.sort();
         found
     };

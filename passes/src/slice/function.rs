@@ -6,6 +6,7 @@ use std::rc::Rc;
 use naga::{Expression, Handle, Statement};
 
 use super::components;
+use super::fault::{self, Fault};
 use super::need::Need;
 use super::{Demand, Termination};
 use crate::graph::cells::{self, Cell, Root};
@@ -218,8 +219,10 @@ impl<'g, 'p> Work<'g, 'p> {
         for ancestor in f.statements.ancestors(id) {
             self.keep(ancestor);
         }
-        for predicate in f.control.of(id) {
-            self.keep(*predicate);
+        if !fault::has(Fault::Control) {
+            for predicate in f.control.of(id) {
+                self.keep(*predicate);
+            }
         }
         match f.statements.get(id).statement {
             // Expressions are kept one by one, a store's value as far as it is read, a call as far as it is asked, and a returned value as
@@ -297,13 +300,14 @@ impl<'g, 'p> Work<'g, 'p> {
                 }
             }
             Origin::Phi { operands, .. } => {
-                for operand in operands {
+                let forgotten = usize::from(fault::has(Fault::Merge));
+                for operand in operands.iter().rev().skip(forgotten) {
                     self.see(*operand, &need);
                 }
             }
             Origin::Written { by, over } => {
-                if let Some(over) = over {
-                    self.see(*over, &need);
+                if let Some(over) = over.filter(|_| !fault::has(Fault::Under)) {
+                    self.see(over, &need);
                 }
                 match f.statements.get(*by).statement {
                     Statement::Store { pointer, value } => {
@@ -335,7 +339,9 @@ impl<'g, 'p> Work<'g, 'p> {
                             })
                             .cloned()
                             .collect();
-                        self.ask(*by, |d| d.cells.extend(written));
+                        if !fault::has(Fault::Callee) {
+                            self.ask(*by, |d| d.cells.extend(written));
+                        }
                     }
                     _ => self.keep(*by),
                 }

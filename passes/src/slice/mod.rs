@@ -12,6 +12,7 @@ use crate::graph::{Cell, FunctionId, Graph, StmtId, counted, operands};
 use crate::reflect;
 
 pub(crate) mod components;
+pub(crate) mod fault;
 mod function;
 mod hash;
 mod need;

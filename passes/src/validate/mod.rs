@@ -16,6 +16,8 @@ use crate::guard::{Guard, Place as Assumed};
 use crate::plan::{Plan, Role};
 use crate::program::Program;
 
+#[cfg(test)]
+mod broken_slicer;
 pub mod compare;
 pub mod elsewhere;
 pub mod inputs;

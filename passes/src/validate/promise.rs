@@ -18,6 +18,9 @@ use crate::plan::{BindingSource, ClearValue, GpuPass, Plan, Role};
 use crate::program::Program;
 use crate::state::{CompareFunction, DepthDirection};
 
+/// One input in so many is run beside a proof that rests on the slicer.
+const BESIDE: u64 = 8;
+
 /// A pass of a variant beside the original's main pass.
 pub(super) struct Pair<'a> {
     pub(super) variant: &'a Plan,
@@ -313,21 +316,38 @@ impl<'a> Pair<'a> {
             return self.tried_on(runner, places, colors);
         }
         if places.iter().all(|p| self.slices_are_same(*p, colors)) {
-            return Verdict::Proved { by: Proof::Slices };
+            return self.confirmed(places, colors);
         }
+        self.by_terms(places, colors)
+            .unwrap_or_else(|| self.tried(places, colors, self.effort.inputs))
+    }
+
+    /// Of what is one slice in both, by the slicer's word: it may have cut the variant too, and then what it forgets is missing in both. So both are run, whole.
+    fn confirmed(&self, places: &[Place], colors: Colors) -> Verdict {
+        match self.tried(places, colors, self.effort.inputs.div_ceil(BESIDE)) {
+            found @ Verdict::Counterexample(_) => found,
+            Verdict::Agreed { inputs } => Verdict::Proved {
+                by: Proof::Slices { inputs },
+            },
+            // On terms they may come to an end.
+            _ => self.by_terms(places, colors).unwrap_or(Verdict::Proved {
+                by: Proof::Slices { inputs: 0 },
+            }),
+        }
+    }
+
+    fn by_terms(&self, places: &[Place], colors: Colors) -> Option<Verdict> {
         // Numbers that a guard leaves open would be fixed.
         let guard = self.variant.guard.as_ref();
         let is_fixed = |g: &Guard| g.values.iter().all(|a| a.bounds.low == a.bounds.high);
-        if guard.is_none_or(is_fixed)
-            && let Some(paths) = places
-                .iter()
-                .try_fold(0, |sum, place| Some(sum + self.proved(*place, colors)?))
-        {
-            return Verdict::Proved {
-                by: Proof::Terms { paths },
-            };
+        if !guard.is_none_or(is_fixed) {
+            return None;
         }
-        self.tried(places, colors)
+        let mut each = places.iter();
+        let paths = each.try_fold(0, |sum, place| Some(sum + self.proved(*place, colors)?))?;
+        Some(Verdict::Proved {
+            by: Proof::Terms { paths },
+        })
     }
 }
 

@@ -15,14 +15,14 @@ use crate::evaluate::{Stuck, Traced, Value};
 const QUOTA: u64 = 4;
 
 impl Pair<'_> {
-    /// On numbers.
-    pub(super) fn tried(&self, places: &[Place], colors: Colors) -> Verdict {
+    /// On so many numbers.
+    pub(super) fn tried(&self, places: &[Place], colors: Colors, inputs: u64) -> Verdict {
         let module = self.original.vertex.module();
         if let Some(why) = self.unfilled(places) {
             return not_evaluated(&why);
         }
         let (mut tried, mut agreed, mut why) = (0, 0, None);
-        for seed in self.effort.seed..self.effort.seed + self.effort.inputs {
+        for seed in self.effort.seed..self.effort.seed + inputs {
             let inputs = Inputs::new(module, self.variant.guard.as_ref(), seed);
             if self.folds_floats() && inputs.profile != Profile::Ordinary {
                 continue;

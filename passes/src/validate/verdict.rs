@@ -35,7 +35,10 @@ pub enum Verdict {
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Proof {
     /// The slices that decide it have one canonical form ([`crate::slice`]).
-    Slices,
+    Slices {
+        /// Numbers that both were run on beside, whole, and agreed: the slicer that says so may have cut the variant too, and what it forgets would be missing in both. 0: they cannot be run.
+        inputs: u64,
+    },
     /// Run on terms ([`super::term`]), both end in the same ones.
     Terms {
         /// Along so many paths, which are all there are.
@@ -88,7 +91,12 @@ impl Verdict {
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Proved { by: Proof::Slices } => f.write_str("proved: the same slice"),
+            Self::Proved {
+                by: Proof::Slices { inputs: 0 },
+            } => f.write_str("proved: the same slice, by the slicer's word alone"),
+            Self::Proved {
+                by: Proof::Slices { inputs },
+            } => write!(f, "proved: the same slice, and agreed on {inputs} inputs"),
             Self::Proved {
                 by: Proof::Terms { paths: 1 },
             } => f.write_str("proved: the same operations"),

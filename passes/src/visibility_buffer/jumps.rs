@@ -8,6 +8,7 @@ use naga::{
     Span, SwizzleComponent, TypeInner,
 };
 
+use super::steep;
 use crate::graph::Graph;
 use crate::hoist::jumps::jump;
 use crate::hoist::values::{Node, TooLarge, ValueId, Values};
@@ -19,6 +20,8 @@ use crate::reflect::{self, Io};
 pub struct Reached {
     /// The first operation that jumps, and its place.
     pub jump: Option<(String, Span)>,
+    /// The first operation whose slope has no bound, and its place.
+    pub steep: Option<(&'static str, Span)>,
     /// A texture is sampled there, which is continuous if it is filtered.
     pub samples: bool,
     /// What the stage takes anywhere of neighbours that are the driver's choice.
@@ -165,6 +168,15 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             work.push(*user);
         }
     }
+    out.steep = steep::steep(&values, &is_rounded).map(|(id, name)| {
+        let span = match &values.values[id].node {
+            Node::Expression(context, e, _) => {
+                values.function(*context).function.expressions.get_span(*e)
+            }
+            _ => Span::UNDEFINED,
+        };
+        (name, span)
+    });
     Ok(out)
 }
 

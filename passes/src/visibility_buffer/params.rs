@@ -179,10 +179,12 @@ impl Params {
 
     /// What is said of the adapter that was seen to do otherwise, each as `parameter=choice` beside what was seen.
     pub(super) fn contradicting(&self, seen: &Rasterizer) -> Vec<[String; 2]> {
-        let unseen = Corners::Held;
-        let corners = self
-            .corners
-            .filter(|said| *said != seen.corners && *said != unseen);
+        // `held` has corners as given, too.
+        let are_given = |corners: Corners| corners != Corners::Snapped;
+        let corners = self.corners.filter(|said| match said {
+            Corners::Held => !are_given(seen.corners),
+            said => *said != seen.corners,
+        });
         let neighbours = [
             ("derivatives", self.derivatives, seen.derivatives),
             ("coarse", self.coarse, seen.coarse),
@@ -237,5 +239,33 @@ fn word(choice: impl Serialize) -> String {
     match serde_json::to_value(choice) {
         Ok(serde_json::Value::String(word)) => word,
         _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_interpolates_from_snapped_corners_does_not_do_as_held_says() {
+        let told = |said, seen| {
+            let params = Params {
+                corners: Some(said),
+                ..Params::default()
+            };
+            let seen = Rasterizer {
+                corners: seen,
+                ..Rasterizer::default()
+            };
+            !params.contradicting(&seen).is_empty()
+        };
+        use Corners::{AsGiven, Held, Snapped};
+        let contradicted = [(Held, Snapped), (AsGiven, Snapped), (Snapped, AsGiven)];
+        for (said, seen) in contradicted {
+            assert!(told(said, seen), "{said:?} {seen:?}");
+        }
+        for (said, seen) in [(Held, AsGiven), (AsGiven, AsGiven), (Snapped, Snapped)] {
+            assert!(!told(said, seen), "{said:?} {seen:?}");
+        }
     }
 }
