@@ -46,6 +46,19 @@ pub enum Plain {
 }
 
 impl Mutation {
+    /// What of it can be said in words.
+    pub fn words(&self) -> String {
+        match self {
+            Self::Plans(recipe, _) => format!("plans {recipe:?}"),
+            Self::Text(recipe, edits) => format!("text {recipe:?} {edits:?}"),
+            Self::Recipe(without, with) => format!("recipe {without:?} {with:?}"),
+            Self::Untied(recipe) => format!("untied {recipe:?}"),
+            Self::Shader(file, _) => format!("shader {file:?}"),
+            Self::Shades(recipe, most) => format!("shades {recipe:?} {most}"),
+            Self::Own(_) => "own".to_owned(),
+        }
+    }
+
     /// What is mutated, as it is.
     pub fn plain(&self, stage: &Stage<'_>) -> Plain {
         let recipe = match self {

@@ -75,7 +75,17 @@ pub fn check(groups: &[(&str, &[Case])], measured: &dyn Fn() -> Results) {
             .sort_by_key(|o| names.iter().position(|n| *n == o.name));
         std::fs::write(file, results.json()).unwrap();
     }
-    let page = page(groups, &read(&folder));
+    let adapters = read(&folder);
+    let wrong: Vec<String> = adapters
+        .iter()
+        .flat_map(|results| {
+            let of = &results.adapter.name;
+            let wrong = results.outcomes.iter().flat_map(Outcome::wrong);
+            wrong.map(move |w| format!("{of}: {w}"))
+        })
+        .collect();
+    assert!(wrong.is_empty(), "docs/stability: {}", wrong.join("\n"));
+    let page = page(groups, &adapters);
     let path = root().join("docs/stability.md");
     if update {
         std::fs::write(&path, &page).unwrap();
@@ -155,7 +165,10 @@ The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. A
                 let found = results.outcomes.iter().find(|o| o.name == case.name);
                 let (runs, mutated) = found.map_or_else(
                     || ("not drawn".to_owned(), "not drawn".to_owned()),
-                    |o| (runs(o), red(&o.mutated, o.mutations)),
+                    |o| match o.case == case.hash() {
+                        true => (runs(o), red(&o.mutated, o.mutations)),
+                        false => (OLDER.to_owned(), OLDER.to_owned()),
+                    },
                 );
                 let _ = write!(out, " {runs} | {mutated} |");
             }
@@ -177,6 +190,9 @@ The shader is the same, for it takes differences of positions alone. Steps are o
     );
     out
 }
+
+/// What is said of figures of a case that is another by now.
+const OLDER: &str = "of an older case";
 
 fn suffix(expect: &super::case::Expect) -> String {
     use super::case::Expect;
