@@ -172,6 +172,15 @@ impl Limits {
         self.seconds != NONE || self.memory != NONE
     }
 
+    /// Whose the shaders are taken to be: a stranger's where variants are measured in processes of their own.
+    #[cfg(feature = "verify")]
+    pub fn trust(&self) -> crate::render::Trust {
+        match self.isolates() {
+            true => crate::render::Trust::Strangers,
+            false => crate::render::Trust::Own,
+        }
+    }
+
     /// Each with what it is of, and its values in the named sets, for listings.
     pub fn list() -> String {
         let shown = |n: u64| match n {

@@ -165,7 +165,10 @@ pub fn fit(gpu: &Gpu, progress: &mut dyn FnMut(f64)) -> Result<(Model, Vec<Obser
             Err(error) => return Err(error),
         }
     }
-    Ok((Model::fit(&gpu.adapter().name, &observations), observations))
+    Ok((
+        Model::fit(&gpu.adapter().title(), &observations),
+        observations,
+    ))
 }
 
 fn observe(gpu: &Gpu, probe: &Probe) -> Result<Option<Observation>, Error> {
