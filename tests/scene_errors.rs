@@ -182,6 +182,26 @@ fn orbits_that_are_none_are_told() {
 }
 
 #[test]
+fn cells_of_a_texture_are_counted_before_they_are_drawn() {
+    for pattern in ["solid", "noise", "bricks", "stones", "leaf", "blades"] {
+        let of = |scale: u32| {
+            let to = format!("{{ pattern = \"{pattern}\", size = 16, scale = {scale} }}");
+            GOOD.replace("{ pattern = \"checker\", size = 16 }", &to)
+        };
+        for scale in [0, 4097, 1 << 28, 1 << 31, u32::MAX] {
+            let told = load("scale", &of(scale)).unwrap_err().render();
+            let said = format!("texture `albedo` with {scale} cells across");
+            assert!(
+                told.contains(&said) && told.contains("bad.toml:6:"),
+                "{told}"
+            );
+        }
+        // The most there may be wraps nowhere.
+        assert!(load("scale", &of(4096)).is_ok(), "{pattern}");
+    }
+}
+
+#[test]
 fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
     let of = |case: &str, range: &str| {
         let to = format!("material = \"tiles\"\n{range}");

@@ -17,6 +17,7 @@ use super::camera::{self, Orbit, Pose};
 use super::file::{
     BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
 };
+use super::image::MAX_SIDE;
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
@@ -453,11 +454,18 @@ impl Loader<'_> {
                 let hold = |size| self.hold_texels(size);
                 recipe.decode_within(&shown, &bytes, &self.access.limits, &hold)
             }
-            (None, Some(_)) if !(1..=4096).contains(&recipe.size) => Err(Error::new(format!(
-                "texture `{name}` of {0}x{0} texels",
-                recipe.size
+            (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.size) => {
+                Err(
+                    Error::new(format!("texture `{name}` of {0}x{0} texels", recipe.size)).help(
+                        format!("a generated texture is 1 to {MAX_SIDE} texels wide"),
+                    ),
+                )
+            }
+            (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.scale) => Err(Error::new(format!(
+                "texture `{name}` with {} cells across",
+                recipe.scale
             ))
-            .help("a generated texture is 1 to 4096 texels wide")),
+            .help(format!("`scale` is 1 to {MAX_SIDE} cells"))),
             (None, Some(_)) => {
                 let (limits, side) = (&self.access.limits, recipe.size.into());
                 limits.check(
