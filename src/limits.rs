@@ -28,7 +28,7 @@ const NAMED: [Named; 13] = [
     Named { name: "copies", what: "copies of one field", of: |l| &mut l.copies, strict: 50_000, default: 4_000_000 },
     Named { name: "draws", what: "draws of a frame", of: |l| &mut l.draws, strict: 5_000, default: 200_000 },
     Named { name: "pixels", what: "pixels of a target, times its samples", of: |l| &mut l.pixels, strict: 1 << 22, default: 1 << 26 },
-    Named { name: "scene-bytes", what: "bytes of all vertex data and texels", of: |l| &mut l.scene_bytes, strict: 256 * MIB, default: 8192 * MIB },
+    Named { name: "scene-bytes", what: "bytes of all vertex data, texels and draws", of: |l| &mut l.scene_bytes, strict: 256 * MIB, default: 8192 * MIB },
     Named { name: "seconds", what: "seconds that one variant may take, in a process of its own", of: |l| &mut l.seconds, strict: 120, default: NONE },
     Named { name: "memory", what: "bytes of memory of that process, where the system tells (Linux)", of: |l| &mut l.memory, strict: 4096 * MIB, default: NONE },
 ];
@@ -56,7 +56,7 @@ pub struct Limits {
     pub draws: u64,
     /// Pixels of the target times its samples.
     pub pixels: u64,
-    /// Bytes of all vertex data and texels.
+    /// Bytes of all vertex data, texels and draws.
     pub scene_bytes: u64,
     /// Seconds for one variant. Below [`u64::MAX`], each is measured in a process of its own.
     pub seconds: u64,

@@ -231,7 +231,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
             range: DrawRange::default(),
             instances: 1,
             instance_streams: BTreeMap::new(),
-            joints: Vec::new(),
+            joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
         }],

@@ -201,6 +201,65 @@ fn cells_of_a_texture_are_counted_before_they_are_drawn() {
     }
 }
 
+fn load_strictly(case: &str, text: &str) -> Result<scene::Scene, scene::Error> {
+    let path = folder(case).join("scenes/bad.toml");
+    std::fs::write(&path, text).unwrap();
+    let access = scene::Access {
+        limits: preshade::limits::Limits::strict(),
+        ..scene::Access::default()
+    };
+    scene::load_within(&path, &scene::Variables::new(), access)
+}
+
+#[test]
+fn draws_are_counted_before_they_are_made() {
+    let field =
+        |n: u32| format!("field = {{ count = [{n}, 1, 1], spacing = [1, 1, 1], as = \"draws\" }}");
+    let with = |what: &str| {
+        let skinned = GOOD.replace("[1, 1, 1] }", "[1, 1, 1] }\ncube.skin = { joints = 256 }");
+        skinned.replace(
+            "material = \"tiles\"",
+            &format!("material = \"tiles\"\n{what}"),
+        )
+    };
+    // 64 GB, were each draw to have joints of its own.
+    let told = load("draws", &with(&field(4_000_000)))
+        .unwrap_err()
+        .render();
+    assert!(
+        told.contains("the number of draws would be 4000000; the limit `draws` is 200000"),
+        "{told}"
+    );
+    assert!(told.contains("bad.toml:15:"), "{told}");
+    let scene = load_strictly("draws", &with(&field(5000))).unwrap();
+    let [first, .., last] = &scene.draws[..] else {
+        panic!("{} draws", scene.draws.len());
+    };
+    assert!(std::sync::Arc::ptr_eq(&first.joints, &last.joints));
+    // Weights, values and names are each draw's own.
+    let weights = vec!["1.0"; 40_000].join(", ");
+    let heavy = with(&format!("morph_weights = [{weights}]\n{}", field(5000)));
+    let told = load_strictly("draws", &heavy).unwrap_err().render();
+    assert!(
+        told.contains("the limit `scene-bytes` is 268435456"),
+        "{told}"
+    );
+    // So are the streams of copies in one draw: 96 bytes each.
+    let copies = field(4_000_000).replace("draws", "instances");
+    let path = folder("instances").join("scenes/bad.toml");
+    std::fs::write(&path, with(&copies)).unwrap();
+    let access = scene::Access {
+        limits: preshade::limits::Limits::parse("scene-bytes=300M").unwrap(),
+        ..scene::Access::default()
+    };
+    let refused = scene::load_within(&path, &scene::Variables::new(), access);
+    let told = refused.unwrap_err().render();
+    assert!(
+        told.contains("bytes of vertex data, texels and draws would be 384"),
+        "{told}"
+    );
+}
+
 #[test]
 fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
     let of = |case: &str, range: &str| {
