@@ -261,6 +261,21 @@ fn draws_are_counted_before_they_are_made() {
 }
 
 #[test]
+fn frames_of_all_cameras_are_counted_before_they_are_made() {
+    let path = "[[cameras]]\npath = { frames = 1000, keys = [{ eye = [1, 2, 5], target = [0, 0, 0] }, { eye = [2, 2, 5], target = [0, 0, 0] }] }\n";
+    let cameras = |n: usize| format!("{GOOD}\n{}", path.repeat(n));
+    let told = load("frames", &cameras(20)).unwrap_err().render();
+    let said = "the frames of all cameras would be 20001; the limit `frames` is 20000";
+    assert!(told.contains(said), "{told}");
+    let told = load_strictly("frames", &cameras(1)).unwrap_err().render();
+    assert!(
+        told.contains("would be 1001; the limit `frames` is 1000"),
+        "{told}"
+    );
+    assert!(load("frames", &cameras(1)).is_ok());
+}
+
+#[test]
 fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
     let of = |case: &str, range: &str| {
         let to = format!("material = \"tiles\"\n{range}");

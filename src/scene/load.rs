@@ -264,7 +264,13 @@ impl Loader<'_> {
             light,
             files: self.folder.files(),
         };
+        let mut frames = 0_u64;
         for (i, entry) in f.cameras.iter().enumerate() {
+            let path = entry.get_ref().path.as_ref();
+            frames = frames.saturating_add(path.map_or(1, |p| p.frames.into()));
+            limits
+                .check("frames", frames, "the frames of all cameras")
+                .map_err(|e| at(e.into(), entry.span()))?;
             let camera = self
                 .camera(i, entry.get_ref(), scene.aspect())
                 .map_err(|e| at(e, entry.span()))?;
