@@ -25,7 +25,7 @@ const NAMED: [Named; 14] = [
     Named { name: "file-bytes", what: "bytes of one file that a scene names", of: |l| &mut l.file_bytes, strict: 32 * MIB, default: 1024 * MIB },
     Named { name: "texture-size", what: "texels along a side of a texture", of: |l| &mut l.texture_size, strict: 2048, default: 8192 },
     Named { name: "vertices", what: "vertices of all meshes", of: |l| &mut l.vertices, strict: 1 << 20, default: 1 << 26 },
-    Named { name: "copies", what: "copies of one field", of: |l| &mut l.copies, strict: 50_000, default: 4_000_000 },
+    Named { name: "copies", what: "copies of one field, and instances of one draw", of: |l| &mut l.copies, strict: 50_000, default: 4_000_000 },
     Named { name: "draws", what: "draws of a frame", of: |l| &mut l.draws, strict: 5_000, default: 200_000 },
     Named { name: "frames", what: "frames of all cameras", of: |l| &mut l.frames, strict: 1_000, default: 20_000 },
     Named { name: "pixels", what: "pixels of a target, times its samples, and of the shadow map", of: |l| &mut l.pixels, strict: 1 << 22, default: 1 << 26 },
@@ -51,7 +51,7 @@ pub struct Limits {
     pub texture_size: u64,
     /// Vertices of all meshes of a scene together, those of merged meshes among them.
     pub vertices: u64,
-    /// Copies that one field makes.
+    /// Copies that one field makes, and instances that one draw has.
     pub copies: u64,
     /// Draws of a frame.
     pub draws: u64,

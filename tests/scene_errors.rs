@@ -276,6 +276,30 @@ fn frames_of_all_cameras_are_counted_before_they_are_made() {
 }
 
 #[test]
+fn the_shadow_map_and_instances_are_under_limits_too() {
+    let light = |side: u32| format!("light.map = {side}\n{GOOD}");
+    let told = load_strictly("map", &light(4096)).unwrap_err().render();
+    let said = "the pixels of the shadow map would be 16777216; the limit `pixels` is 4194304";
+    assert!(
+        told.contains(said) && told.contains("bad.toml:1:"),
+        "{told}"
+    );
+    assert!(load_strictly("map", &light(2048)).is_ok());
+    assert!(load("map", &light(8192)).is_ok());
+    let instances = |n: u32| {
+        let to = format!("material = \"tiles\"\nrange = {{ instances = {n} }}");
+        GOOD.replace("material = \"tiles\"", &to)
+    };
+    let told = load("many", &instances(u32::MAX)).unwrap_err().render();
+    let said = "the instances of a draw would be 4294967295; the limit `copies` is 4000000";
+    assert!(
+        told.contains(said) && told.contains("bad.toml:14:"),
+        "{told}"
+    );
+    assert!(load("many", &instances(4_000_000)).is_ok());
+}
+
+#[test]
 fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
     let of = |case: &str, range: &str| {
         let to = format!("material = \"tiles\"\n{range}");

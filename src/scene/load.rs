@@ -203,7 +203,7 @@ impl Loader<'_> {
                 None => e,
             });
         }
-        let light = Light::read(&f.light).map_err(|e| at(e.error, e.at))?;
+        let light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
         let materials = f
             .materials
             .iter()
@@ -548,8 +548,14 @@ impl Loader<'_> {
         }
         let take = |draw: &mut Draw, copies: Option<u32>| match &entry.range {
             None => Ok(()),
-            Some(r) => range::take(*r.get_ref(), &rigged.mesh, draw, copies)
-                .map_err(|e| self.source.at(e, r.span())),
+            Some(r) => range::take(
+                *r.get_ref(),
+                &rigged.mesh,
+                draw,
+                copies,
+                &self.access.limits,
+            )
+            .map_err(|e| self.source.at(e, r.span())),
         };
         let Some(field) = &entry.field else {
             take(&mut draw, None)?;
