@@ -17,7 +17,7 @@ const NONE: u64 = u64::MAX;
 const MIB: u64 = 1 << 20;
 
 #[rustfmt::skip] // One row a limit.
-const NAMED: [Named; 13] = [
+const NAMED: [Named; 14] = [
     Named { name: "source-bytes", what: "bytes of one shader with all that it includes", of: |l| &mut l.source_bytes, strict: 256 << 10, default: 4 * MIB },
     Named { name: "nesting", what: "brackets open at once in a shader", of: |l| &mut l.nesting, strict: 64, default: 180 },
     Named { name: "expressions", what: "expressions of a material's module", of: |l| &mut l.expressions, strict: 20_000, default: 1_000_000 },
@@ -25,10 +25,11 @@ const NAMED: [Named; 13] = [
     Named { name: "file-bytes", what: "bytes of one file that a scene names", of: |l| &mut l.file_bytes, strict: 32 * MIB, default: 1024 * MIB },
     Named { name: "texture-size", what: "texels along a side of a texture", of: |l| &mut l.texture_size, strict: 2048, default: 8192 },
     Named { name: "vertices", what: "vertices of all meshes", of: |l| &mut l.vertices, strict: 1 << 20, default: 1 << 26 },
-    Named { name: "copies", what: "copies of one field", of: |l| &mut l.copies, strict: 50_000, default: 4_000_000 },
+    Named { name: "copies", what: "copies of one field, and instances of one draw", of: |l| &mut l.copies, strict: 50_000, default: 4_000_000 },
     Named { name: "draws", what: "draws of a frame", of: |l| &mut l.draws, strict: 5_000, default: 200_000 },
-    Named { name: "pixels", what: "pixels of a target, times its samples", of: |l| &mut l.pixels, strict: 1 << 22, default: 1 << 26 },
-    Named { name: "scene-bytes", what: "bytes of all vertex data and texels", of: |l| &mut l.scene_bytes, strict: 256 * MIB, default: 8192 * MIB },
+    Named { name: "frames", what: "frames of all cameras", of: |l| &mut l.frames, strict: 1_000, default: 20_000 },
+    Named { name: "pixels", what: "pixels of a target, times its samples, and of the shadow map", of: |l| &mut l.pixels, strict: 1 << 22, default: 1 << 26 },
+    Named { name: "scene-bytes", what: "bytes of all vertex data, texels and draws", of: |l| &mut l.scene_bytes, strict: 256 * MIB, default: 8192 * MIB },
     Named { name: "seconds", what: "seconds that one variant may take, in a process of its own", of: |l| &mut l.seconds, strict: 120, default: NONE },
     Named { name: "memory", what: "bytes of memory of that process, where the system tells (Linux)", of: |l| &mut l.memory, strict: 4096 * MIB, default: NONE },
 ];
@@ -50,13 +51,15 @@ pub struct Limits {
     pub texture_size: u64,
     /// Vertices of all meshes of a scene together, those of merged meshes among them.
     pub vertices: u64,
-    /// Copies that one field makes.
+    /// Copies that one field makes, and instances that one draw has.
     pub copies: u64,
     /// Draws of a frame.
     pub draws: u64,
-    /// Pixels of the target times its samples.
+    /// Frames of all cameras together, those of paths among them.
+    pub frames: u64,
+    /// Pixels of the target times its samples, and of the light's shadow map.
     pub pixels: u64,
-    /// Bytes of all vertex data and texels.
+    /// Bytes of all vertex data, texels and draws.
     pub scene_bytes: u64,
     /// Seconds for one variant. Below [`u64::MAX`], each is measured in a process of its own.
     pub seconds: u64,
@@ -116,6 +119,7 @@ impl Limits {
             vertices: 0,
             copies: 0,
             draws: 0,
+            frames: 0,
             pixels: 0,
             scene_bytes: 0,
             seconds: 0,
@@ -170,6 +174,15 @@ impl Limits {
     /// Whether variants are measured in processes of their own.
     pub fn isolates(&self) -> bool {
         self.seconds != NONE || self.memory != NONE
+    }
+
+    /// Whose the shaders are taken to be: a stranger's where variants are measured in processes of their own.
+    #[cfg(feature = "verify")]
+    pub fn trust(&self) -> crate::render::Trust {
+        match self.isolates() {
+            true => crate::render::Trust::Strangers,
+            false => crate::render::Trust::Own,
+        }
     }
 
     /// Each with what it is of, and its values in the named sets, for listings.

@@ -159,7 +159,7 @@ pub struct Measured {
     pub scene: String,
     /// Width and height in pixels.
     pub resolution: [u32; 2],
-    /// Name of the adapter.
+    /// Name of the adapter, and `with checked shaders` behind it where they were compiled with checks.
     pub adapter: String,
     /// Its driver, with the version.
     pub driver: String,

@@ -137,7 +137,7 @@ fn words_are_the_same_words() {
     let height = ROWS * (EXACT.len() + NEAR.len()) as u32;
     let picture = drawn(parsed, [COLUMNS, height]);
     let environment = Environment {
-        resources: BTreeMap::new(),
+        resources: BTreeMap::new().into(),
         texture: &|_| [0.0; 4],
         derivative: None,
         trace: None,
@@ -231,7 +231,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
             range: DrawRange::default(),
             instances: 1,
             instance_streams: BTreeMap::new(),
-            joints: Vec::new(),
+            joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
         }],

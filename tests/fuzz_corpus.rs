@@ -183,6 +183,21 @@ fn a_few_scenes() {
     short("scene");
 }
 
+/// Without it the target would refuse nearly every texture for its size, and find nothing in what makes them.
+#[test]
+fn scenes_come_to_textures() {
+    let texts = seeds("scene")
+        .into_iter()
+        .map(|s| String::from_utf8(s).unwrap());
+    let made = texts.filter(|text| text.contains("pattern =")).map(|text| {
+        let smaller = scenes::shrunk(&text).unwrap();
+        scenes::load(&text).is_ok() || scenes::load(&smaller).is_ok()
+    });
+    let made: Vec<bool> = made.collect();
+    let of = made.iter().filter(|m| **m).count();
+    assert!(of * 2 > made.len(), "{of} of {}", made.len());
+}
+
 #[test]
 fn a_few_plans() {
     short("plan");

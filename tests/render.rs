@@ -5,6 +5,7 @@
 mod render_support;
 
 use glam::{Mat4, Vec3};
+use preshade::limits::Limits;
 use preshade::passes::plan::{
     BindingKind, BindingSource, BindingUse, GpuPass, Plan, SCENE_DEPTH, Visibility,
 };
@@ -382,4 +383,45 @@ fn adapters_are_listed_with_what_they_can_measure() {
     let gpu = gpu();
     let listed = render::adapters();
     assert!(listed.iter().any(|a| a == gpu.adapter()), "{listed:?}");
+}
+
+/// Divides by 0 and reads past the end of an array, by numbers that no compiler knows.
+const ASTRAY: &str = "
+struct Camera { view_proj: mat4x4<f32> }
+struct Object { model: mat4x4<f32>, tint: vec4<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+@vertex fn vs(@location(0) position: vec3<f32>) -> @invariant @builtin(position) vec4<f32> {
+    return camera.view_proj * object.model * vec4(position, 1.0);
+}
+@fragment fn fs() -> @location(0) vec4<f32> {
+    let none = u32(object.tint.x);
+    var steps = array<u32, 4>(10u, 20u, 30u, 40u);
+    steps[none] = 50u;
+    return vec4(f32(51u / none), f32(51u % none), f32(steps[none + 4099u]), 255.0) / 255.0;
+}
+";
+
+#[test]
+fn strangers_shaders_are_compiled_with_checks_and_the_report_says_so() {
+    let choice =
+        std::env::var("PRESHADE_ADAPTER").map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    let strict = Gpu::with_trust(&choice, Limits::strict().trust()).unwrap();
+    assert!(strict.adapter().checked_shaders);
+    assert!(strict.adapter().title().ends_with(" with checked shaders"));
+    assert!(!gpu().adapter().checked_shaders && gpu().adapter().title() == gpu().adapter().name);
+    let json = |gpu: &Gpu| serde_json::to_value(gpu.adapter()).unwrap();
+    assert_eq!(json(&strict)["checked_shaders"], true);
+    let scene = scene(
+        [4, 4],
+        vec![material("astray", ASTRAY)],
+        vec![draw("square", Mat4::IDENTITY, [0.0; 4])],
+    );
+    // Numbers of WGSL's: x / 0 is x, x % 0 is 0, and an index past the end is the last one.
+    for form in [ShaderForm::Text, ShaderForm::Ir] {
+        let order = DrawOrder::AsGiven;
+        let out = render_as(&strict, &scene, &originals(&scene), order, form);
+        let color = out.colors[0].as_ref().unwrap();
+        assert_eq!(texel(color, 1, 1), [51, 0, 40, 255], "{form:?}");
+    }
 }

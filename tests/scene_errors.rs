@@ -182,6 +182,124 @@ fn orbits_that_are_none_are_told() {
 }
 
 #[test]
+fn cells_of_a_texture_are_counted_before_they_are_drawn() {
+    for pattern in ["solid", "noise", "bricks", "stones", "leaf", "blades"] {
+        let of = |scale: u32| {
+            let to = format!("{{ pattern = \"{pattern}\", size = 16, scale = {scale} }}");
+            GOOD.replace("{ pattern = \"checker\", size = 16 }", &to)
+        };
+        for scale in [0, 4097, 1 << 28, 1 << 31, u32::MAX] {
+            let told = load("scale", &of(scale)).unwrap_err().render();
+            let said = format!("texture `albedo` with {scale} cells across");
+            assert!(
+                told.contains(&said) && told.contains("bad.toml:6:"),
+                "{told}"
+            );
+        }
+        // The most there may be wraps nowhere.
+        assert!(load("scale", &of(4096)).is_ok(), "{pattern}");
+    }
+}
+
+fn load_strictly(case: &str, text: &str) -> Result<scene::Scene, scene::Error> {
+    let path = folder(case).join("scenes/bad.toml");
+    std::fs::write(&path, text).unwrap();
+    let access = scene::Access {
+        limits: preshade::limits::Limits::strict(),
+        ..scene::Access::default()
+    };
+    scene::load_within(&path, &scene::Variables::new(), access)
+}
+
+#[test]
+fn draws_are_counted_before_they_are_made() {
+    let field =
+        |n: u32| format!("field = {{ count = [{n}, 1, 1], spacing = [1, 1, 1], as = \"draws\" }}");
+    let with = |what: &str| {
+        let skinned = GOOD.replace("[1, 1, 1] }", "[1, 1, 1] }\ncube.skin = { joints = 256 }");
+        skinned.replace(
+            "material = \"tiles\"",
+            &format!("material = \"tiles\"\n{what}"),
+        )
+    };
+    // 64 GB, were each draw to have joints of its own.
+    let told = load("draws", &with(&field(4_000_000)))
+        .unwrap_err()
+        .render();
+    assert!(
+        told.contains("the number of draws would be 4000000; the limit `draws` is 200000"),
+        "{told}"
+    );
+    assert!(told.contains("bad.toml:15:"), "{told}");
+    let scene = load_strictly("draws", &with(&field(5000))).unwrap();
+    let [first, .., last] = &scene.draws[..] else {
+        panic!("{} draws", scene.draws.len());
+    };
+    assert!(std::sync::Arc::ptr_eq(&first.joints, &last.joints));
+    // Weights, values and names are each draw's own.
+    let weights = vec!["1.0"; 40_000].join(", ");
+    let heavy = with(&format!("morph_weights = [{weights}]\n{}", field(5000)));
+    let told = load_strictly("draws", &heavy).unwrap_err().render();
+    assert!(
+        told.contains("the limit `scene-bytes` is 268435456"),
+        "{told}"
+    );
+    // So are the streams of copies in one draw: 96 bytes each.
+    let copies = field(4_000_000).replace("draws", "instances");
+    let path = folder("instances").join("scenes/bad.toml");
+    std::fs::write(&path, with(&copies)).unwrap();
+    let access = scene::Access {
+        limits: preshade::limits::Limits::parse("scene-bytes=300M").unwrap(),
+        ..scene::Access::default()
+    };
+    let refused = scene::load_within(&path, &scene::Variables::new(), access);
+    let told = refused.unwrap_err().render();
+    assert!(
+        told.contains("bytes of vertex data, texels and draws would be 384"),
+        "{told}"
+    );
+}
+
+#[test]
+fn frames_of_all_cameras_are_counted_before_they_are_made() {
+    let path = "[[cameras]]\npath = { frames = 1000, keys = [{ eye = [1, 2, 5], target = [0, 0, 0] }, { eye = [2, 2, 5], target = [0, 0, 0] }] }\n";
+    let cameras = |n: usize| format!("{GOOD}\n{}", path.repeat(n));
+    let told = load("frames", &cameras(20)).unwrap_err().render();
+    let said = "the frames of all cameras would be 20001; the limit `frames` is 20000";
+    assert!(told.contains(said), "{told}");
+    let told = load_strictly("frames", &cameras(1)).unwrap_err().render();
+    assert!(
+        told.contains("would be 1001; the limit `frames` is 1000"),
+        "{told}"
+    );
+    assert!(load("frames", &cameras(1)).is_ok());
+}
+
+#[test]
+fn the_shadow_map_and_instances_are_under_limits_too() {
+    let light = |side: u32| format!("light.map = {side}\n{GOOD}");
+    let told = load_strictly("map", &light(4096)).unwrap_err().render();
+    let said = "the pixels of the shadow map would be 16777216; the limit `pixels` is 4194304";
+    assert!(
+        told.contains(said) && told.contains("bad.toml:1:"),
+        "{told}"
+    );
+    assert!(load_strictly("map", &light(2048)).is_ok());
+    assert!(load("map", &light(8192)).is_ok());
+    let instances = |n: u32| {
+        let to = format!("material = \"tiles\"\nrange = {{ instances = {n} }}");
+        GOOD.replace("material = \"tiles\"", &to)
+    };
+    let told = load("many", &instances(u32::MAX)).unwrap_err().render();
+    let said = "the instances of a draw would be 4294967295; the limit `copies` is 4000000";
+    assert!(
+        told.contains(said) && told.contains("bad.toml:14:"),
+        "{told}"
+    );
+    assert!(load("many", &instances(4_000_000)).is_ok());
+}
+
+#[test]
 fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
     let of = |case: &str, range: &str| {
         let to = format!("material = \"tiles\"\n{range}");

@@ -112,7 +112,7 @@ fn gltf_skins_keep_the_files_pose() {
     let at: Vec<Vec3> = positions(&rigged.mesh).collect();
     assert_eq!(at, [Vec3::ZERO, Vec3::X, Vec3::Y]);
     assert_eq!(
-        rigged.joints,
+        *rigged.joints,
         [Mat4::from_translation(Vec3::new(0., 5., 0.))]
     );
     assert_eq!(

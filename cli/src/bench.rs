@@ -371,7 +371,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             range: Default::default(),
             instances: stack.layers,
             instance_streams: BTreeMap::new(),
-            joints: Vec::new(),
+            joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
         },

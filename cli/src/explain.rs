@@ -153,7 +153,7 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
         .adapter
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let gpu = Gpu::new(&choice)?;
+    let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
     let form = ShaderForm::Text;
     let mut facts = measure::facts(&gpu, &scene, form, measure::counting)?;
     let bar = output::bar();

@@ -168,7 +168,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
         .adapter
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let gpu = Gpu::new(&choice)?;
+    let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
     if !args.view.is_sized() && gpu.adapter().kind == "software" {
         scene = reduced(scene);
     }

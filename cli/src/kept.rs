@@ -85,7 +85,7 @@ pub fn reopened(gpu: &mut Gpu, choice: &AdapterChoice) -> Result<(), Failure> {
     output::message(&format!(
         "warning: the graphics device was lost: {why}; the rest is measured on a new one"
     ));
-    let new = Gpu::new(choice)?;
+    let new = Gpu::with_trust(choice, gpu.trust())?;
     // Closing one that hangs may hang.
     std::mem::forget(std::mem::replace(gpu, new));
     Ok(())

@@ -152,7 +152,7 @@ fn measured(decision: &Decision, plan: usize) -> Option<Measured> {
     Some(Measured {
         scene: decision.scene.clone(),
         resolution: decision.resolution,
-        adapter: decision.adapter.name.clone(),
+        adapter: decision.adapter.title(),
         driver: decision.adapter.driver.clone(),
         verdict: decision.plans.get(plan)?.verdict.clone(),
         original_ms: original.median,

@@ -165,7 +165,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let bar = output::bar();
     let names = scenes.iter().map(|path| path.display().to_string());
     if args.exhaustive {
-        let gpu = Gpu::new(&choice)?;
+        let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
         let kept = Kept::new(args.out.as_deref(), &gpu, names.collect());
         return exhaustive(args, &scenes, (gpu, &choice), kept, &bar);
     }
@@ -181,7 +181,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let [(_, Err(Failure(why)))] = &mut loaded[..] {
         return Err(Failure(std::mem::take(why)));
     }
-    let gpu = Gpu::new(&choice)?;
+    let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
     let kept = Kept::new(args.out.as_deref(), &gpu, names.collect());
     each(args, loaded, (gpu, &choice), kept, &bar)
 }
@@ -391,12 +391,12 @@ fn model(
             .map_err(|e| unread(path, &e))?;
         let model = Model::from_json(&text).map_err(|e| told(path, &e))?;
         if let decide::Origin::Fitted { adapter, .. } = &model.origin
-            && *adapter != gpu.adapter().name
+            && *adapter != gpu.adapter().title()
         {
             output::message(&format!(
                 "warning: {} was fitted on {adapter}, and this is {}",
                 path.display(),
-                gpu.adapter().name
+                gpu.adapter().title()
             ));
         }
         return Ok((model, Vec::new()));

@@ -247,7 +247,8 @@ impl Opened {
             .adapter
             .clone()
             .map_or(AdapterChoice::Best, AdapterChoice::Matching);
-        Ok(Self(Gpu::new(&choice)?))
+        let trust = args.shader.limits.limits().trust();
+        Ok(Self(Gpu::with_trust(&choice, trust)?))
     }
 
     /// Leaves a device that was lost as it is: closing one that hangs may hang.

@@ -588,3 +588,43 @@ fn reports_escape_every_name() {
         }
     }
 }
+
+#[test]
+fn under_strict_limits_shaders_are_compiled_with_checks_and_every_report_says_so() {
+    let here = folder("checked", SCENE, "");
+    let verify = [
+        "verify",
+        "a.toml",
+        "--time",
+        "no",
+        "--pass",
+        "depth-prepass",
+    ];
+    let plan = ["plan", "a.toml", "--time", "no"];
+    for (command, limits, checked) in [
+        (&verify[..], "strict", true),
+        (&verify, "seconds=100", true),
+        (&verify, "default", false),
+        (&plan, "strict", true),
+    ] {
+        let told = run(&here, &[command, &["--limits", limits]].concat());
+        let said = String::from_utf8_lossy(&told.stdout).into_owned();
+        assert_eq!(
+            said.contains("with checked shaders"),
+            checked,
+            "{limits}: {said}{}",
+            stderr(&told)
+        );
+        let json = run(
+            &here,
+            &[command, &["--limits", limits, "--format", "json"]].concat(),
+        );
+        let json: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+        let of = json["scenes"].get(0).unwrap_or(&json);
+        assert_eq!(
+            of["adapter"]["checked_shaders"] == true,
+            checked,
+            "{limits}: {json}"
+        );
+    }
+}

@@ -43,7 +43,7 @@ fn bounds(module: &Module, corners: [Corner; 3], parts: u32) -> Result<Vec<f64>,
 fn value(module: &Module, at: Corner) -> Vec<f32> {
     let (_, function) = module.functions.iter().next().unwrap();
     let environment = Environment {
-        resources: BTreeMap::new(),
+        resources: BTreeMap::new().into(),
         texture: &|_| [0.0; 4],
         derivative: None,
         trace: None,
@@ -166,7 +166,7 @@ fn with_a_constant(expression: &str, constant: f32) -> (Result<Vec<Distance>, St
     let corners = [[0.0, 0.0], [1.0, 0.25], [0.25, 1.0]];
     let value = |at: [f32; 2]| -> f32 {
         let environment = Environment {
-            resources: BTreeMap::from([((0, 0), Value::f32(constant))]),
+            resources: BTreeMap::from([((0, 0), Value::f32(constant))]).into(),
             texture: &|_| [0.0; 4],
             derivative: None,
             trace: None,
@@ -332,7 +332,7 @@ fn boxed(corners: [Corner; 3], components: std::ops::Range<usize>) -> Value<Inte
 fn over_box(module: &Module, corners: [Corner; 3]) -> Result<Vec<Interval>, Stuck> {
     let (_, function) = module.functions.iter().next().unwrap();
     let environment = Environment {
-        resources: BTreeMap::new(),
+        resources: BTreeMap::new().into(),
         texture: &|_| [Interval::ANYTHING; 4],
         derivative: None,
         trace: None,
@@ -346,7 +346,7 @@ fn over_box(module: &Module, corners: [Corner; 3]) -> Result<Vec<Interval>, Stuc
 fn shadowed(module: &Module, at: Corner) -> (Vec<Shadowed>, u64) {
     let (_, function) = module.functions.iter().next().unwrap();
     let environment = Environment {
-        resources: BTreeMap::new(),
+        resources: BTreeMap::new().into(),
         texture: &|_| [Shadowed::of(0.0); 4],
         derivative: None,
         trace: None,

@@ -58,7 +58,7 @@ fn arguments(module: &Module, function: &Function, seed: u32) -> Vec<Value> {
 fn run(program: &Program, name: &str, seed: u32) -> Result<Outcome, Stuck> {
     let (entry, point) = program.entry_point(ShaderStage::Fragment, name).unwrap();
     let environment = Environment {
-        resources: BTreeMap::new(),
+        resources: BTreeMap::new().into(),
         texture: &|_| [0.0; 4],
         derivative: None,
         trace: None,

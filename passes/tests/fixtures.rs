@@ -105,7 +105,7 @@ fn run(program: &Program, entry: usize, seed: u32) -> Result<Outcome, Stuck> {
         })
         .collect();
     let environment = Environment {
-        resources,
+        resources: resources.into(),
         texture: &texel,
         derivative: None,
         trace: None,

@@ -60,7 +60,7 @@ fn drawn(plan: &Plan, weights: [f32; 4]) -> (f32, Vec<u32>) {
     let looked = RefCell::new(Vec::new());
     let weights = Value::Composite(weights.map(Value::f32).to_vec());
     let environment = Environment {
-        resources: BTreeMap::from([((0, 0), Value::Composite(vec![weights]))]),
+        resources: BTreeMap::from([((0, 0), Value::Composite(vec![weights]))]).into(),
         texture: &|lookup| {
             let (_, binding) = lookup.binding.unwrap();
             looked.borrow_mut().push(binding);

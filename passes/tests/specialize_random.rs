@@ -181,7 +181,7 @@ fn run(
         .map(|a| argument(module, a))
         .collect();
     let environment = Environment {
-        resources: BTreeMap::from([((0, 0), content.clone())]),
+        resources: BTreeMap::from([((0, 0), content.clone())]).into(),
         texture: &|_| [0.0; 4],
         derivative: None,
         trace: None,

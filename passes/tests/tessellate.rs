@@ -169,7 +169,7 @@ fn position(plan: &Plan, subdivision: &Subdivision, mesh: &Mesh<'_>, at: (u32, u
         ((0, 6), stream),
     ]);
     let environment = Environment {
-        resources,
+        resources: resources.into(),
         texture: &|_| [0.0; 4],
         derivative: None,
         trace: None,

@@ -58,7 +58,7 @@ fn red(plan: &Plan) -> f32 {
     let program = plan.program(plan.main().unwrap()).unwrap();
     let (entry, _) = program.entry_point(ShaderStage::Fragment, "fs").unwrap();
     let environment = Environment {
-        resources: BTreeMap::new(),
+        resources: BTreeMap::new().into(),
         texture: &|_| [0.0; 4],
         derivative: None,
         trace: None,

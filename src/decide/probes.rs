@@ -165,7 +165,10 @@ pub fn fit(gpu: &Gpu, progress: &mut dyn FnMut(f64)) -> Result<(Model, Vec<Obser
             Err(error) => return Err(error),
         }
     }
-    Ok((Model::fit(&gpu.adapter().name, &observations), observations))
+    Ok((
+        Model::fit(&gpu.adapter().title(), &observations),
+        observations,
+    ))
 }
 
 fn observe(gpu: &Gpu, probe: &Probe) -> Result<Option<Observation>, Error> {
@@ -228,7 +231,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
             instances: 1,
             range: DrawRange::default(),
             instance_streams: BTreeMap::new(),
-            joints: Vec::new(),
+            joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
         }

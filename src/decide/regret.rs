@@ -262,7 +262,7 @@ pub fn evaluate(
 ) -> RegretReport {
     let fitted = scenes.iter().step_by(2).flat_map(Exhausted::observations);
     let observations: Vec<Observation> = probes.iter().copied().chain(fitted).collect();
-    let model = Model::fit(&adapter.name, &observations);
+    let model = Model::fit(&adapter.title(), &observations);
     let rows: Vec<SceneRegret> = scenes
         .iter()
         .enumerate()
@@ -412,7 +412,7 @@ impl RegretReport {
         let mut lines = vec![
             format!(
                 "regret of plan on {}, {} scenes",
-                self.adapter.name,
+                self.adapter.title(),
                 self.scenes.len()
             ),
             String::new(),

@@ -17,7 +17,7 @@ pub fn render(decision: &Decision) -> String {
             decision.scene,
             decision.resolution[0],
             decision.resolution[1],
-            adapter.name,
+            adapter.title(),
             adapter.backend,
             adapter.kind
         ),

@@ -162,7 +162,7 @@ impl Sample {
             });
         };
         let (_, steps) = vertices.run(module, entry, *first, 0)?;
-        // Each run copies what it reads.
+        // As if each run copied what it reads: it may write to it.
         let copied: u64 = vertices.environment.resources.values().map(numbers).sum();
         let affordable = most / (steps + copied).max(1);
         if affordable * DEAREST < LEAST_VERTICES.min(count) {

@@ -201,7 +201,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
             range: DrawRange::default(),
             instances: 1,
             instance_streams: BTreeMap::new(),
-            joints: Vec::new(),
+            joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
         }],

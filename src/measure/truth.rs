@@ -213,7 +213,7 @@ pub fn truth_beyond(
         }
         draws.push(Vertices {
             environment: Environment {
-                resources,
+                resources: resources.into(),
                 texture: &|_: &Lookup<'_, Shadowed>| [Shadowed::of(0.0); 4],
                 derivative: None,
                 trace: None,

@@ -19,13 +19,13 @@ pub struct Vertices<F: 'static = f32> {
 }
 
 impl Vertices {
-    /// Of a draw with a vertex stage of this module, which reads the bindings that `reads` tells: each run copies them.
+    /// Of a draw with a vertex stage of this module, which reads the bindings that `reads` tells.
     pub fn new(module: &Module, bound: DrawBindings, reads: impl Fn((u32, u32)) -> bool) -> Self {
         let mut resources = resources(module, &bound);
         resources.retain(|at, _| reads(*at));
         Self {
             environment: Environment {
-                resources,
+                resources: resources.into(),
                 texture: &|_: &evaluate::Lookup<'_>| [f32::NAN; 4],
                 derivative: None,
                 trace: None,

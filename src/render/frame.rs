@@ -151,7 +151,7 @@ impl<'a> Prepared<'a> {
         let targets = Targets::new(gpu, variant, scene.size)?;
         let start = Instant::now();
         let shaders = variant.compile(gpu)?;
-        let blank = gpu.checked("the blank fragment stage", || blank_fragment(&gpu.device))?;
+        let blank = gpu.checked("the blank fragment stage", || blank_fragment(gpu))?;
         let mut meshes = Meshes::new(scene.size);
         let table = DrawTable::new(inputs, variant.plans(), amend)
             .and_then(|table| {

@@ -7,6 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
+use super::trusted::{self, Trust};
 use super::{Error, limits};
 use crate::front::guard;
 
@@ -37,6 +38,19 @@ pub struct AdapterReport {
     pub pipeline_statistics: bool,
     /// WebGPU features it has beyond the core, in WebGPU's spelling.
     pub features: Vec<String>,
+    /// Shaders are compiled with wgpu's run-time checks ([`Trust::Strangers`]), which shifts times. Not written where they are not.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub checked_shaders: bool,
+}
+
+impl AdapterReport {
+    /// The name, and whether shaders are checked: times under one are not comparable with times under another.
+    pub fn title(&self) -> String {
+        match self.checked_shaders {
+            true => format!("{} with checked shaders", self.name),
+            false => self.name.clone(),
+        }
+    }
 }
 
 /// WebGPU's names of the features that plans often ask for, or wgpu's where only that has one: what an adapter is reported to have.
@@ -122,6 +136,7 @@ fn report(adapter: &wgpu::Adapter) -> AdapterReport {
             .filter(|(_, f)| features.contains(*f))
             .map(|(name, _)| (*name).to_owned())
             .collect(),
+        checked_shaders: false,
     }
 }
 
@@ -185,6 +200,7 @@ pub struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     report: AdapterReport,
+    trust: Trust,
     trouble: Arc<Mutex<Trouble>>,
 }
 
@@ -199,14 +215,25 @@ struct Trouble {
 const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
 
 impl Gpu {
-    /// Opens an adapter with its own limits and with all features of it that plans and measurements use.
+    /// Opens an adapter for the user's own shaders, with its own limits and with all features of it that plans and measurements use.
     ///
     /// # Errors
     /// [`Error::NoAdapter`], or [`Error::Lost`] when the driver refuses to open it.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
-        Self::open(choice, |adapter| {
+        Self::with_trust(choice, Trust::Own)
+    }
+
+    /// [`Gpu::new`], for the shaders of whom `trust` says.
+    ///
+    /// # Errors
+    /// As [`Gpu::new`].
+    pub fn with_trust(choice: &AdapterChoice, trust: Trust) -> Result<Self, Error> {
+        let mut gpu = Self::open(choice, |adapter| {
             Ok((adapter.features() & wanted_features(), adapter.limits()))
-        })
+        })?;
+        gpu.trust = trust;
+        gpu.report.checked_shaders = trust == Trust::Strangers;
+        Ok(gpu)
     }
 
     /// Opens an adapter with WebGPU's default limits, raised to `limits`, and with `features` alone: the device that a host has who knows of a plan what it says.
@@ -296,6 +323,7 @@ impl Gpu {
             device,
             queue,
             report: report(adapter),
+            trust: Trust::Own,
             trouble,
         })
     }
@@ -303,6 +331,11 @@ impl Gpu {
     /// What the adapter is.
     pub fn adapter(&self) -> &AdapterReport {
         &self.report
+    }
+
+    /// Whose shaders it was opened for.
+    pub fn trust(&self) -> Trust {
+        self.trust
     }
 
     /// Whether GPU timestamps can be written between passes.
@@ -315,6 +348,14 @@ impl Gpu {
         self.device
             .features()
             .contains(Features::PIPELINE_STATISTICS_QUERY)
+    }
+
+    /// Compiles a shader, with the checks that its author is trusted without or not.
+    pub(crate) fn shader(
+        &self,
+        descriptor: wgpu::ShaderModuleDescriptor<'_>,
+    ) -> wgpu::ShaderModule {
+        trusted::compile(&self.device, self.trust, descriptor)
     }
 
     /// Fails unless the device has a feature of WebGPU's name `feature`.

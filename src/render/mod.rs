@@ -36,6 +36,7 @@ pub use picture::{ColorImage, DepthImage};
 pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
 pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};
+pub use trusted::Trust;
 
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]

@@ -11,7 +11,7 @@ use super::inputs::DrawInputs;
 use super::layout::Made;
 use super::shader::Stage;
 use super::targets::Targets;
-use super::{Error, layout, limits, state, trusted};
+use super::{Error, layout, limits, state};
 
 /// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
 #[derive(Clone, PartialEq)]
@@ -315,12 +315,9 @@ fn compilation() -> wgpu::PipelineCompilationOptions<'static> {
 
 const BLANK: &str = "blank";
 
-pub(super) fn blank_fragment(device: &wgpu::Device) -> wgpu::ShaderModule {
-    trusted::compile(
-        device,
-        wgpu::ShaderModuleDescriptor {
-            label: Some(BLANK),
-            source: wgpu::ShaderSource::Wgsl("@fragment fn blank() {}".into()),
-        },
-    )
+pub(super) fn blank_fragment(gpu: &Gpu) -> wgpu::ShaderModule {
+    gpu.shader(wgpu::ShaderModuleDescriptor {
+        label: Some(BLANK),
+        source: wgpu::ShaderSource::Wgsl("@fragment fn blank() {}".into()),
+    })
 }

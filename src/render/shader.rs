@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use preshade_passes::frame::{FramePass, FramePlan};
 use preshade_passes::plan::{GpuPass, Plan, SCHEMA};
 
+use super::Error;
 use super::gpu::Gpu;
-use super::{Error, trusted};
 use crate::emit;
 
 /// The road a shader takes to the driver.
@@ -254,13 +254,10 @@ impl Variant {
                     }
                 };
                 let module = gpu.checked(&format!("the shader `{name}`"), || {
-                    trusted::compile(
-                        &gpu.device,
-                        wgpu::ShaderModuleDescriptor {
-                            label: Some(name),
-                            source,
-                        },
-                    )
+                    gpu.shader(wgpu::ShaderModuleDescriptor {
+                        label: Some(name),
+                        source,
+                    })
                 })?;
                 Ok((name.as_str(), module))
             })

@@ -17,7 +17,7 @@ pub fn render(series: &Series) -> String {
         report.scene,
         report.resolution[0],
         report.resolution[1],
-        report.adapter.name,
+        report.adapter.title(),
         report.adapter.backend,
         report.adapter.kind,
     );
@@ -175,7 +175,10 @@ pub fn svg(series: &Series) -> Option<String> {
          <text x=\"{LEFT}\" y=\"22\" font-size=\"14\">{}</text>\n",
         escaped(&format!(
             "{}, {}x{}, {}",
-            report.scene, report.resolution[0], report.resolution[1], report.adapter.name
+            report.scene,
+            report.resolution[0],
+            report.resolution[1],
+            report.adapter.title()
         ))
     );
     for point in &series.points {

@@ -144,11 +144,14 @@ pub(super) fn number(of: Option<f64>) -> String {
     of.map_or_else(String::new, |n| n.to_string())
 }
 
+/// What begins a formula, in full width too, and what a spreadsheet passes over ahead of one.
+const FORMULAS: [char; 11] = [
+    '=', '+', '-', '@', '\t', '\r', '\n', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}',
+];
+
 /// A field as RFC 4180 quotes it. Text that a spreadsheet would take for a formula has an apostrophe ahead, quoted or not: names come from strangers (OWASP, "CSV Injection").
 pub(crate) fn quoted(text: &str) -> String {
-    let is_formula = text
-        .trim_start_matches(' ')
-        .starts_with(['=', '+', '-', '@', '\t', '\r']);
+    let is_formula = text.trim_start_matches(' ').starts_with(FORMULAS);
     let guard = if is_formula { "'" } else { "" };
     format!("\"{guard}{}\"", plain(text).replace('"', "\"\""))
 }
@@ -164,5 +167,9 @@ mod tests {
         assert_eq!(quoted("=1+1"), "\"'=1+1\"");
         assert_eq!(quoted("  @SUM(a)"), "\"'  @SUM(a)\"");
         assert_eq!(quoted("a-b"), "\"a-b\"");
+        // The rest of OWASP's list.
+        for first in ["\n=1", "\u{ff1d}1", "\u{ff0b}1", "\u{ff0d}1", "\u{ff20}A"] {
+            assert_eq!(quoted(first), format!("\"'{first}\""));
+        }
     }
 }

@@ -14,7 +14,7 @@ pub fn table(found: &Exploration) -> String {
         found.scene,
         found.resolution[0],
         found.resolution[1],
-        found.adapter.name,
+        found.adapter.title(),
         found.adapter.backend,
         found.adapter.kind,
         crate::render::order::name(found.order),

@@ -6,7 +6,10 @@ use std::fmt::Write as _;
 /// Whether a terminal, a spreadsheet or a page would do something else with a character than show it: control characters, and those that turn the direction of writing
 /// (Unicode Standard Annex 9, section 2). Lines and tabs are no such.
 pub fn is_obeyed(c: char) -> bool {
-    let is_turning = matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let is_turning = matches!(
+        c,
+        '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
+    );
     (c.is_control() && !matches!(c, '\n' | '\t')) || is_turning
 }
 
@@ -37,6 +40,11 @@ mod tests {
     fn what_is_obeyed_is_told() {
         let name = "a\u{1b}[2J\u{7}\u{202e}b\u{9b}1A\rc";
         assert_eq!(plain(name), "a\\u{1b}[2J\\u{7}\\u{202e}b\\u{9b}1A\\u{d}c");
+        // The marks that turn what stands beside them.
+        assert_eq!(
+            plain("a\u{200e}b\u{200f}c\u{61c}"),
+            "a\\u{200e}b\\u{200f}c\\u{61c}"
+        );
         let text = "one\r\n\ttwo é\n";
         assert_eq!(plain(text), text);
     }

@@ -333,7 +333,10 @@ impl SweepReport {
         ];
         let title = format!(
             "{}, {}x{}, on {}",
-            report.scene, report.resolution[0], report.resolution[1], report.adapter.name
+            report.scene,
+            report.resolution[0],
+            report.resolution[1],
+            report.adapter.title()
         );
         plot::svg(&title, self.x_label(), &panels)
     }

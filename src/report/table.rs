@@ -17,7 +17,7 @@ pub fn render(report: &Report) -> String {
             1 => String::new(),
             n => format!(", {n} samples"),
         },
-        report.adapter.name,
+        report.adapter.title(),
         report.adapter.backend,
         report.adapter.kind,
     );

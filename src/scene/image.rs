@@ -46,7 +46,7 @@ pub struct Recipe {
     pub file: Option<String>,
     /// Width and height of a generated pattern, 1 to 4096.
     pub size: u32,
-    /// Cells of the pattern across the texture.
+    /// Cells of the pattern across the texture, 1 to 4096.
     pub scale: u32,
     /// Seed of what is random in it.
     pub seed: u32,
@@ -76,12 +76,15 @@ impl Default for Recipe {
     }
 }
 
+/// The most texels along a side of a generated texture, and the most cells: more than a texel has no more to show.
+pub(super) const MAX_SIDE: u32 = 4096;
+
 impl Recipe {
     /// The image of a generated pattern (the default pattern where none is named).
     pub fn generate(&self) -> Image {
         let pattern = self.pattern.unwrap_or_default();
-        let n = self.size.clamp(1, 4096);
-        let scale = self.scale.max(1);
+        let n = self.size.clamp(1, MAX_SIDE);
+        let scale = self.scale.clamp(1, MAX_SIDE);
         let mut samples = Vec::with_capacity((n * n) as usize);
         for y in 0..n {
             for x in 0..n {

@@ -7,6 +7,7 @@ use glam::{Mat4, Vec3};
 use preshade_passes::state::DepthDirection;
 
 use super::{Camera, Error, Frame, Scene, Stream, bind, file, load};
+use crate::limits::Limits;
 
 /// A directional light and the box of the world that its shadow map covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +50,7 @@ impl Light {
     ///
     /// # Errors
     /// With the place in the file of the key that is to blame.
-    pub(super) fn read(entry: &file::Light) -> Result<Self, Box<Misplaced>> {
+    pub(super) fn read(entry: &file::Light, limits: &Limits) -> Result<Self, Box<Misplaced>> {
         let default = Self::default();
         let direction = match &entry.direction {
             None => default.direction,
@@ -70,7 +71,13 @@ impl Light {
         };
         let map = match &entry.map {
             None => default.map,
-            Some(m) if (1..=load::MAX_SIZE).contains(m.get_ref()) => *m.get_ref(),
+            Some(m) if (1..=load::MAX_SIZE).contains(m.get_ref()) => {
+                let pixels = u64::from(*m.get_ref()).pow(2);
+                limits
+                    .check("pixels", pixels, "the pixels of the shadow map")
+                    .map_err(|e| misplaced(e.into(), m.span()))?;
+                *m.get_ref()
+            }
             Some(m) => {
                 let error =
                     Error::new(format!("a shadow map of {0}x{0} pixels", m.get_ref())).help(

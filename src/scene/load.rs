@@ -17,6 +17,7 @@ use super::camera::{self, Orbit, Pose};
 use super::file::{
     BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
 };
+use super::image::MAX_SIDE;
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
@@ -24,6 +25,9 @@ use super::{
     Variables, bind, error, material, meshes, range, size, variables,
 };
 use crate::{front, regular};
+
+/// What `scene-bytes` counts.
+pub(super) const SCENE_BYTES: &str = "the bytes of vertex data, texels and draws";
 
 /// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
 pub(super) const MAX_SIZE: u32 = 8192;
@@ -78,7 +82,7 @@ pub fn read(
         file,
         variables,
         access,
-        texels: Cell::new(0),
+        held: Cell::new(0),
     }
     .scene(stem.unwrap_or_default())
 }
@@ -146,8 +150,8 @@ struct Loader<'a> {
     file: SceneFile,
     variables: Variables,
     access: Access,
-    /// Bytes of the textures so far.
-    texels: Cell<u64>,
+    /// Bytes of the scene so far.
+    held: Cell<u64>,
 }
 
 impl Loader<'_> {
@@ -199,7 +203,7 @@ impl Loader<'_> {
                 None => e,
             });
         }
-        let light = Light::read(&f.light).map_err(|e| at(e.error, e.at))?;
+        let light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
         let materials = f
             .materials
             .iter()
@@ -214,11 +218,13 @@ impl Loader<'_> {
             &self.variables,
             &f.meshes,
             limits,
-            self.texels.get(),
+            self.held.get(),
         )?;
         let mut draws = Vec::new();
-        let data = meshes.iter().map(|m| size::of_mesh(&m.mesh));
-        let mut bytes = data.sum::<u64>() + self.texels.get();
+        let data = meshes
+            .iter()
+            .map(|m| size::of_mesh(&m.mesh) + size::of_joints(m.joints.len()));
+        self.hold(data.sum())?;
         for entry in &f.draws {
             let before = draws.len();
             let drawn = self.draw(entry.get_ref(), &materials, &meshes, &mut draws);
@@ -227,12 +233,6 @@ impl Loader<'_> {
                 if let Some(draw) = draws.get(before) {
                     self.streams(&materials[draw.material], &meshes[draw.mesh].mesh, draw)?;
                 }
-                limits.check("draws", draws.len() as u64, "the number of draws")?;
-                let streams = draws[before..]
-                    .iter()
-                    .flat_map(|d| d.instance_streams.values());
-                bytes = bytes.saturating_add(streams.map(size::of_stream).sum());
-                limits.check("scene-bytes", bytes, "the bytes of vertex data and texels")?;
                 Ok(())
             });
             counted.map_err(|e| at(e, entry.span()))?;
@@ -264,7 +264,13 @@ impl Loader<'_> {
             light,
             files: self.folder.files(),
         };
+        let mut frames = 0_u64;
         for (i, entry) in f.cameras.iter().enumerate() {
+            let path = entry.get_ref().path.as_ref();
+            frames = frames.saturating_add(path.map_or(1, |p| p.frames.into()));
+            limits
+                .check("frames", frames, "the frames of all cameras")
+                .map_err(|e| at(e.into(), entry.span()))?;
             let camera = self
                 .camera(i, entry.get_ref(), scene.aspect())
                 .map_err(|e| at(e, entry.span()))?;
@@ -438,26 +444,42 @@ impl Loader<'_> {
         }
     }
 
-    /// Takes the bytes of a texture, before room is made for it.
-    fn hold_texels(&self, size: [u32; 2]) -> Result<(), Error> {
-        let all = self.texels.get().saturating_add(size::of_texels(size));
-        self.texels.set(all);
+    /// Takes so many bytes, before room is made for them.
+    fn hold(&self, bytes: u64) -> Result<(), Error> {
+        let all = self.held.get().saturating_add(bytes);
+        self.held.set(all);
         let limits = &self.access.limits;
-        Ok(limits.check("scene-bytes", all, "the bytes of vertex data and texels")?)
+        Ok(limits.check("scene-bytes", all, SCENE_BYTES)?)
+    }
+
+    /// Takes `more` draws like `draw` beside those there are, before they are made.
+    fn hold_draws(&self, draws: &[Draw], more: u64, draw: &Draw) -> Result<(), Error> {
+        let all = (draws.len() as u64).saturating_add(more);
+        self.access
+            .limits
+            .check("draws", all, "the number of draws")?;
+        self.hold(more.saturating_mul(size::of_draw(draw)))
     }
 
     fn texture(&self, name: &str, recipe: &super::image::Recipe) -> Result<super::Image, Error> {
         match (&recipe.file, recipe.pattern) {
             (Some(file), None) => {
                 let (shown, bytes) = self.folder.read(file)?;
-                let hold = |size| self.hold_texels(size);
+                let hold = |size| self.hold(size::of_texels(size));
                 recipe.decode_within(&shown, &bytes, &self.access.limits, &hold)
             }
-            (None, Some(_)) if !(1..=4096).contains(&recipe.size) => Err(Error::new(format!(
-                "texture `{name}` of {0}x{0} texels",
-                recipe.size
+            (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.size) => {
+                Err(
+                    Error::new(format!("texture `{name}` of {0}x{0} texels", recipe.size)).help(
+                        format!("a generated texture is 1 to {MAX_SIDE} texels wide"),
+                    ),
+                )
+            }
+            (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.scale) => Err(Error::new(format!(
+                "texture `{name}` with {} cells across",
+                recipe.scale
             ))
-            .help("a generated texture is 1 to 4096 texels wide")),
+            .help(format!("`scale` is 1 to {MAX_SIDE} cells"))),
             (None, Some(_)) => {
                 let (limits, side) = (&self.access.limits, recipe.size.into());
                 limits.check(
@@ -465,7 +487,7 @@ impl Loader<'_> {
                     side,
                     format!("the side of texture `{name}`"),
                 )?;
-                self.hold_texels([recipe.size; 2])?;
+                self.hold(size::of_texels([recipe.size; 2]))?;
                 Ok(recipe.generate())
             }
             _ => Err(Error::new(format!(
@@ -526,14 +548,31 @@ impl Loader<'_> {
         }
         let take = |draw: &mut Draw, copies: Option<u32>| match &entry.range {
             None => Ok(()),
-            Some(r) => range::take(*r.get_ref(), &rigged.mesh, draw, copies)
-                .map_err(|e| self.source.at(e, r.span())),
+            Some(r) => range::take(
+                *r.get_ref(),
+                &rigged.mesh,
+                draw,
+                copies,
+                &self.access.limits,
+            )
+            .map_err(|e| self.source.at(e, r.span())),
         };
         let Some(field) = &entry.field else {
             take(&mut draw, None)?;
+            self.hold_draws(draws, 1, &draw)?;
             draws.push(draw);
             return Ok(());
         };
+        let copies = meshes::copies(field.get_ref(), &self.variables, &self.access.limits)
+            .map_err(|e| self.source.at(e, field.span()))?;
+        match field.get_ref().kind {
+            FieldKind::Instances => {
+                self.hold_draws(draws, 1, &draw)?;
+                self.hold(copies.saturating_mul(4 * INSTANCE_NUMBERS))
+            }
+            FieldKind::Draws => self.hold_draws(draws, copies, &draw),
+        }
+        .map_err(|e| self.source.at(e, field.span()))?;
         let places = meshes::field(field.get_ref(), &self.variables, &self.access.limits)
             .map_err(|e| self.source.at(e, field.span()))?;
         match field.get_ref().kind {
@@ -673,6 +712,9 @@ impl Loader<'_> {
         })
     }
 }
+
+/// Numbers of a copy's instance streams: its transform, colour and place.
+const INSTANCE_NUMBERS: u64 = 16 + 4 + 4;
 
 /// How a camera, or a key of its path, says where it is and what it looks at.
 #[derive(Clone, Copy, Default, PartialEq)]

@@ -7,7 +7,7 @@ use glam::{Mat4, Quat, Vec3};
 use toml::Spanned;
 
 use super::file::{Field, FieldOrder, MeshEntry, Part};
-use super::load::{Source, transform};
+use super::load::{SCENE_BYTES, Source, transform};
 use super::mesh::{self, Rigged};
 use super::noise::{hash, random};
 use super::place::Folder;
@@ -98,6 +98,11 @@ impl Grid {
     }
 }
 
+/// How many copies a field makes, before any is made.
+pub(super) fn copies(field: &Field, variables: &Variables, limits: &Limits) -> Result<u64, Error> {
+    Ok(Grid::new(field, variables, limits)?.copies)
+}
+
 /// The copies of a field, around the origin in x and z and upward from it in y, x fastest unless it says otherwise.
 pub(super) fn field(
     field: &Field,
@@ -168,9 +173,7 @@ impl Builder<'_> {
     fn hold(&self, bytes: u64) -> Result<(), Error> {
         let all = self.bytes.get().saturating_add(bytes);
         self.bytes.set(all);
-        Ok(self
-            .limits
-            .check("scene-bytes", all, "the bytes of vertex data and texels")?)
+        Ok(self.limits.check("scene-bytes", all, SCENE_BYTES)?)
     }
 
     fn mesh(
@@ -200,7 +203,8 @@ impl Builder<'_> {
         inside.pop();
         let mut rigged = self.shape(name, entry, done).map_err(at)?;
         if let Some(skin) = entry.skin {
-            rigged.joints = skin.apply(&mut rigged.mesh);
+            self.hold(size::of_joints(skin.joints.clamp(1, 256) as usize))?;
+            rigged.joints = skin.apply(&mut rigged.mesh).into();
         }
         if let Some(morph) = entry.morph {
             morph.apply(&mut rigged.mesh);
@@ -237,7 +241,7 @@ impl Builder<'_> {
             .into_iter()
             .map(|mesh| Rigged {
                 mesh,
-                joints: Vec::new(),
+                joints: [].into(),
                 morph_weights: Vec::new(),
             })
             .collect();
@@ -262,7 +266,7 @@ impl Builder<'_> {
             }
             rigged.push(Rigged {
                 mesh: mesh::merged(name, meshes),
-                joints: Vec::new(),
+                joints: [].into(),
                 morph_weights: Vec::new(),
             });
         }

@@ -249,8 +249,8 @@ pub struct Draw {
     pub instances: u32,
     /// Per-instance streams by name: `instance_transform` (16), `instance_color` (4) and so on. The first instance that is drawn is that of the range.
     pub instance_streams: BTreeMap<String, Stream>,
-    /// Joint matrices of a skinned mesh, bind pose inverse applied.
-    pub joints: Vec<Mat4>,
+    /// Joint matrices of a skinned mesh, bind pose inverse applied; one mesh's draws share them.
+    pub joints: Arc<[Mat4]>,
     /// Weights of the morph targets.
     pub morph_weights: Vec<f32>,
     /// Values of this draw alone.

@@ -2,16 +2,18 @@
 
 use super::file::Range;
 use super::{Draw, DrawRange, Error, Mesh};
+use crate::limits::Limits;
 
 /// Takes that part of `mesh`, and of as many copies as the draw has instances. Without a field (`copies` is `None`) there are as many as the entry says.
 ///
 /// # Errors
-/// As [`check`], and where it begins or ends past the last copy.
+/// As [`check`], where it begins or ends past the last copy, and more instances than copies are allowed.
 pub(super) fn take(
     entry: Range,
     mesh: &Mesh,
     draw: &mut Draw,
     copies: Option<u32>,
+    limits: &Limits,
 ) -> Result<(), Error> {
     let Range {
         first,
@@ -27,7 +29,11 @@ pub(super) fn take(
         first_instance,
     };
     draw.instances = match copies {
-        None => instances.unwrap_or(1),
+        None => {
+            let taken = instances.unwrap_or(1);
+            limits.check("copies", taken.into(), "the instances of a draw")?;
+            taken
+        }
         Some(copies) => {
             let left = copies.saturating_sub(first_instance);
             let taken = instances.unwrap_or(left);

@@ -1,7 +1,7 @@
 //! How large a scene gets, before it is that large.
 
 use super::file::MeshEntry;
-use super::{Mesh, Stream};
+use super::{Draw, Mesh, Stream, Value};
 
 /// Vertices of a grid of cells.
 fn patch([n, m]: [u32; 2]) -> u64 {
@@ -62,4 +62,23 @@ pub(super) fn of_mesh(mesh: &Mesh) -> u64 {
 pub(super) fn of_texels([width, height]: [u32; 2]) -> u64 {
     let bytes = (u64::from(width) * u64::from(height)).saturating_mul(4);
     bytes.saturating_add(bytes / 3)
+}
+
+/// Bytes of joint matrices.
+pub(super) fn of_joints(joints: usize) -> u64 {
+    (joints * size_of::<glam::Mat4>()) as u64
+}
+
+/// Bytes of a draw with its name, its values and its weights; its streams and joints apart, which copies of it share or do not have.
+pub(super) fn of_draw(draw: &Draw) -> u64 {
+    let values = draw.values.iter().map(|(name, value)| {
+        name.len()
+            + size_of::<(String, Value)>()
+            + match value {
+                Value::Numbers(numbers) => size_of_val(numbers.as_slice()),
+                Value::Semantic(name) => name.len(),
+            }
+    });
+    let weights = size_of_val(draw.morph_weights.as_slice());
+    (size_of::<Draw>() + draw.name.len() + weights + values.sum::<usize>()) as u64
 }

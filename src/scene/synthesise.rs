@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use naga::{ArraySize, BinaryOperator, BuiltIn, Expression, Literal, ShaderStage, TypeInner};
@@ -38,8 +39,8 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
     let aspect = size[0] as f32 / size[1] as f32;
     let wants = Wants::of(&parsed);
     let meshes = meshes(&wants, state.primitive.topology);
-    let joints: Vec<Vec<Mat4>> = if wants.skin {
-        let pose = |m: &Mesh| Skin::default().apply(&mut m.clone());
+    let joints: Vec<Arc<[Mat4]>> = if wants.skin {
+        let pose = |m: &Mesh| Skin::default().apply(&mut m.clone()).into();
         meshes.iter().map(pose).collect()
     } else {
         Vec::new()
@@ -54,7 +55,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             range: DrawRange::default(),
             instances: 1,
             instance_streams: BTreeMap::new(),
-            joints: joints.get(mesh).cloned().unwrap_or_default(),
+            joints: joints.get(mesh).cloned().unwrap_or_else(|| [].into()),
             morph_weights: if wants.morph {
                 vec![0.6, 0.4]
             } else {

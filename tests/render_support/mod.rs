@@ -93,7 +93,7 @@ pub fn draw(name: &str, transform: Mat4, tint: [f64; 4]) -> Draw {
         range: DrawRange::default(),
         instances: 1,
         instance_streams: BTreeMap::new(),
-        joints: Vec::new(),
+        joints: [].into(),
         morph_weights: Vec::new(),
         values: BTreeMap::from([("object.tint".to_owned(), Value::Numbers(tint.to_vec()))]),
     }

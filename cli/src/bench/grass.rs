@@ -121,7 +121,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
             range: Default::default(),
             instances: count,
             instance_streams: BTreeMap::new(),
-            joints: Vec::new(),
+            joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
         },

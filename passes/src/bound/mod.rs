@@ -32,7 +32,7 @@ const STEPS: u64 = 200_000;
 /// What surrounds an evaluation over a triangle: uniforms and buffers, and textures of which nothing is known.
 pub fn environment(resources: BTreeMap<(u32, u32), Value<Affine>>) -> Environment<'static, Affine> {
     Environment {
-        resources,
+        resources: resources.into(),
         texture: &|_: &Lookup<'_, Affine>| [Affine::ANYTHING; 4],
         derivative: None,
         trace: None,

@@ -1,6 +1,6 @@
 //! Bytes of a buffer as a value, as the shader's type lays them out.
 
-use naga::{Handle, Module, ScalarKind, Type, TypeInner};
+use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::number::Number;
 use super::value::{Scalar, Value};
@@ -23,7 +23,7 @@ pub fn from_bytes<F: Number>(module: &Module, ty: Handle<Type>, bytes: &[u8]) ->
         }
         TypeInner::Array {
             base,
-            size: naga::ArraySize::Constant(count),
+            size: ArraySize::Constant(count),
             stride,
         } => {
             let element = |i: u32| from_bytes(module, *base, bytes.get((i * stride) as usize..)?);
@@ -54,4 +54,27 @@ fn scalar<F: Number>(of: naga::Scalar, bytes: &[u8]) -> Option<Value<F>> {
         (ScalarKind::Uint, 4) => Scalar::U32(u32::from_le_bytes(word)),
         _ => return None,
     }))
+}
+
+/// Elements that an array of any length is given where nothing says how many it has.
+pub const RUNTIME_ELEMENTS: u32 = 16;
+
+/// Scalars of a type; `u32::MAX` where that is not known, or more than that.
+pub fn scalars(module: &Module, ty: Handle<Type>) -> u32 {
+    match &module.types[ty].inner {
+        TypeInner::Scalar(_) | TypeInner::Atomic(_) => 1,
+        TypeInner::Vector { size, .. } => *size as u32,
+        TypeInner::Matrix { columns, rows, .. } => *columns as u32 * *rows as u32,
+        TypeInner::Array { base, size, .. } => {
+            let count = match size {
+                ArraySize::Constant(n) => n.get(),
+                _ => RUNTIME_ELEMENTS,
+            };
+            scalars(module, *base).saturating_mul(count)
+        }
+        TypeInner::Struct { members, .. } => members
+            .iter()
+            .fold(0, |sum: u32, m| sum.saturating_add(scalars(module, m.ty))),
+        _ => u32::MAX,
+    }
 }

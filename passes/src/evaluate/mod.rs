@@ -7,8 +7,10 @@
 //! `discard` is a demotion, as in WGSL: the invocation is marked and runs on. A dynamic index out of bounds is clamped. Atomics and subgroup operations have no meaning for one
 //! invocation alone. What textures and derivatives give is the caller's to say: they are inputs.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::{
     AddressSpace, Block, Expression, Function, GlobalVariable, Handle, Module, SampleLevel,
@@ -24,7 +26,7 @@ mod number;
 mod shadow;
 mod value;
 
-pub use layout::from_bytes;
+pub use layout::{RUNTIME_ELEMENTS, from_bytes, scalars};
 pub use number::Number;
 pub use shadow::{Shadowed, ulps};
 pub use value::{OverrideValue, Scalar, Value, constant};
@@ -99,15 +101,15 @@ pub struct Traced<F = f32> {
 
 /// What surrounds an invocation.
 pub struct Environment<'a, F = f32> {
-    /// Contents of uniforms and buffers by group and binding.
-    pub resources: BTreeMap<(u32, u32), Value<F>>,
+    /// Contents of uniforms and buffers by group and binding. Runs share them: what a run writes to is copied, once.
+    pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
     /// The texel a lookup gives.
     pub texture: &'a dyn Fn(&Lookup<'_, F>) -> [F; 4],
     /// What a derivative gives; `None`: it stops the evaluation.
     pub derivative: Option<&'a dyn Fn(Derivative<F>) -> F>,
     /// Where to write down what is computed on the way, if anywhere.
     pub trace: Option<&'a RefCell<Vec<Traced<F>>>>,
-    /// Statements and expressions evaluated before the interpreter gives up.
+    /// Statements and expressions evaluated before the interpreter gives up. A value of more scalars than a 4x4 matrix counts a step for each of those beyond it.
     pub steps: u64,
 }
 
@@ -128,6 +130,12 @@ pub struct Outcome<F = f32> {
 
 /// Scalars of private and of local memory that a run may have: each takes many bytes here, and is copied with what holds it.
 const MOST_SCALARS: u32 = 1 << 16;
+
+/// Scalars of all values that a run may hold at a time, arguments among them.
+const MOST_VALUES: usize = 1 << 20;
+
+/// Scalars that a value may have for one step: those of a matrix.
+const FREE: usize = 16;
 
 /// Runs an entry point.
 ///
@@ -153,51 +161,37 @@ pub fn run<F: Number>(
     arguments: &[Value<F>],
     environment: &Environment<'_, F>,
 ) -> Result<Outcome<F>, Stuck> {
+    let globals = module.global_variables.len();
     let mut machine = Machine {
         module,
         environment,
-        memory: Vec::new(),
-        globals: BTreeMap::new(),
+        memory: vec![Cow::Owned(Value::Composite(Vec::new())); globals],
+        globals: vec![None; globals],
         discarded: false,
         flips: 0,
         steps: 0,
-        scalars: 0,
+        of_globals: 0,
+        of_locals: 0,
+        held: 0,
     };
-    for (handle, global) in module.global_variables.iter() {
-        if global.binding.is_none() {
-            machine.take(global.ty)?;
-        }
-        let value = match (global.space, &global.binding) {
-            (AddressSpace::Handle, _) => continue,
-            (_, Some(at)) => environment.resources.get(&(at.group, at.binding)).cloned(),
-            (_, None) => global
-                .init
-                .map(|init| value::default_constant(module, init))
-                .transpose()?,
-        };
-        let value = match value {
-            Some(value) => value,
-            // A runtime array nobody gave a content, say.
-            None => match Value::zero(module, global.ty) {
-                Ok(zero) => zero,
-                Err(_) => continue,
-            },
-        };
-        machine.globals.insert(handle, machine.memory.len());
-        machine.memory.push(value);
-    }
     let result = machine.call(function, arguments.to_vec())?;
-    let stored = machine.globals.iter().filter_map(|(handle, address)| {
-        let global = &module.global_variables[*handle];
-        let at = global.binding.as_ref()?;
-        let AddressSpace::Storage { access } = global.space else {
-            return None;
+    let mut stored = BTreeMap::new();
+    for (handle, global) in module.global_variables.iter() {
+        let (Some(at), AddressSpace::Storage { access }) = (&global.binding, global.space) else {
+            continue;
         };
-        let is_written = access.contains(naga::StorageAccess::STORE);
-        is_written.then(|| ((at.group, at.binding), machine.memory[*address].clone()))
-    });
+        if !access.contains(naga::StorageAccess::STORE) {
+            continue;
+        }
+        // One that was not touched holds what it held.
+        let value = match machine.globals[handle.index()] {
+            Some(there) => there.then(|| machine.memory[handle.index()].clone()),
+            None => machine.initial(handle).ok().flatten(),
+        };
+        stored.extend(value.map(|v| ((at.group, at.binding), v.into_owned())));
+    }
     Ok(Outcome {
-        stored: stored.collect(),
+        stored,
         result,
         discarded: machine.discarded,
         flips: machine.flips,
@@ -205,16 +199,21 @@ pub fn run<F: Number>(
     })
 }
 
-struct Machine<'a, F> {
+struct Machine<'a, F: Number> {
     module: &'a Module,
     environment: &'a Environment<'a, F>,
-    memory: Vec<Value<F>>,
-    globals: BTreeMap<Handle<GlobalVariable>, usize>,
+    /// Variables: the module's by their index, then those of the functions that run.
+    memory: Vec<Cow<'a, Value<F>>>,
+    /// Whether each of the module's variables has a value; `None`: nothing has asked for it yet.
+    globals: Vec<Option<bool>>,
     discarded: bool,
     flips: u64,
     steps: u64,
-    /// Of the variables that there are now.
-    scalars: u32,
+    /// Scalars of the module's variables so far, and of those of the functions that run.
+    of_globals: u32,
+    of_locals: u32,
+    /// Scalars of the values that there are now.
+    held: usize,
 }
 
 struct Frame<'f, F> {
@@ -223,6 +222,8 @@ struct Frame<'f, F> {
     /// Address of the first local variable.
     locals: usize,
     values: Vec<Option<Value<F>>>,
+    /// Scalars of the values and arguments.
+    held: usize,
 }
 
 enum Flow<F> {
@@ -233,16 +234,108 @@ enum Flow<F> {
 }
 
 impl<'a, F: Number> Machine<'a, F> {
-    /// Counts a variable of this type, ahead of what it takes.
-    fn take(&mut self, ty: Handle<naga::Type>) -> Result<(), Stuck> {
-        let more = crate::validate::inputs::scalars(self.module, ty);
-        self.scalars = self.scalars.saturating_add(more);
-        match self.scalars <= MOST_SCALARS {
-            true => Ok(()),
+    /// The scalars of a variable of this type, ahead of what they take.
+    fn take(&self, ty: Handle<naga::Type>) -> Result<u32, Stuck> {
+        let more = layout::scalars(self.module, ty);
+        let all = self.of_globals.saturating_add(self.of_locals);
+        match all.saturating_add(more) <= MOST_SCALARS {
+            true => Ok(more),
             false => Err(Stuck::Unsupported(format!(
                 "more than {MOST_SCALARS} numbers in private and local memory"
             ))),
         }
+    }
+
+    /// Fails where so many scalars more are too many, ahead of what they take.
+    fn room(&self, scalars: usize) -> Result<(), Stuck> {
+        match self.held.saturating_add(scalars) <= MOST_VALUES {
+            true => Ok(()),
+            false => Err(Stuck::Unsupported(format!(
+                "values of more than {MOST_VALUES} numbers"
+            ))),
+        }
+    }
+
+    /// Counts what a value of so many scalars costs to make or copy.
+    fn work(&mut self, scalars: usize) -> Result<(), Stuck> {
+        self.steps = self
+            .steps
+            .saturating_add(scalars.saturating_sub(FREE) as u64);
+        match self.steps > self.environment.steps {
+            true => Err(Stuck::Steps),
+            false => Ok(()),
+        }
+    }
+
+    /// Keeps the value of an expression.
+    fn keep(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        e: Handle<Expression>,
+        value: Value<F>,
+    ) -> Result<(), Stuck> {
+        let scalars = value.scalars();
+        self.room(scalars)?;
+        self.work(scalars)?;
+        let before = frame.values[e.index()].replace(value);
+        let before = before.map_or(0, |v| v.scalars());
+        frame.held = frame.held + scalars - before;
+        self.held = self.held + scalars - before;
+        Ok(())
+    }
+
+    /// What a variable of the module begins with; `None` where it has no value here. What is bound is not copied.
+    fn initial(
+        &mut self,
+        handle: Handle<GlobalVariable>,
+    ) -> Result<Option<Cow<'a, Value<F>>>, Stuck> {
+        let (module, environment) = (self.module, self.environment);
+        let global = &module.global_variables[handle];
+        if global.space == AddressSpace::Handle {
+            return Ok(None);
+        }
+        let given = global.binding.as_ref();
+        let given = given.and_then(|at| environment.resources.get(&(at.group, at.binding)));
+        if let Some(given) = given {
+            return Ok(Some(Cow::Borrowed(given)));
+        }
+        match &global.binding {
+            None => self.of_globals += self.take(global.ty)?,
+            Some(_) => {
+                let scalars = layout::scalars(module, global.ty) as usize;
+                self.room(scalars)?;
+                self.held += scalars;
+            }
+        }
+        match global.init.filter(|_| global.binding.is_none()) {
+            Some(init) => Ok(Some(Cow::Owned(value::default_constant(module, init)?))),
+            // A type that has none, say.
+            None => Ok(Value::zero(module, global.ty).ok().map(Cow::Owned)),
+        }
+    }
+
+    /// A variable of the module, made when it is first asked for.
+    fn global(&mut self, handle: Handle<GlobalVariable>) -> Result<Value<F>, Stuck> {
+        let address = handle.index();
+        let there = match self.globals[address] {
+            Some(there) => there,
+            None => {
+                let value = self.initial(handle)?;
+                let there = value.is_some();
+                self.globals[address] = Some(there);
+                if let Some(value) = value {
+                    self.memory[address] = value;
+                }
+                there
+            }
+        };
+        Ok(match there {
+            true => Value::Pointer {
+                address,
+                path: Vec::new(),
+            },
+            false => Value::Resource(handle),
+        })
     }
 
     fn step(&mut self) -> Result<(), Stuck> {
@@ -258,26 +351,32 @@ impl<'a, F: Number> Machine<'a, F> {
         function: &'a Function,
         arguments: Vec<Value<F>>,
     ) -> Result<Option<Value<F>>, Stuck> {
-        let (locals, scalars) = (self.memory.len(), self.scalars);
+        let (locals, of_locals) = (self.memory.len(), self.of_locals);
         for (_, variable) in function.local_variables.iter() {
-            self.take(variable.ty)?;
+            self.of_locals += self.take(variable.ty)?;
         }
+        let held = arguments.iter().map(Value::scalars).sum();
+        self.room(held)?;
+        self.work(held)?;
+        self.held += held;
         let mut frame = Frame {
             function,
             arguments,
             locals,
             values: vec![None; function.expressions.len()],
+            held,
         };
         for (_, variable) in function.local_variables.iter() {
             let value = match variable.init {
                 Some(init) => self.constant(&mut frame, init)?,
                 None => Value::zero(self.module, variable.ty)?,
             };
-            self.memory.push(value);
+            self.memory.push(Cow::Owned(value));
         }
         let flow = self.block(&function.body, &mut frame)?;
         self.memory.truncate(locals);
-        self.scalars = scalars;
+        self.of_locals = of_locals;
+        self.held -= frame.held;
         match flow {
             Flow::Return(value) => Ok(value),
             _ => Ok(None),
@@ -292,7 +391,7 @@ impl<'a, F: Number> Machine<'a, F> {
     ) -> Result<Value<F>, Stuck> {
         for operand in crate::graph::operands::of_expression(&frame.function.expressions[e]) {
             let value = self.constant(frame, operand)?;
-            frame.values[operand.index()] = Some(value);
+            self.keep(frame, operand, value)?;
         }
         self.evaluate(frame, e)
     }
@@ -325,7 +424,7 @@ impl<'a, F: Number> Machine<'a, F> {
                             value: value.clone(),
                         });
                     }
-                    frame.values[e.index()] = Some(value);
+                    self.keep(frame, e, value)?;
                 }
             }
             Statement::Block(block) => return self.block(block, frame),
@@ -399,8 +498,8 @@ impl<'a, F: Number> Machine<'a, F> {
                     .map(|a| self.get(frame, *a))
                     .collect::<Result<_, _>>()?;
                 let returned = self.call(&self.module.functions[*function], arguments)?;
-                if let Some(result) = result {
-                    frame.values[result.index()] = returned;
+                if let (Some(result), Some(returned)) = (result, returned) {
+                    self.keep(frame, *result, returned)?;
                 }
             }
             other => return Err(Stuck::Unsupported(format!("{other:?}"))),
@@ -408,12 +507,24 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(Flow::Next)
     }
 
+    /// What a pointer leads to, to be read.
+    fn read(&self, pointer: &Value<F>) -> Result<&Value<F>, Stuck> {
+        let (address, path) = target(pointer)?;
+        let mut at = self.memory.get(address).ok_or_else(nowhere)?.as_ref();
+        for step in path {
+            at = part(at, *step)?;
+        }
+        Ok(at)
+    }
+
+    /// What a pointer leads to, to be written: a run's own from now on.
     fn place(&mut self, pointer: &Value<F>) -> Result<&mut Value<F>, Stuck> {
-        let Value::Pointer { address, path } = pointer else {
-            return Err(Stuck::Type(format!("{pointer:?} where a pointer belongs")));
-        };
-        let nowhere = || Stuck::Type("a pointer to nothing".to_owned());
-        let mut at = self.memory.get_mut(*address).ok_or_else(nowhere)?;
+        let (address, path) = target(pointer)?;
+        let variable = self.memory.get(address).ok_or_else(nowhere)?;
+        if matches!(variable, Cow::Borrowed(_)) {
+            self.work(variable.scalars())?;
+        }
+        let mut at = self.memory.get_mut(address).ok_or_else(nowhere)?.to_mut();
         for step in path {
             let Value::Composite(parts) = at else {
                 return Err(Stuck::Type("a path into a scalar".to_owned()));
@@ -428,15 +539,27 @@ impl<'a, F: Number> Machine<'a, F> {
 
     /// The value of an operand.
     fn get(&mut self, frame: &mut Frame<'a, F>, e: Handle<Expression>) -> Result<Value<F>, Stuck> {
-        if let Some(value) = &frame.values[e.index()] {
-            return Ok(value.clone());
+        self.need(frame, e)?;
+        let value = known(frame, e)?;
+        self.work(value.scalars())?;
+        Ok(value.clone())
+    }
+
+    /// Evaluates an operand that no `Emit` does, where that was not done yet.
+    fn need(&mut self, frame: &mut Frame<'a, F>, e: Handle<Expression>) -> Result<(), Stuck> {
+        if frame.values[e.index()].is_some() {
+            return Ok(());
         }
         if !frame.function.expressions[e].needs_pre_emit() {
             return Err(Stuck::Unevaluated(e.index()));
         }
         let value = self.evaluate(frame, e)?;
-        frame.values[e.index()] = Some(value.clone());
-        Ok(value)
+        self.keep(frame, e, value)
+    }
+
+    /// Fails where a value of this type is too much, ahead of it.
+    fn room_for(&self, ty: Handle<naga::Type>) -> Result<(), Stuck> {
+        self.room(layout::scalars(self.module, ty) as usize)
     }
 
     fn evaluate(
@@ -448,14 +571,20 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(match &function.expressions[e] {
             Expression::Literal(l) => Value::literal(l)?,
             Expression::Constant(c) => {
-                value::default_constant(self.module, self.module.constants[*c].init)?
+                let constant = &self.module.constants[*c];
+                self.room_for(constant.ty)?;
+                value::default_constant(self.module, constant.init)?
             }
             Expression::Override(o) => match self.module.overrides[*o].init {
                 Some(init) => value::default_constant(self.module, init)?,
                 None => return Err(Stuck::Unsupported("an override without a value".to_owned())),
             },
-            Expression::ZeroValue(ty) => Value::zero(self.module, *ty)?,
+            Expression::ZeroValue(ty) => {
+                self.room_for(*ty)?;
+                Value::zero(self.module, *ty)?
+            }
             Expression::Compose { ty, components } => {
+                self.room_for(*ty)?;
                 let parts = components
                     .iter()
                     .map(|c| self.get(frame, *c))
@@ -464,10 +593,12 @@ impl<'a, F: Number> Machine<'a, F> {
             }
             Expression::Access { base, index } => {
                 let index = self.get(frame, *index)?.index()?;
-                access(self.get(frame, *base)?, index)?
+                self.need(frame, *base)?;
+                access(known(frame, *base)?, index)?
             }
             Expression::AccessIndex { base, index } => {
-                access(self.get(frame, *base)?, *index as usize)?
+                self.need(frame, *base)?;
+                access(known(frame, *base)?, *index as usize)?
             }
             Expression::Splat { size, value } => {
                 Value::Composite(vec![self.get(frame, *value)?; *size as usize])
@@ -487,20 +618,16 @@ impl<'a, F: Number> Machine<'a, F> {
                 )
             }
             Expression::FunctionArgument(i) => frame.arguments[*i as usize].clone(),
-            Expression::GlobalVariable(g) => match self.globals.get(g) {
-                Some(address) => Value::Pointer {
-                    address: *address,
-                    path: Vec::new(),
-                },
-                None => Value::Resource(*g),
-            },
+            Expression::GlobalVariable(g) => self.global(*g)?,
             Expression::LocalVariable(v) => Value::Pointer {
                 address: frame.locals + v.index(),
                 path: Vec::new(),
             },
             Expression::Load { pointer } => {
                 let pointer = self.get(frame, *pointer)?;
-                self.place(&pointer)?.clone()
+                let place = self.read(&pointer)?;
+                self.room(place.scalars())?;
+                place.clone()
             }
             Expression::Unary { op, expr } => math::unary(*op, &self.get(frame, *expr)?)?,
             expression @ Expression::Binary { op, left, right } => {
@@ -635,7 +762,7 @@ impl<'a, F: Number> Machine<'a, F> {
             }
             Expression::ArrayLength(array) => {
                 let pointer = self.get(frame, *array)?;
-                Value::u32(self.place(&pointer)?.parts()?.len() as u32)
+                Value::u32(self.read(&pointer)?.parts()?.len() as u32)
             }
             other => return Err(Stuck::Unsupported(format!("{other:?}"))),
         })
@@ -734,19 +861,41 @@ fn kind(expression: &Expression) -> &'static str {
     }
 }
 
-fn access<F: Number>(base: Value<F>, index: usize) -> Result<Value<F>, Stuck> {
+/// The value of an expression that was evaluated.
+fn known<'v, F>(frame: &'v Frame<'_, F>, e: Handle<Expression>) -> Result<&'v Value<F>, Stuck> {
+    let value = frame.values[e.index()].as_ref();
+    value.ok_or(Stuck::Unevaluated(e.index()))
+}
+
+fn nowhere() -> Stuck {
+    Stuck::Type("a pointer to nothing".to_owned())
+}
+
+/// The variable that a pointer is to, and where in it.
+fn target<F: Number>(pointer: &Value<F>) -> Result<(usize, &[usize]), Stuck> {
+    match pointer {
+        Value::Pointer { address, path } => Ok((*address, path)),
+        other => Err(Stuck::Type(format!("{other:?} where a pointer belongs"))),
+    }
+}
+
+/// A part of a composite; the last one past its end.
+fn part<F: Number>(of: &Value<F>, index: usize) -> Result<&Value<F>, Stuck> {
+    let Value::Composite(parts) = of else {
+        return Err(Stuck::Type("a path into a scalar".to_owned()));
+    };
+    let last = parts.len().saturating_sub(1);
+    let part = parts.get(index.min(last));
+    part.ok_or_else(|| Stuck::Type("a path into nothing".to_owned()))
+}
+
+fn access<F: Number>(base: &Value<F>, index: usize) -> Result<Value<F>, Stuck> {
     match base {
-        Value::Pointer { address, mut path } => {
-            path.push(index);
-            Ok(Value::Pointer { address, path })
-        }
-        Value::Composite(parts) => {
-            let last = parts.len().saturating_sub(1);
-            parts
-                .into_iter()
-                .nth(index.min(last))
-                .ok_or_else(|| Stuck::Type("an access into nothing".to_owned()))
-        }
+        Value::Pointer { address, path } => Ok(Value::Pointer {
+            address: *address,
+            path: path.iter().copied().chain([index]).collect(),
+        }),
+        Value::Composite(_) => part(base, index).cloned(),
         other => Err(Stuck::Type(format!("an access into {other:?}"))),
     }
 }

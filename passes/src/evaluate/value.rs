@@ -136,6 +136,15 @@ impl<F: Number> Value<F> {
         })
     }
 
+    /// How many scalars there are in it; a step of a pointer counts as one.
+    pub fn scalars(&self) -> usize {
+        match self {
+            Self::Scalar(_) | Self::Resource(_) => 1,
+            Self::Composite(parts) => parts.iter().map(Self::scalars).sum(),
+            Self::Pointer { path, .. } => 1 + path.len(),
+        }
+    }
+
     fn zeros(count: usize, zero: Scalar<F>) -> Self {
         Self::Composite(vec![Self::Scalar(zero); count])
     }

@@ -6,12 +6,10 @@ use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, T
 
 use super::stage::{Kind, POSITION, Slot};
 use super::world::{plus, times};
-use crate::evaluate::{Lookup, Number, Sampling, Scalar, Value};
+use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, scalars};
 use crate::guard::{Assumed, Guard, Place, ScalarType};
 use crate::reflect::Io;
 
-/// Elements that a buffer of no given length has.
-pub const RUNTIME_ELEMENTS: u32 = 16;
 /// Scalars of a buffer that is filled: where there are more, it stays 0.
 const MOST_SCALARS: u32 = 1 << 14;
 
@@ -374,26 +372,6 @@ fn within(assumed: &Assumed, random: &mut Random) -> Scalar {
         ScalarType::F32 => Scalar::F32((number as f32).clamp(low as f32, high as f32)),
         ScalarType::I32 => Scalar::I32(number.trunc().clamp(low, high) as i32),
         ScalarType::U32 => Scalar::U32(number.trunc().clamp(low, high) as u32),
-    }
-}
-
-/// Scalars of a type; so many that it is not filled where that is not known.
-pub fn scalars(module: &Module, ty: Handle<Type>) -> u32 {
-    match &module.types[ty].inner {
-        TypeInner::Scalar(_) | TypeInner::Atomic(_) => 1,
-        TypeInner::Vector { size, .. } => *size as u32,
-        TypeInner::Matrix { columns, rows, .. } => *columns as u32 * *rows as u32,
-        TypeInner::Array { base, size, .. } => {
-            let count = match size {
-                ArraySize::Constant(n) => n.get(),
-                _ => RUNTIME_ELEMENTS,
-            };
-            scalars(module, *base).saturating_mul(count)
-        }
-        TypeInner::Struct { members, .. } => members
-            .iter()
-            .fold(0, |sum: u32, m| sum.saturating_add(scalars(module, m.ty))),
-        _ => u32::MAX,
     }
 }
 

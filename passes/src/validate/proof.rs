@@ -99,7 +99,8 @@ fn fix(module: &naga::Module, world: &mut World<'_, term::Term>, assumed: &crate
             .as_ref()
             .is_some_and(|b| (b.group, b.binding) == at)
     });
-    if let (Some((_, global)), Some(value)) = (global, world.resources.get_mut(&at)) {
+    let resources = std::sync::Arc::make_mut(&mut world.resources);
+    if let (Some((_, global)), Some(value)) = (global, resources.get_mut(&at)) {
         inputs::set(module, global.ty, value, offset, number);
     }
 }

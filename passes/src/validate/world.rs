@@ -2,14 +2,17 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
-use super::inputs::{self, Inputs, Random};
+use super::inputs::{Inputs, Random};
 use super::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
 use super::term::Term;
 use crate::bound::{Interval, exactly};
-use crate::evaluate::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value};
+use crate::evaluate::{
+    Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value, scalars,
+};
 use crate::reflect::Io;
 
 /// Both stages of a pass.
@@ -43,7 +46,7 @@ type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
 /// What a draw is made with.
 pub struct World<'a, F: 'a> {
     /// Uniforms and buffers.
-    pub resources: BTreeMap<(u32, u32), Value<F>>,
+    pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
     attribute: Input<'a, F>,
     fragment: Input<'a, F>,
     texel: Texel<'a, F>,
@@ -64,7 +67,7 @@ impl<F: Number> World<'_, F> {
         trace: Option<&RefCell<Vec<Traced<F>>>>,
     ) -> Result<Ran<F>, Stuck> {
         let environment = |trace| Environment {
-            resources: self.resources.clone(),
+            resources: Arc::clone(&self.resources),
             texture: &*self.texel,
             derivative: Some(&*self.derivative),
             trace,
@@ -127,7 +130,7 @@ pub fn concrete<'a>(
     texels: Texels,
 ) -> World<'a, f32> {
     World {
-        resources: inputs.resources.clone(),
+        resources: Arc::new(inputs.resources.clone()),
         attribute: Box::new(|module, io, corner| inputs.attribute(module, io, corner)),
         fragment: Box::new(|module, io, _| inputs.fragment(module, io)),
         texel: Box::new(move |lookup| {
@@ -153,7 +156,7 @@ pub fn ranging<'a>(
     let exact = |value: Value| exactly::<Interval>(&value);
     let resources = inputs.resources.iter();
     World {
-        resources: resources.map(|(at, v)| (*at, exactly(v))).collect(),
+        resources: Arc::new(resources.map(|(at, v)| (*at, exactly(v))).collect()),
         attribute: Box::new(move |module, io, corner| {
             inputs.attribute(module, io, corner).map(exact)
         }),
@@ -228,14 +231,14 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
         }
         let name = format!("resource {} {}", at.group, at.binding);
         // What has no given length has no terms for what lies beyond.
-        let value = match inputs::scalars(module, global.ty) < MOST_SCALARS {
+        let value = match scalars(module, global.ty) < MOST_SCALARS {
             true => terms(module, global.ty, &name),
             false => opaque(&name),
         };
         resources.insert((at.group, at.binding), value);
     }
     World {
-        resources,
+        resources: Arc::new(resources),
         attribute: Box::new(|module, io, corner| {
             let slot = Slot::of(io.binding.as_ref()?);
             let mut value = terms(module, io.ty, &format!("vertex {slot} {corner}"));

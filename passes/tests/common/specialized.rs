@@ -74,7 +74,7 @@ pub fn ran(plan: &Plan, uniform: &Value, p: [f32; 4]) -> Result<Option<Value>, S
     let p = Value::Composite(p.map(Value::f32).to_vec());
     let arguments = vec![p; point.function.arguments.len()];
     let environment = Environment {
-        resources: BTreeMap::from([((0, 0), uniform.clone())]),
+        resources: BTreeMap::from([((0, 0), uniform.clone())]).into(),
         texture: &|_| [0.0; 4],
         derivative: None,
         trace: None,

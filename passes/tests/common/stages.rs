@@ -42,7 +42,7 @@ pub fn run(
         })
         .collect();
     let environment = Environment {
-        resources: draw_constants(module),
+        resources: draw_constants(module).into(),
         texture: &|_| [0.0; 4],
         derivative: None,
         trace: None,

@@ -11,10 +11,10 @@ use naga::{
     FunctionArgument, GlobalVariable, Handle, Interpolation, Literal, Module, ResourceBinding,
     Scalar, ShaderStage, Span, Statement, StorageAccess, Type, TypeInner, VectorSize,
 };
+use preshade_passes::evaluate::RUNTIME_ELEMENTS;
 use preshade_passes::place;
 use preshade_passes::reflect::{self, Io};
 use preshade_passes::validate::elsewhere::Draw;
-use preshade_passes::validate::inputs::RUNTIME_ELEMENTS;
 use preshade_passes::validate::stage::{Kind, Slot, Stage, kind};
 use preshade_passes::validate::world::{Place, Stages};
 

@@ -90,7 +90,10 @@ pub fn self_test(test: &SelfTestReport) -> String {
 pub fn adapter(adapter: &AdapterReport) -> String {
     format!(
         "{} ({}, {}, {})",
-        adapter.name, adapter.backend, adapter.kind, adapter.driver
+        adapter.title(),
+        adapter.backend,
+        adapter.kind,
+        adapter.driver
     )
 }
 

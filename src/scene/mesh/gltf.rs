@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use gltf::buffer::Source;
@@ -28,7 +29,7 @@ pub struct Rigged {
     /// The mesh.
     pub mesh: Mesh,
     /// Joint matrices of the file's pose, bind pose inverse applied; empty without a skin.
-    pub joints: Vec<Mat4>,
+    pub joints: Arc<[Mat4]>,
     /// Default weights of the morph targets.
     pub morph_weights: Vec<f32>,
 }
@@ -212,7 +213,7 @@ impl Gltf {
         }
         Ok(Rigged {
             mesh: merged(name, parts),
-            joints,
+            joints: joints.into(),
             morph_weights: weights,
         })
     }
