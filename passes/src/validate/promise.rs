@@ -177,12 +177,29 @@ impl<'a> Pair<'a> {
 
     /// Whether a varying is what it was in the original, so that any number may stand for it.
     fn has_the_authors_varyings(&self) -> bool {
-        let assumed = self.variant.guard.iter().flat_map(|g| &g.values);
-        let of_vertices = assumed
-            .filter(|a| matches!(a.place, Assumed::Attribute { .. }))
-            .count();
+        let mut assumed = self.variant.guard.iter().flat_map(|g| &g.values);
         let rebuilt = ["hoist", "tessellate", "visibility-buffer"];
-        of_vertices == 0 && rebuilt.iter().all(|pass| self.steps(pass).next().is_none())
+        !assumed.any(|a| self.may_reach_varyings(&a.place))
+            && rebuilt.iter().all(|pass| self.steps(pass).next().is_none())
+    }
+
+    /// Whether a number that is assumed may decide what a varying is, so that the fragment stage may be made for that alone: the vertex stage knows it.
+    fn may_reach_varyings(&self, place: &Assumed) -> bool {
+        let (group, binding) = match place {
+            Assumed::Uniform { group, binding, .. } | Assumed::Texture { group, binding, .. } => {
+                (*group, *binding)
+            }
+            Assumed::Attribute { .. } | Assumed::Override { .. } => return true,
+        };
+        let Stage { program, entry } = self.original.vertex;
+        let uses = program.info().get_entry_point(entry);
+        let mut globals = program.module().global_variables.iter();
+        globals.any(|(handle, global)| {
+            let is_it = global
+                .binding
+                .is_some_and(|b| (b.group, b.binding) == (group, binding));
+            is_it && !uses[handle].is_empty()
+        })
     }
 
     /// What is promised of the colours at vertices and inside triangles, or why that is not looked at.
