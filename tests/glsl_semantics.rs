@@ -503,3 +503,16 @@ void main() { c = vec4(at, LEVEL, 1.0); }
     assert!(parsed.fragment.is_some());
     wgsl(parsed);
 }
+
+/// A product that begins with a number is no number: it is read before what the next argument does.
+#[test]
+fn an_argument_that_begins_with_a_digit_keeps_its_turn() {
+    let text = text_of_call(
+        "float v[3] = float[3](0.1, 0.2, 0.3); int i = 0; c = vec4(sum(2.0 * float(i), v[i++], 1.0));",
+    );
+    assert!(text.contains("held = 2.0 * float(i)"), "{text}");
+    let held = text.find("held = 2.0 * float(i)").unwrap();
+    assert!(held < text.find("i++").unwrap(), "{text}");
+    // A number stays where it is.
+    assert!(text.contains(", 1.0)"), "{text}");
+}

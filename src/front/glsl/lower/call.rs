@@ -338,7 +338,7 @@ impl Lower<'_, '_> {
                 };
                 let samplers = self.stage.structs.has_samplers(to);
                 parts.push(match in_turn && *storage == Storage::In && !samplers {
-                    true => self.in_turn(value, place)?,
+                    true => self.in_turn(&arguments[i], value)?,
                     false => Argument::of(value.at(level::ASSIGNMENT)),
                 });
             }
@@ -572,7 +572,7 @@ impl Lower<'_, '_> {
                 false => self.copied(&meeting, i, &value.ty, Storage::Out)?,
                 true if i < first && in_turn => {
                     let value = self.value(value);
-                    self.in_turn(value, place)?
+                    self.in_turn(&arguments[i], value)?
                 }
                 true => Argument::of(self.value(value).at(level::ASSIGNMENT)),
             });

@@ -208,17 +208,12 @@ impl Lower<'_, '_> {
     }
 
     /// An argument that is handed over by value, where those behind it do something: it is evaluated in its turn.
-    pub(super) fn in_turn(&mut self, value: Ex, place: Option<Span>) -> Result<Argument, Error> {
+    pub(super) fn in_turn(&mut self, of: &Expr, value: Ex) -> Result<Argument, Error> {
         let text = value.at(level::ASSIGNMENT);
-        let bare = unmarked(&text);
-        // A number is the same whenever it is read.
-        if bare.starts_with(|c: char| c.is_ascii_digit()) || matches!(value.ty, Ty::Unknown) {
-            return Ok(Argument {
-                text,
-                ..Argument::default()
-            });
+        if is_literal(of) || matches!(value.ty, Ty::Unknown) {
+            return Ok(Argument::of(text));
         }
-        let name = self.needed(&value.ty, place)?;
+        let name = self.needed(&value.ty, self.place(of.span))?;
         Ok(Argument {
             before: vec![format!("{name} = {text}")],
             text: name,
@@ -295,6 +290,19 @@ impl Lower<'_, '_> {
             format!("({}, {name})", before.join(", ")),
             result,
         ))
+    }
+}
+
+/// Whether it is the same whenever it is read.
+fn is_literal(e: &Expr) -> bool {
+    match &e.content {
+        ExprData::IntConst(_)
+        | ExprData::UIntConst(_)
+        | ExprData::BoolConst(_)
+        | ExprData::FloatConst(_)
+        | ExprData::DoubleConst(_) => true,
+        ExprData::Unary(op, of) => matches!(op.content, UnaryOpData::Minus) && is_literal(of),
+        _ => false,
     }
 }
 
