@@ -516,3 +516,87 @@ fn an_argument_that_begins_with_a_digit_keeps_its_turn() {
     // A number stays where it is.
     assert!(text.contains(", 1.0)"), "{text}");
 }
+
+/// What is lowered to see what it is, and lowered again to be written, does what it does once.
+#[test]
+fn what_is_looked_at_before_it_is_written_is_done_once() {
+    let desktop = |functions: &str, body: &str| {
+        given(&format!(
+            "#version 330
+out vec4 c;
+{functions}
+void main() {{
+    float h[4] = float[4](0.0, 0.0, 0.0, 0.0);
+    float v[4] = float[4](0.1, 0.2, 0.3, 0.4);
+    int n[4] = int[4](0, 1, 2, 3);
+    int i = 0;
+    {body}
+    c = vec4(h[0] + v[1]);
+}}
+"
+        ))
+    };
+    let add = "void add(inout float x) { x += 1.0; }";
+    let sum = "float sum(inout float x) { x += 1.0; return x; }";
+    let es = given(
+        "#version 100
+precision highp float;
+float g(inout float x) { x += 1.0; return x; }
+float round(float x) { return floor(x + 0.5); }
+void main() {
+    float a[3];
+    a[0] = 0.0; a[1] = 1.0; a[2] = 2.0;
+    int i = 0;
+    gl_FragColor = vec4(round(g(a[i++])));
+}
+",
+    );
+    let texts = [
+        desktop("", "h[n[i++]++] += 1.0;"),
+        desktop("", "h[n[i++]++]++;"),
+        desktop(add, "for (int j = 0; j < 4; add(v[i++])) { j++; }"),
+        desktop(sum, "for (int j = 0; j < 4; sum(v[i++])) { j++; }"),
+        desktop(add, "add(h[n[i++]++]);"),
+        desktop("", "h[n[i++]] = modf(1.5, h[n[i]++]);"),
+        es,
+    ];
+    for text in texts {
+        assert_eq!(text.matches("i++").count(), 1, "{text}");
+        let line = text.lines().find(|l| l.contains("i++")).unwrap();
+        // Whatever is read of ours was written before.
+        let words: Vec<&str> = line
+            .split(|c: char| !c.is_alphanumeric() && c != '_')
+            .filter(|w| w.starts_with("held"))
+            .collect();
+        for (at, word) in words.iter().enumerate() {
+            let is_first = !words[..at].contains(word);
+            assert!(!is_first || line.contains(&format!("{word} = ")), "{line}");
+        }
+    }
+}
+
+/// A call within a call of the same name, and an assignment in the index of another, are lowered in time that does not double with each level.
+#[test]
+fn nested_calls_and_assignments_are_lowered_in_time() {
+    let rounds = format!("{}x{}", "round(".repeat(50), ")".repeat(50));
+    let text = given(&format!(
+        "#version 100
+precision highp float;
+uniform float x;
+float round(float x) {{ return floor(x + 0.5); }}
+void main() {{ gl_FragColor = vec4({rounds}); }}
+"
+    ));
+    assert_eq!(text.matches("round_(").count(), 51, "{text}");
+    let indices = format!("a[{}0{}", "(a[".repeat(40), "] += 1)".repeat(40));
+    given(&format!(
+        "#version 330
+out vec4 c;
+void main() {{
+    int a[3] = int[3](0, 0, 0);
+    {indices}] += 1;
+    c = vec4(float(a[0]));
+}}
+"
+    ));
+}

@@ -279,7 +279,7 @@ impl Lower<'_, '_> {
         }
         let mut values = Vec::new();
         for argument in arguments {
-            values.push(self.raw(argument)?.ty);
+            values.push(self.look(argument)?.ty);
         }
         let given: Vec<&Ty> = values.iter().collect();
         Ok(choose(signatures, &given, false) == Choice::None)
@@ -295,7 +295,7 @@ impl Lower<'_, '_> {
     ) -> Result<Ex, Error> {
         let mut values = Vec::new();
         for argument in arguments {
-            values.push(self.raw(argument)?);
+            values.push(self.argument(argument)?);
         }
         let place = self.place(whole.span);
         let overload = self.overload(name, signatures, &values, place)?;
@@ -319,7 +319,10 @@ impl Lower<'_, '_> {
                 parts.push(self.copied(&meeting, i, to, *storage)?);
                 continue;
             }
-            let value = values[i].clone();
+            let value = match values[i].text.is_empty() {
+                true => self.raw(&arguments[i])?,
+                false => values[i].clone(),
+            };
             let path = value.path.clone();
             let pair = value.pair.clone();
             if value.choice.is_some() {
@@ -516,7 +519,7 @@ impl Lower<'_, '_> {
     ) -> Result<Ex, Error> {
         let mut values = Vec::new();
         for argument in arguments {
-            values.push(self.raw(argument)?);
+            values.push(self.argument(argument)?);
         }
         let Some(ty) = values.first().map(|v| v.ty.clone()) else {
             return Err(unsupported(format!("`{name}` takes arguments"), place));
@@ -568,6 +571,10 @@ impl Lower<'_, '_> {
         let in_turn = direct.contains(&false) && meeting.has_effects();
         let mut parts = Vec::new();
         for (i, value) in values.into_iter().enumerate() {
+            let value = match direct[i] && value.text.is_empty() {
+                true => self.raw(&arguments[i])?,
+                false => value,
+            };
             parts.push(match direct[i] {
                 false => self.copied(&meeting, i, &value.ty, Storage::Out)?,
                 true if i < first && in_turn => {

@@ -78,14 +78,17 @@ impl Ex {
 impl Lower<'_, '_> {
     /// A value: what lies in a block otherwise is taken out of it.
     pub(super) fn expr(&mut self, expr: &Expr) -> Result<Ex, Error> {
-        let mut ex = self.raw(expr)?;
         let mut first = Vec::new();
-        let is_whole = matches!(ex.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
-        if is_whole && self.stage.structs.lies_otherwise(&ex.ty, ex.lay) && self.has_effect(expr) {
-            // It is put together of several parts, each of which names its place.
-            first = self.settle(expr)?;
-            ex = self.raw(expr)?;
+        let is_place = matches!(expr.content, ExprData::Dot(..) | ExprData::Bracket(..));
+        if is_place && self.held(expr).is_none() && self.has_effect(expr) {
+            let looked = self.look(expr)?;
+            let is_whole = matches!(looked.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
+            if is_whole && looked.lies_otherwise {
+                // It is put together of several parts, each of which names its place.
+                first = self.settle(expr)?;
+            }
         }
+        let ex = self.raw(expr)?;
         Ok(after(first, self.value(ex)))
     }
 

@@ -131,6 +131,10 @@ pub(super) struct Lower<'a, 'u> {
     temporaries: Option<Vec<String>>,
     /// What expressions became ahead of where they stand, by their places.
     held: HashMap<(u32, u32), expression::Ex>,
+    /// Their places, in the order in which they came.
+    held_keys: Vec<(u32, u32)>,
+    /// What expressions were found to be before they were printed.
+    looked: HashMap<(u32, u32), effect::Looked>,
     /// Literal offsets of samples, each a constant of ours.
     offsets: Vec<String>,
     /// What GLSL's functions are given, where they are called: for errors.
@@ -178,6 +182,8 @@ pub(super) fn lower(
         helper_names: HashMap::new(),
         temporaries: None,
         held: HashMap::new(),
+        held_keys: Vec::new(),
+        looked: HashMap::new(),
         offsets: Vec::new(),
         given: Vec::new(),
         indent: 0,

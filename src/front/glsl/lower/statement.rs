@@ -117,7 +117,7 @@ impl Lower<'_, '_> {
     fn is_expression(&mut self, e: &Expr) -> Result<bool, Error> {
         Ok(match &e.content {
             ExprData::Comma(a, b) => self.is_expression(a)? && self.is_expression(b)?,
-            ExprData::FunCall(..) => self.expr(e)?.ty != Ty::Void,
+            ExprData::FunCall(..) => self.look(e)?.ty != Ty::Void,
             _ => true,
         })
     }
