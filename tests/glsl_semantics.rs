@@ -116,7 +116,7 @@ void main() {
 ";
     let text = given(text);
     let line = text.lines().find(|l| l.contains("sum(held")).unwrap();
-    let expected = "c = vec4((held = float(i++), held_ = i, held__ = a[held_], held___ = float(i++), held____ = sum(held, held__, held___), a[held_] = held__, held____));";
+    let expected = "c = vec4((held = float(i++), held_ = i, held_2 = a[held_], held_3 = float(i++), held_4 = sum(held, held_2, held_3), a[held_] = held_2, held_4));";
     assert_eq!(line.trim(), expected);
     // What nothing else touches is written in place.
     let plain = text_of_call("float x = 0.5; c = vec4(sum(sin(x), x, x * 2.0));");
@@ -599,4 +599,24 @@ void main() {{
 }}
 "
     ));
+}
+
+/// Variables of ours are numbered, not named by ever more underscores: ten thousand are found in no time, in a text that is not all names.
+#[test]
+fn many_variables_of_ours_are_named_in_time() {
+    let body = "v[f()] += 1.0; ".repeat(5000);
+    let text = given(&format!(
+        "#version 330
+out vec4 c;
+int at;
+int f() {{ at++; return at & 3; }}
+void main() {{
+    float v[4] = float[4](0.0, 0.0, 0.0, 0.0);
+    {body}
+    c = vec4(v[0]);
+}}
+"
+    ));
+    assert!(text.contains("held_5000 = f()"));
+    assert!(text.len() < 1_000_000, "{}", text.len());
 }

@@ -142,6 +142,8 @@ pub(super) struct Lower<'a, 'u> {
     indent: usize,
     /// Names that this stage's text has got.
     taken: HashSet<String>,
+    /// How many were made like one that was taken.
+    numbered: HashMap<String, usize>,
 }
 
 /// A call of one of GLSL's functions.
@@ -188,6 +190,7 @@ pub(super) fn lower(
         given: Vec::new(),
         indent: 0,
         taken: HashSet::new(),
+        numbered: HashMap::new(),
     };
     let text = lower.stage()?;
     Ok((text, lower.marks, lower.given))
@@ -230,11 +233,26 @@ impl Lower<'_, '_> {
 
     /// A name like `wanted` that this stage has not: the other may have it.
     fn fresh(&mut self, wanted: &str) -> String {
+        let is_free = |this: &mut Self, name: &String| {
+            !this.stage.unit.names.contains(name) && this.taken.insert(name.clone())
+        };
         let mut name = wanted.to_owned();
-        while self.stage.unit.names.contains(&name) || !self.taken.insert(name.clone()) {
-            name.push('_');
+        if !self.numbered.contains_key(wanted) && is_free(self, &name) {
+            return name;
         }
-        name
+        let base = wanted.trim_end_matches('_');
+        // Counted, so that the thousandth is found as soon as the first.
+        loop {
+            let count = self.numbered.entry(wanted.to_owned()).or_default();
+            name = match *count {
+                0 => format!("{base}_"),
+                n => format!("{base}_{}", n + 1),
+            };
+            *count += 1;
+            if is_free(self, &name) {
+                return name;
+            }
+        }
     }
 
     fn line(&self, text: &str) -> String {
