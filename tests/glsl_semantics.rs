@@ -617,6 +617,27 @@ void main() {{
 }}
 "
     ));
-    assert!(text.contains("held_5000 = f()"));
+    assert!(text.contains("held_4999 = f()"));
     assert!(text.len() < 1_000_000, "{}", text.len());
+}
+
+/// What `main` does last is of its outputs, whatever locals are called where it returns.
+#[test]
+fn a_local_does_not_hide_an_output_where_main_ends() {
+    let text = given(
+        "#version 330
+in float x;
+out vec3 color;
+out float parts[2];
+void main() {
+    color = vec3(1.0);
+    parts[0] = 0.5; parts[1] = 0.25;
+    float parts = 2.0;
+    if (x > 0.0) { vec3 color = vec3(0.0); color.x = parts; return; }
+}
+",
+    );
+    assert!(text.contains("vec3 color_ = vec3(0.0);"), "{text}");
+    assert!(text.contains("color_.x = parts_;"), "{text}");
+    assert!(text.contains("float parts_ = 2.0;"), "{text}");
 }

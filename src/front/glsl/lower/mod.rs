@@ -114,6 +114,8 @@ pub(super) struct Lower<'a, 'u> {
     /// What `main` does first, and last.
     prologue: Vec<String>,
     epilogue: Vec<String>,
+    /// What it reads there, by the names that are printed: no local of `main` may hide one.
+    last_read: HashSet<String>,
     in_main: bool,
     /// The author's functions that the function calls which is printed, each by its name and the place of its signature.
     calls: Vec<(String, usize)>,
@@ -175,6 +177,7 @@ pub(super) fn lower(
         renamed: HashMap::new(),
         prologue: Vec::new(),
         epilogue: Vec::new(),
+        last_read: HashSet::new(),
         in_main: false,
         calls: Vec::new(),
         result: Ty::Void,

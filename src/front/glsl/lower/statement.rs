@@ -357,7 +357,10 @@ impl Lower<'_, '_> {
             // It hides a constant of that name.
             self.stage.constants.remove(author);
         }
-        let name = self.safe(author);
+        let name = match self.in_main && self.last_read.contains(author) {
+            true => self.fresh(author),
+            false => self.safe(author),
+        };
         let declared = ty.declare(&name);
         let fixed = constant.then_some("a constant");
         if constant && value.is_none() {
