@@ -641,3 +641,27 @@ void main() {
     assert!(text.contains("color_.x = parts_;"), "{text}");
     assert!(text.contains("float parts_ = 2.0;"), "{text}");
 }
+
+/// `layout(row_major) uniform;` is of uniform blocks alone, `layout(std140) buffer;` of storage blocks (4.60, 4.4.5).
+#[test]
+fn defaults_of_blocks_are_of_their_own_kind() {
+    let text = |defaults: &str| {
+        given(&format!(
+            "#version 430
+{defaults}
+layout(std140, binding = 0) uniform U {{ mat4 u; }};
+layout(binding = 1) buffer B {{ mat4 m; float a[4]; }};
+out vec4 c;
+void main() {{ c = u[0] + m[0] + vec4(a[1]); }}
+"
+        ))
+    };
+    let uniform = text("layout(row_major) uniform;");
+    assert!(uniform.contains("transpose(u)"), "{uniform}");
+    assert!(!uniform.contains("transpose(m)"), "{uniform}");
+    let buffer = text("layout(row_major) uniform; layout(column_major, std140) buffer;");
+    assert!(buffer.contains("transpose(u)"), "{buffer}");
+    assert!(!buffer.contains("transpose(m)"), "{buffer}");
+    assert!(buffer.contains("binding = 1, std140)"), "{buffer}");
+    assert!(buffer.contains("vec4 a[4]"), "{buffer}");
+}

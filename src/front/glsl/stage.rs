@@ -148,10 +148,26 @@ pub(super) struct Stage<'u> {
     /// The position is declared `invariant`, or something is `precise`.
     pub invariant: bool,
     pub early_fragment_tests: bool,
-    /// What blocks say nothing about: `layout(row_major) uniform;`.
-    pub row_major: bool,
+    /// How blocks lie that do not say it: `layout(row_major) uniform;`, `layout(std140) buffer;`.
+    defaults: [OfBlocks; 2],
     /// `gl_FragCoord` counts from the top.
     pub origin_upper_left: bool,
+}
+
+/// What `layout(..) uniform;` or `layout(..) buffer;` says of the blocks behind it, each of its own kind (GLSL 4.60, 4.4.5).
+#[derive(Clone, Copy, Debug, Default)]
+struct OfBlocks {
+    row_major: bool,
+    rules: Option<&'static str>,
+}
+
+/// Which of the defaults is meant: that of uniform blocks or that of storage blocks.
+fn of_blocks(q: &Qualifiers) -> Option<usize> {
+    match q.storage {
+        Some(Storage::Uniform) => Some(0),
+        Some(Storage::Buffer) => Some(1),
+        _ => None,
+    }
 }
 
 /// A type's name as it is written, `struct` for one that is defined in place.
@@ -193,7 +209,7 @@ impl<'u> Stage<'u> {
             used: HashSet::new(),
             invariant: unit.invariant_all,
             early_fragment_tests: false,
-            row_major: false,
+            defaults: [OfBlocks::default(); 2],
             origin_upper_left: false,
         };
         let mut definitions = Vec::new();
@@ -229,8 +245,12 @@ impl<'u> Stage<'u> {
                 self.early_fragment_tests |= q.says("early_fragment_tests");
                 self.invariant |= q.precise;
                 // For the blocks that follow.
-                if q.says("row_major") || q.says("column_major") {
-                    self.row_major = q.says("row_major");
+                if let Some(default) = of_blocks(&q).map(|i| &mut self.defaults[i]) {
+                    if q.says("row_major") || q.says("column_major") {
+                        default.row_major = q.says("row_major");
+                    }
+                    let rules = ["std140", "std430"].into_iter().find(|r| q.says(r));
+                    default.rules = rules.or(default.rules);
                 }
                 let tessellation = [
                     "vertices",
@@ -334,7 +354,14 @@ impl<'u> Stage<'u> {
 
     fn block(&mut self, block: &'u ast::Block) -> Result<(), Error> {
         let place = self.place(block.span);
-        let qualifiers = self.qualifiers(Some(&block.qualifier))?;
+        let mut qualifiers = self.qualifiers(Some(&block.qualifier))?;
+        let default = of_blocks(&qualifiers).map(|i| self.defaults[i]);
+        let default = default.unwrap_or_default();
+        let rules_said = ["std140", "std430", "shared", "packed", "push_constant"];
+        if let (Some(rules), false) = (default.rules, rules_said.iter().any(|r| qualifiers.says(r)))
+        {
+            qualifiers.layout.push((rules.to_owned(), None));
+        }
         let name = block.name.as_str().to_owned();
         if name == "gl_PerVertex" {
             return Ok(());
@@ -355,7 +382,7 @@ impl<'u> Stage<'u> {
         }
         let row_major = match qualifiers.says("column_major") {
             true => false,
-            false => self.row_major || qualifiers.says("row_major"),
+            false => default.row_major || qualifiers.says("row_major"),
         };
         let mut members = Vec::new();
         let mut member_qualifiers = Vec::new();
