@@ -665,3 +665,27 @@ void main() {{ c = u[0] + m[0] + vec4(a[1]); }}
     assert!(buffer.contains("binding = 1, std140)"), "{buffer}");
     assert!(buffer.contains("vec4 a[4]"), "{buffer}");
 }
+
+/// Arrays are bounded by what they hold in all, what is told apart one by one sooner, and no number overflows.
+#[test]
+fn arrays_are_bounded_by_their_product() {
+    let large = [
+        "varying float v[1048576][1048576]; void main() { gl_FragColor = vec4(v[0][0]); }",
+        "uniform sampler2D s[1024][1024]; void main() { gl_FragColor = texture2D(s[0][0], vec2(0.5)); }",
+        "void main() { float a[4096][4]; float b[4096][4]; gl_FragColor = vec4(a == b); }",
+        "struct S { float f[1048576]; }; struct T { S s[1048576]; }; varying T t; void main() { gl_FragColor = vec4(t.s[0].f[0]); }",
+    ];
+    for text in large {
+        let (code, told, line) = refused(&format!("#version 430 compatibility\n{text}\n"));
+        assert_eq!((code, line), (Code::TooDeep, 2), "{told}");
+    }
+    // Forty structs, each of two of the one before.
+    let mut nested = "#version 120\nstruct S0 { float x; };\n".to_owned();
+    for i in 1..40 {
+        nested += &format!("struct S{i} {{ S{} a; S{} b; }};\n", i - 1, i - 1);
+    }
+    nested += "varying S39 s; void main() { gl_FragColor = vec4(1.0); }\n";
+    let (code, told, line) = refused(&nested);
+    assert_eq!((code, line), (Code::TooDeep, 15), "{told}");
+    refused("#version 430\nlayout(location = 4294967295u) out mat4 m; void main() { m = mat4(1.0); }\n");
+}

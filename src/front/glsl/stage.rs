@@ -118,6 +118,11 @@ pub(super) struct Global<'u> {
     pub place: Option<Span>,
 }
 
+/// Most elements of what is told apart one by one: varyings, and what holds samplers.
+const APART: u64 = 1 << 10;
+/// Most members of a struct, those of structs in it counted with them.
+const MEMBERS: u64 = 1 << 12;
+
 /// What a call must know of a function.
 #[derive(Clone, Debug)]
 pub(super) struct Signature {
@@ -318,6 +323,14 @@ impl<'u> Stage<'u> {
             place,
             block: None,
         };
+        let is_apart = match qualifiers.storage {
+            Some(Storage::In | Storage::Out) => true,
+            Some(Storage::Uniform) => self.structs.has_samplers(&ty),
+            _ => false,
+        };
+        if is_apart {
+            self.check_elements(&ty, APART, place)?;
+        }
         match qualifiers.storage {
             Some(Storage::In) => self.inputs.push(variable),
             Some(Storage::Out) => self.outputs.push(variable),
@@ -398,6 +411,11 @@ impl<'u> Stage<'u> {
                 member_qualifiers.push(q.clone());
             }
         }
+        if let Some(Storage::In | Storage::Out) = qualifiers.storage {
+            for member in &members {
+                self.check_elements(&member.ty, APART, member.place)?;
+            }
+        }
         let direction = match qualifiers.storage {
             Some(Storage::In) => Some(&mut self.inputs),
             Some(Storage::Out) => Some(&mut self.outputs),
@@ -415,7 +433,8 @@ impl<'u> Stage<'u> {
                 }
                 let mut leaves = Vec::new();
                 self.structs.leaves(&member.ty, "", &mut leaves);
-                next = q.number("location").map(|n| n + leaves.len() as u32);
+                let length = leaves.len() as u32;
+                next = q.number("location").map(|n| n.saturating_add(length));
                 list.push(Variable {
                     name: member.name,
                     ty: member.ty,
@@ -463,7 +482,8 @@ impl<'u> Stage<'u> {
                 )
                 .note("put members in their order, with others to fill what is left between"));
             }
-            end = at + size;
+            // No buffer is as large; what is, the validator refuses.
+            end = at.saturating_add(size).min(1 << 31);
         }
         Ok(())
     }
@@ -555,6 +575,17 @@ impl<'u> Stage<'u> {
                         });
                     }
                 }
+                let count = self.structs.count_of(members.iter().map(|m| &m.ty));
+                if count.members > MEMBERS || count.elements > self.unit.array_elements {
+                    return Err(Error::new(
+                        Code::TooDeep,
+                        format!(
+                            "`{name}` holds {} elements in {} members; at most {} in {MEMBERS} are read",
+                            count.elements, count.members, self.unit.array_elements
+                        ),
+                    )
+                    .label_if(place));
+                }
                 if let Some(old) = self.structs.get(&name) {
                     let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
                     let alike = old.members.len() == members.len()
@@ -601,24 +632,31 @@ impl<'u> Stage<'u> {
                     let n = n.ok_or_else(|| {
                         unsupported("the length of this array is not an integer constant above 0 that is known here", place)
                     })?;
-                    // Samplers are told apart one by one, and others may have to be.
-                    let most = match ty.innermost() {
-                        Ty::Combined(_) | Ty::Opaque(_) => 1 << 10,
-                        _ => 1 << 20,
-                    };
-                    if n > most {
-                        return Err(Error::new(
-                            Code::TooDeep,
-                            format!("an array of {n} elements, more than {most}, is not read"),
-                        )
-                        .label_if(place));
-                    }
                     Some(n)
                 }
             };
             ty = Ty::Array(Box::new(ty), length);
+            // Samplers are told apart one by one, and others may have to be.
+            let most = match ty.innermost() {
+                Ty::Combined(_) | Ty::Opaque(_) => APART,
+                _ => self.unit.array_elements,
+            };
+            self.check_elements(&ty, most, place)?;
         }
         Ok(ty)
+    }
+
+    /// Refuses a type of more elements than `most`.
+    fn check_elements(&self, ty: &Ty, most: u64, place: Option<Span>) -> Result<(), Error> {
+        let n = self.structs.count(ty).elements;
+        match n > most {
+            false => Ok(()),
+            true => Err(Error::new(
+                Code::TooDeep,
+                format!("an array of {n} elements, more than {most}, is not read"),
+            )
+            .label_if(place)),
+        }
     }
 
     pub(super) fn qualifiers(

@@ -86,6 +86,8 @@ pub(super) struct Unit {
     pub names: HashSet<String>,
     /// `#pragma STDGL invariant(all)`.
     pub invariant_all: bool,
+    /// Most elements of a type.
+    pub array_elements: u64,
     places: Vec<Span>,
 }
 
@@ -205,6 +207,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
             dialect,
             names,
             invariant_all: preprocessed.invariant_all,
+            array_elements: input.options.limits.array_elements.min(1 << 24),
             places,
         }),
         Err(error) => Err(explain(error, &places, &span)),

@@ -444,7 +444,7 @@ impl Lower<'_, '_> {
         let mut declared = Vec::new();
         for (i, (ending, ty)) in leaves.iter().enumerate() {
             let leaf = self.fresh(&format!("{name}{}", super::super::interface::flat(ending)));
-            declare(location + i as u32, ty, &leaf)?;
+            declare(location.saturating_add(i as u32), ty, &leaf)?;
             declared.push((leaf, format!("{name}{ending}")));
         }
         *out += &format!("{};\n", variable.ty.declare(&name));

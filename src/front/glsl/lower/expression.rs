@@ -14,6 +14,9 @@ use super::effect::after;
 use super::{Lower, Var, check};
 use crate::front::error::{Code, Error};
 
+/// Most elements that are compared one by one.
+const COMPARED: u64 = 1 << 12;
+
 /// How tightly what was printed holds together, as in GLSL's table of operators turned round.
 pub(super) mod level {
     pub const PRIMARY: u8 = 17;
@@ -355,6 +358,14 @@ impl Lower<'_, '_> {
             B::Mod => (splat(a, &ty), splat(b, &ty)),
             _ => (a, b),
         };
+        if matches!(op, B::Equal | B::NonEqual) && self.stage.structs.count(&a.ty).elements > COMPARED {
+            return Err(Error::new(
+                Code::TooDeep,
+                format!("values of more than {COMPARED} elements are not compared"),
+            )
+            .label_if(place)
+            .note("compare them in a loop"));
+        }
         if matches!(op, B::Equal | B::NonEqual)
             && let Some((first, text)) = self.compared(&a, &b)
         {

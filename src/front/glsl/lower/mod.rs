@@ -66,6 +66,9 @@ const RESERVED: &[&str] = &[
     "filter",
 ];
 
+/// Most bytes of a stage's statements: some are written element by element.
+const WRITTEN: usize = 1 << 26;
+
 /// What a name stands for.
 #[derive(Clone, Debug)]
 struct Var {
@@ -142,6 +145,8 @@ pub(super) struct Lower<'a, 'u> {
     /// What GLSL's functions are given, where they are called: for errors.
     given: Vec<Given>,
     indent: usize,
+    /// Bytes of the statements so far.
+    written: usize,
     /// Names that this stage's text has got.
     taken: HashSet<String>,
     /// How many were made like one that was taken.
@@ -192,6 +197,7 @@ pub(super) fn lower(
         offsets: Vec::new(),
         given: Vec::new(),
         indent: 0,
+        written: 0,
         taken: HashSet::new(),
         numbered: HashMap::new(),
     };

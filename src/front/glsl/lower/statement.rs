@@ -145,7 +145,14 @@ impl Lower<'_, '_> {
         self.indent += 1;
         let mut out = String::new();
         for statement in statements {
-            out += &self.statement(statement)?;
+            let text = self.statement(statement)?;
+            self.written += text.len();
+            if self.written > super::WRITTEN {
+                let message = "the statements come to more than 64 MiB, element by element";
+                return Err(Error::new(Code::TooDeep, message)
+                    .label_if(self.place(statement.span)));
+            }
+            out += &text;
         }
         self.indent -= 1;
         self.stage.constants = constants;
