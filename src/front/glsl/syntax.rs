@@ -22,7 +22,7 @@ use preshade_passes::program::SourceMap;
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
 use crate::front::error::{Code, Error};
-use crate::front::{Options, nesting};
+use crate::front::{Language, Options, nesting};
 
 /// Most tokens a stage may have once its macros are expanded.
 const TOKENS: usize = 1 << 20;
@@ -215,7 +215,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
 }
 
 fn check_nesting(preprocessed: &Preprocessed, options: &Options) -> Result<(), Error> {
-    nesting::check(&preprocessed.text, 0, &options.limits).map_err(|e| {
+    nesting::check(&preprocessed.text, 0, &options.limits, Language::Glsl).map_err(|e| {
         let first = e.labels().first().and_then(|l| l.span.to_range());
         let place = first.map(|at| preprocessed.place(at.start as u32));
         let error = Error::new(e.code(), e.message()).label_if(place);
