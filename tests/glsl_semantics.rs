@@ -722,3 +722,24 @@ fn chains_without_open_brackets_are_bounded() {
     );
     wgsl(table).unwrap();
 }
+
+/// Directives are found however they are spaced, and any number of unknown extensions is passed over.
+#[test]
+fn directives_exhaust_no_stack() {
+    let main = "layout(location = 0) out vec4 c;\nvoid main() { c = vec4(L18 1.0 R18); }\n";
+    let doubled = |space: &str, letter: char, bracket: char| -> String {
+        let line = |i: usize| match i {
+            0 => format!("#{space}define {letter}0 {bracket}\n"),
+            i => format!("#{space}define {letter}{i} {letter}{} {letter}{}\n", i - 1, i - 1),
+        };
+        (0..19).map(line).collect()
+    };
+    for space in ["  ", "\t", " /* */ ", "\\\n"] {
+        let macros = doubled(space, 'L', '(') + &doubled(space, 'R', ')');
+        let (code, told, _) = refused(&format!("#version 450\n{macros}{main}"));
+        assert_eq!(code, Code::TooDeep, "{told}");
+    }
+    let extensions = "#extension GL_A_b : enable\n".repeat(100_000);
+    let text = format!("#version 330\n{extensions}out vec4 c;\nvoid main() {{ c = vec4(1.0); }}\n");
+    parse(&text);
+}

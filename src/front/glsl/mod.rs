@@ -69,7 +69,8 @@ pub(super) fn parse(
             (modules, declared)
         }),
     };
-    let lost = texts.iter().any(|t| is_evaluated_otherwise(t.text));
+    let lost =
+        !options.defines.is_empty() || texts.iter().any(|t| is_evaluated_otherwise(t.text));
     if !lost && let Some(read) = as_they_are() {
         return Ok(read);
     }
@@ -92,16 +93,21 @@ fn is_evaluated_otherwise(text: &str) -> bool {
         "||",
         "Array",
         "texelFetchOffset",
-        "#define",
-        "# define",
-        "#if",
-        "# if",
     ];
     let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
     marks.iter().any(|m| text.contains(m))
+        || has_directives(text)
         || words.any(|w| w == "do" || w == "inout")
         || writes_parameters(text)
         || does_something_in_an_index(text)
+}
+
+/// Whether the preprocessor is asked for more than a version: naga's own hands on what macros come to however deeply it nests.
+fn has_directives(text: &str) -> bool {
+    text.split('#').skip(1).any(|rest| {
+        let rest = rest.trim_start();
+        !["version", "extension"].iter().any(|w| rest.starts_with(w))
+    })
 }
 
 /// Whether a parameter is `out`.

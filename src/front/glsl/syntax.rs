@@ -321,14 +321,16 @@ impl Iterator for Numbered<'_, '_, '_> {
     type Item = Result<(LexerPosition, Token, LexerPosition), Io>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let (start, mut token, end) = match self.lexer.next()? {
-            Ok(token) => token,
-            // As compilers do: what none knows is no error.
-            Err(Io::Processor(e)) if is_passed_over(&e.to_string()) => return self.next(),
-            Err(error) => match self.large_integer(&error) {
-                Some(token) => token,
-                None => return Some(Err(error)),
-            },
+        let (start, mut token, end) = loop {
+            match self.lexer.next()? {
+                Ok(token) => break token,
+                // As compilers do: what none knows is no error. A call for each of as many as there are would not return.
+                Err(Io::Processor(e)) if is_passed_over(&e.to_string()) => {}
+                Err(error) => match self.large_integer(&error) {
+                    Some(token) => break token,
+                    None => return Some(Err(error)),
+                },
+            }
         };
         if self.raw.len() >= TOKENS {
             self.too_many = true;
