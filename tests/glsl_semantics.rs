@@ -743,3 +743,19 @@ fn directives_exhaust_no_stack() {
     let text = format!("#version 330\n{extensions}out vec4 c;\nvoid main() {{ c = vec4(1.0); }}\n");
     parse(&text);
 }
+
+/// A function of the author's that is called like one of ours stays what it is.
+#[test]
+fn a_function_called_like_a_gather_is_none() {
+    let text = wgsl(parse(
+        "#version 430
+uniform sampler2D map;
+out vec4 c;
+vec4 gather_sampler_2(vec4 v) { return v * 0.25; }
+vec4 gather_sampler2D_0(vec4 v) { return v * 0.5; }
+void main() { c = gather_sampler_2(vec4(1.0)) + gather_sampler2D_0(vec4(1.0)) + textureGather(map, vec2(0.5)); }
+",
+    ));
+    assert_eq!(text.matches("textureGather(").count(), 1, "{text}");
+    assert!(text.contains("0.25") && text.contains("0.5"), "{text}");
+}

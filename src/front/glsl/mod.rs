@@ -21,6 +21,7 @@ mod told;
 mod ty;
 mod writes;
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use naga::front::glsl::{Frontend, Options as NagaOptions};
@@ -138,7 +139,7 @@ fn rewritten(
         .map(|(rewritten, text)| {
             let place = |span: Span| rewritten.map.back(span);
             let mut module = read(&rewritten.text, text.stage, &[], &place, &rewritten.given)?;
-            gather::replace(&mut module);
+            gather::replace(&mut module, &rewritten.gathers);
             rewritten.opened.iter().for_each(|o| o.close(&mut module));
             respan::respan(&mut module, &place);
             finish(&mut module, text.stage);
@@ -185,6 +186,8 @@ pub(super) struct Normalised {
     map: Map,
     opened: Vec<interface::Opened>,
     given: Vec<Given>,
+    /// The functions that stand for a gather, with their components.
+    gathers: HashMap<String, u32>,
 }
 
 /// Rewrites the stages of one material for naga; with what they declared.
@@ -204,13 +207,14 @@ pub(super) fn normalise(
     let texts: Result<_, Error> = stages
         .iter_mut()
         .map(|stage| {
-            let (marked, marks, given) = lower::lower(stage, &mut interface, clip)?;
-            let (text, map) = marks.settle(&marked);
+            let lowered = lower::lower(stage, &mut interface, clip)?;
+            let (text, map) = lowered.marks.settle(&lowered.text);
             Ok(Normalised {
                 text,
                 map,
                 opened: std::mem::take(&mut interface.opened),
-                given,
+                given: lowered.given,
+                gathers: lowered.gathers,
             })
         })
         .collect();

@@ -132,6 +132,8 @@ pub(super) struct Lower<'a, 'u> {
     helpers: BTreeMap<String, String>,
     /// Their names, by those that were wanted.
     helper_names: HashMap<String, String>,
+    /// Those of them that stand for a gather, with their components.
+    gathers: HashMap<String, u32>,
     /// Declarations of ours at the head of the function that is printed; `None` outside of functions.
     temporaries: Option<Vec<String>>,
     /// What expressions became ahead of where they stand, by their places.
@@ -161,12 +163,22 @@ pub(super) struct Given {
     pub place: Span,
 }
 
-/// The rewritten text of a stage, its marks still in.
+/// What a stage came to.
+pub(super) struct Lowered {
+    /// The rewritten text, its marks still in.
+    pub text: String,
+    pub marks: Marks,
+    pub given: Vec<Given>,
+    /// The functions in it that stand for a gather, with their components.
+    pub gathers: HashMap<String, u32>,
+}
+
+/// Rewrites a stage.
 pub(super) fn lower(
     stage: &mut Stage<'_>,
     interface: &mut Interface,
     clip: ClipSpace,
-) -> Result<(String, Marks, Vec<Given>), Error> {
+) -> Result<Lowered, Error> {
     let pairs = interface
         .samplers
         .iter()
@@ -190,6 +202,7 @@ pub(super) fn lower(
         targets: BTreeSet::new(),
         helpers: BTreeMap::new(),
         helper_names: HashMap::new(),
+        gathers: HashMap::new(),
         temporaries: None,
         held: HashMap::new(),
         held_keys: Vec::new(),
@@ -202,7 +215,12 @@ pub(super) fn lower(
         numbered: HashMap::new(),
     };
     let text = lower.stage()?;
-    Ok((text, lower.marks, lower.given))
+    Ok(Lowered {
+        text,
+        marks: lower.marks,
+        given: lower.given,
+        gathers: lower.gathers,
+    })
 }
 
 impl Lower<'_, '_> {

@@ -325,7 +325,8 @@ impl Lower<'_, '_> {
                 .map_err(|_| unsupported("`textureGather`'s component must be a number", place))?,
             _ => 0,
         };
-        let helper = format!("{}_{combined}_{component}", super::super::gather::NAME);
+        let helper = self.helper_name(&format!("gather_{combined}_{component}"));
+        self.gathers.insert(helper.clone(), component);
         let texture = combined.replacen("sampler", "texture", 1);
         let texture = texture.trim_end_matches("Shadow");
         let n = coordinates(combined);
