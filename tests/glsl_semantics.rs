@@ -759,3 +759,18 @@ void main() { c = gather_sampler_2(vec4(1.0)) + gather_sampler2D_0(vec4(1.0)) + 
     assert_eq!(text.matches("textureGather(").count(), 1, "{text}");
     assert!(text.contains("0.25") && text.contains("0.5"), "{text}");
 }
+
+/// Macros that each call the next are bounded by how many one word comes through.
+#[test]
+fn chains_of_macros_are_bounded() {
+    let names: String = (0..20_000).map(|i| format!("#define A{i} A{}\n", i + 1)).collect();
+    let calls: String = (0..20_000).map(|i| format!("#define A{i}(x) A{}(x)\n", i + 1)).collect();
+    for (macros, call) in [(names, "A0"), (calls, "A0(1.0)")] {
+        let (code, told, _) = refused(&format!(
+            "#version 330\n{macros}out vec4 c;\nvoid main() {{ c = vec4({call}); }}\n"
+        ));
+        assert_eq!(code, Code::TooDeep, "{told}");
+    }
+    let names: String = (0..200).map(|i| format!("#define A{i} A{}\n", i + 1)).collect();
+    parse(&format!("#version 330\n{names}#define A200 1.0\nout vec4 c;\nvoid main() {{ c = vec4(A0); }}\n"));
+}
