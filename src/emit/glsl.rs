@@ -61,6 +61,14 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
 const TURNED: &str = "gl_Position.yz = vec2(-gl_Position.y, gl_Position.z * 2.0 - gl_Position.w);";
 const OWN_DEPTH: &str = "gl_Position.z = gl_Position.z * 2.0 - gl_Position.w;";
 
+/// The text with the author's depth wherever naga turns a position; `None` where a position is turned in other words, or nowhere.
+fn with_own_depth(text: &str) -> Option<String> {
+    let turned = text.matches(TURNED).count();
+    // Once at each end of the entry point, and in no other words: else the picture would come out upside down.
+    let written = text.matches("gl_Position.yz").count();
+    (turned > 0 && turned == written).then(|| text.replace(TURNED, OWN_DEPTH))
+}
+
 /// As [`write`], with the author's names for whatever a host sees.
 pub(super) fn write_named(
     authored: &Authored,
@@ -93,7 +101,11 @@ pub(super) fn write_named(
     }
     refuse_later_functions(&text, name, target)?;
     if turned {
-        text = text.replace(TURNED, OWN_DEPTH);
+        text = with_own_depth(&text).ok_or_else(|| Error::Writer {
+            file: name.to_owned(),
+            target,
+            message: "the position is not written as it was expected to be".to_owned(),
+        })?;
     }
     let dialect = match target {
         Target::GlslEs300 | Target::GlslEs100 => Dialect::Es,
@@ -525,5 +537,20 @@ fn in_words(features: glsl::Features) -> String {
     match named[..] {
         [] => "something of a later version".to_owned(),
         _ => named.join(", "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_position_that_is_turned_in_other_words_is_an_error() {
+        let main = |line: &str| format!("void main() {{\n    if (x) {{ {line} return; }}\n    {line}\n}}\n");
+        let own = with_own_depth(&main(TURNED));
+        assert_eq!(own, Some(main(OWN_DEPTH)));
+        assert_eq!(with_own_depth(&main("gl_Position = vec4(0.0);")), None);
+        let other = TURNED.replace("2.0", "2");
+        assert_eq!(with_own_depth(&(main(TURNED) + &other)), None);
     }
 }

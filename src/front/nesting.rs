@@ -85,7 +85,8 @@ pub(super) fn check(
             (last, is_called) = (byte, false);
         }
         // What macros come to is looked at once it is expanded.
-        let begins_line = std::mem::replace(&mut is_fresh, byte == b'\n' || is_fresh && byte.is_ascii_whitespace());
+        let begins_line = is_fresh;
+        is_fresh = byte == b'\n' || is_fresh && byte.is_ascii_whitespace();
         match byte {
             b'#' if glsl && begins_line => at = end_of_directive(bytes, at),
             b'/' if bytes.get(at) == Some(&b'/') => at = end_of_line(bytes, at),
