@@ -774,3 +774,28 @@ fn chains_of_macros_are_bounded() {
     let names: String = (0..200).map(|i| format!("#define A{i} A{}\n", i + 1)).collect();
     parse(&format!("#version 330\n{names}#define A200 1.0\nout vec4 c;\nvoid main() {{ c = vec4(A0); }}\n"));
 }
+
+/// `layout(origin_upper_left)` is said again, where GLSL has it; half pixels are not passed over.
+#[test]
+fn where_window_coordinates_begin_is_said_again() {
+    let text = |layout: &str| {
+        format!("#version 150\nlayout({layout}) in vec4 gl_FragCoord;\nout vec4 c;\nvoid main() {{ c = vec4(gl_FragCoord.y / 600.0); }}\n")
+    };
+    let emitted = |target: Target| {
+        let parsed = parse(&text("origin_upper_left"));
+        let fragment = parsed.fragment.as_deref();
+        let state = MaterialState::default();
+        let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+        emit::emit(&plan, &[target], &emit::Options::default())
+    };
+    let files = emitted(Target::Glsl450).unwrap();
+    let file = files.iter().find(|f| f.name.ends_with(".frag")).unwrap();
+    let written = String::from_utf8(file.bytes.clone()).unwrap();
+    let said = written.find("layout(origin_upper_left) in vec4 gl_FragCoord;").unwrap();
+    assert!(said < written.find("void main").unwrap(), "{written}");
+    let error = emitted(Target::GlslEs300).unwrap_err();
+    assert!(error.to_string().contains("origin_upper_left"), "{error}");
+    let (code, told, line) = refused(&text("origin_upper_left, pixel_center_integer"));
+    assert_eq!((code, line), (Code::Unsupported, 2), "{told}");
+    assert!(told.contains("`pixel_center_integer`"), "{told}");
+}

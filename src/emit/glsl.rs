@@ -83,6 +83,7 @@ pub(super) fn write_named(
         declared.depth == Depth::OpenGl && options.glsl_clip_space == ClipSpace::AsWritten;
     let authors_own = own_depth.then(|| depth::as_authored(&authored.program, stage, entry));
     let authors_own = authors_own.flatten();
+    let clip_space = options.glsl_clip_space;
     let program = authors_own.as_ref().unwrap_or(&authored.program);
     // What cannot be left out is turned back, which costs the depth its last bits.
     let turned = own_depth && authors_own.is_none();
@@ -119,6 +120,11 @@ pub(super) fn write_named(
     };
     let (text, said) =
         text::named(authored, &text, stage, dialect, said, loose).map_err(unexpected)?;
+    let counts_from_the_top = declared.origin_upper_left && stage == ShaderStage::Fragment;
+    let text = match counts_from_the_top {
+        true => with_own_origin(text, clip_space, name, target)?,
+        false => text,
+    };
     let (text, said) = match target {
         Target::GlslEs100 => {
             es100::rewritten(&text, stage, said).map_err(|es100::Lacks(what)| {
@@ -141,6 +147,37 @@ pub(super) fn write_named(
         }),
         _ => Ok((text, said)),
     }
+}
+
+/// The text with `gl_FragCoord` declared to count from the top again, where it is read. What is drawn upside down, as for WebGPU's clip space, has its first row at the bottom, where
+/// OpenGL counts from.
+fn with_own_origin(
+    text: String,
+    clip_space: ClipSpace,
+    name: &str,
+    target: Target,
+) -> Result<String, Error> {
+    let is_read = super::text::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
+    if clip_space == ClipSpace::OpenGl || !is_read {
+        return Ok(text);
+    }
+    if matches!(target, Target::GlslEs300 | Target::GlslEs100) {
+        return Err(Error::Inexpressible {
+            file: name.to_owned(),
+            target,
+            what: "`layout(origin_upper_left)`".to_owned(),
+            remedy: "emit GLSL 4.50, WGSL or SPIR-V".to_owned(),
+        });
+    }
+    let head: usize = text
+        .split_inclusive('\n')
+        .take_while(|line| line.starts_with('#') || line.trim().is_empty())
+        .map(str::len)
+        .sum();
+    let (head, rest) = text.split_at(head);
+    Ok(format!(
+        "{head}layout(origin_upper_left) in vec4 gl_FragCoord;\n\n{rest}"
+    ))
 }
 
 /// What GLSL ES has from 3.10 on, and naga writes into 3.00 without a word.

@@ -21,6 +21,9 @@ pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSp
         point_size: stages
             .iter()
             .any(|s| s.kind == ShaderStage::Vertex && s.used.contains("gl_PointSize")),
+        origin_upper_left: stages
+            .iter()
+            .any(|s| s.kind == ShaderStage::Fragment && s.origin_upper_left),
         ..Declared::default()
     };
     for stage in stages {

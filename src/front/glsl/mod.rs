@@ -258,6 +258,8 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
                 "offset =",
                 "align=",
                 "align =",
+                "origin_upper_left",
+                "pixel_center_integer",
             ];
             if es || version < 440 || lost.iter().any(|w| text.text.contains(w)) {
                 return None;

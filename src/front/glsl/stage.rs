@@ -313,6 +313,13 @@ impl<'u> Stage<'u> {
             // A redeclaration: what it adds is `invariant`, or where `gl_FragCoord` counts from.
             self.invariant |= text == "gl_Position" && (qualifiers.invariant || qualifiers.precise);
             self.origin_upper_left |= qualifiers.says("origin_upper_left");
+            if qualifiers.says("pixel_center_integer") {
+                return Err(unsupported(
+                    "`pixel_center_integer` is not read: the centres of WebGPU's pixels lie at halves",
+                    place,
+                )
+                .note("leave it out, and take 0.5 off where `gl_FragCoord` is read"));
+            }
             return Ok(());
         }
         self.invariant |= qualifiers.precise;
