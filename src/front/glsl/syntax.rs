@@ -22,7 +22,7 @@ use preshade_passes::program::SourceMap;
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
 use crate::front::error::{Code, Error};
-use crate::front::{Language, Options, nesting};
+use crate::front::{ClipSpace, Language, Options, nesting};
 
 /// Most tokens a stage may have once its macros are expanded.
 const TOKENS: usize = 1 << 20;
@@ -146,6 +146,8 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         base: input.base,
         dialect,
         defines: &input.options.defines,
+        vulkan: input.options.clip_space == Some(ClipSpace::AsWritten)
+            || input.path.extension().is_some_and(|e| e == "slang"),
         said_version,
     };
     let preprocessed = preprocess(&task, &files, map);

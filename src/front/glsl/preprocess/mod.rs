@@ -97,6 +97,7 @@ struct Preprocessor<'a> {
     stage: ShaderStage,
     dialect: Dialect,
     said_version: u16,
+    vulkan: bool,
     /// The folder of the first file.
     home: PathBuf,
     names: Names,
@@ -130,6 +131,7 @@ pub(super) fn preprocess(
         stage: input.stage,
         dialect: input.dialect,
         said_version: input.said_version,
+        vulkan: input.vulkan,
         home: input.folder.to_owned(),
         names,
         computed,
@@ -182,7 +184,9 @@ impl Preprocessor<'_> {
             false if version >= 150 => own.push("GL_core_profile"),
             false => {}
         }
-        let all = own.into_iter().map(|name| (name, "1", true));
+        // GL_KHR_vulkan_glsl; an author may define it all the same.
+        let vulkan = self.vulkan.then_some(("VULKAN", "100", false));
+        let all = own.into_iter().map(|name| (name, "1", true)).chain(vulkan);
         let given = defines.iter().map(|(n, v)| (n.as_str(), v.as_str(), false));
         for (name, value, is_own) in all.chain(given) {
             let value = match value.trim().is_empty() {
