@@ -799,3 +799,59 @@ fn where_window_coordinates_begin_is_said_again() {
     assert_eq!((code, line), (Code::Unsupported, 2), "{told}");
     assert!(told.contains("`pixel_center_integer`"), "{told}");
 }
+
+/// A text for Vulkan finds `VULKAN` defined (GL_KHR_vulkan_glsl), and one of which that is not known is told.
+#[test]
+fn vulkan_is_defined_where_it_is_known() {
+    let text = "#version 450
+layout(location = 0) out vec4 c;
+#ifdef VULKAN
+const float x = 0.25;
+#else
+const float x = 0.75;
+#endif
+void main() { c = vec4(x, VULKAN_OR_0, 0.0, 1.0); }
+";
+    let text = |of: &str| text.replace("VULKAN_OR_0", of);
+    let read = |text: String, clip_space| {
+        let vertex = "#version 450\nvoid main() { gl_Position = vec4(0.0); }\n";
+        let sources = [Source::new("a.vert", vertex), Source::new("a.frag", text)];
+        let options = Options {
+            clip_space,
+            ..Options::default()
+        };
+        front::parse(&sources, &options).unwrap_or_else(|e| panic!("{}", e.render(Color::Never)))
+    };
+    let vulkan = read(text("float(VULKAN)"), Some(front::ClipSpace::AsWritten));
+    assert!(vulkan.program.declared().notes.is_empty());
+    let vulkan = wgsl(vulkan);
+    assert!(vulkan.contains("0.25") && vulkan.contains("100"), "{vulkan}");
+    let guessed = read(text("0.0"), None);
+    let notes = guessed.program.declared().notes.join("\n");
+    assert!(notes.contains("`--define VULKAN=100`"), "{notes}");
+    assert!(wgsl(guessed).contains("0.75"));
+    let opengl = read(text("0.0"), Some(front::ClipSpace::OpenGl));
+    assert!(opengl.program.declared().notes.is_empty());
+}
+
+/// What WebGPU counts from the other side is told, and only that.
+#[test]
+fn rows_that_are_counted_from_the_other_side_are_told() {
+    let notes = |head: &str, value: &str| {
+        let text = format!("#version 330\n{head}\nout vec4 c;\nvoid main() {{ c = vec4({value}); }}\n");
+        let parsed = parse(&text);
+        let fragment = parsed.fragment.as_deref();
+        let state = MaterialState::default();
+        Plan::original("m", parsed.program, &parsed.vertex, fragment, &state).notes
+    };
+    assert!(notes("", "gl_FragCoord.x + gl_FragCoord.z").is_empty());
+    for value in ["gl_FragCoord.y", "gl_FragCoord.xyx.x", "gl_FragCoord", "gl_FragCoord[1]"] {
+        let told = notes("", value);
+        assert_eq!(told.len(), 1, "{value}");
+        assert!(told[0].starts_with("`gl_FragCoord.y` counts rows"), "{}", told[0]);
+        let upper = "layout(origin_upper_left) in vec4 gl_FragCoord;";
+        assert!(notes(upper, value).is_empty(), "{value}");
+    }
+    let told = notes("", "dFdy(gl_FragCoord.x) + dFdx(1.0)");
+    assert!(told.len() == 1 && told[0].starts_with("`dFdy`"), "{told:?}");
+}

@@ -822,7 +822,10 @@ fn visit(
     order.push(at);
 }
 
-/// The variables and functions that a function names.
+/// Among the words that a stage uses: the second component of `gl_FragCoord`.
+pub(super) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
+
+/// The variables and functions that a function names, and [`FRAG_COORD_Y`].
 fn words(function: &ast::FunctionDefinition) -> HashSet<String> {
     let mut found = Words::default();
     function.statement.visit(&mut found);
@@ -834,8 +837,22 @@ struct Words(HashSet<String>);
 
 impl Visitor for Words {
     fn visit_expr(&mut self, expr: &ast::Expr) -> Visit {
+        let is_coord = |name: &ast::Identifier| name.as_str() == "gl_FragCoord";
         match &expr.content {
+            // Which components are read is known here alone.
+            ExprData::Dot(of, components)
+                if matches!(&of.content, ExprData::Variable(name) if is_coord(name)) =>
+            {
+                self.0.insert("gl_FragCoord".to_owned());
+                if components.as_str().contains(['y', 'g', 't']) {
+                    self.0.insert(FRAG_COORD_Y.to_owned());
+                }
+                return Visit::Parent;
+            }
             ExprData::Variable(name) => {
+                if is_coord(name) {
+                    self.0.insert(FRAG_COORD_Y.to_owned());
+                }
                 self.0.insert(name.as_str().to_owned());
             }
             ExprData::FunCall(name, _) => {

@@ -86,6 +86,8 @@ pub(super) struct Unit {
     pub names: HashSet<String>,
     /// `#pragma STDGL invariant(all)`.
     pub invariant_all: bool,
+    /// It asks whether it is for Vulkan, and was told that it is not.
+    pub asks_for_vulkan: bool,
     /// Most elements of a type.
     pub array_elements: u64,
     places: Vec<Span>,
@@ -209,6 +211,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
             dialect,
             names,
             invariant_all: preprocessed.invariant_all,
+            asks_for_vulkan: preprocessed.asks_for_vulkan,
             array_elements: input.options.limits.array_elements.min(1 << 24),
             places,
         }),

@@ -46,6 +46,8 @@ pub(super) struct Task<'a> {
     pub defines: &'a [(String, String)],
     /// The version to say in its `#version`.
     pub said_version: u16,
+    /// The text is known to be for Vulkan.
+    pub vulkan: bool,
 }
 
 /// A text without directives.
@@ -58,6 +60,8 @@ pub(super) struct Preprocessed {
     pub invariant_all: bool,
     /// It has more in it than the text that was given: what macros come to, or other files.
     pub is_more: bool,
+    /// It asks whether it is for Vulkan, and was told that it is not.
+    pub asks_for_vulkan: bool,
 }
 
 impl Preprocessed {
@@ -428,8 +432,10 @@ impl Preprocessor<'_> {
             .ok_or_else(|| self.stop(format!("`#{directive}` names no macro"), place))
     }
 
-    fn is_defined(&self, name: u32) -> bool {
-        self.macros.contains_key(&name) || self.computed.contains(&name)
+    fn is_defined(&mut self, name: u32) -> bool {
+        let is = self.macros.contains_key(&name) || self.computed.contains(&name);
+        self.out.asks_for_vulkan |= !is && &*self.names.text(name) == "VULKAN";
+        is
     }
 
     fn refuse_own(&self, name: u32, place: (u32, u32)) -> Result<(), Stop> {
