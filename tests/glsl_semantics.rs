@@ -686,13 +686,17 @@ fn arrays_are_bounded_by_their_product() {
     nested += "varying S39 s; void main() { gl_FragColor = vec4(1.0); }\n";
     let (code, told, line) = refused(&nested);
     assert_eq!((code, line), (Code::TooDeep, 15), "{told}");
-    refused("#version 430\nlayout(location = 4294967295u) out mat4 m; void main() { m = mat4(1.0); }\n");
+    refused(
+        "#version 430\nlayout(location = 4294967295u) out mat4 m; void main() { m = mat4(1.0); }\n",
+    );
 }
 
 /// Chains whose brackets are closed at once, and commas, nest as deeply as they are long; lists of values do not.
 #[test]
 fn chains_without_open_brackets_are_bounded() {
-    let main = |body: &str| format!("#version 450\nlayout(location = 0) out vec4 c;\nvoid main() {{ {body} }}\n");
+    let main = |body: &str| {
+        format!("#version 450\nlayout(location = 0) out vec4 c;\nvoid main() {{ {body} }}\n")
+    };
     let refused_glsl = |text: String| refused(&text).0;
     let commas = "x,".repeat(100_000);
     for body in [
@@ -706,12 +710,19 @@ fn chains_without_open_brackets_are_bounded() {
         assert_eq!(refused_glsl(main(&body)), Code::TooDeep, "{}", &body[..40]);
     }
     let wgsl = |text: String| front::parse(&[Source::new("a.wgsl", text)], &Options::default());
-    let chain = format!("fn f(a: array<f32, 1>) -> f32 {{ return a{}; }}", "[0]".repeat(100_000));
+    let chain = format!(
+        "fn f(a: array<f32, 1>) -> f32 {{ return a{}; }}",
+        "[0]".repeat(100_000)
+    );
     assert_eq!(wgsl(chain).unwrap_err().code(), Code::TooDeep);
     // Tables of thousands, and as many directives.
     let values = "vec2(sin(0.5), 1.0), ".repeat(2_500);
-    let table = format!("const vec2 t[2501] = vec2[]({values}vec2(0.0)); int i = 0; c = t[i].xyxy;");
-    let text = main(&table).replace("void main", &("#if defined(A)\n#endif\n".repeat(1_600) + "void main"));
+    let table =
+        format!("const vec2 t[2501] = vec2[]({values}vec2(0.0)); int i = 0; c = t[i].xyxy;");
+    let text = main(&table).replace(
+        "void main",
+        &("#if defined(A)\n#endif\n".repeat(1_600) + "void main"),
+    );
     parse(&text);
     let values = "vec2(sin(0.5), 1.0), ".repeat(2_500);
     let table = format!(
@@ -730,7 +741,11 @@ fn directives_exhaust_no_stack() {
     let doubled = |space: &str, letter: char, bracket: char| -> String {
         let line = |i: usize| match i {
             0 => format!("#{space}define {letter}0 {bracket}\n"),
-            i => format!("#{space}define {letter}{i} {letter}{} {letter}{}\n", i - 1, i - 1),
+            i => format!(
+                "#{space}define {letter}{i} {letter}{} {letter}{}\n",
+                i - 1,
+                i - 1
+            ),
         };
         (0..19).map(line).collect()
     };
@@ -763,23 +778,33 @@ void main() { c = gather_sampler_2(vec4(1.0)) + gather_sampler2D_0(vec4(1.0)) + 
 /// Macros that each call the next are bounded by how many one word comes through.
 #[test]
 fn chains_of_macros_are_bounded() {
-    let names: String = (0..20_000).map(|i| format!("#define A{i} A{}\n", i + 1)).collect();
-    let calls: String = (0..20_000).map(|i| format!("#define A{i}(x) A{}(x)\n", i + 1)).collect();
+    let names: String = (0..20_000)
+        .map(|i| format!("#define A{i} A{}\n", i + 1))
+        .collect();
+    let calls: String = (0..20_000)
+        .map(|i| format!("#define A{i}(x) A{}(x)\n", i + 1))
+        .collect();
     for (macros, call) in [(names, "A0"), (calls, "A0(1.0)")] {
         let (code, told, _) = refused(&format!(
             "#version 330\n{macros}out vec4 c;\nvoid main() {{ c = vec4({call}); }}\n"
         ));
         assert_eq!(code, Code::TooDeep, "{told}");
     }
-    let names: String = (0..200).map(|i| format!("#define A{i} A{}\n", i + 1)).collect();
-    parse(&format!("#version 330\n{names}#define A200 1.0\nout vec4 c;\nvoid main() {{ c = vec4(A0); }}\n"));
+    let names: String = (0..200)
+        .map(|i| format!("#define A{i} A{}\n", i + 1))
+        .collect();
+    parse(&format!(
+        "#version 330\n{names}#define A200 1.0\nout vec4 c;\nvoid main() {{ c = vec4(A0); }}\n"
+    ));
 }
 
 /// `layout(origin_upper_left)` is said again, where GLSL has it; half pixels are not passed over.
 #[test]
 fn where_window_coordinates_begin_is_said_again() {
     let text = |layout: &str| {
-        format!("#version 150\nlayout({layout}) in vec4 gl_FragCoord;\nout vec4 c;\nvoid main() {{ c = vec4(gl_FragCoord.y / 600.0); }}\n")
+        format!(
+            "#version 150\nlayout({layout}) in vec4 gl_FragCoord;\nout vec4 c;\nvoid main() {{ c = vec4(gl_FragCoord.y / 600.0); }}\n"
+        )
     };
     let emitted = |target: Target| {
         let parsed = parse(&text("origin_upper_left"));
@@ -791,7 +816,9 @@ fn where_window_coordinates_begin_is_said_again() {
     let files = emitted(Target::Glsl450).unwrap();
     let file = files.iter().find(|f| f.name.ends_with(".frag")).unwrap();
     let written = String::from_utf8(file.bytes.clone()).unwrap();
-    let said = written.find("layout(origin_upper_left) in vec4 gl_FragCoord;").unwrap();
+    let said = written
+        .find("layout(origin_upper_left) in vec4 gl_FragCoord;")
+        .unwrap();
     assert!(said < written.find("void main").unwrap(), "{written}");
     let error = emitted(Target::GlslEs300).unwrap_err();
     assert!(error.to_string().contains("origin_upper_left"), "{error}");
@@ -825,7 +852,10 @@ void main() { c = vec4(x, VULKAN_OR_0, 0.0, 1.0); }
     let vulkan = read(text("float(VULKAN)"), Some(front::ClipSpace::AsWritten));
     assert!(vulkan.program.declared().notes.is_empty());
     let vulkan = wgsl(vulkan);
-    assert!(vulkan.contains("0.25") && vulkan.contains("100"), "{vulkan}");
+    assert!(
+        vulkan.contains("0.25") && vulkan.contains("100"),
+        "{vulkan}"
+    );
     let guessed = read(text("0.0"), None);
     let notes = guessed.program.declared().notes.join("\n");
     assert!(notes.contains("`--define VULKAN=100`"), "{notes}");
@@ -838,20 +868,45 @@ void main() { c = vec4(x, VULKAN_OR_0, 0.0, 1.0); }
 #[test]
 fn rows_that_are_counted_from_the_other_side_are_told() {
     let notes = |head: &str, value: &str| {
-        let text = format!("#version 330\n{head}\nout vec4 c;\nvoid main() {{ c = vec4({value}); }}\n");
+        let text =
+            format!("#version 330\n{head}\nout vec4 c;\nvoid main() {{ c = vec4({value}); }}\n");
         let parsed = parse(&text);
         let fragment = parsed.fragment.as_deref();
         let state = MaterialState::default();
         Plan::original("m", parsed.program, &parsed.vertex, fragment, &state).notes
     };
     assert!(notes("", "gl_FragCoord.x + gl_FragCoord.z").is_empty());
-    for value in ["gl_FragCoord.y", "gl_FragCoord.xyx.x", "gl_FragCoord", "gl_FragCoord[1]"] {
+    for value in [
+        "gl_FragCoord.y",
+        "gl_FragCoord.xyx.x",
+        "gl_FragCoord",
+        "gl_FragCoord[1]",
+    ] {
         let told = notes("", value);
         assert_eq!(told.len(), 1, "{value}");
-        assert!(told[0].starts_with("`gl_FragCoord.y` counts rows"), "{}", told[0]);
+        assert!(
+            told[0].starts_with("`gl_FragCoord.y` counts rows"),
+            "{}",
+            told[0]
+        );
         let upper = "layout(origin_upper_left) in vec4 gl_FragCoord;";
         assert!(notes(upper, value).is_empty(), "{value}");
     }
     let told = notes("", "dFdy(gl_FragCoord.x) + dFdx(1.0)");
     assert!(told.len() == 1 && told[0].starts_with("`dFdy`"), "{told:?}");
+}
+
+/// On the desktop too, GLSL's own function is called where none of the author's of that name fits.
+#[test]
+fn functions_of_the_author_stand_beside_those_of_glsl() {
+    let text = given(
+        "#version 330
+uniform vec3 v;
+out vec4 c;
+float max(float a, float b, float c) { return max(max(a, b), c); }
+void main() { c = vec4(max(v.x, v.y, v.z), max(v.x, 1), max(1, 2, 3), 1.0); }
+",
+    );
+    assert!(text.contains("return max(max(a, b), c)"), "{text}");
+    assert!(text.contains("max_(uniforms.v.x, uniforms.v.y, uniforms.v.z), max(uniforms.v.x, 1.0), max_(1.0, 2.0, 3.0)"), "{text}");
 }

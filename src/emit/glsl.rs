@@ -101,7 +101,7 @@ pub(super) fn write_named(
         }
     }
     refuse_later_functions(&text, name, target)?;
-    if turned {
+    if turned && stage == ShaderStage::Vertex {
         text = with_own_depth(&text).ok_or_else(|| Error::Writer {
             file: name.to_owned(),
             target,
@@ -583,7 +583,9 @@ mod tests {
 
     #[test]
     fn a_position_that_is_turned_in_other_words_is_an_error() {
-        let main = |line: &str| format!("void main() {{\n    if (x) {{ {line} return; }}\n    {line}\n}}\n");
+        let main = |line: &str| {
+            format!("void main() {{\n    if (x) {{ {line} return; }}\n    {line}\n}}\n")
+        };
         let own = with_own_depth(&main(TURNED));
         assert_eq!(own, Some(main(OWN_DEPTH)));
         assert_eq!(with_own_depth(&main("gl_Position = vec4(0.0);")), None);

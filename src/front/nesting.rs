@@ -95,7 +95,9 @@ pub(super) fn check(
                 // A list of values, unless it is a block: what a name, a length or a type's `>` stands before, and in GLSL `= {`.
                 let is_list = match byte {
                     b'(' => named || before == b']' || !glsl,
-                    b'{' => before == b'=' || level.is_list && matches!(before, b',' | b'{') || !glsl,
+                    b'{' => {
+                        before == b'=' || level.is_list && matches!(before, b',' | b'{') || !glsl
+                    }
                     _ => !glsl,
                 };
                 if byte == b'{' {
@@ -128,7 +130,8 @@ pub(super) fn check(
                 }
                 level.closed += 1;
                 if level.closed > OPERATORS {
-                    let what = format!("one expression has more than {OPERATORS} brackets in a row");
+                    let what =
+                        format!("one expression has more than {OPERATORS} brackets in a row");
                     return Err(too_many(what, start));
                 }
             }

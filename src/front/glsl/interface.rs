@@ -330,7 +330,8 @@ impl Interface {
                         sampler,
                     };
                     // An array's elements follow one another, as in OpenGL.
-                    let slot = explicit(&variable.qualifiers).map(|(s, b)| (s, b.saturating_add(i as u32)));
+                    let slot = explicit(&variable.qualifiers)
+                        .map(|(s, b)| (s, b.saturating_add(i as u32)));
                     let set = variable.qualifiers.number("set").unwrap_or(0);
                     let texture = claim(at, &pair.combined, slot, &mut taken);
                     self.samplers.insert(

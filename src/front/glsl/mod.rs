@@ -70,8 +70,7 @@ pub(super) fn parse(
             (modules, declared)
         }),
     };
-    let lost =
-        !options.defines.is_empty() || texts.iter().any(|t| is_evaluated_otherwise(t.text));
+    let lost = !options.defines.is_empty() || texts.iter().any(|t| is_evaluated_otherwise(t.text));
     if !lost && let Some(read) = as_they_are() {
         return Ok(read);
     }
@@ -89,12 +88,7 @@ pub(super) fn parse(
 /// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches, parameters that are written, and
 /// macros that reach others.
 fn is_evaluated_otherwise(text: &str) -> bool {
-    let marks = [
-        "&&",
-        "||",
-        "Array",
-        "texelFetchOffset",
-    ];
+    let marks = ["&&", "||", "Array", "texelFetchOffset"];
     let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
     marks.iter().any(|m| text.contains(m))
         || has_directives(text)

@@ -840,8 +840,7 @@ impl Visitor for Words {
         let is_coord = |name: &ast::Identifier| name.as_str() == "gl_FragCoord";
         match &expr.content {
             // Which components are read is known here alone.
-            ExprData::Dot(of, components)
-                if matches!(&of.content, ExprData::Variable(name) if is_coord(name)) =>
+            ExprData::Dot(of, components) if matches!(&of.content, ExprData::Variable(name) if is_coord(name)) =>
             {
                 self.0.insert("gl_FragCoord".to_owned());
                 if components.as_str().contains(['y', 'g', 't']) {

@@ -266,7 +266,8 @@ impl Lower<'_, '_> {
         self.own(name, arguments, whole)
     }
 
-    /// Whether GLSL's own function is meant where the author has some of that name: in GLSL ES 1.00 they stand beside it, elsewhere they hide it.
+    /// Whether GLSL's own function is meant where the author has some of that name: in GLSL ES 1.00 they stand beside it. By the letter of 4.60 (section 6.1) they hide it elsewhere,
+    /// which no compiler holds to: what fits none of the author's is GLSL's.
     fn is_own_after_all(
         &mut self,
         name: &str,
@@ -274,7 +275,7 @@ impl Lower<'_, '_> {
         arguments: &[Expr],
     ) -> Result<bool, Error> {
         let own = builtin::is_known(name) || texture::function(name).is_some();
-        if !own || !self.stage.unit.dialect.es {
+        if !own {
             return Ok(false);
         }
         let mut values = Vec::new();
@@ -282,7 +283,7 @@ impl Lower<'_, '_> {
             values.push(self.look(argument)?.ty);
         }
         let given: Vec<&Ty> = values.iter().collect();
-        Ok(choose(signatures, &given, false) == Choice::None)
+        Ok(choose(signatures, &given, self.is_implicit()) == Choice::None)
     }
 
     /// A call of a function of the author's.

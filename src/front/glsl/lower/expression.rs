@@ -358,7 +358,9 @@ impl Lower<'_, '_> {
             B::Mod => (splat(a, &ty), splat(b, &ty)),
             _ => (a, b),
         };
-        if matches!(op, B::Equal | B::NonEqual) && self.stage.structs.count(&a.ty).elements > COMPARED {
+        if matches!(op, B::Equal | B::NonEqual)
+            && self.stage.structs.count(&a.ty).elements > COMPARED
+        {
             return Err(Error::new(
                 Code::TooDeep,
                 format!("values of more than {COMPARED} elements are not compared"),

@@ -149,8 +149,7 @@ impl Lower<'_, '_> {
             self.written += text.len();
             if self.written > super::WRITTEN {
                 let message = "the statements come to more than 64 MiB, element by element";
-                return Err(Error::new(Code::TooDeep, message)
-                    .label_if(self.place(statement.span)));
+                return Err(Error::new(Code::TooDeep, message).label_if(self.place(statement.span)));
             }
             out += &text;
         }

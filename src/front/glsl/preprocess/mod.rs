@@ -387,15 +387,11 @@ impl Preprocessor<'_> {
                 };
                 self.own_line(&format!("#version {version}{profile}"), place);
             }
-            "extension" => {
-                let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
-                self.own_line(&format!("#extension {}", words.join(" ")), place);
-            }
             "pragma" => {
                 let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
                 self.out.invariant_all |= words.concat().contains("STDGLinvariant(all)");
             }
-            // As compilers do: what none knows is no error.
+            // Extensions change no token here. And as compilers do: what none knows is no error.
             _ => {}
         }
         Ok(())
