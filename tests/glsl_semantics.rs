@@ -910,3 +910,29 @@ void main() { c = vec4(max(v.x, v.y, v.z), max(v.x, 1), max(1, 2, 3), 1.0); }
     assert!(text.contains("return max(max(a, b), c)"), "{text}");
     assert!(text.contains("max_(uniforms.v.x, uniforms.v.y, uniforms.v.z), max(uniforms.v.x, 1.0), max_(1.0, 2.0, 3.0)"), "{text}");
 }
+
+/// A `defined` that a macro brings asks as one that is written out does.
+#[test]
+fn a_macro_may_ask_what_is_defined() {
+    for (version, out) in [
+        ("330", "out vec4 c;"),
+        ("300 es", "precision highp float; out vec4 c;"),
+    ] {
+        let text = given(&format!(
+            "#version {version}
+#define USE_MAP
+#define HAS_MAP defined(USE_MAP)
+#define HAS_FOG defined USE_FOG
+{out}
+void main() {{
+#if HAS_MAP && !HAS_FOG
+    c = vec4(0.25);
+#else
+    c = vec4(0.75);
+#endif
+}}
+"
+        ));
+        assert!(text.contains("0.25") && !text.contains("0.75"), "{text}");
+    }
+}

@@ -57,7 +57,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    fn next(&mut self, input: &mut Input) -> Result<Option<Token>, Stop> {
+    pub(super) fn next(&mut self, input: &mut Input) -> Result<Option<Token>, Stop> {
         match input {
             Input::Files => self.next_token(),
             Input::List(tokens) => Ok(tokens.pop()),

@@ -489,6 +489,16 @@ impl Preprocessor<'_> {
         Ok(())
     }
 
+    /// What `defined` comes to.
+    fn answer(&mut self, asked: Token, name: u32) -> Token {
+        let value = u8::from(self.is_defined(name)).to_string();
+        Token {
+            kind: Kind::Number,
+            name: self.names.number(&value),
+            ..asked
+        }
+    }
+
     fn condition(&mut self, line: Vec<Token>, place: (u32, u32)) -> Result<bool, Stop> {
         // What `defined` asks of is not expanded.
         let mut ready = Vec::new();
@@ -504,14 +514,28 @@ impl Preprocessor<'_> {
             let Some(name) = name.filter(|_| closed) else {
                 return Err(self.stop("`defined` names no macro", place));
             };
-            let value = u8::from(self.is_defined(name.name)).to_string();
-            ready.push(Token {
-                kind: Kind::Number,
-                name: self.names.number(&value),
-                ..token
-            });
+            ready.push(self.answer(token, name.name));
         }
-        let expanded = self.expanded(ready, 0)?;
+        let mut input = Input::list(ready);
+        let mut expanded = Vec::new();
+        while let Some(token) = self.next(&mut input)? {
+            // What a macro brought asks too: C leaves that open (C11 6.10.1), and compilers do it.
+            if self.is(&token, "defined") {
+                let mut name = self.next(&mut input)?;
+                let bracket = name.as_ref().is_some_and(|t| self.is(t, "("));
+                if bracket {
+                    name = self.next(&mut input)?;
+                }
+                let closed = !bracket || self.next(&mut input)?.is_some_and(|t| self.is(&t, ")"));
+                let Some(name) = name.filter(|t| closed && t.kind == Kind::Word) else {
+                    return Err(self.stop("`defined` names no macro", place));
+                };
+                expanded.push(self.answer(token, name.name));
+            } else if let Some(token) = self.expand(token, &mut input, 0)? {
+                self.work(1)?;
+                expanded.push(token);
+            }
+        }
         let mut words = Vec::new();
         for (i, token) in expanded.iter().enumerate() {
             let text = self.names.text(token.name);
