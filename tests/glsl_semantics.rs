@@ -936,3 +936,21 @@ void main() {{
         assert!(text.contains("0.25") && !text.contains("0.75"), "{text}");
     }
 }
+
+/// What chooses a sampler is evaluated once, whatever it is: the line of every batch renderer.
+#[test]
+fn a_sampler_is_chosen_by_any_index() {
+    let text = given(
+        "#version 330
+uniform sampler2D textures[3];
+uniform float index;
+out vec4 c;
+void main() { int i = 0; c = texture(textures[int(index)], vec2(0.5)) + texture(textures[i++], vec2(0.5)); }
+",
+    );
+    assert!(
+        text.contains("(held = int(uniforms.index), (held) == 0 ? texture("),
+        "{text}"
+    );
+    assert_eq!(text.matches("i++").count(), 1, "{text}");
+}

@@ -46,7 +46,7 @@ pub(super) struct Ex {
     /// It is a combined sampler.
     pub pair: Option<Pair>,
     /// It is one of several, by an index that is known to the GPU alone.
-    pub choice: Option<(String, Vec<Pair>)>,
+    pub choice: Option<(Box<Ex>, Vec<Pair>)>,
 }
 
 impl Ex {
@@ -467,7 +467,7 @@ impl Lower<'_, '_> {
             .map(|i| self.pairs.get(&format!("{path}[{i}]")).cloned())
             .collect::<Option<Vec<_>>>()
             .ok_or_else(|| unsupported("these samplers cannot be told apart", place))?;
-        ex.choice = Some((index.text.clone(), pairs));
+        ex.choice = Some((Box::new(index.clone()), pairs));
         Ok(ex)
     }
 
