@@ -4,8 +4,10 @@
 
 use preshade::emit::{self, Target};
 use preshade::front::{self, Code, Color, Options, Parsed, Source, normalised_glsl};
+use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
+use preshade::recipe::Recipe;
 
 const VERTEX: &str = "attribute vec4 p; void main() { gl_Position = p; }";
 
@@ -822,6 +824,20 @@ fn where_window_coordinates_begin_is_said_again() {
     assert!(said < written.find("void main").unwrap(), "{written}");
     let error = emitted(Target::GlslEs300).unwrap_err();
     assert!(error.to_string().contains("origin_upper_left"), "{error}");
+    // What is read at the pixel's own place of what another pass has drawn would be of another row.
+    let parsed = parse(&text("origin_upper_left"));
+    let fragment = parsed.fragment.as_deref();
+    let state = MaterialState::default();
+    let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+    let recipe = Recipe::parse(["early-discard"]).unwrap();
+    let variant = recipe.apply(&plan, &Facts::default()).unwrap();
+    let options = emit::Options::default();
+    let error = emit::emit(&variant, &[Target::Glsl450], &options).unwrap_err();
+    assert!(
+        error.to_string().contains("another pass has drawn"),
+        "{error}"
+    );
+    emit::emit(&variant, &[Target::Wgsl], &options).unwrap();
     let (code, told, line) = refused(&text("origin_upper_left, pixel_center_integer"));
     assert_eq!((code, line), (Code::Unsupported, 2), "{told}");
     assert!(told.contains("`pixel_center_integer`"), "{told}");
