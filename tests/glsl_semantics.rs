@@ -4,8 +4,10 @@
 
 use preshade::emit::{self, Target};
 use preshade::front::{self, Code, Color, Options, Parsed, Source, normalised_glsl};
+use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
+use preshade::recipe::Recipe;
 
 const VERTEX: &str = "attribute vec4 p; void main() { gl_Position = p; }";
 
@@ -116,7 +118,7 @@ void main() {
 ";
     let text = given(text);
     let line = text.lines().find(|l| l.contains("sum(held")).unwrap();
-    let expected = "c = vec4((held = float(i++), held_ = i, held__ = a[held_], held___ = float(i++), held____ = sum(held, held__, held___), a[held_] = held__, held____));";
+    let expected = "c = vec4((held = float(i++), held_ = i, held_2 = a[held_], held_3 = float(i++), held_4 = sum(held, held_2, held_3), a[held_] = held_2, held_4));";
     assert_eq!(line.trim(), expected);
     // What nothing else touches is written in place.
     let plain = text_of_call("float x = 0.5; c = vec4(sum(sin(x), x, x * 2.0));");
@@ -502,4 +504,469 @@ void main() { c = vec4(at, LEVEL, 1.0); }
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
     assert!(parsed.fragment.is_some());
     wgsl(parsed);
+}
+
+/// A product that begins with a number is no number: it is read before what the next argument does.
+#[test]
+fn an_argument_that_begins_with_a_digit_keeps_its_turn() {
+    let text = text_of_call(
+        "float v[3] = float[3](0.1, 0.2, 0.3); int i = 0; c = vec4(sum(2.0 * float(i), v[i++], 1.0));",
+    );
+    assert!(text.contains("held = 2.0 * float(i)"), "{text}");
+    let held = text.find("held = 2.0 * float(i)").unwrap();
+    assert!(held < text.find("i++").unwrap(), "{text}");
+    // A number stays where it is.
+    assert!(text.contains(", 1.0)"), "{text}");
+}
+
+/// What is lowered to see what it is, and lowered again to be written, does what it does once.
+#[test]
+fn what_is_looked_at_before_it_is_written_is_done_once() {
+    let desktop = |functions: &str, body: &str| {
+        given(&format!(
+            "#version 330
+out vec4 c;
+{functions}
+void main() {{
+    float h[4] = float[4](0.0, 0.0, 0.0, 0.0);
+    float v[4] = float[4](0.1, 0.2, 0.3, 0.4);
+    int n[4] = int[4](0, 1, 2, 3);
+    int i = 0;
+    {body}
+    c = vec4(h[0] + v[1]);
+}}
+"
+        ))
+    };
+    let add = "void add(inout float x) { x += 1.0; }";
+    let sum = "float sum(inout float x) { x += 1.0; return x; }";
+    let es = given(
+        "#version 100
+precision highp float;
+float g(inout float x) { x += 1.0; return x; }
+float round(float x) { return floor(x + 0.5); }
+void main() {
+    float a[3];
+    a[0] = 0.0; a[1] = 1.0; a[2] = 2.0;
+    int i = 0;
+    gl_FragColor = vec4(round(g(a[i++])));
+}
+",
+    );
+    let texts = [
+        desktop("", "h[n[i++]++] += 1.0;"),
+        desktop("", "h[n[i++]++]++;"),
+        desktop(add, "for (int j = 0; j < 4; add(v[i++])) { j++; }"),
+        desktop(sum, "for (int j = 0; j < 4; sum(v[i++])) { j++; }"),
+        desktop(add, "add(h[n[i++]++]);"),
+        es,
+    ];
+    for text in texts {
+        assert_eq!(text.matches("i++").count(), 1, "{text}");
+        let line = text.lines().find(|l| l.contains("i++")).unwrap();
+        // Whatever is read of ours was written before.
+        let words: Vec<&str> = line
+            .split(|c: char| !c.is_alphanumeric() && c != '_')
+            .filter(|w| w.starts_with("held"))
+            .collect();
+        for (at, word) in words.iter().enumerate() {
+            let is_first = !words[..at].contains(word);
+            assert!(!is_first || line.contains(&format!("{word} = ")), "{line}");
+        }
+    }
+}
+
+/// A call within a call of the same name, and an assignment in the index of another, are lowered in time that does not double with each level.
+#[test]
+fn nested_calls_and_assignments_are_lowered_in_time() {
+    let rounds = format!("{}x{}", "round(".repeat(50), ")".repeat(50));
+    let text = given(&format!(
+        "#version 100
+precision highp float;
+uniform float x;
+float round(float x) {{ return floor(x + 0.5); }}
+void main() {{ gl_FragColor = vec4({rounds}); }}
+"
+    ));
+    assert_eq!(text.matches("round_(").count(), 51, "{text}");
+    let indices = format!("a[{}0{}", "(a[".repeat(40), "] += 1)".repeat(40));
+    given(&format!(
+        "#version 330
+out vec4 c;
+void main() {{
+    int a[3] = int[3](0, 0, 0);
+    {indices}] += 1;
+    c = vec4(float(a[0]));
+}}
+"
+    ));
+}
+
+/// Variables of ours are numbered, not named by ever more underscores: a thousand are found in no time, in a text that is not all names.
+#[test]
+fn many_variables_of_ours_are_named_in_time() {
+    let body = "v[f()] += 1.0; ".repeat(1000);
+    let text = given(&format!(
+        "#version 330
+out vec4 c;
+int at;
+int f() {{ at++; return at & 3; }}
+void main() {{
+    float v[4] = float[4](0.0, 0.0, 0.0, 0.0);
+    {body}
+    c = vec4(v[0]);
+}}
+"
+    ));
+    assert!(text.contains("held_999 = f()"));
+    assert!(text.len() < 100_000, "{}", text.len());
+}
+
+/// What `main` does last is of its outputs, whatever locals are called where it returns.
+#[test]
+fn a_local_does_not_hide_an_output_where_main_ends() {
+    let text = given(
+        "#version 330
+uniform float x;
+out vec3 color;
+out float parts[2];
+void main() {
+    color = vec3(1.0);
+    parts[0] = 0.5; parts[1] = 0.25;
+    float parts = 2.0;
+    if (x > 0.0) { vec3 color = vec3(0.0); color.x = parts; return; }
+}
+",
+    );
+    assert!(text.contains("vec3 color_ = vec3(0.0);"), "{text}");
+    assert!(text.contains("color_.x = parts_;"), "{text}");
+    assert!(text.contains("float parts_ = 2.0;"), "{text}");
+}
+
+/// `layout(row_major) uniform;` is of uniform blocks alone, `layout(std140) buffer;` of storage blocks (4.60, 4.4.5).
+#[test]
+fn defaults_of_blocks_are_of_their_own_kind() {
+    let text = |defaults: &str| {
+        given(&format!(
+            "#version 430
+{defaults}
+layout(std140, binding = 0) uniform U {{ mat4 u; }};
+layout(binding = 1) buffer B {{ mat4 m; float a[4]; }};
+out vec4 c;
+void main() {{ c = u[0] + m[0] + vec4(a[1]); }}
+"
+        ))
+    };
+    let uniform = text("layout(row_major) uniform;");
+    assert!(uniform.contains("transpose(u)"), "{uniform}");
+    assert!(!uniform.contains("transpose(m)"), "{uniform}");
+    let buffer = text("layout(row_major) uniform; layout(column_major, std140) buffer;");
+    assert!(buffer.contains("transpose(u)"), "{buffer}");
+    assert!(!buffer.contains("transpose(m)"), "{buffer}");
+    assert!(buffer.contains("binding = 1, std140)"), "{buffer}");
+    assert!(buffer.contains("vec4 a[4]"), "{buffer}");
+}
+
+/// Arrays are bounded by what they hold in all, what is told apart one by one sooner, and no number overflows.
+#[test]
+fn arrays_are_bounded_by_their_product() {
+    let large = [
+        "varying float v[1048576][1048576]; void main() { gl_FragColor = vec4(v[0][0]); }",
+        "uniform sampler2D s[1024][1024]; void main() { gl_FragColor = texture2D(s[0][0], vec2(0.5)); }",
+        "void main() { float a[4096][4]; float b[4096][4]; gl_FragColor = vec4(a == b); }",
+        "struct S { float f[1048576]; }; struct T { S s[1048576]; }; varying T t; void main() { gl_FragColor = vec4(t.s[0].f[0]); }",
+    ];
+    for text in large {
+        let (code, told, line) = refused(&format!("#version 430 compatibility\n{text}\n"));
+        assert_eq!((code, line), (Code::TooDeep, 2), "{told}");
+    }
+    // Forty structs, each of two of the one before.
+    let mut nested = "#version 120\nstruct S0 { float x; };\n".to_owned();
+    for i in 1..40 {
+        nested += &format!("struct S{i} {{ S{} a; S{} b; }};\n", i - 1, i - 1);
+    }
+    nested += "varying S39 s; void main() { gl_FragColor = vec4(1.0); }\n";
+    let (code, told, line) = refused(&nested);
+    assert_eq!((code, line), (Code::TooDeep, 15), "{told}");
+    refused(
+        "#version 430\nlayout(location = 4294967295u) out mat4 m; void main() { m = mat4(1.0); }\n",
+    );
+}
+
+/// Chains whose brackets are closed at once, and commas, nest as deeply as they are long; lists of values do not.
+#[test]
+fn chains_without_open_brackets_are_bounded() {
+    let main = |body: &str| {
+        format!("#version 450\nlayout(location = 0) out vec4 c;\nvoid main() {{ {body} }}\n")
+    };
+    let refused_glsl = |text: String| refused(&text).0;
+    let commas = "x,".repeat(100_000);
+    for body in [
+        format!("float x = 1.0; float y = ({commas}x);"),
+        format!("float x = 1.0; {commas}x;"),
+        format!("float x = 1.0; {{{{ {commas}x; }}}}"),
+        format!("float x = 1.0; if (1.0 > ({commas}x)) {{ }}"),
+        format!("float a[1]; c = vec4(a{});", "[0]".repeat(100_000)),
+        format!("float a{};", "[1]".repeat(100_000)),
+    ] {
+        assert_eq!(refused_glsl(main(&body)), Code::TooDeep, "{}", &body[..40]);
+    }
+    let wgsl = |text: String| front::parse(&[Source::new("a.wgsl", text)], &Options::default());
+    let chain = format!(
+        "fn f(a: array<f32, 1>) -> f32 {{ return a{}; }}",
+        "[0]".repeat(100_000)
+    );
+    assert_eq!(wgsl(chain).unwrap_err().code(), Code::TooDeep);
+    // Tables of thousands, and as many directives.
+    let values = "vec2(sin(0.5), 1.0), ".repeat(2_500);
+    let table =
+        format!("const vec2 t[2501] = vec2[]({values}vec2(0.0)); int i = 0; c = t[i].xyxy;");
+    let text = main(&table).replace(
+        "void main",
+        &("#if defined(A)\n#endif\n".repeat(1_600) + "void main"),
+    );
+    parse(&text);
+    let values = "vec2(sin(0.5), 1.0), ".repeat(2_500);
+    let table = format!(
+        "const t = array<vec2<f32>, 2500>({values});
+@vertex fn v() -> @builtin(position) vec4<f32> {{ return vec4(0.0); }}
+@fragment fn f() -> @location(0) vec4<f32> {{ return vec4(t[3], 0.0, 1.0); }}
+"
+    );
+    wgsl(table).unwrap();
+}
+
+/// Directives are found however they are spaced, and any number of unknown extensions is passed over.
+#[test]
+fn directives_exhaust_no_stack() {
+    let main = "layout(location = 0) out vec4 c;\nvoid main() { c = vec4(L18 1.0 R18); }\n";
+    let doubled = |space: &str, letter: char, bracket: char| -> String {
+        let line = |i: usize| match i {
+            0 => format!("#{space}define {letter}0 {bracket}\n"),
+            i => format!(
+                "#{space}define {letter}{i} {letter}{} {letter}{}\n",
+                i - 1,
+                i - 1
+            ),
+        };
+        (0..19).map(line).collect()
+    };
+    for space in ["  ", "\t", " /* */ ", "\\\n"] {
+        let macros = doubled(space, 'L', '(') + &doubled(space, 'R', ')');
+        let (code, told, _) = refused(&format!("#version 450\n{macros}{main}"));
+        assert_eq!(code, Code::TooDeep, "{told}");
+    }
+    let extensions = "#extension GL_A_b : enable\n".repeat(100_000);
+    let text = format!("#version 330\n{extensions}out vec4 c;\nvoid main() {{ c = vec4(1.0); }}\n");
+    parse(&text);
+}
+
+/// A function of the author's that is called like one of ours stays what it is.
+#[test]
+fn a_function_called_like_a_gather_is_none() {
+    let text = wgsl(parse(
+        "#version 430
+uniform sampler2D map;
+out vec4 c;
+vec4 gather_sampler_2(vec4 v) { return v * 0.25; }
+vec4 gather_sampler2D_0(vec4 v) { return v * 0.5; }
+void main() { c = gather_sampler_2(vec4(1.0)) + gather_sampler2D_0(vec4(1.0)) + textureGather(map, vec2(0.5)); }
+",
+    ));
+    assert_eq!(text.matches("textureGather(").count(), 1, "{text}");
+    assert!(text.contains("0.25") && text.contains("0.5"), "{text}");
+}
+
+/// Macros that each call the next are bounded by how many one word comes through.
+#[test]
+fn chains_of_macros_are_bounded() {
+    let names: String = (0..20_000)
+        .map(|i| format!("#define A{i} A{}\n", i + 1))
+        .collect();
+    let calls: String = (0..20_000)
+        .map(|i| format!("#define A{i}(x) A{}(x)\n", i + 1))
+        .collect();
+    for (macros, call) in [(names, "A0"), (calls, "A0(1.0)")] {
+        let (code, told, _) = refused(&format!(
+            "#version 330\n{macros}out vec4 c;\nvoid main() {{ c = vec4({call}); }}\n"
+        ));
+        assert_eq!(code, Code::TooDeep, "{told}");
+    }
+    let names: String = (0..200)
+        .map(|i| format!("#define A{i} A{}\n", i + 1))
+        .collect();
+    parse(&format!(
+        "#version 330\n{names}#define A200 1.0\nout vec4 c;\nvoid main() {{ c = vec4(A0); }}\n"
+    ));
+}
+
+/// `layout(origin_upper_left)` is said again, where GLSL has it; half pixels are not passed over.
+#[test]
+fn where_window_coordinates_begin_is_said_again() {
+    let text = |layout: &str| {
+        format!(
+            "#version 150\nlayout({layout}) in vec4 gl_FragCoord;\nout vec4 c;\nvoid main() {{ c = vec4(gl_FragCoord.y / 600.0); }}\n"
+        )
+    };
+    let emitted = |target: Target| {
+        let parsed = parse(&text("origin_upper_left"));
+        let fragment = parsed.fragment.as_deref();
+        let state = MaterialState::default();
+        let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+        emit::emit(&plan, &[target], &emit::Options::default())
+    };
+    let files = emitted(Target::Glsl450).unwrap();
+    let file = files.iter().find(|f| f.name.ends_with(".frag")).unwrap();
+    let written = String::from_utf8(file.bytes.clone()).unwrap();
+    let said = written
+        .find("layout(origin_upper_left) in vec4 gl_FragCoord;")
+        .unwrap();
+    assert!(said < written.find("void main").unwrap(), "{written}");
+    let error = emitted(Target::GlslEs300).unwrap_err();
+    assert!(error.to_string().contains("origin_upper_left"), "{error}");
+    // What is read at the pixel's own place of what another pass has drawn would be of another row.
+    let parsed = parse(&text("origin_upper_left"));
+    let fragment = parsed.fragment.as_deref();
+    let state = MaterialState::default();
+    let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+    let recipe = Recipe::parse(["early-discard"]).unwrap();
+    let variant = recipe.apply(&plan, &Facts::default()).unwrap();
+    let options = emit::Options::default();
+    let error = emit::emit(&variant, &[Target::Glsl450], &options).unwrap_err();
+    assert!(
+        error.to_string().contains("another pass has drawn"),
+        "{error}"
+    );
+    emit::emit(&variant, &[Target::Wgsl], &options).unwrap();
+    let (code, told, line) = refused(&text("origin_upper_left, pixel_center_integer"));
+    assert_eq!((code, line), (Code::Unsupported, 2), "{told}");
+    assert!(told.contains("`pixel_center_integer`"), "{told}");
+}
+
+/// A text for Vulkan finds `VULKAN` defined (GL_KHR_vulkan_glsl), and one of which that is not known is told.
+#[test]
+fn vulkan_is_defined_where_it_is_known() {
+    let text = "#version 450
+layout(location = 0) out vec4 c;
+#ifdef VULKAN
+const float x = 0.25;
+#else
+const float x = 0.75;
+#endif
+void main() { c = vec4(x, VULKAN_OR_0, 0.0, 1.0); }
+";
+    let text = |of: &str| text.replace("VULKAN_OR_0", of);
+    let read = |text: String, clip_space| {
+        let vertex = "#version 450\nvoid main() { gl_Position = vec4(0.0); }\n";
+        let sources = [Source::new("a.vert", vertex), Source::new("a.frag", text)];
+        let options = Options {
+            clip_space,
+            ..Options::default()
+        };
+        front::parse(&sources, &options).unwrap_or_else(|e| panic!("{}", e.render(Color::Never)))
+    };
+    let vulkan = read(text("float(VULKAN)"), Some(front::ClipSpace::AsWritten));
+    assert!(vulkan.program.declared().notes.is_empty());
+    let vulkan = wgsl(vulkan);
+    assert!(
+        vulkan.contains("0.25") && vulkan.contains("100"),
+        "{vulkan}"
+    );
+    let guessed = read(text("0.0"), None);
+    let notes = guessed.program.declared().notes.join("\n");
+    assert!(notes.contains("`--define VULKAN=100`"), "{notes}");
+    assert!(wgsl(guessed).contains("0.75"));
+    let opengl = read(text("0.0"), Some(front::ClipSpace::OpenGl));
+    assert!(opengl.program.declared().notes.is_empty());
+}
+
+/// What WebGPU counts from the other side is told, and only that.
+#[test]
+fn rows_that_are_counted_from_the_other_side_are_told() {
+    let notes = |head: &str, value: &str| {
+        let text =
+            format!("#version 330\n{head}\nout vec4 c;\nvoid main() {{ c = vec4({value}); }}\n");
+        let parsed = parse(&text);
+        let fragment = parsed.fragment.as_deref();
+        let state = MaterialState::default();
+        Plan::original("m", parsed.program, &parsed.vertex, fragment, &state).notes
+    };
+    assert!(notes("", "gl_FragCoord.x + gl_FragCoord.z").is_empty());
+    for value in [
+        "gl_FragCoord.y",
+        "gl_FragCoord.xyx.x",
+        "gl_FragCoord",
+        "gl_FragCoord[1]",
+    ] {
+        let told = notes("", value);
+        assert_eq!(told.len(), 1, "{value}");
+        assert!(
+            told[0].starts_with("`gl_FragCoord.y` counts rows"),
+            "{}",
+            told[0]
+        );
+        let upper = "layout(origin_upper_left) in vec4 gl_FragCoord;";
+        assert!(notes(upper, value).is_empty(), "{value}");
+    }
+    let told = notes("", "dFdy(gl_FragCoord.x) + dFdx(1.0)");
+    assert!(told.len() == 1 && told[0].starts_with("`dFdy`"), "{told:?}");
+}
+
+/// On the desktop too, GLSL's own function is called where none of the author's of that name fits.
+#[test]
+fn functions_of_the_author_stand_beside_those_of_glsl() {
+    let text = given(
+        "#version 330
+uniform vec3 v;
+out vec4 c;
+float max(float a, float b, float c) { return max(max(a, b), c); }
+void main() { c = vec4(max(v.x, v.y, v.z), max(v.x, 1), max(1, 2, 3), 1.0); }
+",
+    );
+    assert!(text.contains("return max(max(a, b), c)"), "{text}");
+    assert!(text.contains("max_(uniforms.v.x, uniforms.v.y, uniforms.v.z), max(uniforms.v.x, 1.0), max_(1.0, 2.0, 3.0)"), "{text}");
+}
+
+/// A `defined` that a macro brings asks as one that is written out does.
+#[test]
+fn a_macro_may_ask_what_is_defined() {
+    for (version, out) in [
+        ("330", "out vec4 c;"),
+        ("300 es", "precision highp float; out vec4 c;"),
+    ] {
+        let text = given(&format!(
+            "#version {version}
+#define USE_MAP
+#define HAS_MAP defined(USE_MAP)
+#define HAS_FOG defined USE_FOG
+{out}
+void main() {{
+#if HAS_MAP && !HAS_FOG
+    c = vec4(0.25);
+#else
+    c = vec4(0.75);
+#endif
+}}
+"
+        ));
+        assert!(text.contains("0.25") && !text.contains("0.75"), "{text}");
+    }
+}
+
+/// What chooses a sampler is evaluated once, whatever it is: the line of every batch renderer.
+#[test]
+fn a_sampler_is_chosen_by_any_index() {
+    let text = given(
+        "#version 330
+uniform sampler2D textures[3];
+uniform float index;
+out vec4 c;
+void main() { int i = 0; c = texture(textures[int(index)], vec2(0.5)) + texture(textures[i++], vec2(0.5)); }
+",
+    );
+    assert!(
+        text.contains("(held = int(uniforms.index), (held) == 0 ? texture("),
+        "{text}"
+    );
+    assert_eq!(text.matches("i++").count(), 1, "{text}");
 }

@@ -24,6 +24,10 @@ pub struct Declared {
     pub depth: Depth,
     /// The vertex stage says how large points are, which WGSL has no word for and the IR here does not keep.
     pub point_size: bool,
+    /// The fragment stage says `layout(origin_upper_left)`: its `gl_FragCoord` counts rows from the top, as the IR's does, and not from the bottom, as OpenGL's else does.
+    pub origin_upper_left: bool,
+    /// What a host is to know of how the text was read, a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// The range of depths between the near and the far plane.

@@ -635,6 +635,8 @@ impl Plan {
         };
         let blended = state.is_blended();
         let lost = program.declared().point_size;
+        let mut notes = point_size_note(lost, state.primitive.topology);
+        notes.extend(program.declared().notes.iter().cloned());
         let mut pass = GpuPass {
             role: Role::Main,
             phase: if blended {
@@ -695,7 +697,7 @@ impl Plan {
             fallback: None,
             guard: None,
             original: None,
-            notes: point_size_note(lost, state.primitive.topology),
+            notes,
         };
         Self {
             original: Some(Arc::new(plan.clone())),

@@ -61,6 +61,14 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
 const TURNED: &str = "gl_Position.yz = vec2(-gl_Position.y, gl_Position.z * 2.0 - gl_Position.w);";
 const OWN_DEPTH: &str = "gl_Position.z = gl_Position.z * 2.0 - gl_Position.w;";
 
+/// The text with the author's depth wherever naga turns a position; `None` where a position is turned in other words, or nowhere.
+fn with_own_depth(text: &str) -> Option<String> {
+    let turned = text.matches(TURNED).count();
+    // Once at each end of the entry point, and in no other words: else the picture would come out upside down.
+    let written = text.matches("gl_Position.yz").count();
+    (turned > 0 && turned == written).then(|| text.replace(TURNED, OWN_DEPTH))
+}
+
 /// As [`write`], with the author's names for whatever a host sees.
 pub(super) fn write_named(
     authored: &Authored,
@@ -75,6 +83,7 @@ pub(super) fn write_named(
         declared.depth == Depth::OpenGl && options.glsl_clip_space == ClipSpace::AsWritten;
     let authors_own = own_depth.then(|| depth::as_authored(&authored.program, stage, entry));
     let authors_own = authors_own.flatten();
+    let clip_space = options.glsl_clip_space;
     let program = authors_own.as_ref().unwrap_or(&authored.program);
     // What cannot be left out is turned back, which costs the depth its last bits.
     let turned = own_depth && authors_own.is_none();
@@ -92,8 +101,12 @@ pub(super) fn write_named(
         }
     }
     refuse_later_functions(&text, name, target)?;
-    if turned {
-        text = text.replace(TURNED, OWN_DEPTH);
+    if turned && stage == ShaderStage::Vertex {
+        text = with_own_depth(&text).ok_or_else(|| Error::Writer {
+            file: name.to_owned(),
+            target,
+            message: "the position is not written as it was expected to be".to_owned(),
+        })?;
     }
     let dialect = match target {
         Target::GlslEs300 | Target::GlslEs100 => Dialect::Es,
@@ -107,6 +120,11 @@ pub(super) fn write_named(
     };
     let (text, said) =
         text::named(authored, &text, stage, dialect, said, loose).map_err(unexpected)?;
+    let counts_from_the_top = declared.origin_upper_left && stage == ShaderStage::Fragment;
+    let text = match counts_from_the_top {
+        true => with_own_origin(text, clip_space, name, target)?,
+        false => text,
+    };
     let (text, said) = match target {
         Target::GlslEs100 => {
             es100::rewritten(&text, stage, said).map_err(|es100::Lacks(what)| {
@@ -129,6 +147,37 @@ pub(super) fn write_named(
         }),
         _ => Ok((text, said)),
     }
+}
+
+/// The text with `gl_FragCoord` declared to count from the top again, where it is read. What is drawn upside down, as for WebGPU's clip space, has its first row at the bottom, where
+/// OpenGL counts from.
+fn with_own_origin(
+    text: String,
+    clip_space: ClipSpace,
+    name: &str,
+    target: Target,
+) -> Result<String, Error> {
+    let is_read = super::text::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
+    if clip_space == ClipSpace::OpenGl || !is_read {
+        return Ok(text);
+    }
+    if matches!(target, Target::GlslEs300 | Target::GlslEs100) {
+        return Err(Error::Inexpressible {
+            file: name.to_owned(),
+            target,
+            what: "`layout(origin_upper_left)`".to_owned(),
+            remedy: "emit GLSL 4.50, WGSL or SPIR-V".to_owned(),
+        });
+    }
+    let head: usize = text
+        .split_inclusive('\n')
+        .take_while(|line| line.starts_with('#') || line.trim().is_empty())
+        .map(str::len)
+        .sum();
+    let (head, rest) = text.split_at(head);
+    Ok(format!(
+        "{head}layout(origin_upper_left) in vec4 gl_FragCoord;\n\n{rest}"
+    ))
 }
 
 /// What GLSL ES has from 3.10 on, and naga writes into 3.00 without a word.
@@ -525,5 +574,22 @@ fn in_words(features: glsl::Features) -> String {
     match named[..] {
         [] => "something of a later version".to_owned(),
         _ => named.join(", "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_position_that_is_turned_in_other_words_is_an_error() {
+        let main = |line: &str| {
+            format!("void main() {{\n    if (x) {{ {line} return; }}\n    {line}\n}}\n")
+        };
+        let own = with_own_depth(&main(TURNED));
+        assert_eq!(own, Some(main(OWN_DEPTH)));
+        assert_eq!(with_own_depth(&main("gl_Position = vec4(0.0);")), None);
+        let other = TURNED.replace("2.0", "2");
+        assert_eq!(with_own_depth(&(main(TURNED) + &other)), None);
     }
 }

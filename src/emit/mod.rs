@@ -47,7 +47,7 @@ pub(crate) mod wgsl;
 use std::collections::BTreeMap;
 
 use naga::{ImageClass, ShaderStage, TypeInner};
-use preshade_passes::plan::{GpuPass, ORIGINAL, Plan};
+use preshade_passes::plan::{BindingSource, GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
 use preshade_passes::state::Topology;
 use schemars::JsonSchema;
@@ -259,6 +259,7 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
     tess::check(plan, targets)?;
     refuse_external_textures(plan, targets)?;
     refuse_lost_point_sizes(plan, targets)?;
+    refuse_rows_of_two_ways(plan, targets)?;
     let mut files = Vec::new();
     let written = write_programs(plan, targets, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
@@ -298,6 +299,36 @@ fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error
             remedy: "emit WGSL, or bind it as texture_2d<f32>".to_owned(),
         })
     })
+}
+
+/// What a pass reads of what another has drawn, it reads where `gl_FragCoord` says, which OpenGL's textures count from the bottom; under `layout(origin_upper_left)` it would be another row.
+fn refuse_rows_of_two_ways(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+    let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
+    let Some(target) = targets.iter().find(is_glsl) else {
+        return Ok(());
+    };
+    let drawn = |source: &BindingSource| {
+        matches!(
+            source,
+            BindingSource::Attachment { .. } | BindingSource::SceneColor { .. }
+        )
+    };
+    let meets = plan.passes.iter().any(|pass| {
+        let program = plan.programs.get(&pass.program);
+        program.is_some_and(|p| p.declared().origin_upper_left)
+            && pass.bindings.iter().any(|b| drawn(&b.source))
+    });
+    match meets {
+        false => Ok(()),
+        true => Err(Error::Inexpressible {
+            file: plan.material.clone(),
+            target: *target,
+            what: "`layout(origin_upper_left)` beside a texture that another pass has drawn"
+                .to_owned(),
+            remedy: "leave it out and turn `gl_FragCoord.y` by the height; WGSL and SPIR-V have it"
+                .to_owned(),
+        }),
+    }
 }
 
 /// A text for OpenGL without the author's `gl_PointSize` would draw points of another size, or of none that is defined.

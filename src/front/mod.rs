@@ -228,7 +228,7 @@ fn parse_mapped(
 ) -> (Result<Parsed, Error>, Arc<SourceMap>) {
     let checked = check_sources(sources).and_then(|language| {
         for (source, base) in sources.iter().zip(bases) {
-            nesting::check(&source.text, *base, &options.limits)?;
+            nesting::check(&source.text, *base, &options.limits, language)?;
         }
         Ok(language)
     });

@@ -6,7 +6,7 @@ use preshade_passes::declared::{
 };
 
 use super::interface::{Interface, Slot, index};
-use super::stage::{Stage, Variable};
+use super::stage::{FRAG_COORD_Y, Stage, Variable};
 use super::ty::{Structs, Ty};
 use crate::front::ClipSpace;
 
@@ -21,6 +21,10 @@ pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSp
         point_size: stages
             .iter()
             .any(|s| s.kind == ShaderStage::Vertex && s.used.contains("gl_PointSize")),
+        origin_upper_left: stages
+            .iter()
+            .any(|s| s.kind == ShaderStage::Fragment && s.origin_upper_left),
+        notes: notes(stages, clip),
         ..Declared::default()
     };
     for stage in stages {
@@ -67,6 +71,32 @@ pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSp
         })
         .collect();
     out.numbers = numbers(stages, interface);
+    out
+}
+
+/// What is left as it is, and means another thing where it goes.
+fn notes(stages: &[Stage<'_>], clip: ClipSpace) -> Vec<String> {
+    let mut fragment = stages.iter().filter(|s| s.kind == ShaderStage::Fragment);
+    let mut out = Vec::new();
+    match clip {
+        ClipSpace::OpenGl => {
+            let uses = |s: &Stage<'_>, words: &[&str]| words.iter().any(|w| s.used.contains(*w));
+            let Some(stage) = fragment.next() else {
+                return out;
+            };
+            if uses(stage, &[FRAG_COORD_Y]) && !stage.origin_upper_left {
+                out.push("`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in WGSL and SPIR-V: what rests on it comes out upside down there".to_owned());
+            }
+            if uses(stage, &["dFdy", "dFdyFine", "dFdyCoarse"]) {
+                out.push("`dFdy` goes up the picture in OpenGL and down in WGSL and SPIR-V: it has the other sign there".to_owned());
+            }
+        }
+        ClipSpace::AsWritten if stages.iter().any(|s| s.unit.asks_for_vulkan) => out.push(
+            "the text asks for `VULKAN`, which is not defined where `--clip zero-to-one` does not say that it is for Vulkan: `--define VULKAN=100` defines it"
+                .to_owned(),
+        ),
+        ClipSpace::AsWritten => {}
+    }
     out
 }
 

@@ -1,26 +1,20 @@
-//! `textureGather`, which naga's GLSL front end lacks and its IR has: functions of this name sample in the text, and are given a gather here.
+//! `textureGather`, which naga's GLSL front end lacks and its IR has: functions of ours sample in the text, and are given a gather here.
+
+use std::collections::HashMap;
 
 use naga::{
     Block, Expression, Function, Module, Range, SampleLevel, Span, Statement, SwizzleComponent,
 };
 
-/// What the functions' names begin with; an underscore, the sampler's type, another and the component follow.
-pub(super) const NAME: &str = "gather";
-
-/// Replaces the bodies of the functions that stand for a gather.
-pub(super) fn replace(module: &mut Module) {
+/// Replaces the bodies of the functions that stand for a gather, each with its component.
+pub(super) fn replace(module: &mut Module, gathers: &HashMap<String, u32>) {
     let handles: Vec<_> = module.functions.iter().map(|(h, _)| h).collect();
     for handle in handles {
         let span = module.functions.get_span(handle);
         let function = &mut module.functions[handle];
-        let component = function
-            .name
-            .as_deref()
-            .and_then(|n| n.strip_prefix(NAME)?.strip_prefix("_")?.rsplit_once('_'))
-            .filter(|(of, _)| of.contains("sampler"))
-            .and_then(|(_, n)| n.parse::<u32>().ok());
-        if let Some(component) = component {
-            gather(function, component, span);
+        let name = function.name.as_deref();
+        if let Some(component) = name.and_then(|n| gathers.get(n)) {
+            gather(function, *component, span);
         }
     }
 }

@@ -330,7 +330,8 @@ impl Interface {
                         sampler,
                     };
                     // An array's elements follow one another, as in OpenGL.
-                    let slot = explicit(&variable.qualifiers).map(|(s, b)| (s, b + i as u32));
+                    let slot = explicit(&variable.qualifiers)
+                        .map(|(s, b)| (s, b.saturating_add(i as u32)));
                     let set = variable.qualifiers.number("set").unwrap_or(0);
                     let texture = claim(at, &pair.combined, slot, &mut taken);
                     self.samplers.insert(
@@ -558,7 +559,7 @@ fn numbered(
         }
         if let Some(at) = said(variable) {
             out.insert(variable.key(), at);
-            taken.extend(at..at + size(variable));
+            taken.extend(at..at.saturating_add(size(variable)));
         }
     }
     for variable in variables {

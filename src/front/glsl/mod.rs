@@ -21,6 +21,7 @@ mod told;
 mod ty;
 mod writes;
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use naga::front::glsl::{Frontend, Options as NagaOptions};
@@ -69,7 +70,7 @@ pub(super) fn parse(
             (modules, declared)
         }),
     };
-    let lost = texts.iter().any(|t| is_evaluated_otherwise(t.text));
+    let lost = !options.defines.is_empty() || texts.iter().any(|t| is_evaluated_otherwise(t.text));
     if !lost && let Some(read) = as_they_are() {
         return Ok(read);
     }
@@ -87,21 +88,21 @@ pub(super) fn parse(
 /// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches, parameters that are written, and
 /// macros that reach others.
 fn is_evaluated_otherwise(text: &str) -> bool {
-    let marks = [
-        "&&",
-        "||",
-        "Array",
-        "texelFetchOffset",
-        "#define",
-        "# define",
-        "#if",
-        "# if",
-    ];
+    let marks = ["&&", "||", "Array", "texelFetchOffset"];
     let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
     marks.iter().any(|m| text.contains(m))
+        || has_directives(text)
         || words.any(|w| w == "do" || w == "inout")
         || writes_parameters(text)
         || does_something_in_an_index(text)
+}
+
+/// Whether the preprocessor is asked for more than a version: naga's own hands on what macros come to however deeply it nests.
+fn has_directives(text: &str) -> bool {
+    text.split('#').skip(1).any(|rest| {
+        let rest = rest.trim_start();
+        !["version", "extension"].iter().any(|w| rest.starts_with(w))
+    })
 }
 
 /// Whether a parameter is `out`.
@@ -132,7 +133,7 @@ fn rewritten(
         .map(|(rewritten, text)| {
             let place = |span: Span| rewritten.map.back(span);
             let mut module = read(&rewritten.text, text.stage, &[], &place, &rewritten.given)?;
-            gather::replace(&mut module);
+            gather::replace(&mut module, &rewritten.gathers);
             rewritten.opened.iter().for_each(|o| o.close(&mut module));
             respan::respan(&mut module, &place);
             finish(&mut module, text.stage);
@@ -179,6 +180,8 @@ pub(super) struct Normalised {
     map: Map,
     opened: Vec<interface::Opened>,
     given: Vec<Given>,
+    /// The functions that stand for a gather, with their components.
+    gathers: HashMap<String, u32>,
 }
 
 /// Rewrites the stages of one material for naga; with what they declared.
@@ -198,13 +201,14 @@ pub(super) fn normalise(
     let texts: Result<_, Error> = stages
         .iter_mut()
         .map(|stage| {
-            let (marked, marks, given) = lower::lower(stage, &mut interface, clip)?;
-            let (text, map) = marks.settle(&marked);
+            let lowered = lower::lower(stage, &mut interface, clip)?;
+            let (text, map) = lowered.marks.settle(&lowered.text);
             Ok(Normalised {
                 text,
                 map,
                 opened: std::mem::take(&mut interface.opened),
-                given,
+                given: lowered.given,
+                gathers: lowered.gathers,
             })
         })
         .collect();
@@ -248,6 +252,8 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
                 "offset =",
                 "align=",
                 "align =",
+                "origin_upper_left",
+                "pixel_center_integer",
             ];
             if es || version < 440 || lost.iter().any(|w| text.text.contains(w)) {
                 return None;

@@ -118,6 +118,11 @@ pub(super) struct Global<'u> {
     pub place: Option<Span>,
 }
 
+/// Most elements of what is told apart one by one: varyings, and what holds samplers.
+const APART: u64 = 1 << 10;
+/// Most members of a struct, those of structs in it counted with them.
+const MEMBERS: u64 = 1 << 12;
+
 /// What a call must know of a function.
 #[derive(Clone, Debug)]
 pub(super) struct Signature {
@@ -148,10 +153,26 @@ pub(super) struct Stage<'u> {
     /// The position is declared `invariant`, or something is `precise`.
     pub invariant: bool,
     pub early_fragment_tests: bool,
-    /// What blocks say nothing about: `layout(row_major) uniform;`.
-    pub row_major: bool,
+    /// How blocks lie that do not say it: `layout(row_major) uniform;`, `layout(std140) buffer;`.
+    defaults: [OfBlocks; 2],
     /// `gl_FragCoord` counts from the top.
     pub origin_upper_left: bool,
+}
+
+/// What `layout(..) uniform;` or `layout(..) buffer;` says of the blocks behind it, each of its own kind (GLSL 4.60, 4.4.5).
+#[derive(Clone, Copy, Debug, Default)]
+struct OfBlocks {
+    row_major: bool,
+    rules: Option<&'static str>,
+}
+
+/// Which of the defaults is meant: that of uniform blocks or that of storage blocks.
+fn of_blocks(q: &Qualifiers) -> Option<usize> {
+    match q.storage {
+        Some(Storage::Uniform) => Some(0),
+        Some(Storage::Buffer) => Some(1),
+        _ => None,
+    }
 }
 
 /// A type's name as it is written, `struct` for one that is defined in place.
@@ -193,7 +214,7 @@ impl<'u> Stage<'u> {
             used: HashSet::new(),
             invariant: unit.invariant_all,
             early_fragment_tests: false,
-            row_major: false,
+            defaults: [OfBlocks::default(); 2],
             origin_upper_left: false,
         };
         let mut definitions = Vec::new();
@@ -229,8 +250,12 @@ impl<'u> Stage<'u> {
                 self.early_fragment_tests |= q.says("early_fragment_tests");
                 self.invariant |= q.precise;
                 // For the blocks that follow.
-                if q.says("row_major") || q.says("column_major") {
-                    self.row_major = q.says("row_major");
+                if let Some(default) = of_blocks(&q).map(|i| &mut self.defaults[i]) {
+                    if q.says("row_major") || q.says("column_major") {
+                        default.row_major = q.says("row_major");
+                    }
+                    let rules = ["std140", "std430"].into_iter().find(|r| q.says(r));
+                    default.rules = rules.or(default.rules);
                 }
                 let tessellation = [
                     "vertices",
@@ -288,6 +313,13 @@ impl<'u> Stage<'u> {
             // A redeclaration: what it adds is `invariant`, or where `gl_FragCoord` counts from.
             self.invariant |= text == "gl_Position" && (qualifiers.invariant || qualifiers.precise);
             self.origin_upper_left |= qualifiers.says("origin_upper_left");
+            if qualifiers.says("pixel_center_integer") {
+                return Err(unsupported(
+                    "`pixel_center_integer` is not read: the centres of WebGPU's pixels lie at halves",
+                    place,
+                )
+                .note("leave it out, and take 0.5 off where `gl_FragCoord` is read"));
+            }
             return Ok(());
         }
         self.invariant |= qualifiers.precise;
@@ -298,6 +330,14 @@ impl<'u> Stage<'u> {
             place,
             block: None,
         };
+        let is_apart = match qualifiers.storage {
+            Some(Storage::In | Storage::Out) => true,
+            Some(Storage::Uniform) => self.structs.has_samplers(&ty),
+            _ => false,
+        };
+        if is_apart {
+            self.check_elements(&ty, APART, place)?;
+        }
         match qualifiers.storage {
             Some(Storage::In) => self.inputs.push(variable),
             Some(Storage::Out) => self.outputs.push(variable),
@@ -334,7 +374,14 @@ impl<'u> Stage<'u> {
 
     fn block(&mut self, block: &'u ast::Block) -> Result<(), Error> {
         let place = self.place(block.span);
-        let qualifiers = self.qualifiers(Some(&block.qualifier))?;
+        let mut qualifiers = self.qualifiers(Some(&block.qualifier))?;
+        let default = of_blocks(&qualifiers).map(|i| self.defaults[i]);
+        let default = default.unwrap_or_default();
+        let rules_said = ["std140", "std430", "shared", "packed", "push_constant"];
+        if let (Some(rules), false) = (default.rules, rules_said.iter().any(|r| qualifiers.says(r)))
+        {
+            qualifiers.layout.push((rules.to_owned(), None));
+        }
         let name = block.name.as_str().to_owned();
         if name == "gl_PerVertex" {
             return Ok(());
@@ -355,7 +402,7 @@ impl<'u> Stage<'u> {
         }
         let row_major = match qualifiers.says("column_major") {
             true => false,
-            false => self.row_major || qualifiers.says("row_major"),
+            false => default.row_major || qualifiers.says("row_major"),
         };
         let mut members = Vec::new();
         let mut member_qualifiers = Vec::new();
@@ -369,6 +416,11 @@ impl<'u> Stage<'u> {
                     place,
                 });
                 member_qualifiers.push(q.clone());
+            }
+        }
+        if let Some(Storage::In | Storage::Out) = qualifiers.storage {
+            for member in &members {
+                self.check_elements(&member.ty, APART, member.place)?;
             }
         }
         let direction = match qualifiers.storage {
@@ -388,7 +440,8 @@ impl<'u> Stage<'u> {
                 }
                 let mut leaves = Vec::new();
                 self.structs.leaves(&member.ty, "", &mut leaves);
-                next = q.number("location").map(|n| n + leaves.len() as u32);
+                let length = leaves.len() as u32;
+                next = q.number("location").map(|n| n.saturating_add(length));
                 list.push(Variable {
                     name: member.name,
                     ty: member.ty,
@@ -436,7 +489,8 @@ impl<'u> Stage<'u> {
                 )
                 .note("put members in their order, with others to fill what is left between"));
             }
-            end = at + size;
+            // No buffer is as large; what is, the validator refuses.
+            end = at.saturating_add(size).min(1 << 31);
         }
         Ok(())
     }
@@ -528,6 +582,17 @@ impl<'u> Stage<'u> {
                         });
                     }
                 }
+                let count = self.structs.count_of(members.iter().map(|m| &m.ty));
+                if count.members > MEMBERS || count.elements > self.unit.array_elements {
+                    return Err(Error::new(
+                        Code::TooDeep,
+                        format!(
+                            "`{name}` holds {} elements in {} members; at most {} in {MEMBERS} are read",
+                            count.elements, count.members, self.unit.array_elements
+                        ),
+                    )
+                    .label_if(place));
+                }
                 if let Some(old) = self.structs.get(&name) {
                     let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
                     let alike = old.members.len() == members.len()
@@ -574,24 +639,31 @@ impl<'u> Stage<'u> {
                     let n = n.ok_or_else(|| {
                         unsupported("the length of this array is not an integer constant above 0 that is known here", place)
                     })?;
-                    // Samplers are told apart one by one, and others may have to be.
-                    let most = match ty.innermost() {
-                        Ty::Combined(_) | Ty::Opaque(_) => 1 << 10,
-                        _ => 1 << 20,
-                    };
-                    if n > most {
-                        return Err(Error::new(
-                            Code::TooDeep,
-                            format!("an array of {n} elements, more than {most}, is not read"),
-                        )
-                        .label_if(place));
-                    }
                     Some(n)
                 }
             };
             ty = Ty::Array(Box::new(ty), length);
+            // Samplers are told apart one by one, and others may have to be.
+            let most = match ty.innermost() {
+                Ty::Combined(_) | Ty::Opaque(_) => APART,
+                _ => self.unit.array_elements,
+            };
+            self.check_elements(&ty, most, place)?;
         }
         Ok(ty)
+    }
+
+    /// Refuses a type of more elements than `most`.
+    fn check_elements(&self, ty: &Ty, most: u64, place: Option<Span>) -> Result<(), Error> {
+        let n = self.structs.count(ty).elements;
+        match n > most {
+            false => Ok(()),
+            true => Err(Error::new(
+                Code::TooDeep,
+                format!("an array of {n} elements, more than {most}, is not read"),
+            )
+            .label_if(place)),
+        }
     }
 
     pub(super) fn qualifiers(
@@ -750,7 +822,10 @@ fn visit(
     order.push(at);
 }
 
-/// The variables and functions that a function names.
+/// Among the words that a stage uses: the second component of `gl_FragCoord`.
+pub(super) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
+
+/// The variables and functions that a function names, and [`FRAG_COORD_Y`].
 fn words(function: &ast::FunctionDefinition) -> HashSet<String> {
     let mut found = Words::default();
     function.statement.visit(&mut found);
@@ -762,8 +837,21 @@ struct Words(HashSet<String>);
 
 impl Visitor for Words {
     fn visit_expr(&mut self, expr: &ast::Expr) -> Visit {
+        let is_coord = |name: &ast::Identifier| name.as_str() == "gl_FragCoord";
         match &expr.content {
+            // Which components are read is known here alone.
+            ExprData::Dot(of, components) if matches!(&of.content, ExprData::Variable(name) if is_coord(name)) =>
+            {
+                self.0.insert("gl_FragCoord".to_owned());
+                if components.as_str().contains(['y', 'g', 't']) {
+                    self.0.insert(FRAG_COORD_Y.to_owned());
+                }
+                return Visit::Parent;
+            }
             ExprData::Variable(name) => {
+                if is_coord(name) {
+                    self.0.insert(FRAG_COORD_Y.to_owned());
+                }
                 self.0.insert(name.as_str().to_owned());
             }
             ExprData::FunCall(name, _) => {

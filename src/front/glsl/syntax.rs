@@ -22,7 +22,7 @@ use preshade_passes::program::SourceMap;
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
 use crate::front::error::{Code, Error};
-use crate::front::{Options, nesting};
+use crate::front::{ClipSpace, Language, Options, nesting};
 
 /// Most tokens a stage may have once its macros are expanded.
 const TOKENS: usize = 1 << 20;
@@ -86,6 +86,10 @@ pub(super) struct Unit {
     pub names: HashSet<String>,
     /// `#pragma STDGL invariant(all)`.
     pub invariant_all: bool,
+    /// It asks whether it is for Vulkan, and was told that it is not.
+    pub asks_for_vulkan: bool,
+    /// Most elements of a type.
+    pub array_elements: u64,
     places: Vec<Span>,
 }
 
@@ -144,6 +148,8 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         base: input.base,
         dialect,
         defines: &input.options.defines,
+        vulkan: input.options.clip_space == Some(ClipSpace::AsWritten)
+            || input.path.extension().is_some_and(|e| e == "slang"),
         said_version,
     };
     let preprocessed = preprocess(&task, &files, map);
@@ -205,6 +211,8 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
             dialect,
             names,
             invariant_all: preprocessed.invariant_all,
+            asks_for_vulkan: preprocessed.asks_for_vulkan,
+            array_elements: input.options.limits.array_elements.min(1 << 24),
             places,
         }),
         Err(error) => Err(explain(error, &places, &span)),
@@ -212,7 +220,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
 }
 
 fn check_nesting(preprocessed: &Preprocessed, options: &Options) -> Result<(), Error> {
-    nesting::check(&preprocessed.text, 0, &options.limits).map_err(|e| {
+    nesting::check(&preprocessed.text, 0, &options.limits, Language::Glsl).map_err(|e| {
         let first = e.labels().first().and_then(|l| l.span.to_range());
         let place = first.map(|at| preprocessed.place(at.start as u32));
         let error = Error::new(e.code(), e.message()).label_if(place);
@@ -318,14 +326,16 @@ impl Iterator for Numbered<'_, '_, '_> {
     type Item = Result<(LexerPosition, Token, LexerPosition), Io>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let (start, mut token, end) = match self.lexer.next()? {
-            Ok(token) => token,
-            // As compilers do: what none knows is no error.
-            Err(Io::Processor(e)) if is_passed_over(&e.to_string()) => return self.next(),
-            Err(error) => match self.large_integer(&error) {
-                Some(token) => token,
-                None => return Some(Err(error)),
-            },
+        let (start, mut token, end) = loop {
+            match self.lexer.next()? {
+                Ok(token) => break token,
+                // As compilers do: what none knows is no error. A call for each of as many as there are would not return.
+                Err(Io::Processor(e)) if is_passed_over(&e.to_string()) => {}
+                Err(error) => match self.large_integer(&error) {
+                    Some(token) => break token,
+                    None => return Some(Err(error)),
+                },
+            }
         };
         if self.raw.len() >= TOKENS {
             self.too_many = true;

@@ -273,6 +273,17 @@ pub(super) struct Structs {
     /// In the order they were declared.
     pub order: Vec<String>,
     pub by_name: HashMap<String, Struct>,
+    /// What each holds in all.
+    counts: HashMap<String, Count>,
+}
+
+/// How much is in a type.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Count {
+    /// Scalars, vectors and the rest, arrays multiplied.
+    pub elements: u64,
+    /// The same with one element of each array.
+    pub members: u64,
 }
 
 impl Structs {
@@ -284,7 +295,38 @@ impl Structs {
         if !self.by_name.contains_key(&of.name) {
             self.order.push(of.name.clone());
         }
+        let count = self.count_of(of.members.iter().map(|m| &m.ty));
+        self.counts.insert(of.name.clone(), count);
         self.by_name.insert(of.name.clone(), of);
+    }
+
+    /// How much is in a type: quickly, for it goes by what its structs were counted to have when they were declared.
+    pub(super) fn count(&self, ty: &Ty) -> Count {
+        match ty {
+            Ty::Array(of, n) => {
+                let of = self.count(of);
+                let n = u64::from(n.unwrap_or(1));
+                Count {
+                    elements: of.elements.saturating_mul(n),
+                    ..of
+                }
+            }
+            Ty::Struct(name) => self.counts.get(name).copied().unwrap_or_default(),
+            _ => Count {
+                elements: 1,
+                members: 1,
+            },
+        }
+    }
+
+    /// How much is in several types together.
+    pub(super) fn count_of<'a>(&self, types: impl Iterator<Item = &'a Ty>) -> Count {
+        types
+            .map(|ty| self.count(ty))
+            .fold(Count::default(), |all, one| Count {
+                elements: all.elements.saturating_add(one.elements),
+                members: all.members.saturating_add(one.members),
+            })
     }
 
     /// Whether what naga makes of the type where a struct is declared is what std430 asks for: it lays a struct out by std140 there, and what lies in a uniform block as well has [`stored`]

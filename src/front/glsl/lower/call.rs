@@ -266,7 +266,8 @@ impl Lower<'_, '_> {
         self.own(name, arguments, whole)
     }
 
-    /// Whether GLSL's own function is meant where the author has some of that name: in GLSL ES 1.00 they stand beside it, elsewhere they hide it.
+    /// Whether GLSL's own function is meant where the author has some of that name: in GLSL ES 1.00 they stand beside it. By the letter of 4.60 (section 6.1) they hide it elsewhere,
+    /// which no compiler holds to: what fits none of the author's is GLSL's.
     fn is_own_after_all(
         &mut self,
         name: &str,
@@ -274,15 +275,15 @@ impl Lower<'_, '_> {
         arguments: &[Expr],
     ) -> Result<bool, Error> {
         let own = builtin::is_known(name) || texture::function(name).is_some();
-        if !own || !self.stage.unit.dialect.es {
+        if !own {
             return Ok(false);
         }
         let mut values = Vec::new();
         for argument in arguments {
-            values.push(self.raw(argument)?.ty);
+            values.push(self.look(argument)?.ty);
         }
         let given: Vec<&Ty> = values.iter().collect();
-        Ok(choose(signatures, &given, false) == Choice::None)
+        Ok(choose(signatures, &given, self.is_implicit()) == Choice::None)
     }
 
     /// A call of a function of the author's.
@@ -295,7 +296,7 @@ impl Lower<'_, '_> {
     ) -> Result<Ex, Error> {
         let mut values = Vec::new();
         for argument in arguments {
-            values.push(self.raw(argument)?);
+            values.push(self.argument(argument)?);
         }
         let place = self.place(whole.span);
         let overload = self.overload(name, signatures, &values, place)?;
@@ -319,7 +320,10 @@ impl Lower<'_, '_> {
                 parts.push(self.copied(&meeting, i, to, *storage)?);
                 continue;
             }
-            let value = values[i].clone();
+            let value = match values[i].text.is_empty() {
+                true => self.raw(&arguments[i])?,
+                false => values[i].clone(),
+            };
             let path = value.path.clone();
             let pair = value.pair.clone();
             if value.choice.is_some() {
@@ -338,7 +342,7 @@ impl Lower<'_, '_> {
                 };
                 let samplers = self.stage.structs.has_samplers(to);
                 parts.push(match in_turn && *storage == Storage::In && !samplers {
-                    true => self.in_turn(value, place)?,
+                    true => self.in_turn(&arguments[i], value)?,
                     false => Argument::of(value.at(level::ASSIGNMENT)),
                 });
             }
@@ -516,7 +520,7 @@ impl Lower<'_, '_> {
     ) -> Result<Ex, Error> {
         let mut values = Vec::new();
         for argument in arguments {
-            values.push(self.raw(argument)?);
+            values.push(self.argument(argument)?);
         }
         let Some(ty) = values.first().map(|v| v.ty.clone()) else {
             return Err(unsupported(format!("`{name}` takes arguments"), place));
@@ -568,11 +572,15 @@ impl Lower<'_, '_> {
         let in_turn = direct.contains(&false) && meeting.has_effects();
         let mut parts = Vec::new();
         for (i, value) in values.into_iter().enumerate() {
+            let value = match direct[i] && value.text.is_empty() {
+                true => self.raw(&arguments[i])?,
+                false => value,
+            };
             parts.push(match direct[i] {
                 false => self.copied(&meeting, i, &value.ty, Storage::Out)?,
                 true if i < first && in_turn => {
                     let value = self.value(value);
-                    self.in_turn(value, place)?
+                    self.in_turn(&arguments[i], value)?
                 }
                 true => Argument::of(self.value(value).at(level::ASSIGNMENT)),
             });

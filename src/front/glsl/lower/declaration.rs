@@ -436,6 +436,7 @@ impl Lower<'_, '_> {
             let vector = Ty::Vector(kind, 4);
             declare(location, &vector, &leaf)?;
             *out += &format!("{};\n", ty.declare(&name));
+            self.last_read.insert(name.clone());
             self.epilogue
                 .push(format!("{leaf} = {}({name}{rest});", vector.name()));
             return Ok(());
@@ -443,10 +444,13 @@ impl Lower<'_, '_> {
         let mut declared = Vec::new();
         for (i, (ending, ty)) in leaves.iter().enumerate() {
             let leaf = self.fresh(&format!("{name}{}", super::super::interface::flat(ending)));
-            declare(location + i as u32, ty, &leaf)?;
+            declare(location.saturating_add(i as u32), ty, &leaf)?;
             declared.push((leaf, format!("{name}{ending}")));
         }
         *out += &format!("{};\n", variable.ty.declare(&name));
+        if direction != Storage::In {
+            self.last_read.insert(name.clone());
+        }
         for (leaf, part) in declared {
             match direction {
                 Storage::In => self.prologue.push(format!("{part} = {leaf};")),

@@ -34,6 +34,16 @@ impl Argument {
     }
 }
 
+/// What is known of an expression before it is printed.
+#[derive(Clone, Debug)]
+pub(super) struct Looked {
+    pub ty: Ty,
+    /// naga writes to it at once.
+    pub is_plain: bool,
+    /// It lies in a block otherwise than it is computed with.
+    pub lies_otherwise: bool,
+}
+
 /// How the arguments of one call may meet: what each one's evaluation writes, and what the call does.
 pub(super) struct Meeting<'e> {
     arguments: &'e [Expr],
@@ -118,6 +128,45 @@ impl Lower<'_, '_> {
         }
     }
 
+    /// What an expression is, without printing it: what that leaves behind is taken back. Each is looked at once, or what nests would be looked at twice a level.
+    pub(super) fn look(&mut self, e: &Expr) -> Result<Looked, Error> {
+        let known = key(e.span).filter(|k| !self.held.contains_key(k));
+        if let Some(looked) = known.and_then(|k| self.looked.get(&k)) {
+            return Ok(looked.clone());
+        }
+        let held = self.held_keys.len();
+        let temporaries = self.temporaries.as_ref().map_or(0, Vec::len);
+        let (calls, given) = (self.calls.len(), self.given.len());
+        let ex = self.raw(e);
+        for key in self.held_keys.split_off(held) {
+            self.held.remove(&key);
+        }
+        if let Some(all) = &mut self.temporaries {
+            all.truncate(temporaries);
+        }
+        self.calls.truncate(calls);
+        self.given.truncate(given);
+        let ex = ex?;
+        let looked = Looked {
+            is_plain: self.is_plain(&ex),
+            lies_otherwise: self.stage.structs.lies_otherwise(&ex.ty, ex.lay),
+            ty: ex.ty,
+        };
+        if let Some(key) = known {
+            self.looked.insert(key, looked.clone());
+        }
+        Ok(looked)
+    }
+
+    /// The type of an argument, and, unless it may have to be copied and does something, the argument.
+    pub(super) fn argument(&mut self, e: &Expr) -> Result<Ex, Error> {
+        let is_place = matches!(e.content, ExprData::Dot(..) | ExprData::Bracket(..));
+        match is_place && self.has_effect(e) {
+            true => Ok(Ex::new("", self.look(e)?.ty, 0)),
+            false => self.raw(e),
+        }
+    }
+
     /// What an expression became ahead of where it stands.
     pub(super) fn held(&self, e: &Expr) -> Option<Ex> {
         self.held.get(&key(e.span)?).cloned()
@@ -156,7 +205,9 @@ impl Lower<'_, '_> {
         let name = self.needed(&value.ty, self.place(e.span))?;
         let first = format!("{name} = {}", value.at(level::ASSIGNMENT));
         if let Some(key) = key(e.span) {
-            self.held.insert(key, Ex::primary(name, value.ty));
+            let before = self.held.insert(key, Ex::primary(name, value.ty));
+            debug_assert!(before.is_none(), "evaluated ahead twice");
+            self.held_keys.push(key);
         }
         Ok(first)
     }
@@ -208,17 +259,12 @@ impl Lower<'_, '_> {
     }
 
     /// An argument that is handed over by value, where those behind it do something: it is evaluated in its turn.
-    pub(super) fn in_turn(&mut self, value: Ex, place: Option<Span>) -> Result<Argument, Error> {
+    pub(super) fn in_turn(&mut self, of: &Expr, value: Ex) -> Result<Argument, Error> {
         let text = value.at(level::ASSIGNMENT);
-        let bare = unmarked(&text);
-        // A number is the same whenever it is read.
-        if bare.starts_with(|c: char| c.is_ascii_digit()) || matches!(value.ty, Ty::Unknown) {
-            return Ok(Argument {
-                text,
-                ..Argument::default()
-            });
+        if is_literal(of) || matches!(value.ty, Ty::Unknown) {
+            return Ok(Argument::of(text));
         }
-        let name = self.needed(&value.ty, place)?;
+        let name = self.needed(&value.ty, self.place(of.span))?;
         Ok(Argument {
             before: vec![format!("{name} = {text}")],
             text: name,
@@ -295,6 +341,19 @@ impl Lower<'_, '_> {
             format!("({}, {name})", before.join(", ")),
             result,
         ))
+    }
+}
+
+/// Whether it is the same whenever it is read.
+fn is_literal(e: &Expr) -> bool {
+    match &e.content {
+        ExprData::IntConst(_)
+        | ExprData::UIntConst(_)
+        | ExprData::BoolConst(_)
+        | ExprData::FloatConst(_)
+        | ExprData::DoubleConst(_) => true,
+        ExprData::Unary(op, of) => matches!(op.content, UnaryOpData::Minus) && is_literal(of),
+        _ => false,
     }
 }
 

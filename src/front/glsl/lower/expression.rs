@@ -14,6 +14,9 @@ use super::effect::after;
 use super::{Lower, Var, check};
 use crate::front::error::{Code, Error};
 
+/// Most elements that are compared one by one.
+const COMPARED: u64 = 1 << 12;
+
 /// How tightly what was printed holds together, as in GLSL's table of operators turned round.
 pub(super) mod level {
     pub const PRIMARY: u8 = 17;
@@ -43,7 +46,7 @@ pub(super) struct Ex {
     /// It is a combined sampler.
     pub pair: Option<Pair>,
     /// It is one of several, by an index that is known to the GPU alone.
-    pub choice: Option<(String, Vec<Pair>)>,
+    pub choice: Option<(Box<Ex>, Vec<Pair>)>,
 }
 
 impl Ex {
@@ -78,14 +81,17 @@ impl Ex {
 impl Lower<'_, '_> {
     /// A value: what lies in a block otherwise is taken out of it.
     pub(super) fn expr(&mut self, expr: &Expr) -> Result<Ex, Error> {
-        let mut ex = self.raw(expr)?;
         let mut first = Vec::new();
-        let is_whole = matches!(ex.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
-        if is_whole && self.stage.structs.lies_otherwise(&ex.ty, ex.lay) && self.has_effect(expr) {
-            // It is put together of several parts, each of which names its place.
-            first = self.settle(expr)?;
-            ex = self.raw(expr)?;
+        let is_place = matches!(expr.content, ExprData::Dot(..) | ExprData::Bracket(..));
+        if is_place && self.held(expr).is_none() && self.has_effect(expr) {
+            let looked = self.look(expr)?;
+            let is_whole = matches!(looked.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
+            if is_whole && looked.lies_otherwise {
+                // It is put together of several parts, each of which names its place.
+                first = self.settle(expr)?;
+            }
         }
+        let ex = self.raw(expr)?;
         Ok(after(first, self.value(ex)))
     }
 
@@ -353,6 +359,16 @@ impl Lower<'_, '_> {
             _ => (a, b),
         };
         if matches!(op, B::Equal | B::NonEqual)
+            && self.stage.structs.count(&a.ty).elements > COMPARED
+        {
+            return Err(Error::new(
+                Code::TooDeep,
+                format!("values of more than {COMPARED} elements are not compared"),
+            )
+            .label_if(place)
+            .note("compare them in a loop"));
+        }
+        if matches!(op, B::Equal | B::NonEqual)
             && let Some((first, text)) = self.compared(&a, &b)
         {
             let text = match op {
@@ -451,7 +467,7 @@ impl Lower<'_, '_> {
             .map(|i| self.pairs.get(&format!("{path}[{i}]")).cloned())
             .collect::<Option<Vec<_>>>()
             .ok_or_else(|| unsupported("these samplers cannot be told apart", place))?;
-        ex.choice = Some((index.text.clone(), pairs));
+        ex.choice = Some((Box::new(index.clone()), pairs));
         Ok(ex)
     }
 

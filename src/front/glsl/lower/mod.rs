@@ -66,6 +66,9 @@ const RESERVED: &[&str] = &[
     "filter",
 ];
 
+/// Most bytes of a stage's statements: some are written element by element.
+const WRITTEN: usize = 1 << 26;
+
 /// What a name stands for.
 #[derive(Clone, Debug)]
 struct Var {
@@ -114,6 +117,8 @@ pub(super) struct Lower<'a, 'u> {
     /// What `main` does first, and last.
     prologue: Vec<String>,
     epilogue: Vec<String>,
+    /// What it reads there, by the names that are printed: no local of `main` may hide one.
+    last_read: HashSet<String>,
     in_main: bool,
     /// The author's functions that the function calls which is printed, each by its name and the place of its signature.
     calls: Vec<(String, usize)>,
@@ -127,17 +132,27 @@ pub(super) struct Lower<'a, 'u> {
     helpers: BTreeMap<String, String>,
     /// Their names, by those that were wanted.
     helper_names: HashMap<String, String>,
+    /// Those of them that stand for a gather, with their components.
+    gathers: HashMap<String, u32>,
     /// Declarations of ours at the head of the function that is printed; `None` outside of functions.
     temporaries: Option<Vec<String>>,
     /// What expressions became ahead of where they stand, by their places.
     held: HashMap<(u32, u32), expression::Ex>,
+    /// Their places, in the order in which they came.
+    held_keys: Vec<(u32, u32)>,
+    /// What expressions were found to be before they were printed.
+    looked: HashMap<(u32, u32), effect::Looked>,
     /// Literal offsets of samples, each a constant of ours.
     offsets: Vec<String>,
     /// What GLSL's functions are given, where they are called: for errors.
     given: Vec<Given>,
     indent: usize,
+    /// Bytes of the statements so far.
+    written: usize,
     /// Names that this stage's text has got.
     taken: HashSet<String>,
+    /// How many were made like one that was taken.
+    numbered: HashMap<String, usize>,
 }
 
 /// A call of one of GLSL's functions.
@@ -148,12 +163,22 @@ pub(super) struct Given {
     pub place: Span,
 }
 
-/// The rewritten text of a stage, its marks still in.
+/// What a stage came to.
+pub(super) struct Lowered {
+    /// The rewritten text, its marks still in.
+    pub text: String,
+    pub marks: Marks,
+    pub given: Vec<Given>,
+    /// The functions in it that stand for a gather, with their components.
+    pub gathers: HashMap<String, u32>,
+}
+
+/// Rewrites a stage.
 pub(super) fn lower(
     stage: &mut Stage<'_>,
     interface: &mut Interface,
     clip: ClipSpace,
-) -> Result<(String, Marks, Vec<Given>), Error> {
+) -> Result<Lowered, Error> {
     let pairs = interface
         .samplers
         .iter()
@@ -169,6 +194,7 @@ pub(super) fn lower(
         renamed: HashMap::new(),
         prologue: Vec::new(),
         epilogue: Vec::new(),
+        last_read: HashSet::new(),
         in_main: false,
         calls: Vec::new(),
         result: Ty::Void,
@@ -176,15 +202,25 @@ pub(super) fn lower(
         targets: BTreeSet::new(),
         helpers: BTreeMap::new(),
         helper_names: HashMap::new(),
+        gathers: HashMap::new(),
         temporaries: None,
         held: HashMap::new(),
+        held_keys: Vec::new(),
+        looked: HashMap::new(),
         offsets: Vec::new(),
         given: Vec::new(),
         indent: 0,
+        written: 0,
         taken: HashSet::new(),
+        numbered: HashMap::new(),
     };
     let text = lower.stage()?;
-    Ok((text, lower.marks, lower.given))
+    Ok(Lowered {
+        text,
+        marks: lower.marks,
+        given: lower.given,
+        gathers: lower.gathers,
+    })
 }
 
 impl Lower<'_, '_> {
@@ -224,11 +260,26 @@ impl Lower<'_, '_> {
 
     /// A name like `wanted` that this stage has not: the other may have it.
     fn fresh(&mut self, wanted: &str) -> String {
+        let is_free = |this: &mut Self, name: &String| {
+            !this.stage.unit.names.contains(name) && this.taken.insert(name.clone())
+        };
         let mut name = wanted.to_owned();
-        while self.stage.unit.names.contains(&name) || !self.taken.insert(name.clone()) {
-            name.push('_');
+        if !self.numbered.contains_key(wanted) && is_free(self, &name) {
+            return name;
         }
-        name
+        let base = wanted.trim_end_matches('_');
+        // Counted, so that the thousandth is found as soon as the first.
+        loop {
+            let count = self.numbered.entry(wanted.to_owned()).or_default();
+            name = match *count {
+                0 => format!("{base}_"),
+                n => format!("{base}_{}", n + 1),
+            };
+            *count += 1;
+            if is_free(self, &name) {
+                return name;
+            }
+        }
     }
 
     fn line(&self, text: &str) -> String {

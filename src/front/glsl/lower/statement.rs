@@ -117,7 +117,7 @@ impl Lower<'_, '_> {
     fn is_expression(&mut self, e: &Expr) -> Result<bool, Error> {
         Ok(match &e.content {
             ExprData::Comma(a, b) => self.is_expression(a)? && self.is_expression(b)?,
-            ExprData::FunCall(..) => self.expr(e)?.ty != Ty::Void,
+            ExprData::FunCall(..) => self.look(e)?.ty != Ty::Void,
             _ => true,
         })
     }
@@ -145,7 +145,13 @@ impl Lower<'_, '_> {
         self.indent += 1;
         let mut out = String::new();
         for statement in statements {
-            out += &self.statement(statement)?;
+            let text = self.statement(statement)?;
+            self.written += text.len();
+            if self.written > super::WRITTEN {
+                let message = "the statements come to more than 64 MiB, element by element";
+                return Err(Error::new(Code::TooDeep, message).label_if(self.place(statement.span)));
+            }
+            out += &text;
         }
         self.indent -= 1;
         self.stage.constants = constants;
@@ -357,7 +363,10 @@ impl Lower<'_, '_> {
             // It hides a constant of that name.
             self.stage.constants.remove(author);
         }
-        let name = self.safe(author);
+        let name = match self.in_main && self.last_read.contains(author) {
+            true => self.fresh(author),
+            false => self.safe(author),
+        };
         let declared = ty.declare(&name);
         let fixed = constant.then_some("a constant");
         if constant && value.is_none() {

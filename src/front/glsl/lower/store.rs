@@ -413,17 +413,14 @@ impl Lower<'_, '_> {
     pub(super) fn assignment(&mut self, to: &Expr, word: &str, from: &Expr) -> Result<Ex, Error> {
         let place = self.place(to.span);
         self.check_written(to)?;
-        let look = self.raw(to)?;
-        let plain = self.is_plain(&look);
         // naga reads by one evaluation of the target and writes by another.
-        let mut all = match word == "=" && plain {
+        let once = word == "=" && (!self.has_effect(to) || self.look(to)?.is_plain);
+        let mut all = match once {
             true => Vec::new(),
             false => self.settle(to)?,
         };
-        let target = match all.is_empty() {
-            true => look,
-            false => self.raw(to)?,
-        };
+        let target = self.raw(to)?;
+        let plain = self.is_plain(&target);
         let (of, from) = (self.place(from.span), self.expr(from)?);
         match compound(word) {
             None => self.check_given(&from.ty, &target.ty, of)?,

@@ -151,7 +151,7 @@ impl Lower<'_, '_> {
             })
             .collect();
         let mut name = function.name.clone();
-        let mut first = None;
+        let mut first = Vec::new();
         // GLSL rounds a layer to the nearest (4.60, 8.9), naga cuts it off.
         if layers == 1
             && !fetches
@@ -226,7 +226,7 @@ impl Lower<'_, '_> {
                 // naga's projects no comparison: three coordinates, over the fourth.
                 if let Some(p) = rest.first_mut() {
                     let (before, held) = self.once(p);
-                    first = before;
+                    first.extend(before);
                     *p = held;
                     let text = p.at(level::POSTFIX);
                     *p = Ex::new(
@@ -270,14 +270,16 @@ impl Lower<'_, '_> {
             None => Ex::primary(call(None), result.clone()),
             Some((index, pairs)) => {
                 // The index is the same for all that run together, by GLSL's own rule: so is the way taken here.
-                let bare = unmarked(index);
-                if bare.contains('(') || bare.contains('=') || bare.contains("++") {
+                let (before, index) = self.once(index);
+                let bare = unmarked(&index.text);
+                if before.is_none() && (bare.contains(['(', '=']) || bare.contains("++")) {
                     return Err(unsupported(
-                        "a sampler can be chosen by a variable, not by a call",
+                        "a sampler can be chosen by a call within a function alone",
                         place,
-                    )
-                    .note("put the index into a variable first"));
+                    ));
                 }
+                first.splice(0..0, before);
+                let index = &index.text;
                 let Some((last, others)) = pairs.split_last() else {
                     return Err(unsupported("this array of samplers is empty", place));
                 };
@@ -325,7 +327,8 @@ impl Lower<'_, '_> {
                 .map_err(|_| unsupported("`textureGather`'s component must be a number", place))?,
             _ => 0,
         };
-        let helper = format!("{}_{combined}_{component}", super::super::gather::NAME);
+        let helper = self.helper_name(&format!("gather_{combined}_{component}"));
+        self.gathers.insert(helper.clone(), component);
         let texture = combined.replacen("sampler", "texture", 1);
         let texture = texture.trim_end_matches("Shadow");
         let n = coordinates(combined);

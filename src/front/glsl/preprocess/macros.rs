@@ -34,16 +34,30 @@ impl Input {
 /// Most calls within arguments of others.
 const DEPTH: usize = 100;
 
-fn with(hidden: Option<&Rc<[u32]>>, name: u32) -> Rc<[u32]> {
-    let mut all: Vec<u32> = hidden.map(|h| h.to_vec()).unwrap_or_default();
-    if !all.contains(&name) {
-        all.push(name);
-    }
-    Rc::from(all)
-}
+/// Most macros that one token comes through.
+const HIDDEN: usize = 256;
+/// How many names are compared in the time of one token.
+const SHARE: usize = 64;
 
 impl Preprocessor<'_> {
-    fn next(&mut self, input: &mut Input) -> Result<Option<Token>, Stop> {
+    /// The names that are not expanded within the expansion of `name`: those sets are copied, and may not grow without bound.
+    fn with(
+        &self,
+        hidden: Option<&Rc<[u32]>>,
+        name: u32,
+        place: (u32, u32),
+    ) -> Result<Rc<[u32]>, Stop> {
+        let mut all: Vec<u32> = hidden.map(|h| h.to_vec()).unwrap_or_default();
+        if !all.contains(&name) {
+            all.push(name);
+        }
+        match all.len() > HIDDEN {
+            true => Err(self.too_deep(place)),
+            false => Ok(Rc::from(all)),
+        }
+    }
+
+    pub(super) fn next(&mut self, input: &mut Input) -> Result<Option<Token>, Stop> {
         match input {
             Input::Files => self.next_token(),
             Input::List(tokens) => Ok(tokens.pop()),
@@ -97,8 +111,8 @@ impl Preprocessor<'_> {
         };
         self.out.is_more = true;
         let Some(parameters) = &found.parameters else {
-            let hidden = with(token.hidden.as_ref(), token.name);
             let place = (token.start, token.end);
+            let hidden = self.with(token.hidden.as_ref(), token.name, place)?;
             let body = self.substituted(&found, &[], &[], place, &hidden, depth)?;
             self.unread(input, body)?;
             return Ok(None);
@@ -160,8 +174,9 @@ impl Preprocessor<'_> {
             .iter()
             .flat_map(|h| h.iter().copied())
             .collect();
+        self.work(shared.len() * close.hidden.as_ref().map_or(0, |h| h.len()) / SHARE)?;
         let shared: Rc<[u32]> = shared.into_iter().filter(both).collect();
-        let hidden = with(Some(&shared), token.name);
+        let hidden = self.with(Some(&shared), token.name, place)?;
         let body = self.substituted(&found, parameters, &arguments, place, &hidden, depth)?;
         self.unread(input, body)?;
         Ok(None)
@@ -249,6 +264,10 @@ impl Preprocessor<'_> {
                 }
                 Some(own) => own.to_vec(),
             };
+            if all.len() > HIDDEN {
+                return Err(self.too_deep(place));
+            }
+            self.work(all.len() * hidden.len() / SHARE)?;
             all.extend(hidden.iter().filter(|h| !token.is_hidden_from(**h)));
             token.hidden = Some(Rc::from(all));
         }

@@ -46,6 +46,8 @@ pub(super) struct Task<'a> {
     pub defines: &'a [(String, String)],
     /// The version to say in its `#version`.
     pub said_version: u16,
+    /// The text is known to be for Vulkan.
+    pub vulkan: bool,
 }
 
 /// A text without directives.
@@ -58,6 +60,8 @@ pub(super) struct Preprocessed {
     pub invariant_all: bool,
     /// It has more in it than the text that was given: what macros come to, or other files.
     pub is_more: bool,
+    /// It asks whether it is for Vulkan, and was told that it is not.
+    pub asks_for_vulkan: bool,
 }
 
 impl Preprocessed {
@@ -97,6 +101,7 @@ struct Preprocessor<'a> {
     stage: ShaderStage,
     dialect: Dialect,
     said_version: u16,
+    vulkan: bool,
     /// The folder of the first file.
     home: PathBuf,
     names: Names,
@@ -130,6 +135,7 @@ pub(super) fn preprocess(
         stage: input.stage,
         dialect: input.dialect,
         said_version: input.said_version,
+        vulkan: input.vulkan,
         home: input.folder.to_owned(),
         names,
         computed,
@@ -182,7 +188,9 @@ impl Preprocessor<'_> {
             false if version >= 150 => own.push("GL_core_profile"),
             false => {}
         }
-        let all = own.into_iter().map(|name| (name, "1", true));
+        // GL_KHR_vulkan_glsl; an author may define it all the same.
+        let vulkan = self.vulkan.then_some(("VULKAN", "100", false));
+        let all = own.into_iter().map(|name| (name, "1", true)).chain(vulkan);
         let given = defines.iter().map(|(n, v)| (n.as_str(), v.as_str(), false));
         for (name, value, is_own) in all.chain(given) {
             let value = match value.trim().is_empty() {
@@ -379,15 +387,11 @@ impl Preprocessor<'_> {
                 };
                 self.own_line(&format!("#version {version}{profile}"), place);
             }
-            "extension" => {
-                let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
-                self.own_line(&format!("#extension {}", words.join(" ")), place);
-            }
             "pragma" => {
                 let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
                 self.out.invariant_all |= words.concat().contains("STDGLinvariant(all)");
             }
-            // As compilers do: what none knows is no error.
+            // Extensions change no token here. And as compilers do: what none knows is no error.
             _ => {}
         }
         Ok(())
@@ -424,8 +428,10 @@ impl Preprocessor<'_> {
             .ok_or_else(|| self.stop(format!("`#{directive}` names no macro"), place))
     }
 
-    fn is_defined(&self, name: u32) -> bool {
-        self.macros.contains_key(&name) || self.computed.contains(&name)
+    fn is_defined(&mut self, name: u32) -> bool {
+        let is = self.macros.contains_key(&name) || self.computed.contains(&name);
+        self.out.asks_for_vulkan |= !is && &*self.names.text(name) == "VULKAN";
+        is
     }
 
     fn refuse_own(&self, name: u32, place: (u32, u32)) -> Result<(), Stop> {
@@ -483,6 +489,16 @@ impl Preprocessor<'_> {
         Ok(())
     }
 
+    /// What `defined` comes to.
+    fn answer(&mut self, asked: Token, name: u32) -> Token {
+        let value = u8::from(self.is_defined(name)).to_string();
+        Token {
+            kind: Kind::Number,
+            name: self.names.number(&value),
+            ..asked
+        }
+    }
+
     fn condition(&mut self, line: Vec<Token>, place: (u32, u32)) -> Result<bool, Stop> {
         // What `defined` asks of is not expanded.
         let mut ready = Vec::new();
@@ -498,14 +514,28 @@ impl Preprocessor<'_> {
             let Some(name) = name.filter(|_| closed) else {
                 return Err(self.stop("`defined` names no macro", place));
             };
-            let value = u8::from(self.is_defined(name.name)).to_string();
-            ready.push(Token {
-                kind: Kind::Number,
-                name: self.names.number(&value),
-                ..token
-            });
+            ready.push(self.answer(token, name.name));
         }
-        let expanded = self.expanded(ready, 0)?;
+        let mut input = Input::list(ready);
+        let mut expanded = Vec::new();
+        while let Some(token) = self.next(&mut input)? {
+            // What a macro brought asks too: C leaves that open (C11 6.10.1), and compilers do it.
+            if self.is(&token, "defined") {
+                let mut name = self.next(&mut input)?;
+                let bracket = name.as_ref().is_some_and(|t| self.is(t, "("));
+                if bracket {
+                    name = self.next(&mut input)?;
+                }
+                let closed = !bracket || self.next(&mut input)?.is_some_and(|t| self.is(&t, ")"));
+                let Some(name) = name.filter(|t| closed && t.kind == Kind::Word) else {
+                    return Err(self.stop("`defined` names no macro", place));
+                };
+                expanded.push(self.answer(token, name.name));
+            } else if let Some(token) = self.expand(token, &mut input, 0)? {
+                self.work(1)?;
+                expanded.push(token);
+            }
+        }
         let mut words = Vec::new();
         for (i, token) in expanded.iter().enumerate() {
             let text = self.names.text(token.name);
