@@ -8,8 +8,10 @@ use std::time::Duration;
 use notify_debouncer_full::new_debouncer;
 use notify_debouncer_full::notify::{self, EventKind, RecursiveMode};
 
+use same_file::Handle;
+
 use crate::output::{self, count};
-use crate::{Failure, Outcome, many};
+use crate::{Failure, Outcome, config, many};
 
 /// How long a burst of changes is gathered.
 const QUIET: Duration = Duration::from_millis(80);
@@ -88,7 +90,9 @@ impl Awaited {
             return true;
         }
         let is_below = |folders: &BTreeSet<PathBuf>| folders.iter().any(|f| path.starts_with(f));
-        let is_beside = || self.files.iter().any(|f| f.parent() == path.parent());
+        // Where `preshade.toml` is looked for, which every command does, anything may lie.
+        let beside = |f: &&PathBuf| f.parent() == path.parent() && !f.ends_with(config::FILE);
+        let is_beside = || self.files.iter().find(beside).is_some();
         match last {
             // Whatever was missing may have come.
             Last::Failed => is_below(&self.trees) || is_below(&self.includes) || is_beside(),
@@ -170,12 +174,25 @@ fn wait(changes: &Changes, awaited: &Awaited, last: Last) -> Result<(), Failure>
         };
         let changed = events.iter().any(|e| {
             !matches!(e.kind, EventKind::Access(_))
-                && e.paths.iter().any(|p| awaited.concerns(p, last))
+                && e.paths
+                    .iter()
+                    .any(|p| awaited.concerns(p, last) && !is_told_to(p))
         });
         if changed {
             return Ok(());
         }
     }
+}
+
+/// Whether what this process tells goes into the file: `2> log` beside the shaders would change them with each message.
+fn is_told_to(path: &Path) -> bool {
+    let Ok(file) = Handle::from_path(path) else {
+        return false;
+    };
+    [Handle::stdout(), Handle::stderr()]
+        .into_iter()
+        .flatten()
+        .any(|told| told == file)
 }
 
 /// Whether a folder could not be watched because it is not there.

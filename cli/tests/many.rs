@@ -793,6 +793,45 @@ fn watch_sees_a_missing_include_come() {
     }
 }
 
+/// What is told into a file beside the shaders is no change of theirs: a mistake would be told without end.
+#[test]
+fn watch_is_not_woken_by_its_own_log() {
+    let tree = tree("many-log");
+    let shader = tree.join("shaders/lit.wgsl");
+    let text = fs::read_to_string(&shader).unwrap();
+    fs::write(&shader, "@vertex fn").unwrap();
+    let log = tree.join("shaders/log");
+    let file = fs::File::create(&log).unwrap();
+    let args = [
+        "rewrite",
+        "shaders/lit.wgsl",
+        "--pass",
+        "depth-prepass",
+        "-o",
+        "out",
+        "--watch",
+    ];
+    let (_send, none) = channel();
+    let child = preshade(&tree, &args).stderr(file).spawn().unwrap();
+    let _watched = Watched(child, none);
+    let until = |wanted: &str| {
+        for _ in 0..600 {
+            let said = fs::read_to_string(&log).unwrap();
+            if said.contains(wanted) {
+                return said;
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        panic!("it never says `{wanted}`");
+    };
+    until("watching ");
+    // Many times as long as a burst of changes is gathered.
+    std::thread::sleep(Duration::from_secs(1));
+    assert_eq!(until("watching ").matches("watching ").count(), 1);
+    fs::write(&shader, text).unwrap();
+    until("wrote out/lit.main.wgsl");
+}
+
 #[cfg(unix)]
 #[test]
 fn watch_sees_what_a_link_points_at() {
