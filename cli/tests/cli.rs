@@ -331,7 +331,7 @@ fn without_an_adapter_verify_says_what_to_install() {
             stderr(&output)
         );
         assert!(
-            stderr(&output).contains("error: no graphics adapter was found")
+            stderr(&output).contains("error[no-adapter]: no graphics adapter was found")
                 && stderr(&output).contains("mesa-vulkan-drivers"),
             "{}",
             stderr(&output)
