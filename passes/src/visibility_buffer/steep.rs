@@ -112,7 +112,6 @@ fn is_difference(values: &Values<'_, '_>, is_rounded: &[bool], of: ValueId) -> b
                         }
                         _ => Vec::new(),
                     },
-                    Expression::Literal(_) | Expression::Constant(_) => Vec::new(),
                     Expression::Compose { .. }
                     | Expression::Splat { .. }
                     | Expression::Swizzle { .. }

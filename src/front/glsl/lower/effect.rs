@@ -344,8 +344,8 @@ impl Lower<'_, '_> {
     }
 }
 
-/// Whether it is the same whenever it is read.
-fn is_literal(e: &Expr) -> bool {
+/// Whether it is a number or a truth as written, with a sign or none: the same whenever it is read.
+pub(super) fn is_literal(e: &Expr) -> bool {
     match &e.content {
         ExprData::IntConst(_)
         | ExprData::UIntConst(_)

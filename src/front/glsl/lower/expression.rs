@@ -10,7 +10,7 @@ use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::{initial_length, unsupported};
 use super::super::ty::{Kind, Lay, Ty};
-use super::effect::after;
+use super::effect::{after, is_literal};
 use super::{Lower, Var, check};
 use crate::front::error::{Code, Error};
 
@@ -604,11 +604,7 @@ impl Lower<'_, '_> {
 
     fn is_simple_expr(&self, e: &Expr) -> bool {
         match &e.content {
-            ExprData::IntConst(_)
-            | ExprData::UIntConst(_)
-            | ExprData::BoolConst(_)
-            | ExprData::FloatConst(_)
-            | ExprData::DoubleConst(_) => true,
+            _ if is_literal(e) => true,
             ExprData::Unary(op, of) => {
                 matches!(op.content, UnaryOpData::Minus) && self.is_simple_expr(of)
             }
