@@ -353,3 +353,134 @@ fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
     assert_eq!(found, (6, Some(12), 4));
     assert_eq!((draw.range.first_instance, draw.instances), (1, 3));
 }
+
+/// Lights in an array of 4 and as many again as the scene says, a struct with an array in each.
+const LIT: &str = "
+struct Light { color: vec3f, weights: array<vec4f, 2> }
+struct Sun { lights: array<Light, 4>, gain: f32 }
+@group(0) @binding(0) var<uniform> sun: Sun;
+@group(0) @binding(1) var<storage, read> more: array<vec4f>;
+@vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { return vec4f(position, sun.gain); }
+@fragment fn fs() -> @location(0) vec4f { return vec4f(sun.lights[1].color, 1.0) + sun.lights[2].weights[1] + more[0]; }
+";
+
+#[test]
+fn values_that_would_change_nothing_are_told() {
+    let root = folder("indices");
+    std::fs::write(root.join("shaders/lit.wgsl"), LIT).unwrap();
+    let with = |values: &str| {
+        let text = GOOD
+            .replace("tiles.wgsl", "lit.wgsl")
+            .replace(
+                "textures.albedo = { pattern = \"checker\", size = 16 }\n",
+                "",
+            )
+            .replace("\"light.ambient\" = [0.2, 0.2, 0.2]", values);
+        load("indices", &text)
+    };
+    for values in [
+        "\"sun.lights[3].color\" = [1, 0, 0], \"sun.lights.color\" = [0, 0, 1]",
+        "\"sun.lights[0].weights[1]\" = [1, 0, 0, 1]",
+        "\"sun.lights.weights\" = 0.5",
+        "more = [1, 1, 1, 1, 2, 2, 2, 2], \"sun.gain\" = 2",
+    ] {
+        assert!(with(values).is_ok(), "{values}: {:?}", with(values).err());
+    }
+    for (values, told) in [
+        (
+            "\"sun.lights[4].color\" = 1",
+            "`lights` has 4 elements, and no number 4",
+        ),
+        ("\"sun.lights[-1].color\" = 1", "an index is a whole number"),
+        ("\"sun.lights[x].color\" = 1", "an index is a whole number"),
+        ("\"sun.lights[].color\" = 1", "an index is a whole number"),
+        (
+            "\"sun.lights[0]color\" = 1",
+            "has no variable `sun.lights[0]color`",
+        ),
+        (
+            "\"sun.lights[0][1].color\" = 1",
+            "`lights` is not an array of that many dimensions",
+        ),
+        ("\"sun.gain[0]\" = 1", "`gain` is not an array"),
+        (
+            "\"sun.lights.weights[1]\" = 1",
+            "`lights` is an array, and has no index here",
+        ),
+        (
+            "\"sun.lights[0]\" = 1, \"sun.lights[0].color\" = 1",
+            "`sun.lights[0]` gives it already",
+        ),
+        (
+            "sun = 1, \"sun.lights[0].color\" = 1",
+            "`sun` gives it already",
+        ),
+        ("\"more[100000]\" = 1", "and no number 100000"),
+    ] {
+        let error = with(values).unwrap_err().render();
+        assert!(error.contains(told), "{values}: {error}");
+        assert!(error.contains("bad.toml:5:"), "{values}: {error}");
+    }
+}
+
+#[test]
+fn numbers_that_mean_nothing_are_told_where_they_stand() {
+    insta::assert_snapshot!(refusal("size", "size = [1, 1, 1]", "size = [1, -1, 1]"));
+    insta::assert_snapshot!(refusal("nan", "eye = [1, 2, 5]", "eye = [1, nan, 5]"));
+    for (from, to, told) in [
+        (
+            "box = { size = [1, 1, 1] }",
+            "sphere = { radius = 0 }",
+            "`radius` of 0",
+        ),
+        (
+            "box = { size = [1, 1, 1] }",
+            "sphere = { radius = -0.5 }",
+            "`radius` of -0.5",
+        ),
+        (
+            "box = { size = [1, 1, 1] }",
+            "plane = { segments = [4, 0] }",
+            "`segments` of 0",
+        ),
+        (
+            "box = { size = [1, 1, 1] }",
+            "cards = { count = 0 }",
+            "`count` of 0",
+        ),
+        (
+            "box = { size = [1, 1, 1] }",
+            "box = { tiling = inf }",
+            "`tiling` of inf",
+        ),
+        ("eye = [1, 2, 5]", "eye = [1, 1e39, 5]", "`eye` of 1"),
+        (
+            "eye = [1, 2, 5]",
+            "eye = [1, 2, 5]\ntime = -inf",
+            "`time` of -inf",
+        ),
+        (
+            "eye = [1, 2, 5]",
+            "eye = [1, 2, 5]\nfov = nan",
+            "`fov` of NaN",
+        ),
+        (
+            "mesh = \"cube\"",
+            "mesh = \"cube\"\nscale = nan",
+            "`scale` of NaN",
+        ),
+    ] {
+        let error = refusal("numbers", from, to);
+        assert!(error.contains(told), "{to}: {error}");
+        assert!(error.contains("bad.toml:"), "{to}: {error}");
+    }
+    // What means something: no end of sight, a value that a shader is tried with, a mirror.
+    for (from, to) in [
+        ("eye = [1, 2, 5]", "eye = [1, 2, 5]\nfar = inf"),
+        ("[0.2, 0.2, 0.2]", "[nan, inf, 0.2]"),
+        ("mesh = \"cube\"", "mesh = \"cube\"\nscale = [1, -1, 0]"),
+    ] {
+        let scene = load("numbers", &GOOD.replace(from, to));
+        assert!(scene.is_ok(), "{to}: {:?}", scene.err());
+    }
+}

@@ -14,7 +14,9 @@ use preshade_passes::state::CompareFunction;
 
 use super::layout::{self, Leaf};
 use super::semantic::{Known, normalise};
-use super::{Draw, Error, Frame, Image, Material, Sampler, Scene, Value, material, range};
+use super::{
+    Draw, Error, Frame, Image, Material, Sampler, Scene, Value, material, range, value_path,
+};
 
 mod guessed;
 mod held;
@@ -295,7 +297,39 @@ pub(super) fn check(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<(), Error> {
-    frame_buffers(scene, material, pass, draw, frame).map(drop)
+    frame_buffers(scene, material, pass, draw, frame)?;
+    let streams = Streams::new(scene, material, draw)?;
+    let mut storage = authored(pass).filter(|b| {
+        let kinds = [BindingKind::StorageRead, BindingKind::StorageReadWrite];
+        kinds.contains(&b.kind)
+    });
+    storage.try_for_each(|b| {
+        let (name, ty) = variable(material, b)?;
+        runtime_length(material, &streams, draw, name, ty).map(drop)
+    })
+}
+
+/// Elements of the runtime-sized array that a variable is or ends in, if it is one of those.
+///
+/// # Errors
+/// A value is given for an element that it does not have.
+fn runtime_length(
+    material: &Material,
+    streams: &Streams<'_>,
+    draw: &Draw,
+    name: &str,
+    ty: naga::Handle<naga::Type>,
+) -> Result<usize, Error> {
+    let module = material.program.module();
+    let given = match draw.values.get(name).or_else(|| material.values.get(name)) {
+        Some(Value::Numbers(n)) if !name.is_empty() => Some(n.len()),
+        _ => None,
+    };
+    let length = streams.runtime_length(name, ty, given);
+    let keys = draw.values.keys().chain(material.values.keys());
+    value_path::check_length(module, name, ty, length, keys)
+        .map_err(|e| e.within(&format!("material `{}`", material.name)))?;
+    Ok(length)
 }
 
 /// Told of each scalar, vector and matrix that a buffer's values do not give: where its numbers came from, and what they are.
@@ -349,11 +383,7 @@ fn buffer(
         }
         draw.values.get(path).or_else(|| material.values.get(path))
     };
-    let given = match values(name) {
-        Some(Value::Numbers(n)) if !name.is_empty() => Some(n.len()),
-        _ => None,
-    };
-    let dynamic = streams.runtime_length(name, ty, given);
+    let dynamic = runtime_length(material, streams, draw, name, ty)?;
     let mut rate = Rate::Draw;
     let mut leaf = |leaf: &Leaf<'_>| -> Result<[f64; 16], Error> {
         if leaf.semantic.is_none()
@@ -389,7 +419,7 @@ fn buffer(
                         "`${}` does not fit `{path}`: one is a matrix, the other is not",
                         semantic.name()
                     ))
-                    .about(path));
+                    .about(leaf.indexed()));
                 }
                 None => {}
             }

@@ -216,7 +216,7 @@ impl<'a> Packer<'a> {
                         join(&self.path, true),
                         numbers.len()
                     ))
-                    .about(join(&self.path, false)));
+                    .about(join(&self.path, true)));
                 }
                 let mut at = 0;
                 self.fill(ty, offset, numbers, &mut at);
@@ -226,7 +226,7 @@ impl<'a> Packer<'a> {
                 self.semantic = Some(Semantic::from_name(name).ok_or_else(|| {
                     Error::new(format!("unknown value `${name}`"))
                         .suggest(name, Semantic::names())
-                        .about(join(&self.path, false))
+                        .about(join(&self.path, true))
                 })?);
             }
             None => {}

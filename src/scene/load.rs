@@ -22,7 +22,7 @@ use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Mesh, Scene, Stream, Value,
-    Variables, bind, error, material, meshes, range, size, variables,
+    Variables, bind, error, material, meshes, numbers, range, size, value_path, variables,
 };
 use crate::{front, regular};
 
@@ -74,6 +74,7 @@ pub fn read(
     let name = path.display().to_string();
     let source = Source { name: &name, text };
     let file: SceneFile = toml::from_str(text).map_err(|e| source.toml_error(&e))?;
+    numbers::check(text).map_err(|(e, range)| source.at(e, range))?;
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
     let variables = variables::set(&file.variables, variables)?;
     Loader {
@@ -302,17 +303,12 @@ impl Loader<'_> {
             };
             bind::check(scene, material, pass, draw, frame).map_err(|e| {
                 let entry = &self.file.materials[&material.name];
-                let values = self
-                    .file
-                    .draws
-                    .iter()
-                    .map(|d| &d.get_ref().values)
-                    .chain([&entry.get_ref().values]);
+                let draws = self.file.draws.iter().map(|d| &d.get_ref().values);
+                let values: Vec<_> = draws.chain([&entry.get_ref().values]).collect();
+                let given = |key: &str| values.iter().find_map(|v| v.get(key)).map(Spanned::span);
+                // The element's own value, or that of all elements.
                 let raw = e.subject().and_then(|subject| {
-                    values
-                        .flat_map(|v| v.iter())
-                        .find(|(key, _)| material::without_indices(key) == subject)
-                        .map(|(_, raw)| raw.span())
+                    given(subject).or_else(|| given(&value_path::without_indices(subject)))
                 });
                 self.source.at(e, raw.unwrap_or_else(|| entry.span()))
             })?;
@@ -539,13 +535,13 @@ impl Loader<'_> {
                 .unwrap_or_else(|| rigged.morph_weights.clone()),
             values: values(&entry.values),
         };
-        if let Some(key) = material::unknown_value(&materials[material], &draw.values) {
-            let e = material::unknown_value_error(&materials[material], &key);
-            return Err(match entry.values.get(&key) {
-                Some(raw) => self.source.at(e, raw.span()),
+        value_path::check(&materials[material], &draw.values).map_err(|e| {
+            let raw = e.subject().and_then(|key| entry.values.get(key));
+            match raw.map(Spanned::span) {
+                Some(span) => self.source.at(e, span),
                 None => e,
-            });
-        }
+            }
+        })?;
         let take = |draw: &mut Draw, copies: Option<u32>| match &entry.range {
             None => Ok(()),
             Some(r) => range::take(

@@ -1,13 +1,12 @@
 //! Materials: a program with its values, textures and samplers, checked against what the program declares.
 
-use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
 use naga::{AddressSpace, Handle, ImageDimension, Type, TypeInner};
 use preshade_passes::program::Program;
 
 use super::image::{Pattern, Recipe};
-use super::{Error, Image, Material, Value, layout};
+use super::{Error, Image, Material, value_path};
 
 /// A variable with a binding.
 #[derive(Clone, Copy, Debug)]
@@ -75,9 +74,7 @@ pub(super) fn check(material: &Material) -> Result<(), Error> {
         );
         Err(Error::new(text).suggest(name, known).about(name))
     };
-    if let Some(name) = unknown_value(material, &material.values) {
-        return Err(unknown_value_error(material, &name));
-    }
+    value_path::check(material, &material.values)?;
     for name in material.textures.keys() {
         if !textures.contains(&name.as_str()) {
             return unknown("texture", name, textures);
@@ -100,59 +97,6 @@ pub(super) fn check(material: &Material) -> Result<(), Error> {
         }
     }
     Ok(())
-}
-
-/// Every path a value of the material may name.
-fn value_paths(material: &Material) -> Vec<String> {
-    let module = material.program.module();
-    globals(&material.program)
-        .filter(|g| g.is_buffer)
-        .flat_map(|g| layout::paths(module, g.name, g.ty))
-        .collect()
-}
-
-/// The first of `values` that names nothing in the material's program.
-pub(super) fn unknown_value(
-    material: &Material,
-    values: &BTreeMap<String, Value>,
-) -> Option<String> {
-    if values.is_empty() {
-        return None;
-    }
-    let paths = value_paths(material);
-    values
-        .keys()
-        .find(|name| !paths.contains(&without_indices(name)))
-        .cloned()
-}
-
-/// The message for it.
-pub(super) fn unknown_value_error(material: &Material, name: &str) -> Error {
-    let paths = value_paths(material);
-    Error::new(format!(
-        "the shader of material `{}` has no variable `{name}`",
-        material.name
-    ))
-    .suggest(name, paths.iter().map(String::as_str))
-    .about(name)
-}
-
-/// `lights[1].color` without its indices.
-pub(super) fn without_indices(path: &str) -> String {
-    let mut depth = 0;
-    path.chars()
-        .filter(|c| {
-            match c {
-                '[' => depth += 1,
-                ']' => {
-                    depth -= 1;
-                    return false;
-                }
-                _ => {}
-            }
-            depth == 0
-        })
-        .collect()
 }
 
 /// The image a texture shows that the scene does not name: by its name a normal map, a mask, noise, or a coloured pattern.

@@ -11,12 +11,14 @@ mod load;
 mod material;
 mod meshes;
 mod noise;
+mod numbers;
 mod place;
 mod range;
 mod semantic;
 mod setup;
 mod size;
 mod synthesise;
+mod value_path;
 mod variables;
 
 pub mod bind;

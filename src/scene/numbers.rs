@@ -1,0 +1,97 @@
+//! Which numbers of a scene file mean nothing: those that no camera, place or shape can have. A shader's own `values` may be any.
+
+use std::ops::Range;
+
+use toml::de::{DeTable, DeValue};
+
+use super::Error;
+
+/// Keys of a shape that are lengths, in units of the scene: a shape of none has no inside.
+const LENGTHS: [&str; 8] = [
+    "depth",
+    "height",
+    "radius",
+    "rise",
+    "run",
+    "size",
+    "thickness",
+    "width",
+];
+
+/// Keys of a shape that count its parts.
+const COUNTS: [&str; 5] = ["count", "joints", "rings", "segments", "steps"];
+
+/// Tables whose numbers are a shader's or a preprocessor's, not the scene's.
+const THEIR_OWN: [&str; 3] = ["defines", "values", "variables"];
+
+/// Fails at the first number of the file that is NaN, infinite, or too large for 32 bits (`far` may be infinite), at a shape's length of 0 or less,
+/// and at a shape of 0 parts. `text` has been read as a scene.
+///
+/// # Errors
+/// The number, and where in the text it stands.
+pub(super) fn check(text: &str) -> Result<(), (Error, Range<usize>)> {
+    match DeTable::parse(text) {
+        Ok(table) => in_table(table.get_ref(), &mut Vec::new()),
+        // Its reader has told what is wrong with it.
+        Err(_) => Ok(()),
+    }
+}
+
+type Checked = Result<(), (Error, Range<usize>)>;
+
+fn in_table<'a>(table: &'a DeTable<'_>, path: &mut Vec<&'a str>) -> Checked {
+    for (key, value) in table {
+        let key: &str = key.get_ref();
+        if THEIR_OWN.contains(&key) {
+            continue;
+        }
+        path.push(key);
+        in_value(value.get_ref(), value.span(), path)?;
+        path.pop();
+    }
+    Ok(())
+}
+
+fn in_value<'a>(value: &'a DeValue<'_>, at: Range<usize>, path: &mut Vec<&'a str>) -> Checked {
+    let number = match value {
+        DeValue::Table(table) => return in_table(table, path),
+        DeValue::Array(values) => {
+            return values
+                .iter()
+                .try_for_each(|v| in_value(v.get_ref(), v.span(), path));
+        }
+        DeValue::Float(f) => f.as_str().replace('_', "").parse::<f64>().ok(),
+        DeValue::Integer(i) => {
+            let digits = i.as_str().replace('_', "");
+            i64::from_str_radix(&digits, i.radix())
+                .ok()
+                .map(|i| i as f64)
+        }
+        _ => None,
+    };
+    // Numbers that only the reader knows how to read, it has read.
+    let Some(number) = number else { return Ok(()) };
+    let key = path.last().copied().unwrap_or_default();
+    let wrong = |help: &str| {
+        let said = Error::new(format!("`{key}` of {number}")).help(help);
+        Err((said.about(key), at.clone()))
+    };
+    let is_endless = path.first() == Some(&"cameras") && key == "far" && number == f64::INFINITY;
+    if !(number as f32).is_finite() && !is_endless {
+        return wrong("it is a finite number, of 32 bits");
+    }
+    if let ["meshes", _, shape, _] = path[..]
+        && shape != "merge"
+        && shape != "gltf"
+    {
+        if LENGTHS.contains(&key) && number <= 0.0 {
+            return wrong(
+                "lengths of a shape are above 0; `scale` of a draw may mirror or flatten it",
+            );
+        }
+        if COUNTS.contains(&key) && number < 1.0 {
+            return wrong("a shape has at least 1 of them");
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,177 @@
+//! The keys of `values`: paths into a variable, `lights[1].color`, or `lights.color` for every element.
+
+use std::collections::BTreeMap;
+
+use naga::{ArraySize, Handle, Module, Type, TypeInner};
+
+use super::layout;
+use super::material::globals;
+use super::{Error, Material, Value};
+
+/// Refuses a key that names nothing in the material's program, an index that its array does not have, and what another key gives already: none
+/// of them would change a byte.
+///
+/// # Errors
+/// What is wrong with the first such key, which is the error's subject.
+pub(super) fn check(material: &Material, values: &BTreeMap<String, Value>) -> Result<(), Error> {
+    if values.is_empty() {
+        return Ok(());
+    }
+    let module = material.program.module();
+    let paths: Vec<String> = globals(&material.program)
+        .filter(|g| g.is_buffer)
+        .flat_map(|g| layout::paths(module, g.name, g.ty))
+        .collect();
+    for key in values.keys() {
+        if !paths.contains(&without_indices(key)) {
+            return Err(Error::new(format!(
+                "the shader of material `{}` has no variable `{key}`",
+                material.name
+            ))
+            .suggest(key, paths.iter().map(String::as_str))
+            .about(key));
+        }
+        let wrong = |what: String, help: &str| {
+            Err(Error::new(format!("`{key}`: {what}")).help(help).about(key))
+        };
+        let Some(steps) = steps(key) else {
+            return wrong(
+                "an index is a whole number".to_owned(),
+                "`lights[1].color` gives one element, `lights.color` all of them",
+            );
+        };
+        for global in globals(&material.program).filter(|g| g.is_buffer) {
+            if let Err((what, help)) = check_indices(module, global.name, global.ty, &steps, None) {
+                return wrong(what, help);
+            }
+        }
+        let is_given_by = |(other, value): &(&String, &Value)| {
+            matches!(value, Value::Numbers(_))
+                && [key.clone(), without_indices(key)].iter().any(|path| {
+                    path.strip_prefix(other.as_str())
+                        .is_some_and(|rest| rest.starts_with(['.', '[']))
+                })
+        };
+        if let Some((other, _)) = values.iter().find(is_given_by) {
+            return wrong(
+                format!("`{other}` gives it already"),
+                "give the whole, or its parts one by one",
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Refuses an index past the end of a runtime-sized array of `length` elements, or of one whose length an override gives. As many as its data
+/// come to are known when it is bound.
+///
+/// # Errors
+/// The first such key, which is the error's subject.
+pub(super) fn check_length<'a>(
+    module: &Module,
+    name: &str,
+    ty: Handle<Type>,
+    length: usize,
+    keys: impl IntoIterator<Item = &'a String>,
+) -> Result<(), Error> {
+    for key in keys.into_iter().filter(|k| k.contains('[')) {
+        if let Some(steps) = steps(key)
+            && let Err((what, help)) = check_indices(module, name, ty, &steps, Some(length))
+        {
+            return Err(Error::new(format!("`{key}`: {what}")).help(help).about(key));
+        }
+    }
+    Ok(())
+}
+
+/// `lights[1].color` without its indices.
+pub(super) fn without_indices(path: &str) -> String {
+    let mut depth = 0;
+    path.chars()
+        .filter(|c| {
+            match c {
+                '[' => depth += 1,
+                ']' => {
+                    depth -= 1;
+                    return false;
+                }
+                _ => {}
+            }
+            depth == 0
+        })
+        .collect()
+}
+
+/// A member with the indices after it.
+type Step<'a> = (&'a str, Vec<usize>);
+
+/// The members of a path; `None` where an index is no number.
+fn steps(path: &str) -> Option<Vec<Step<'_>>> {
+    path.split('.')
+        .map(|member| {
+            let (name, indices) = member.split_once('[').unwrap_or((member, ""));
+            if indices.is_empty() {
+                return (!member.contains('[')).then_some((name, Vec::new()));
+            }
+            let indices = indices.strip_suffix(']')?.split("][");
+            let indices: Option<Vec<usize>> = indices.map(|i| i.parse().ok()).collect();
+            Some((name, indices?))
+        })
+        .collect()
+}
+
+/// What is wrong with the indices of a path, if it leads into the variable `name`: `length` is that of arrays which do not say it, once it is known.
+fn check_indices(
+    module: &Module,
+    name: &str,
+    ty: Handle<Type>,
+    steps: &[Step<'_>],
+    length: Option<usize>,
+) -> Result<(), (String, &'static str)> {
+    let has_any = steps.iter().any(|(_, indices)| !indices.is_empty());
+    let mut ty = ty;
+    for (at, (step, indices)) in steps.iter().enumerate() {
+        let is_variable = at == 0 && !name.is_empty();
+        if is_variable && *step != name {
+            return Ok(());
+        }
+        if !is_variable {
+            let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
+                return Ok(());
+            };
+            let Some(member) = members.iter().find(|m| m.name.as_deref() == Some(step)) else {
+                return Ok(());
+            };
+            ty = member.ty;
+        }
+        for index in indices {
+            let TypeInner::Array { base, size, .. } = module.types[ty].inner else {
+                return Err((
+                    format!("`{step}` is not an array of that many dimensions"),
+                    "components are given together: `[1, 0, 0]`",
+                ));
+            };
+            let length = match size {
+                ArraySize::Constant(n) => Some(n.get() as usize),
+                ArraySize::Pending(_) | ArraySize::Dynamic => length,
+            };
+            if let Some(length) = length.filter(|length| index >= length) {
+                return Err((
+                    format!("`{step}` has {length} elements, and no number {index}"),
+                    "they count from 0",
+                ));
+            }
+            ty = base;
+        }
+        while let TypeInner::Array { base, .. } = module.types[ty].inner {
+            if has_any && at + 1 < steps.len() {
+                return Err((
+                    format!("`{step}` is an array, and has no index here"),
+                    "give an index at each array on the way, or at none",
+                ));
+            }
+            ty = base;
+        }
+    }
+    Ok(())
+}
