@@ -970,3 +970,63 @@ void main() { int i = 0; c = texture(textures[int(index)], vec2(0.5)) + texture(
     );
     assert_eq!(text.matches("i++").count(), 1, "{text}");
 }
+
+#[test]
+fn a_directive_that_glsl_does_not_have_is_no_comment() {
+    let with = |line: &str| {
+        format!("void main() {{ float sum = 0.5;\n{line}\ngl_FragColor = vec4(sum); }}")
+    };
+    for line in ["# sum += 1.0;", "#def A 1", "#import <x>", "#3"] {
+        let (code, told, at) = refused(&with(line));
+        assert_eq!((code, at), (Code::Parse, 2), "{told}");
+        assert!(told.contains("unknown directive `#"), "{told}");
+    }
+    for line in [
+        "#",
+        "# // nothing",
+        "#line 7",
+        "#pragma optimize(off)",
+        "#if 0\n#def A 1\n#endif",
+    ] {
+        parse(&with(line));
+    }
+}
+
+#[test]
+fn a_struct_of_which_samplers_alone_are_read_is_declared_whole() {
+    let fragment = "#version 330 core
+        struct Layer { vec2 scale; sampler2D map; };
+        struct Material { sampler2D diffuse; float shininess; Layer layers[2]; };
+        uniform Material material;
+        uniform Material others[2];
+        out vec4 color;
+        float unread(Material m) { return m.shininess + m.layers[1].scale.x; }
+        void main() { color = texture(material.diffuse, vec2(0.5)) + texture(others[1].layers[1].map, vec2(0.5)); }";
+    let vertex = "#version 330 core\nin vec4 p; void main() { gl_Position = p; }";
+    let sources = [
+        Source::new("a.vert", vertex),
+        Source::new("a.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &Options::default()).unwrap();
+    let state = MaterialState::default();
+    let plan = Plan::original(
+        "a",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &state,
+    );
+    for target in [Target::Glsl450, Target::GlslEs300] {
+        let files = emit::emit(&plan, &[target], &emit::Options::default()).unwrap();
+        let text = files.iter().find(|f| f.name.ends_with(".frag")).unwrap();
+        let text = String::from_utf8_lossy(&text.bytes);
+        assert!(
+            text.contains("float shininess;") && text.contains("vec2 scale;"),
+            "{text}"
+        );
+        assert!(
+            text.contains(" material;") && text.contains(" others[2];"),
+            "{text}"
+        );
+    }
+}

@@ -28,8 +28,10 @@ pub(in crate::emit) struct Authored {
     pub(super) uniforms: Vec<Uniform>,
     /// What declares the samplers that are parts of a uniform, by the mark of the struct they are in.
     pub(super) members: HashMap<String, Vec<Member>>,
-    /// Structs of samplers alone, inner ones first: name and members.
+    /// Structs that naga does not write, inner ones first: name and members. They have samplers alone, or nothing else of them is read.
     pub(super) structs: Vec<(String, Vec<Member>)>,
+    /// The structs of uniforms with samplers, by mark, inner ones first, as naga would write them: for a stage of which it writes none, since nothing but their samplers is read there.
+    pub(super) whole: Vec<(String, String)>,
     /// What fills the gaps of structs in blocks, by mark.
     pub(super) paddings: HashMap<String, Vec<u32>>,
     /// Blocks, by naga's name of their variable.
@@ -71,7 +73,7 @@ pub(super) struct Uniform {
     pub unit: Option<u32>,
 }
 
-/// A sampler, or a struct of samplers, within a struct.
+/// A member of a struct that naga does not write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Member {
     pub name: String,
@@ -81,8 +83,20 @@ pub(super) struct Member {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum MemberType {
+    Plain(String),
     Sampler(String),
+    /// One of [`Authored::structs`].
     Struct(String),
+}
+
+impl Member {
+    /// The name of the struct that it is of.
+    pub fn of_struct(&self) -> Option<&String> {
+        match &self.ty {
+            MemberType::Struct(name) => Some(name),
+            MemberType::Plain(_) | MemberType::Sampler(_) => None,
+        }
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -212,6 +226,7 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
         uniforms: Vec::new(),
         members: HashMap::new(),
         structs: Vec::new(),
+        whole: Vec::new(),
         paddings: HashMap::new(),
         blocks: HashMap::new(),
         located: HashMap::new(),
@@ -617,6 +632,10 @@ impl Authored {
                     &uniform.ty,
                     types,
                 );
+                if uniform.ty.has_samplers() {
+                    let ty = module.global_variables[data.variable].ty;
+                    self.whole_structs(module, ty, &uniform.ty, types);
+                }
                 mark
             });
             let name = names.get(&uniform.name).unwrap_or(&uniform.name).clone();
@@ -625,7 +644,7 @@ impl Authored {
             }
             let of_samplers = match (&mark, uniform.ty.innermost()) {
                 (None, Declares::Struct(of, members)) if uniform.ty.has_samplers() => {
-                    Some(self.struct_of_samplers(of, members))
+                    Some(self.own_struct(of, members))
                 }
                 _ => None,
             };
@@ -677,32 +696,73 @@ impl Authored {
         }
     }
 
-    /// The members without data.
-    fn sampler_members(&mut self, declared: &[Declaration]) -> Vec<Member> {
-        let mut out = Vec::new();
-        for Declaration { name, ty, .. } in declared {
-            if ty.has_data() || !ty.has_samplers() {
-                continue;
+    /// Notes the structs of a uniform as naga would write them, those within one ahead of it.
+    fn whole_structs(
+        &mut self,
+        module: &Module,
+        ty: Handle<Type>,
+        declares: &Declares,
+        types: &HashMap<Handle<Type>, String>,
+    ) {
+        match (&module.types[ty].inner, declares) {
+            (TypeInner::Array { base, .. }, Declares::Array(of, _)) => {
+                self.whole_structs(module, *base, of, types);
             }
-            let of = match ty.innermost() {
-                Declares::Sampler(sampler) => MemberType::Sampler(sampler.clone()),
-                Declares::Struct(of, members) => {
-                    MemberType::Struct(self.struct_of_samplers(of, members))
+            (TypeInner::Struct { members, .. }, Declares::Struct(_, declared)) => {
+                let Some(mark) = types.get(&ty) else { return };
+                if self.whole.iter().any(|(m, _)| m == mark) {
+                    return;
                 }
-                _ => continue,
-            };
-            out.push(Member {
-                name: name.clone(),
-                ty: of,
-                dimensions: ty.dimensions(),
-            });
+                let mut lines = String::new();
+                let data = declared.iter().filter(|d| d.ty.has_data());
+                for (member, Declaration { ty, .. }) in members.iter().zip(data) {
+                    self.whole_structs(module, member.ty, ty, types);
+                    let mut of = member.ty;
+                    while let TypeInner::Array { base, .. } = module.types[of].inner {
+                        of = base;
+                    }
+                    let word = match ty.innermost() {
+                        Declares::Plain(word) => Some(word),
+                        _ => types.get(&of),
+                    };
+                    let (Some(word), Some(name)) = (word, &member.name) else {
+                        return;
+                    };
+                    lines += &format!("    {word} {name}{};\n", ty.dimensions());
+                }
+                let text = format!("struct {mark} {{\n{lines}}};");
+                self.whole.push((mark.clone(), text));
+            }
+            _ => {}
         }
-        out
     }
 
-    /// The name of a struct that has samplers alone.
-    fn struct_of_samplers(&mut self, name: &str, declared: &[Declaration]) -> String {
-        let members = self.sampler_members(declared);
+    /// The members without data.
+    fn sampler_members(&mut self, declared: &[Declaration]) -> Vec<Member> {
+        let samplers = declared.iter().filter(|d| !d.ty.has_data());
+        samplers.filter_map(|d| self.member(d)).collect()
+    }
+
+    fn member(&mut self, declared: &Declaration) -> Option<Member> {
+        let ty = match declared.ty.innermost() {
+            Declares::Plain(word) => MemberType::Plain(word.clone()),
+            Declares::Sampler(sampler) => MemberType::Sampler(sampler.clone()),
+            Declares::Struct(of, members) => MemberType::Struct(self.own_struct(of, members)),
+            Declares::Array(..) => return None,
+        };
+        Some(Member {
+            name: declared.name.clone(),
+            ty,
+            dimensions: declared.ty.dimensions(),
+        })
+    }
+
+    /// The name of a struct that naga does not write: it has samplers alone, or nothing else of it is read.
+    fn own_struct(&mut self, name: &str, declared: &[Declaration]) -> String {
+        // As in the other stage, where its data may be read: they come first.
+        let data = declared.iter().filter(|d| d.ty.has_data());
+        let mut members: Vec<Member> = data.filter_map(|d| self.member(d)).collect();
+        members.extend(self.sampler_members(declared));
         if let Some((name, _)) = self.structs.iter().find(|(_, m)| *m == members) {
             return name.clone();
         }

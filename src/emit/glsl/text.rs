@@ -119,8 +119,8 @@ struct Parts {
     functions: Vec<String>,
     /// Types by the marks that name them.
     used: HashSet<String>,
-    /// Structs of samplers alone that are needed.
-    of_samplers: HashSet<String>,
+    /// Structs that naga does not write and that are needed, but for those within them.
+    own_structs: HashSet<String>,
     /// What naga wrote of a loose uniform: its type and its dimensions.
     loose: HashMap<String, [String; 2]>,
     /// What naga wrote of a sampler: its type and the line, by path.
@@ -151,10 +151,27 @@ impl Parts {
                 used.extend(words(text).map(str::to_owned));
             }
         }
+        // Of a uniform whose samplers alone are read, naga writes no struct.
+        let unwritten = rewrite.authored.whole.iter();
+        let mut unwritten: Vec<&(String, String)> = unwritten
+            .filter(|(mark, _)| !structs.contains_key(mark.as_str()))
+            .collect();
+        for (mark, text) in unwritten.iter().rev() {
+            if used.contains(mark) {
+                used.extend(words(text).map(str::to_owned));
+            }
+        }
+        unwritten.retain(|(mark, _)| used.contains(mark));
         let mut out = self.head.clone();
         out.push('\n');
+        let mut own = self.own_structs.clone();
+        for (name, members) in rewrite.authored.structs.iter().rev() {
+            if own.contains(name) {
+                own.extend(members.iter().filter_map(Member::of_struct).cloned());
+            }
+        }
         for (name, members) in &rewrite.authored.structs {
-            if self.of_samplers.contains(name) {
+            if own.contains(name) {
                 out += &format!("struct {name} {{\n{}}};\n", member_lines(members, dialect));
             }
         }
@@ -163,14 +180,14 @@ impl Parts {
             let Some(mark) = words(text).nth(1).filter(|n| used.contains(*n)) else {
                 continue;
             };
-            let mut written = rewrite.plain(structs.get(mark).map_or(text, String::as_str));
-            if let Some(members) = rewrite.authored.members.get(mark)
-                && let Some(at) = written.rfind('}')
-            {
-                written.insert_str(at, &member_lines(members, dialect));
-            }
-            out += written.trim();
-            out.push('\n');
+            out += &rewrite.with_samplers(
+                mark,
+                structs.get(mark).map_or(text, String::as_str),
+                dialect,
+            );
+        }
+        for (mark, text) in unwritten {
+            out += &rewrite.with_samplers(mark, text, dialect);
         }
         for part in [&self.uniforms, &self.declarations] {
             for line in part {
@@ -198,7 +215,7 @@ fn member_lines(members: &[Member], dialect: Dialect) -> String {
         .map(|m| {
             let ty = match &m.ty {
                 MemberType::Sampler(ty) => sampler_type(ty, dialect),
-                MemberType::Struct(name) => name.clone(),
+                MemberType::Plain(name) | MemberType::Struct(name) => name.clone(),
             };
             format!("    {ty} {}{};\n", m.name, m.dimensions)
         })
@@ -339,6 +356,17 @@ struct Rewrite<'a> {
 }
 
 impl Rewrite<'_> {
+    /// A struct with the samplers that belong into it.
+    fn with_samplers(&self, mark: &str, text: &str, dialect: Dialect) -> String {
+        let mut written = self.plain(text);
+        if let Some(members) = self.authored.members.get(mark)
+            && let Some(at) = written.rfind('}')
+        {
+            written.insert_str(at, &member_lines(members, dialect));
+        }
+        format!("{}\n", written.trim())
+    }
+
     fn plain(&self, text: &str) -> String {
         self.with(text, &HashMap::new())
     }
@@ -581,7 +609,7 @@ fn uniforms(
         } else if sampled.is_empty() {
             continue;
         } else if let Some(of) = &uniform.of_samplers {
-            out.of_samplers.insert(of.clone());
+            out.own_structs.insert(of.clone());
             lines.push(format!(
                 "{layout}uniform {of} {name}{};",
                 uniform.declares.dimensions()
@@ -643,13 +671,9 @@ fn layout_of(location: Option<u32>, binding: Option<u32>) -> String {
     }
 }
 
-/// Notes the structs of samplers that structs with samplers have within them.
+/// Notes the structs that naga does not write and that are within those that it does.
 fn needed_structs(authored: &Authored, out: &mut Parts) {
     let members = authored.members.values().flatten();
-    let within = authored.structs.iter().flat_map(|(_, members)| members);
-    for member in members.chain(within) {
-        if let MemberType::Struct(name) = &member.ty {
-            out.of_samplers.insert(name.clone());
-        }
-    }
+    out.own_structs
+        .extend(members.filter_map(Member::of_struct).cloned());
 }

@@ -391,8 +391,9 @@ impl Preprocessor<'_> {
                 let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
                 self.out.invariant_all |= words.concat().contains("STDGLinvariant(all)");
             }
-            // Extensions change no token here. And as compilers do: what none knows is no error.
-            _ => {}
+            // They change no token here.
+            "extension" | "line" => {}
+            _ => return Err(self.stop(format!("unknown directive `#{word}`"), place)),
         }
         Ok(())
     }
@@ -576,7 +577,9 @@ impl Preprocessor<'_> {
             false => self.expanded(line, 0)?,
         };
         if !is_name(self, &line) {
-            return Err(self.stop("`#include` names no file", place));
+            return Err(self
+                .stop("`#include` names no file", place)
+                .note("a name is in quotes or angle brackets, or a macro that stands for one"));
         }
         let texts: Vec<Rc<str>> = line.iter().map(|t| self.names.text(t.name)).collect();
         let angled = line.first().is_some_and(|t| t.kind != Kind::Quoted);
