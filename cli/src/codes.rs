@@ -47,21 +47,36 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         })
 }
 
-/// Every code, pass and assumption, by name alone.
+/// Every code, pass and assumption, each with the first sentence of its explanation.
 fn list() -> String {
-    let codes: Vec<&str> = all().map(|(code, _)| code).collect();
-    let passes: Vec<&str> = PASSES.iter().map(|p| p.info().name).collect();
-    let assumptions = Assumption::all();
-    let given: Vec<&str> = assumptions.iter().map(|(name, _)| name.as_str()).collect();
+    let codes = all().map(|(code, text)| (code.to_owned(), sentence(text)));
+    let passes = PASSES.iter().map(|p| p.info());
+    let passes = passes.map(|info| (info.name.to_owned(), sentence(info.summary)));
+    let given = Assumption::all().into_iter();
+    let given = given.map(|(name, text)| (name, sentence(&text)));
     [
-        ("Refusals and errors", codes),
-        ("Passes", passes),
-        ("What contracts take as given", given),
+        ("Refusals and errors", codes.collect::<Vec<_>>()),
+        ("Passes", passes.collect()),
+        ("What contracts take as given", given.collect()),
     ]
     .iter()
-    .map(|(of, names)| format!("{of}:\n  {}\n", names.join("\n  ")))
+    .map(|(of, named)| {
+        let widest = named.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+        let lines = named.iter();
+        let lines = lines.map(|(name, said)| format!("  {name:<widest$}  {said}\n"));
+        format!("{of}:\n{}", lines.collect::<String>())
+    })
     .collect::<Vec<_>>()
     .join("\n")
+}
+
+/// The first sentence of a text, on one line.
+fn sentence(text: &str) -> String {
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    match text.find(". ") {
+        Some(end) => text[..=end].to_owned(),
+        None => text,
+    }
 }
 
 /// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`. Of a pass, what it does; of no code, which there are.

@@ -30,7 +30,7 @@ const NOT_KEYS: [&str; 5] = ["config", "print-config", "explain", "help", "versi
 const NOT_FOUND: [&str; 1] = ["allow-outside"];
 
 /// Flags that say where files are written: a file that nobody named may say so of its own folder alone.
-const WRITTEN: [&str; 6] = ["out", "out-dir", "output", "depfile", "share", "model"];
+const WRITTEN: [&str; 5] = ["out", "out-dir", "depfile", "share", "model"];
 
 /// Values by command and flag.
 #[derive(Debug, Default)]

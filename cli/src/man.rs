@@ -17,11 +17,11 @@ Examples:
   preshade man -o ~/.local/share/man/man1        preshade.1, and preshade-rewrite.1 and so on")]
 pub struct Args {
     /// The command whose page goes to stdout; default: the main page.
-    #[arg(value_name = "COMMAND", conflicts_with = "output")]
+    #[arg(value_name = "COMMAND", conflicts_with = "out")]
     command: Option<String>,
     /// Folder to write all pages to, one a command.
-    #[arg(short, long, value_name = "DIR")]
-    output: Option<PathBuf>,
+    #[arg(short, long, alias = "output", value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 /// Prints the page, or writes all of them.
@@ -40,7 +40,7 @@ pub fn run(args: &Args, mut command: clap::Command) -> Result<Outcome, Failure> 
         })
     };
     let all = || command.get_subcommands().filter(|c| c.get_name() != "help");
-    let Some(folder) = &args.output else {
+    let Some(folder) = &args.out else {
         let bytes = match &args.command {
             None => page(command)?,
             Some(name) => match all().find(|c| c.get_name() == name) {

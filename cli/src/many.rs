@@ -278,7 +278,7 @@ pub fn folder_of(out: &Path, scene: &Path) -> PathBuf {
 /// Whether a file's ending is a shader's.
 pub fn is_shader(path: &Path) -> bool {
     let ending = ending(path);
-    ["wgsl", "glsl"].contains(&ending)
+    ["wgsl", "glsl", "slang"].contains(&ending)
         || STAGES.contains(&ending)
         || (cfg!(feature = "wesl") && ending == "wesl")
 }

@@ -49,10 +49,10 @@ pub struct Args {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "wgsl")]
     emit: Vec<EmitTarget>,
     /// Folder to write to, made if it is not there; without it the texts and the plan go to stdout.
-    #[arg(short, long, alias = "out", value_name = "DIR")]
-    output: Option<PathBuf>,
+    #[arg(short, long, alias = "output", value_name = "DIR")]
+    out: Option<PathBuf>,
     /// Take each FILE as a material of its own, and every shader below each that is a folder; write below this folder, in the same tree, or in one for each of several folders.
-    #[arg(long, value_name = "DIR", conflicts_with = "output")]
+    #[arg(long, value_name = "DIR", conflicts_with = "out")]
     out_dir: Option<PathBuf>,
     /// Write which files were read for which, in the form of a Makefile's rule.
     #[arg(long, value_name = "FILE")]
@@ -87,7 +87,7 @@ impl Args {
             files: jobs.iter().flat_map(|j| j.shader.reads()).collect(),
             trees: folders.cloned().collect(),
             includes: self.shader.glsl.include.clone(),
-            out: self.out_dir.clone().or_else(|| self.output.clone()),
+            out: self.out_dir.clone().or_else(|| self.out.clone()),
         })
     }
 
@@ -96,7 +96,7 @@ impl Args {
             Some(out) => many::jobs(&self.shader, out),
             None => Ok(vec![Job {
                 shader: self.shader.clone(),
-                folder: self.output.clone(),
+                folder: self.out.clone(),
                 chosen: Chosen::Given,
             }]),
         }
@@ -246,7 +246,7 @@ impl Times {
 pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     let recipe = Recipe::parse(&args.passes)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
-    let nowhere = args.output.is_none() && args.out_dir.is_none();
+    let nowhere = args.out.is_none() && args.out_dir.is_none();
     if nowhere && targets.contains(&Target::Spirv) {
         return Err(Failure(
             "error: SPIR-V is binary: say with -o DIR where to write it".to_owned(),

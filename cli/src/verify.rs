@@ -180,6 +180,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     {
         output::message(&note);
     }
+    for material in &first.materials {
+        for note in material.plan().notes {
+            output::message(&format!("note: `{}`: {note}", material.name));
+        }
+    }
     let limits = args.shader.limits.limits();
     let mut keeper = Keeper::new(args.out.as_deref());
     let bar = output::bar();

@@ -764,7 +764,7 @@ impl<'a, F: Number> Machine<'a, F> {
                 let pointer = self.get(frame, *array)?;
                 Value::u32(self.read(&pointer)?.parts()?.len() as u32)
             }
-            other => return Err(Stuck::Unsupported(format!("{other:?}"))),
+            other => return Err(Stuck::Unsupported(kind(other).to_owned())),
         })
     }
 
@@ -857,6 +857,8 @@ fn kind(expression: &Expression) -> &'static str {
         Expression::Relational { .. } => "Relational",
         Expression::Math { .. } => "Math",
         Expression::As { .. } => "As",
+        Expression::ImageQuery { .. } => "the size of a texture (ImageQuery)",
+        Expression::AtomicResult { .. } => "AtomicResult",
         _ => "expression",
     }
 }
