@@ -321,6 +321,23 @@ void main() {
     accept::accept(&[("switch".to_owned(), files)]);
 }
 
+/// naga's writer numbers the function `n` as well as its local: neither takes the other's name.
+#[test]
+fn a_function_keeps_its_name_beside_a_local_that_is_called_the_same() {
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let fragment = "#version 450
+layout(location = 0) out vec4 color;
+float hash(float n) { return fract(n * 7.5); }
+float n(vec3 x) {
+    float n = x.x + x.y;
+    return hash(n + 1.0) + n;
+}
+void main() { color = vec4(n(gl_FragCoord.xyz)); }
+";
+    let files = emit_all(&from_glsl(vertex, fragment));
+    accept::accept(&[("shadowed".to_owned(), files)]);
+}
+
 #[test]
 fn what_a_target_cannot_say_is_told_with_a_remedy() {
     let depth = format!(
