@@ -291,6 +291,8 @@ int pick(int N) { int t[3] = int[3](2, 3, 5); return t[N]; }
         "color = vec4(kind(1) + kind(1u), kind(1.0), kind(ivec2(uv * 3.0)), kind(uv * 2.0)); color.r += kind(floatBitsToUint(uv.x)) * 0.3; color.g += near(1, 1) * 0.3; color.b *= near(uv.x, 2u); color.a *= near(uv.y, 1) + near(ivec2(1), 1);",
         "float w = 0.6; bool b = uv.x > 0.5 && modf(uv.y * 4.0, w) > 0.5; color = vec4(w * 0.25, b ? 0.8 : 0.2, uv);",
         "vec2 v = vec2(0.1, uv.x); float a[3] = float[3](0.1, 0.4, 0.7); int n = 0; for (swap(v.x, v.y); n < 2; n++, swap(a[0], a[n])) { if (n == 1) continue; v.y += 0.1; } swap(v.x, a[1]), turn(v); color = vec4(v, a[0], a[2]);",
+        "color = vec4(uv, 0.3, 1.0); if (uv.x > 0.5) { color.z = tick(); return; color = four(); } for (int i = 0; i < 3; i++) { if (uv.y > 0.5) { color.x = tick(); break; next(); } color.y += tick(); continue; color = four(); } { return; } color = four();",
+        "color = vec4(0.2, uv, 1.0); switch (int(uv.x * 4.0)) { case 0: { color.x = tick() * 9.0; break; } case 1: { if (uv.y > 0.5) { color.y = tick() * 6.0; break; } else { color.z = 0.9; return; } } case 2: color.x = 0.7; case 3: color.w = float(next()) * 0.3; break; color = four(); default: { { color = four(); } break; } }",
         "float s = 0.0; for (int i = 0, j = 3; i < j || tick() > 0.9; i++) { s += 0.1; if (s > uv.x) break; } color = vec4(s, float(count) * 0.2, 0.0, 1.0);",
     ];
     let vertex = "#version 450

@@ -970,3 +970,30 @@ void main() { int i = 0; c = texture(textures[int(index)], vec2(0.5)) + texture(
     );
     assert_eq!(text.matches("i++").count(), 1, "{text}");
 }
+
+/// What stands behind a jump is left out, and still has to be right.
+#[test]
+fn what_is_not_reached_is_left_out() {
+    let text = given(
+        "#version 330
+out vec4 c;
+uniform int n;
+float f(float x) { { return x * 2.0; } return 1.0; }
+void main() {
+    c = vec4(0.25);
+    switch (n) { case 0: { c.x = f(0.5); break; } c = vec4(0.125); int k; case 1: k = 1; c.y = float(k); }
+    if (n > 3) { discard; c.x = f(3.0); }
+    { return; }
+    c = vec4(f(0.75));
+}
+",
+    );
+    for gone in ["0.125", "3.0", "0.75"] {
+        assert!(!text.contains(gone), "{gone}: {text}");
+    }
+    assert!(text.contains("f(0.5)") && text.contains("int k;"), "{text}");
+    let (code, told, line) = refused(
+        "#version 330\nout vec4 c;\nvoid main() { c = vec4(1.0); return;\n c = vec2(1.0); }\n",
+    );
+    assert_eq!((code, line), (Code::Parse, 4), "{told}");
+}
