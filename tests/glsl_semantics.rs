@@ -506,6 +506,40 @@ void main() { c = vec4(at, LEVEL, 1.0); }
     wgsl(parsed);
 }
 
+/// What stands behind an `#include` belongs to the stage that the included file ends in.
+#[test]
+fn a_stage_goes_on_behind_the_file_that_begins_it() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("stages-go-on");
+    std::fs::create_dir_all(&folder).unwrap();
+    let base = "#pragma stage vertex
+layout(location = 0) in vec4 p;
+void main() { gl_Position = p; }
+#pragma stage fragment
+layout(location = 0) out vec4 c;
+void main() {
+    vec4 made = vec4(0.25);";
+    std::fs::write(folder.join("base.h"), base).unwrap();
+    let text = "#version 450
+#define LEVEL 0.5
+#include \"base.h\"
+#undef LEVEL
+#define LEVEL 0.75
+    c = made + LEVEL;
+}
+#pragma stage vertex
+float more() { return LEVEL; }
+";
+    let options = Options {
+        include: vec![folder],
+        ..Options::default()
+    };
+    let source = [Source::new("a.slang", text)];
+    let parsed = front::parse(&source, &options);
+    wgsl(parsed.unwrap_or_else(|e| panic!("{}", e.render(Color::Never))));
+    let stages = normalised_glsl(&source, &options).unwrap();
+    assert!(stages[1].1.contains("made + 0.75"), "{}", stages[1].1);
+}
+
 /// A product that begins with a number is no number: it is read before what the next argument does.
 #[test]
 fn an_argument_that_begins_with_a_digit_keeps_its_turn() {
