@@ -321,6 +321,47 @@ void main() {
     accept::accept(&[("switch".to_owned(), files)]);
 }
 
+/// naga's writer numbers the function `n` as well as its local: neither takes the other's name.
+#[test]
+fn a_function_keeps_its_name_beside_a_local_that_is_called_the_same() {
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let fragment = "#version 450
+layout(location = 0) out vec4 color;
+float hash(float n) { return fract(n * 7.5); }
+float n(vec3 x) {
+    float n = x.x + x.y;
+    return hash(n + 1.0) + n;
+}
+void main() { color = vec4(n(gl_FragCoord.xyz)); }
+";
+    let files = emit_all(&from_glsl(vertex, fragment));
+    accept::accept(&[("shadowed".to_owned(), files)]);
+}
+
+/// A case in braces ends there: nothing is copied behind its `break`, where a call would be none that naga knows of when the text is read again.
+#[test]
+fn a_case_in_braces_falls_into_nothing() {
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let fragment = "#version 450
+layout(location = 0) out vec4 color;
+layout(set = 0, binding = 0) uniform U { int mode; float x; } u;
+float near(float x) { return fract(x * 3.0); }
+float far(float x) { return fract(x * 5.0); }
+void main() {
+    color = vec4(0.0);
+    switch (u.mode) {
+        case 0: { color.x = near(u.x); break; }
+        case 1: { if (u.x > 0.5) { color.y = 1.0; break; } else { return; } }
+        case 2: { color.z = far(u.x); break; }
+    }
+}
+";
+    let files = emit_all(&from_glsl(vertex, fragment));
+    let wgsl = text(&files, "material.main.wgsl");
+    assert_eq!(wgsl.matches("= far(").count(), 1, "{wgsl}");
+    accept::accept(&[("braces".to_owned(), files)]);
+}
+
 #[test]
 fn what_a_target_cannot_say_is_told_with_a_remedy() {
     let depth = format!(

@@ -77,6 +77,57 @@ fn pairs_draw_as_opengl_draws_them() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
+/// What is written for desktop OpenGL draws there what the author's own text does: the same window, rows from the bottom, no clip control, depth and all.
+#[test]
+fn what_is_written_in_4_50_draws_as_the_author_s_text() {
+    let gl = Native::new();
+    let mut wrong = Vec::new();
+    for (name, version, _) in PAIRS {
+        let texts = texts(name);
+        let scene = both::scene(name, &texts, [320, 180]).unwrap_or_else(|e| panic!("{e}"));
+        let bound = both::bound(&scene).unwrap();
+        let clear = scene.clear_color.map(|c| c as f32);
+        let draw = |texts: [&str; 2]| {
+            let draws = bound.iter().map(|bound| {
+                let mut draw = both::native_draw(&scene, bound);
+                let own = draw.uniform;
+                // WebGPU's instances are counted from the draw's first, which is 0 here.
+                draw.uniform = Box::new(move |path| match path {
+                    "naga_vs_first_instance" => Some(vec![0; 16]),
+                    _ => own(path),
+                });
+                draw
+            });
+            let draws: Vec<Draw<'_>> = draws.collect();
+            gl.draw_pair(FirstRow::Lowest, scene.size, clear, texts, &draws)
+                .unwrap_or_else(|e| panic!("{name}: {e}\n{}", texts[1]))
+        };
+        let [vertex, fragment] = texts.each_ref().map(|t| format!("{version}{t}"));
+        let wanted = draw([&vertex, &fragment]);
+        let original = &measure::originals(&scene)[0];
+        let files = emit::emit(original, &[Target::Glsl450], &emit::Options::default()).unwrap();
+        let written = ["main.vert", "main.frag"].map(|end| {
+            let file = files.iter().find(|f| f.name.ends_with(end)).unwrap();
+            String::from_utf8(file.bytes.clone()).unwrap()
+        });
+        let drawn = draw([&written[0], &written[1]]);
+        let seen = wanted.depth.iter().filter(|d| **d < 1.0).count();
+        assert!(seen > wanted.depth.len() / 20, "{name} draws {seen} pixels");
+        // Of an output of three components OpenGL leaves alpha open.
+        let channels = both::channels(&fragment);
+        let shown = (0..drawn.color.len()).filter(|i| i % 4 < channels);
+        let apart = shown.filter(|i| drawn.color[*i].abs_diff(wanted.color[*i]) > 1);
+        let apart = apart.count();
+        let depths = drawn.depth.iter().zip(&wanted.depth);
+        let deeper = depths.filter(|(a, b)| a.to_bits() != b.to_bits()).count();
+        println!("  {name}: {apart} channels of another colour, {deeper} other depths");
+        if apart > 0 || deeper > 0 {
+            wrong.push((name, apart, deeper));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
 /// What helpers read of inputs and of what `main` made is theirs as parameters, and keeps no pass from anything. What they write still does.
 #[test]
 fn what_helpers_read_hinders_no_pass() {
@@ -291,6 +342,8 @@ int pick(int N) { int t[3] = int[3](2, 3, 5); return t[N]; }
         "color = vec4(kind(1) + kind(1u), kind(1.0), kind(ivec2(uv * 3.0)), kind(uv * 2.0)); color.r += kind(floatBitsToUint(uv.x)) * 0.3; color.g += near(1, 1) * 0.3; color.b *= near(uv.x, 2u); color.a *= near(uv.y, 1) + near(ivec2(1), 1);",
         "float w = 0.6; bool b = uv.x > 0.5 && modf(uv.y * 4.0, w) > 0.5; color = vec4(w * 0.25, b ? 0.8 : 0.2, uv);",
         "vec2 v = vec2(0.1, uv.x); float a[3] = float[3](0.1, 0.4, 0.7); int n = 0; for (swap(v.x, v.y); n < 2; n++, swap(a[0], a[n])) { if (n == 1) continue; v.y += 0.1; } swap(v.x, a[1]), turn(v); color = vec4(v, a[0], a[2]);",
+        "color = vec4(uv, 0.3, 1.0); if (uv.x > 0.5) { color.z = tick(); return; color = four(); } for (int i = 0; i < 3; i++) { if (uv.y > 0.5) { color.x = tick(); break; next(); } color.y += tick(); continue; color = four(); } { return; } color = four();",
+        "color = vec4(0.2, uv, 1.0); switch (int(uv.x * 4.0)) { case 0: { color.x = tick() * 9.0; break; } case 1: { if (uv.y > 0.5) { color.y = tick() * 6.0; break; } else { color.z = 0.9; return; } } case 2: color.x = 0.7; case 3: color.w = float(next()) * 0.3; break; color = four(); default: { { color = four(); } break; } }",
         "float s = 0.0; for (int i = 0, j = 3; i < j || tick() > 0.9; i++) { s += 0.1; if (s > uv.x) break; } color = vec4(s, float(count) * 0.2, 0.0, 1.0);",
     ];
     let vertex = "#version 450

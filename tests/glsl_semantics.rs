@@ -506,6 +506,40 @@ void main() { c = vec4(at, LEVEL, 1.0); }
     wgsl(parsed);
 }
 
+/// What stands behind an `#include` belongs to the stage that the included file ends in.
+#[test]
+fn a_stage_goes_on_behind_the_file_that_begins_it() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("stages-go-on");
+    std::fs::create_dir_all(&folder).unwrap();
+    let base = "#pragma stage vertex
+layout(location = 0) in vec4 p;
+void main() { gl_Position = p; }
+#pragma stage fragment
+layout(location = 0) out vec4 c;
+void main() {
+    vec4 made = vec4(0.25);";
+    std::fs::write(folder.join("base.h"), base).unwrap();
+    let text = "#version 450
+#define LEVEL 0.5
+#include \"base.h\"
+#undef LEVEL
+#define LEVEL 0.75
+    c = made + LEVEL;
+}
+#pragma stage vertex
+float more() { return LEVEL; }
+";
+    let options = Options {
+        include: vec![folder],
+        ..Options::default()
+    };
+    let source = [Source::new("a.slang", text)];
+    let parsed = front::parse(&source, &options);
+    wgsl(parsed.unwrap_or_else(|e| panic!("{}", e.render(Color::Never))));
+    let stages = normalised_glsl(&source, &options).unwrap();
+    assert!(stages[1].1.contains("made + 0.75"), "{}", stages[1].1);
+}
+
 /// A product that begins with a number is no number: it is read before what the next argument does.
 #[test]
 fn an_argument_that_begins_with_a_digit_keeps_its_turn() {
@@ -1029,4 +1063,103 @@ fn a_struct_of_which_samplers_alone_are_read_is_declared_whole() {
             "{text}"
         );
     }
+
+/// Lengths may come of any constant expression: of floats, vectors, conversions and other arrays' lengths, told from what hides them.
+#[test]
+fn lengths_come_of_every_kind_of_constant() {
+    let text = given(
+        "#version 330
+const float F = 3; const ivec2 S = ivec2(vec2(4.7, 5.0)); const uint U = 2u; const vec3 V = vec3(2.0) * S.xyx;
+float table[7];
+out vec4 c;
+void main() {
+    float a[int(F)], b[S.y], d[U + 1u], e[int(V[1]) - 2], f[-S.x + 10];
+    const int n = table.length();
+    float g[n * 2];
+    { float table[2]; float h[table.length()]; const float F = 11.0; float k[int(F) + 1]; c = vec4(h[1], k[3], 0.0, 0.0); }
+    c += vec4(a[0] + b[0], d[0] + e[0], f[0], g[0] + table[6]);
+}
+",
+    );
+    for declared in [
+        "float a[3]",
+        "float b[5]",
+        "float d[3]",
+        "float e[8]",
+        "float f[6]",
+        "float g[14]",
+        "float h[2]",
+        "float k[12]",
+    ] {
+        assert!(text.contains(declared), "{declared}: {text}");
+    }
+    let (code, told, line) = refused(
+        "#version 330\nconst int n = 2;\nout vec4 c;\nvoid f(int n) {\n float a[n]; }\nvoid main() { f(1); c = vec4(1.0); }\n",
+    );
+    assert_eq!((code, line), (Code::Unsupported, 5), "{told}");
+}
+
+/// An offset is what its constants come to, and a name of ours that both stages' unnamed structs share says what they hold.
+#[test]
+fn offsets_and_unnamed_structs_are_told_by_what_they_hold() {
+    let text = given(
+        "#version 400
+uniform sampler2D map;
+const ivec2 STEP = ivec2(1, -2);
+out vec4 c;
+void main() {
+    const int i = 3;
+    c = textureOffset(map, vec2(0.5), ivec2(i, 0)) + textureOffset(map, vec2(0.5), STEP * 2 + 1) + textureGather(map, vec2(0.5), i - 1);
+}
+",
+    );
+    for literal in ["= ivec2(3, 0);", "= ivec2(3, -3);"] {
+        assert!(text.contains(literal), "{literal}: {text}");
+    }
+    let (_, told, _) = refused(
+        "#version 400\nuniform sampler2D map;\nout vec4 c;\nvoid main() { c = textureGatherOffset(map, vec2(0.5), ivec2(1)); }\n",
+    );
+    assert!(told.contains("`textureGatherOffset` is not read"), "{told}");
+
+    let sources = [
+        Source::new(
+            "a.vert",
+            "#version 330\nuniform struct { mat4 view; } camera;\nin vec4 p;\nvoid main() { gl_Position = camera.view * p; }\n",
+        ),
+        Source::new(
+            "a.frag",
+            "#version 330\nuniform struct { vec3 color; float amount; } light;\nuniform struct { float amount; } fog;\nout vec4 c;\nvoid main() { c = vec4(light.color * light.amount, fog.amount); }\n",
+        ),
+    ];
+    wgsl(
+        front::parse(&sources, &Options::default())
+            .unwrap_or_else(|e| panic!("{}", e.render(Color::Never))),
+    );
+}
+
+/// What stands behind a jump is left out, and still has to be right.
+#[test]
+fn what_is_not_reached_is_left_out() {
+    let text = given(
+        "#version 330
+out vec4 c;
+uniform int n;
+float f(float x) { { return x * 2.0; } return 1.0; }
+void main() {
+    c = vec4(0.25);
+    switch (n) { case 0: { c.x = f(0.5); break; } c = vec4(0.125); int k; case 1: k = 1; c.y = float(k); }
+    if (n > 3) { discard; c.x = f(3.0); }
+    { return; }
+    c = vec4(f(0.75));
+}
+",
+    );
+    for gone in ["0.125", "3.0", "0.75"] {
+        assert!(!text.contains(gone), "{gone}: {text}");
+    }
+    assert!(text.contains("f(0.5)") && text.contains("int k;"), "{text}");
+    let (code, told, line) = refused(
+        "#version 330\nout vec4 c;\nvoid main() { c = vec4(1.0); return;\n c = vec2(1.0); }\n",
+    );
+    assert_eq!((code, line), (Code::Parse, 4), "{told}");
 }

@@ -336,7 +336,9 @@ impl<'a> Body<'a> {
                 && !module_words.contains(base)
                 && !given.contains(base)
                 && !is_known(base);
-            if numbered && own.contains(base) && !own.contains(word) && free {
+            // A function that declares a local of its own name: the number may be the function's.
+            let module_level = module_words.contains(word);
+            if numbered && own.contains(base) && !own.contains(word) && !module_level && free {
                 given.insert(base.to_owned());
                 names.insert(word.to_owned(), base.to_owned());
             }

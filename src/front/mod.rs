@@ -17,8 +17,6 @@ mod glsl;
 pub(crate) mod guard;
 #[cfg(feature = "glsl")]
 mod lend;
-#[cfg(feature = "glsl")]
-mod macros;
 #[cfg(feature = "naga-oil")]
 mod naga_oil;
 mod nesting;

@@ -125,10 +125,7 @@ fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Fu
         copies: &from_wrapper,
     };
     out.extend_block(body.copy(main, &main.body, &mut from_main, Some(&returns)));
-    if !matches!(
-        main.body.last(),
-        Some(Statement::Return { .. } | Statement::Kill)
-    ) {
+    if !ends(&main.body) {
         out.extend_block(body.epilogue(&returns));
     }
     for (handle, name) in &main.named_expressions {
@@ -138,6 +135,15 @@ fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Fu
     }
     function.body = out;
     function
+}
+
+/// Whether the block ends in a `return` or a `discard`, be it in braces.
+fn ends(block: &Block) -> bool {
+    match block.last() {
+        Some(Statement::Return { .. } | Statement::Kill) => true,
+        Some(Statement::Block(inner)) => ends(inner),
+        _ => false,
+    }
 }
 
 /// Private variables that no function but these two names.

@@ -29,14 +29,7 @@ fn write_out_cases(expressions: &mut Arena<Expression>, block: &mut Block) {
             if !cases[i].fall_through || cases[i].body.is_empty() {
                 continue;
             }
-            // What leaves by itself falls into nothing, whatever the front end says.
-            let leaves = |s: &Statement| {
-                matches!(
-                    s,
-                    Statement::Return { .. } | Statement::Continue | Statement::Break
-                )
-            };
-            if cases[i].body.last().is_some_and(leaves) {
+            if leaves(&cases[i].body) {
                 cases[i].fall_through = false;
                 continue;
             }
@@ -48,6 +41,16 @@ fn write_out_cases(expressions: &mut Arena<Expression>, block: &mut Block) {
             }
             cases[i].fall_through = false;
         }
+    }
+}
+
+/// Whether control never comes to the block's end: it falls into nothing, whatever the front end says, which looks at a case's own last statement alone.
+fn leaves(block: &Block) -> bool {
+    match block.last() {
+        Some(Statement::Return { .. } | Statement::Continue | Statement::Break) => true,
+        Some(Statement::Block(inner)) => leaves(inner),
+        Some(Statement::If { accept, reject, .. }) => leaves(accept) && leaves(reject),
+        _ => false,
     }
 }
 

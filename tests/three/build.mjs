@@ -33,7 +33,7 @@ async function captured() {
 }
 
 /** One variant of one material, as the page's list has it. */
-async function rewrite(material, { name, recipe, of }) {
+async function rewrite(material, { name, recipe, of }, text) {
     const into = `dist/${name}`;
     const passes = (of?.[material] ?? recipe).flatMap((pass) => ['--pass', pass]);
     const files = [`${material}.vert`, `${material}.frag`].map((file) => here(`dist/captured/${file}`));
@@ -47,7 +47,7 @@ async function rewrite(material, { name, recipe, of }) {
     const plan = JSON.parse(await readFile(here(path), 'utf8'));
     const says = stderr.split('\n').filter((line) => line && !line.startsWith('wrote '));
     // A pass that does not apply leaves the material as it was: there is nothing to draw by.
-    return { material, variant: name, plan: plan.steps.length ? path : null, says };
+    return { material, variant: name, plan: plan.steps.length ? path : null, text, says };
 }
 
 await rm(here('dist'), { recursive: true, force: true });
@@ -60,7 +60,9 @@ for (const [name, { vertex, fragment, state }] of Object.entries(taken)) {
 }
 const made = [];
 for (const variant of VARIANTS) {
-    made.push(...(await Promise.all(Object.keys(taken).map((material) => rewrite(material, variant)))));
+    made.push(
+        ...(await Promise.all(Object.entries(taken).map(([material, { text }]) => rewrite(material, variant, text)))),
+    );
 }
 await writeFile(here('dist/variants.json'), JSON.stringify(made, null, 4));
 for (const { material, variant, plan, says } of made) {

@@ -69,7 +69,7 @@ async function load(name) {
         if (!of?.plan) continue;
         const variant = await loadVariant(of.plan, { edit });
         const other = fallback && find(id, fallback)?.plan;
-        frame.use(material, variant, { fallback: other ? await loadVariant(other, { edit }) : null });
+        frame.use(material, variant, { fallback: other ? await loadVariant(other, { edit }) : null, text: of.text });
         plans.set(id, variant.plan);
     }
     const found = {};
@@ -222,8 +222,10 @@ function described({ role, depth: { compare, write, bias, attachment } }) {
     return `${role}: ${compare} in ${attachment}${write ? ', writes depth' : ''}${pushed}`;
 }
 
-function taken(id, { plans, found, name }) {
+function taken(id, { plans, found, frame, name }) {
     const verdict = found[id];
+    if (frame.outdated.has(materials[id]))
+        return 'none: its program has changed since the plan was made. Drawn by three.js';
     const fallback = VARIANTS.find((variant) => variant.name === name)?.fallback;
     if (verdict?.verdict === 'none') return 'none asked for';
     if (verdict?.verdict === 'kept') return 'passed: the driver keeps the promise';
@@ -374,8 +376,10 @@ window.page = {
     seen,
     measure: async (rounds) => Object.fromEntries(await measure(rounds)),
     found: async (name) => (await load(name)).found,
+    outdated: async (name) => [...(await load(name)).frame.outdated].map((material) => material.name),
     choose,
     materials,
+    scene,
 };
 if (!asked.has('capture')) {
     controls();

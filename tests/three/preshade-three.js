@@ -1,9 +1,12 @@
 // What preshade writes, drawn by three.js: takes a material's GLSL as WebGL gets it, loads the plan that `preshade rewrite --emit glsl-es` makes of it, and draws a scene by such plans.
 //
 //     const frame = new PlannedFrame( renderer );
-//     frame.use( material, await loadVariant( 'stone/stone.plan.json' ), { fallback } );
+//     frame.use( material, await loadVariant( 'stone/stone.plan.json' ), { fallback, text } );
 //     await frame.selfTest( scene, camera );
 //     frame.render( scene, camera );              // in place of renderer.render
+//
+// A plan is made of one text. Where three.js would make another of the author's material now (a map, a light more, fog, another kind of target), the material is drawn as its author has it
+// from that frame on, and the console says so: `frame.outdated` has it.
 //
 // Every decision about passes, depth and colour state, order and attachments is read from the plan. Not read: shadow passes, compute passes, subdivided geometry and guards; `loadVariant`
 // throws where a plan needs them. Not supported of three.js: WebXR, array cameras, and transmissive materials beside `form=equal` (they draw the opaque objects once more, elsewhere).
@@ -53,20 +56,35 @@ const SCENE_DEPTH = 'scene-depth';
 
 // ---- the author's side: what preshade is given ----------------------------------------------------------------------------------------------------------------------------------
 
-/**
- * The GLSL that WebGL has for `material`, three.js's own part included, and the state that it is drawn with, for `preshade rewrite --state`. The material must have been drawn (or
- * compiled by `renderer.compile`) into the kind of target it is meant for: tone mapping and colour space are in the text.
- *
- * @returns {{ vertex: string, fragment: string, state: object }}
- */
-export function capture(renderer, material, { depthFormat = 'depth24plus' } = {}) {
+/** The GLSL that WebGL has for `material`. */
+function texts(renderer, material) {
     const gl = renderer.getContext();
     const program = renderer.properties.get(material).currentProgram?.program;
-    if (!program) throw new Error(`capture: "${material.name}" has not been compiled yet`);
+    if (!program) throw new Error(`"${material.name}" has not been compiled yet`);
     const text = (type) => {
         const of = (shader) => gl.getShaderParameter(shader, gl.SHADER_TYPE) === type;
         return gl.getShaderSource(gl.getAttachedShaders(program).find(of));
     };
+    return { vertex: text(gl.VERTEX_SHADER), fragment: text(gl.FRAGMENT_SHADER) };
+}
+
+/** A short name for both texts, by which another is told: FNV-1a of 32 bits. */
+function named({ vertex, fragment }) {
+    let hash = 0x811c9dc5;
+    for (const text of [vertex, '\0', fragment]) {
+        for (let i = 0; i < text.length; i++) hash = Math.imul(hash ^ text.charCodeAt(i), 0x01000193);
+    }
+    return (hash >>> 0).toString(16).padStart(8, '0');
+}
+
+/**
+ * The GLSL that WebGL has for `material`, three.js's own part included, and the state that it is drawn with, for `preshade rewrite --state`. The material must have been drawn (or
+ * compiled by `renderer.compile`) into the kind of target it is meant for: tone mapping and colour space are in the text. `text` names both texts, for `PlannedFrame.use`.
+ *
+ * @returns {{ vertex: string, fragment: string, state: object, text: string }}
+ */
+export function capture(renderer, material, { depthFormat = 'depth24plus' } = {}) {
+    const { vertex, fragment } = texts(renderer, material);
     const name = (table, value) => Object.keys(table).find((key) => table[key] === value);
     const state = {
         primitive: { cull: name(CULL, material.side) },
@@ -74,7 +92,7 @@ export function capture(renderer, material, { depthFormat = 'depth24plus' } = {}
         depth_compare: material.depthTest ? name(COMPARE, material.depthFunc) : 'always',
         depth_write: material.depthTest && material.depthWrite,
     };
-    return { vertex: text(gl.VERTEX_SHADER), fragment: text(gl.FRAGMENT_SHADER), state };
+    return { vertex, fragment, state, text: named({ vertex, fragment }) };
 }
 
 // ---- what preshade wrote ------------------------------------------------------------------------------------------------------------------------------------------------------
@@ -142,9 +160,10 @@ function refuse(plan) {
 
 /**
  * The author's material as one pass of a plan draws it: everything is read through to the author's object, so that whatever is set there later counts here as well, but for the text and
- * the state that are the plan's. `isRawShaderMaterial` has three.js take the text as it is; uniforms stay those of the material's own kind.
+ * the state that are the plan's. `isRawShaderMaterial` has three.js take the text as it is; uniforms stay those of the material's own kind. `asked` is called whenever three.js looks for
+ * a program anew: it has seen something change that programs are made of.
  */
-function passMaterial(author, { pass, vertex, fragment, textures, blocks }, attachments) {
+function passMaterial(author, { pass, vertex, fragment, textures, blocks }, attachments, asked) {
     const depth = pass.depth;
     const biased = depth.bias.constant !== 0 || depth.bias.slope_scale !== 0;
     const own = {
@@ -169,7 +188,10 @@ function passMaterial(author, { pass, vertex, fragment, textures, blocks }, atta
             parameters.fragmentShader = fragment;
             parameters.uniforms = { ...parameters.uniforms, ...bound(pass, textures, attachments) };
         },
-        customProgramCacheKey: () => `${vertex}\n${fragment}`,
+        customProgramCacheKey() {
+            asked();
+            return `${vertex}\n${fragment}`;
+        },
     };
     const descriptor = (value) => ({ value, writable: true, configurable: true, enumerable: true });
     const properties = Object.fromEntries(Object.entries(own).map(([key, value]) => [key, descriptor(value)]));
@@ -271,28 +293,36 @@ export class PlannedFrame {
     #renderer;
     #attachments = new Attachments();
     #used = new Map();
+    /** Materials of which three.js might make another program than their plan is of. */
+    #doubtful = new Set();
+    /** Materials whose plans are of another text than three.js makes of them by now: drawn as their authors have them, until they are used anew. */
+    outdated = new Set();
 
     constructor(renderer) {
         this.#renderer = renderer;
     }
 
     /**
-     * Draws `material` by `variant` from now on; `fallback` is the variant of the recipe that its plan falls back to. Where that is "original" none is needed.
+     * Draws `material` by `variant` from now on; `fallback` is the variant of the recipe that its plan falls back to. Where that is "original" none is needed. `text` is what `capture` called
+     * the texts that the plan was made of; without it they are taken to be those of the first frame.
      */
-    use(material, variant, { fallback = null } = {}) {
+    use(material, variant, { fallback = null, text = null } = {}) {
         this.restore(material);
+        this.outdated.delete(material);
+        const asked = () => this.#doubtful.add(material);
         const drawn = variant.passes.map((of) => ({
             pass: of.pass,
             attachment: variant.plan.attachments.find((a) => a.name === of.pass.depth.attachment),
-            material: passMaterial(material, of, this.#attachments),
+            material: passMaterial(material, of, this.#attachments, asked),
         }));
-        this.#used.set(material, { variant, fallback, drawn });
+        this.#used.set(material, { variant, fallback, text, drawn });
     }
 
     /** Draws `material` as its author has it. */
     restore(material) {
         for (const { material: derived } of this.#used.get(material)?.drawn ?? []) derived.dispose();
         this.#used.delete(material);
+        this.#doubtful.delete(material);
     }
 
     dispose() {
@@ -302,6 +332,33 @@ export class PlannedFrame {
 
     /** In place of `renderer.render`: into the same target, which may have another size than in the frame before. */
     render(scene, camera) {
+        this.#draw(scene, camera);
+        if (this.#someAreOutdated(scene, camera)) this.#draw(scene, camera);
+    }
+
+    /** Restores those whose program would be another by now; says of each that it does. */
+    #someAreOutdated(scene, camera) {
+        const doubtful = this.#active().filter(([author]) => this.#doubtful.has(author));
+        if (doubtful.length === 0) return false;
+        // What three.js makes of the authors' own materials, in this scene and for this target.
+        this.#renderer.compile(scene, camera);
+        let some = false;
+        for (const [author, entry] of doubtful) {
+            this.#doubtful.delete(author);
+            // In no object of the scene.
+            if (!this.#renderer.properties.get(author).currentProgram) continue;
+            const text = named(texts(this.#renderer, author));
+            entry.text ??= text;
+            if (entry.text === text) continue;
+            some = true;
+            this.restore(author);
+            this.outdated.add(author);
+            console.warn(`preshade: "${author.name}" is drawn as three.js has it: its plan was made of another text`);
+        }
+        return some;
+    }
+
+    #draw(scene, camera) {
         const renderer = this.#renderer;
         // One render pass a depth attachment: the depth passes of all materials come before anything is shaded.
         const prepasses = new Map();
@@ -370,8 +427,8 @@ export class PlannedFrame {
     }
 
     #fallBack(author) {
-        const { variant, fallback } = this.#used.get(author);
-        if (variant.plan.fallback !== 'original' && fallback) this.use(author, fallback);
+        const { variant, fallback, text } = this.#used.get(author);
+        if (variant.plan.fallback !== 'original' && fallback) this.use(author, fallback, { text });
         else this.restore(author);
     }
 

@@ -91,6 +91,39 @@ async function changes(page) {
     await set({ stone: { transparent: false } });
 }
 
+/** What changes the program that three.js makes of a material: its plan is of another text then, which the page says, and draws the material as three.js does. */
+async function outdated(page, visit, address, errors) {
+    const names = ['prepass-equal', 'early-discard'];
+    const changes = {
+        'one light more': () => {
+            const { scene } = window.page;
+            const lamp = scene.getObjectByProperty('isPointLight', true).clone();
+            lamp.position.set(-1.5, 3, 2.5);
+            scene.add(lamp);
+        },
+        'one map more': () => {
+            const { bronze, stone } = window.page.materials;
+            bronze.emissiveMap = stone.uniforms.stoneMap.value;
+            bronze.emissive.set('#553311');
+            bronze.needsUpdate = true;
+        },
+    };
+    for (const [what, change] of Object.entries(changes)) {
+        await visit(`${address}/`);
+        await same(page, names, 'loaded again');
+        for (const name of names) assert.deepEqual(await page.evaluate((n) => window.page.outdated(n), name), []);
+        await page.evaluate(change);
+        await same(page, names, `with ${what}`);
+        for (const name of names) {
+            const found = await page.evaluate((n) => window.page.outdated(n), name);
+            assert.deepEqual(found, ['bronze'], `${name}, with ${what}`);
+        }
+        const told = errors.splice(0);
+        assert.equal(told.length, names.length, `${told}`);
+        for (const line of told) assert.match(line, /^preshade: "bronze" is drawn as three\.js has it/);
+    }
+}
+
 async function controls(page) {
     await page.setViewportSize({ width: 900, height: 380 });
     await page.focus('input[name=variant][value=original]');
@@ -156,6 +189,7 @@ try {
     await changes(page);
     await controls(page);
     await broken(page, visit, address);
+    await outdated(page, visit, address, errors);
     assert.deepEqual(errors, [], 'the page complained');
 } finally {
     await browser.close();

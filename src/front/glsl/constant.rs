@@ -1,22 +1,58 @@
-//! Integers that must be known while rewriting: the lengths of arrays, locations and bindings.
+//! Numbers that must be known while rewriting: the lengths of arrays, locations and bindings, offsets.
 
 use std::collections::HashMap;
 
 use glsl_lang::ast::{BinaryOpData as B, Expr, ExprData, FunIdentifierData, UnaryOpData};
 
-/// Constants by name, as far as they are integers.
-pub(super) type Constants = HashMap<String, i64>;
+use super::ty::Ty;
 
-/// What a constant expression may be on its way to an integer, in the 32 bits that GLSL gives each (4.60, 4.1).
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Value {
+/// Constants by name, as far as they are scalars or vectors; the length of an array under [`length_of`] its name.
+pub(super) type Constants = HashMap<String, Value>;
+
+/// What a constant expression may be, in the 32 bits that GLSL gives each number (4.60, 4.1).
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
     Int(i32),
     Uint(u32),
     Float(f32),
     Bool(bool),
+    /// Two to four of one of the others.
+    Vector(Vec<Value>),
 }
 
-use Value::{Bool, Float, Int, Uint};
+use Value::{Bool, Float, Int, Uint, Vector};
+
+/// Under what the length of the array of that name is kept: no name has brackets.
+fn length_of(name: &str) -> String {
+    format!("{name}.length()")
+}
+
+/// What is known of a variable that is declared: the length of an array, and the value of a constant. Of another of that name that it hides nothing is known any more.
+pub(super) fn declare(constants: &mut Constants, name: &str, ty: &Ty, value: Option<&Expr>) {
+    let value = value
+        .and_then(|e| self::value(e, constants))
+        .and_then(|v| converted(v, ty));
+    match value {
+        Some(value) => constants.insert(name.to_owned(), value),
+        None => constants.remove(name),
+    };
+    let length = match ty {
+        Ty::Array(_, Some(n)) => i32::try_from(*n).ok(),
+        _ => None,
+    };
+    match length {
+        Some(n) => constants.insert(length_of(name), Int(n)),
+        None => constants.remove(&length_of(name)),
+    };
+}
+
+/// The value as the type of what it is given to.
+fn converted(value: Value, ty: &Ty) -> Option<Value> {
+    match ty {
+        Ty::Scalar(_) | Ty::Vector(..) => call(&ty.name(), &[value]),
+        _ => None,
+    }
+}
 
 /// The value of an integer constant expression, `None` for any other.
 pub(super) fn evaluate(expr: &Expr, constants: &Constants) -> Option<i64> {
@@ -24,8 +60,20 @@ pub(super) fn evaluate(expr: &Expr, constants: &Constants) -> Option<i64> {
         Int(n) => Some(i64::from(n)),
         Uint(n) => Some(i64::from(n)),
         Bool(b) => Some(i64::from(b)),
-        Float(_) => None,
+        Float(_) | Vector(_) => None,
     }
+}
+
+/// The components of a constant expression that is a vector of `int`s.
+pub(super) fn integers(expr: &Expr, constants: &Constants) -> Option<Vec<i32>> {
+    let Vector(parts) = value(expr, constants)? else {
+        return None;
+    };
+    let int = |part: Value| match part {
+        Int(n) => Some(n),
+        _ => None,
+    };
+    parts.into_iter().map(int).collect()
 }
 
 fn value(expr: &Expr, constants: &Constants) -> Option<Value> {
@@ -35,22 +83,17 @@ fn value(expr: &Expr, constants: &Constants) -> Option<Value> {
         ExprData::UIntConst(u) => Some(Uint(*u)),
         ExprData::BoolConst(b) => Some(Bool(*b)),
         ExprData::FloatConst(f) => Some(Float(*f)),
-        ExprData::Variable(name) => {
-            let n = *constants.get(name.as_str())?;
-            let signed = i32::try_from(n).map(Int);
-            signed.or_else(|_| u32::try_from(n).map(Uint)).ok()
-        }
-        ExprData::Unary(op, a) => match (&op.content, of(a)?) {
-            (UnaryOpData::Add, a) => Some(a),
-            (UnaryOpData::Minus, Int(a)) => Some(Int(a.wrapping_neg())),
-            (UnaryOpData::Minus, Uint(a)) => Some(Uint(a.wrapping_neg())),
-            (UnaryOpData::Minus, Float(a)) => Some(Float(-a)),
-            (UnaryOpData::Not, Bool(a)) => Some(Bool(!a)),
-            (UnaryOpData::Complement, Int(a)) => Some(Int(!a)),
-            (UnaryOpData::Complement, Uint(a)) => Some(Uint(!a)),
+        ExprData::Variable(name) => constants.get(name.as_str()).cloned(),
+        ExprData::Unary(op, a) => unary(&op.content, of(a)?),
+        ExprData::Binary(op, a, b) => binary(&op.content, of(a)?, of(b)?),
+        ExprData::Dot(of_what, parts) => swizzled(of(of_what)?, parts.as_str()),
+        ExprData::Bracket(of_what, index) => match of(of_what)? {
+            Vector(parts) => {
+                let at = usize::try_from(evaluate(index, constants)?).ok()?;
+                parts.get(at).cloned()
+            }
             _ => None,
         },
-        ExprData::Binary(op, a, b) => binary(&op.content, of(a)?, of(b)?),
         ExprData::Ternary(c, a, b) => match of(c)? {
             Bool(true) => of(a),
             Bool(false) => of(b),
@@ -58,12 +101,56 @@ fn value(expr: &Expr, constants: &Constants) -> Option<Value> {
         },
         ExprData::FunCall(name, arguments) => {
             let name = match &name.content {
+                FunIdentifierData::TypeSpecifier(ty) if ty.array_specifier.is_some() => {
+                    return None;
+                }
                 FunIdentifierData::TypeSpecifier(ty) => super::stage::spelled(&ty.ty),
-                FunIdentifierData::Expr(_) => name.as_ident()?.to_string(),
+                FunIdentifierData::Expr(callee) => match &callee.content {
+                    ExprData::Dot(array, method) if method.as_str() == "length" => {
+                        let ExprData::Variable(name) = &array.content else {
+                            return None;
+                        };
+                        return constants.get(&length_of(name.as_str())).cloned();
+                    }
+                    _ => name.as_ident()?.to_string(),
+                },
             };
             let values: Option<Vec<Value>> = arguments.iter().map(of).collect();
             call(&name, values?.as_slice())
         }
+        _ => None,
+    }
+}
+
+fn unary(op: &UnaryOpData, a: Value) -> Option<Value> {
+    Some(match (op, a) {
+        (_, Vector(parts)) => {
+            let parts: Option<_> = parts.into_iter().map(|p| unary(op, p)).collect();
+            Vector(parts?)
+        }
+        (UnaryOpData::Add, a) => a,
+        (UnaryOpData::Minus, Int(a)) => Int(a.wrapping_neg()),
+        (UnaryOpData::Minus, Uint(a)) => Uint(a.wrapping_neg()),
+        (UnaryOpData::Minus, Float(a)) => Float(-a),
+        (UnaryOpData::Not, Bool(a)) => Bool(!a),
+        (UnaryOpData::Complement, Int(a)) => Int(!a),
+        (UnaryOpData::Complement, Uint(a)) => Uint(!a),
+        _ => return None,
+    })
+}
+
+/// `v.x`, `v.rg`.
+fn swizzled(of: Value, names: &str) -> Option<Value> {
+    let Vector(parts) = of else { return None };
+    let part = |name: char| {
+        let sets = ["xyzw", "rgba", "stpq"];
+        let at = sets.iter().find_map(|s| s.find(name))?;
+        parts.get(at).cloned()
+    };
+    let mut chosen: Vec<Value> = names.chars().map(part).collect::<Option<_>>()?;
+    match chosen.len() {
+        1 => chosen.pop(),
+        2..=4 => Some(Vector(chosen)),
         _ => None,
     }
 }
@@ -74,20 +161,37 @@ fn alike(a: Value, b: Value) -> Option<(Value, Value)> {
         Int(n) => Some(Float(n as f32)),
         Uint(n) => Some(Float(n as f32)),
         Float(_) => Some(v),
-        Bool(_) => None,
+        Bool(_) | Vector(_) => None,
     };
     let unsigned = |v: Value| match v {
         Int(n) => Uint(n as u32),
         other => other,
     };
     match (a, b) {
-        (Float(_), _) | (_, Float(_)) => Some((real(a)?, real(b)?)),
-        (Uint(_), Int(_)) | (Int(_), Uint(_)) => Some((unsigned(a), unsigned(b))),
-        _ => Some((a, b)),
+        (a @ Float(_), b) | (a, b @ Float(_)) => Some((real(a)?, real(b)?)),
+        (a @ Uint(_), b @ Int(_)) | (a @ Int(_), b @ Uint(_)) => Some((unsigned(a), unsigned(b))),
+        (a, b) => Some((a, b)),
     }
 }
 
 fn binary(op: &B, a: Value, b: Value) -> Option<Value> {
+    // Part by part; what compares vectors gives one answer of all.
+    let compares = matches!(op, B::Equal | B::NonEqual | B::Lt | B::Gt | B::Lte | B::Gte);
+    let all = |pairs: Vec<(Value, Value)>| {
+        let parts: Option<_> = pairs.into_iter().map(|(a, b)| binary(op, a, b)).collect();
+        parts.map(Vector)
+    };
+    match (a, b) {
+        (Vector(_), _) | (_, Vector(_)) if compares => None,
+        (Vector(a), Vector(b)) if a.len() == b.len() => all(a.into_iter().zip(b).collect()),
+        (Vector(_), Vector(_)) => None,
+        (Vector(a), b) => all(a.into_iter().map(|a| (a, b.clone())).collect()),
+        (a, Vector(b)) => all(b.into_iter().map(|b| (a.clone(), b)).collect()),
+        (a, b) => scalars(op, a, b),
+    }
+}
+
+fn scalars(op: &B, a: Value, b: Value) -> Option<Value> {
     if let B::LShift | B::RShift = op {
         let by = match b {
             Int(n) => u32::try_from(n).ok()?,
@@ -156,38 +260,54 @@ fn compared<T: PartialOrd>(op: &B, a: &T, b: &T) -> Option<Value> {
 }
 
 fn call(name: &str, values: &[Value]) -> Option<Value> {
+    let vector = [
+        ("bvec", "bool"),
+        ("ivec", "int"),
+        ("uvec", "uint"),
+        ("vec", "float"),
+    ]
+    .iter()
+    .find_map(|(prefix, of)| Some((name.strip_prefix(prefix)?.parse::<usize>().ok()?, *of)));
+    if let Some((n, of)) = vector {
+        return constructed(n, of, values);
+    }
     Some(match (name, values) {
+        (_, [Vector(_), ..] | [_, Vector(_), ..]) => return None,
         ("int", [v]) => Int(match *v {
             Int(n) => n,
             Uint(n) => n as i32,
             Float(x) => x as i32,
             Bool(b) => i32::from(b),
+            Vector(_) => return None,
         }),
         ("uint", [v]) => Uint(match *v {
             Int(n) => n as u32,
             Uint(n) => n,
             Float(x) => x as u32,
             Bool(b) => u32::from(b),
+            Vector(_) => return None,
         }),
         ("float", [v]) => Float(match *v {
             Int(n) => n as f32,
             Uint(n) => n as f32,
             Float(x) => x,
             Bool(b) => f32::from(b),
+            Vector(_) => return None,
         }),
         ("bool", [v]) => Bool(match *v {
             Int(n) => n != 0,
             Uint(n) => n != 0,
             Float(x) => x != 0.0,
             Bool(b) => b,
+            Vector(_) => return None,
         }),
         ("floor", [Float(x)]) => Float(x.floor()),
         ("ceil", [Float(x)]) => Float(x.ceil()),
         ("abs", [Float(x)]) => Float(x.abs()),
         ("abs", [Int(n)]) => Int(n.wrapping_abs()),
         ("min" | "max", [a, b]) => {
-            let (a, b) = alike(*a, *b)?;
-            let less = match binary(&B::Lt, b, a)? {
+            let (a, b) = alike(a.clone(), b.clone())?;
+            let less = match scalars(&B::Lt, b.clone(), a.clone())? {
                 Bool(less) => less,
                 _ => return None,
             };
@@ -198,4 +318,24 @@ fn call(name: &str, values: &[Value]) -> Option<Value> {
         }
         _ => return None,
     })
+}
+
+/// A vector of `n` components of the type `of`: of one scalar, of a vector that has as many or more, or of what comes to as many (4.60, 5.4.2).
+fn constructed(n: usize, of: &str, values: &[Value]) -> Option<Value> {
+    let mut parts: Vec<Value> = Vec::new();
+    for value in values {
+        match value {
+            Vector(more) => parts.extend(more.iter().cloned()),
+            scalar => parts.push(scalar.clone()),
+        }
+    }
+    match values {
+        [Vector(_)] => parts.truncate(n),
+        [scalar] => parts = vec![scalar.clone(); n],
+        _ => {}
+    }
+    let parts: Option<Vec<Value>> = parts.into_iter().map(|p| call(of, &[p])).collect();
+    parts
+        .filter(|p| (2..=4).contains(&n) && p.len() == n)
+        .map(Vector)
 }

@@ -38,7 +38,7 @@ use self::marks::Map;
 use self::stage::Stage;
 use self::syntax::{Dialect, Input};
 use super::error::{Code, Error};
-use super::{ClipSpace, Options, lend, macros, promote, switch};
+use super::{ClipSpace, Options, lend, promote, switch};
 
 /// One stage's text.
 pub(super) struct Text<'a> {
@@ -57,12 +57,9 @@ pub(super) fn parse(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<(Vec<Module>, Declared), Error> {
-    for text in texts {
-        macros::check(text.text, &options.defines)?;
-    }
     let as_they_are = || match options.clip_space {
         Some(ClipSpace::OpenGl) => None,
-        _ => as_they_are(texts, options).map(|modules| {
+        _ => as_they_are(texts).map(|modules| {
             let declared = Declared {
                 numbers: declared::as_bound(&modules),
                 ..Declared::default()
@@ -70,12 +67,14 @@ pub(super) fn parse(
             (modules, declared)
         }),
     };
-    let lost = !options.defines.is_empty() || texts.iter().any(|t| is_evaluated_otherwise(t.text));
+    // Macros are ours to expand, and to count: naga's preprocessor does the latter not.
+    let has_macros = !options.defines.is_empty() || texts.iter().any(|t| has_directives(t.text));
+    let lost = has_macros || texts.iter().any(|t| is_evaluated_otherwise(t.text));
     if !lost && let Some(read) = as_they_are() {
         return Ok(read);
     }
     let rewritten = rewritten(texts, options, map);
-    match lost {
+    match lost && !has_macros {
         // What is not rewritten is better read as it is than not at all.
         true => rewritten.or_else(|e| match e.code() {
             Code::Unsupported => as_they_are().ok_or(e),
@@ -85,13 +84,11 @@ pub(super) fn parse(
     }
 }
 
-/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches, parameters that are written, and
-/// macros that reach others.
+/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches, and parameters that are written.
 fn is_evaluated_otherwise(text: &str) -> bool {
     let marks = ["&&", "||", "Array", "texelFetchOffset"];
     let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
     marks.iter().any(|m| text.contains(m))
-        || has_directives(text)
         || words.any(|w| w == "do" || w == "inout")
         || writes_parameters(text)
         || does_something_in_an_index(text)
@@ -132,7 +129,7 @@ fn rewritten(
         .zip(texts)
         .map(|(rewritten, text)| {
             let place = |span: Span| rewritten.map.back(span);
-            let mut module = read(&rewritten.text, text.stage, &[], &place, &rewritten.given)?;
+            let mut module = read(&rewritten.text, text.stage, &place, &rewritten.given)?;
             gather::replace(&mut module, &rewritten.gathers);
             rewritten.opened.iter().for_each(|o| o.close(&mut module));
             respan::respan(&mut module, &place);
@@ -233,7 +230,7 @@ fn clip_space(stages: &[Stage<'_>]) -> ClipSpace {
 }
 
 /// The modules, where naga reads all of the texts, valid, without help.
-fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
+fn as_they_are(texts: &[Text<'_>]) -> Option<Vec<Module>> {
     let modules: Option<Vec<Module>> = texts
         .iter()
         .map(|text| {
@@ -242,8 +239,6 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
             // And of arrays of arrays it takes the first dimension for the last.
             let lost = [
                 "precise",
-                "#include",
-                "STDGL",
                 "outerProduct",
                 "isnan",
                 "isinf",
@@ -259,7 +254,7 @@ fn as_they_are(texts: &[Text<'_>], options: &Options) -> Option<Vec<Module>> {
                 return None;
             }
             let place = |span: Span| span;
-            let read = || read(text.text, text.stage, &options.defines, &place, &[]).ok();
+            let read = || read(text.text, text.stage, &place, &[]).ok();
             let mut module =
                 std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).ok()??;
             // It lays structs out by no rules of GLSL's, and storage blocks of std140 are none of WGSL's.
@@ -307,36 +302,35 @@ fn is_laid_out(module: &Module) -> bool {
 fn read(
     text: &str,
     stage: ShaderStage,
-    defines: &[(String, String)],
     place: &dyn Fn(Span) -> Span,
     given: &[Given],
 ) -> Result<Module, Error> {
-    let mut options = NagaOptions::from(stage);
-    options.defines.extend(defines.iter().cloned());
-    Frontend::default().parse(&options, text).map_err(|errors| {
-        let mut all = errors.errors.iter();
-        let Some(first) = all.next() else {
-            return Error::new(Code::Parse, "the GLSL parser gave up without saying why");
-        };
-        let at = place(first.meta);
-        let called = |g: &&Given| {
-            let name = format!("`{}`", g.name);
-            let meets = g.place.to_range().zip(at.to_range());
-            told::told(&first.kind).contains(&name)
-                && meets.is_some_and(|(a, b)| a.start < b.end && b.start < a.end)
-        };
-        let message = match given.iter().find(called) {
-            Some(given) => {
-                let types: Vec<String> = given.types.iter().map(ty::Ty::spelled).collect();
-                format!("no `{}` takes ({})", given.name, types.join(", "))
-            }
-            None => told::told(&first.kind),
-        };
-        let error = Error::new(Code::Parse, message).label(at, "");
-        all.fold(error, |error, other| {
-            error.label(place(other.meta), told::told(&other.kind))
+    Frontend::default()
+        .parse(&NagaOptions::from(stage), text)
+        .map_err(|errors| {
+            let mut all = errors.errors.iter();
+            let Some(first) = all.next() else {
+                return Error::new(Code::Parse, "the GLSL parser gave up without saying why");
+            };
+            let at = place(first.meta);
+            let called = |g: &&Given| {
+                let name = format!("`{}`", g.name);
+                let meets = g.place.to_range().zip(at.to_range());
+                told::told(&first.kind).contains(&name)
+                    && meets.is_some_and(|(a, b)| a.start < b.end && b.start < a.end)
+            };
+            let message = match given.iter().find(called) {
+                Some(given) => {
+                    let types: Vec<String> = given.types.iter().map(ty::Ty::spelled).collect();
+                    format!("no `{}` takes ({})", given.name, types.join(", "))
+                }
+                None => told::told(&first.kind),
+            };
+            let error = Error::new(Code::Parse, message).label(at, "");
+            all.fold(error, |error, other| {
+                error.label(place(other.meta), told::told(&other.kind))
+            })
         })
-    })
 }
 
 /// Makes the module one that the passes know how to read.
@@ -381,7 +375,8 @@ fn stage_pragma(line: &str) -> Option<Option<ShaderStage>> {
     })
 }
 
-/// The text with all lines blank, at their length, that belong to another stage.
+/// The text with all lines blank, at their length, that belong to another stage. The lines that tell them apart stay: what stands behind an `#include` belongs to the stage that the
+/// included file ends in.
 pub(super) fn stage_of(text: &str, stage: ShaderStage) -> String {
     let mut out = String::with_capacity(text.len());
     let mut ours = true;
@@ -390,7 +385,7 @@ pub(super) fn stage_of(text: &str, stage: ShaderStage) -> String {
         if let Some(of) = pragma {
             ours = of == Some(stage);
         }
-        match ours && pragma.is_none() {
+        match ours || pragma.is_some() {
             true => out.push_str(line),
             false => out.extend(line.bytes().map(|b| if b == b'\n' { '\n' } else { ' ' })),
         }

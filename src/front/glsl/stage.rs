@@ -84,6 +84,14 @@ impl Variable {
     }
 }
 
+/// An initial value that is one expression.
+pub(super) fn simple(init: &ast::Initializer) -> Option<&ast::Expr> {
+    match &init.content {
+        ast::InitializerData::Simple(e) => Some(e),
+        _ => None,
+    }
+}
+
 /// A uniform or storage block, or one of push constants.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
@@ -338,6 +346,9 @@ impl<'u> Stage<'u> {
         if is_apart {
             self.check_elements(&ty, APART, place)?;
         }
+        let fixed = qualifiers.storage == Some(Storage::Const) && !qualifiers.says("constant_id");
+        let value = init.filter(|_| fixed).and_then(simple);
+        constant::declare(&mut self.constants, &text, &ty, value);
         match qualifiers.storage {
             Some(Storage::In) => self.inputs.push(variable),
             Some(Storage::Out) => self.outputs.push(variable),
@@ -351,15 +362,6 @@ impl<'u> Stage<'u> {
                 }
             },
             Some(Storage::Const | Storage::InOut) | None => {
-                if qualifiers.storage == Some(Storage::Const)
-                    && let Some(init) = init
-                    && let ast::InitializerData::Simple(e) = &init.content
-                    && matches!(ty, Ty::INT | Ty::UINT | Ty::BOOL)
-                    && let Some(value) = constant::evaluate(e, &self.constants)
-                    && !qualifiers.says("constant_id")
-                {
-                    self.constants.insert(text, value);
-                }
                 self.globals.push(Global {
                     name,
                     ty,
@@ -569,7 +571,7 @@ impl<'u> Stage<'u> {
             TypeSpecifierNonArrayData::Struct(definition) => {
                 let name = match &definition.name {
                     Some(name) => name.as_str().to_owned(),
-                    None => format!("Unnamed_{}", self.structs.order.len()),
+                    None => String::new(),
                 };
                 let mut members = Vec::new();
                 for field in &definition.fields {
@@ -582,6 +584,10 @@ impl<'u> Stage<'u> {
                         });
                     }
                 }
+                let name = match name.is_empty() {
+                    true => self.unnamed(&members),
+                    false => name,
+                };
                 let count = self.structs.count_of(members.iter().map(|m| &m.ty));
                 if count.members > MEMBERS || count.elements > self.unit.array_elements {
                     return Err(Error::new(
@@ -618,6 +624,29 @@ impl<'u> Stage<'u> {
         };
         let inner = self.dimensions(base, spec.array_specifier.as_ref(), place)?;
         self.dimensions(inner, at_name, place)
+    }
+
+    /// A name for a struct without one, by what it holds: that of the other stage is another where it holds something else.
+    fn unnamed(&self, members: &[Member]) -> String {
+        let mut name = "Unnamed".to_owned();
+        for member in members {
+            let word = member.name.trim_matches('_');
+            if name.len() + word.len() < 60 && !word.contains("__") {
+                name += "_";
+                name += word;
+            }
+        }
+        let taken = |name: &str| {
+            let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
+            let old = self.structs.get(name);
+            old.is_some_and(|old| {
+                old.members.len() != members.len()
+                    || old.members.iter().zip(members).any(|(a, b)| !same(a, b))
+            })
+        };
+        let numbered = (2..).map(|i| format!("{name}_{i}"));
+        let mut all = std::iter::once(name.clone()).chain(numbered);
+        all.find(|n| !taken(n)).unwrap_or(name)
     }
 
     pub(super) fn dimensions(

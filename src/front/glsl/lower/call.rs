@@ -614,7 +614,8 @@ impl Lower<'_, '_> {
         };
         let sampler = self.raw(first)?;
         let rest = self.values(&arguments[1..])?;
-        self.sample(name, &function, sampler, rest, whole).map(Some)
+        self.sample(name, &function, sampler, rest, arguments, whole)
+            .map(Some)
     }
 }
 

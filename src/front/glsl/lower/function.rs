@@ -4,6 +4,7 @@ use std::mem;
 
 use glsl_lang::ast::{self, FunctionParameterDeclarationData as P};
 
+use super::super::constant;
 use super::super::interface::{Pair, flat};
 use super::super::stage::{Signature, Storage, unsupported};
 use super::super::ty::{Entry, Kind, Rules, Ty, stored};
@@ -186,8 +187,7 @@ impl<'u> Lower<'_, 'u> {
             Some(Storage::InOut) => "inout ",
             _ => "",
         };
-        // It hides a constant of that name.
-        self.stage.constants.remove(&author);
+        constant::declare(&mut self.stage.constants, &author, &ty, None);
         let name = self.safe(&author);
         let mut var = Var::plain(name.clone(), ty.clone());
         if self.stage.structs.has_data(&ty) {

@@ -8,7 +8,7 @@ use glsl_lang::ast::{
 
 use super::super::constant;
 use super::super::marks::unmarked;
-use super::super::stage::{Storage, unsupported};
+use super::super::stage::{Storage, simple, unsupported};
 use super::super::ty::Ty;
 use super::expression::{Ex, level};
 use super::{Lower, Var, effect};
@@ -54,11 +54,18 @@ impl Lower<'_, '_> {
                 self.scopes.push(Default::default());
                 let constants = self.stage.constants.clone();
                 self.indent += 1;
+                let mut reached = true;
                 for statement in &s.body {
                     let inside = !matches!(statement.content, StatementData::CaseLabel(_));
+                    reached |= !inside;
                     self.indent += usize::from(inside);
-                    out += &self.case(statement, unsigned)?;
+                    let text = self.case(statement, unsigned)?;
                     self.indent -= usize::from(inside);
+                    // What is declared here is there in the cases below.
+                    if reached || matches!(statement.content, StatementData::Declaration(_)) {
+                        out += &text;
+                    }
+                    reached &= !leaves(statement);
                 }
                 self.indent -= 1;
                 self.stage.constants = constants;
@@ -138,12 +145,14 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// The statements of a block, in a scope of their own.
+    /// The statements of a block, in a scope of their own. What stands behind a jump is checked and left out: naga drops the statements there, keeps what they call as values,
+    /// and finds the module invalid for it.
     pub(super) fn block_of(&mut self, statements: &[Statement]) -> Result<String, Error> {
         self.scopes.push(Default::default());
         let constants = self.stage.constants.clone();
         self.indent += 1;
         let mut out = String::new();
+        let mut reached = true;
         for statement in statements {
             let text = self.statement(statement)?;
             self.written += text.len();
@@ -151,7 +160,10 @@ impl Lower<'_, '_> {
                 let message = "the statements come to more than 64 MiB, element by element";
                 return Err(Error::new(Code::TooDeep, message).label_if(self.place(statement.span)));
             }
-            out += &text;
+            if reached {
+                out += &text;
+            }
+            reached &= !leaves(statement);
         }
         self.indent -= 1;
         self.stage.constants = constants;
@@ -352,17 +364,8 @@ impl Lower<'_, '_> {
             Some(init) => Some(self.initial(init, &ty)?),
             None => None,
         };
-        if constant
-            && let Some(init) = init
-            && let ast::InitializerData::Simple(e) = &init.content
-            && matches!(ty, Ty::INT | Ty::UINT)
-            && let Some(n) = constant::evaluate(e, &self.stage.constants)
-        {
-            self.stage.constants.insert(author.to_owned(), n);
-        } else {
-            // It hides a constant of that name.
-            self.stage.constants.remove(author);
-        }
+        let known = init.filter(|_| constant).and_then(simple);
+        constant::declare(&mut self.stage.constants, author, &ty, known);
         let name = match self.in_main && self.last_read.contains(author) {
             true => self.fresh(author),
             false => self.safe(author),
@@ -382,5 +385,14 @@ impl Lower<'_, '_> {
             Some(value) => format!("{declared} = {value}"),
             None => declared,
         })
+    }
+}
+
+/// Whether nothing behind the statement is reached, in its block or its case.
+fn leaves(statement: &Statement) -> bool {
+    match &statement.content {
+        StatementData::Jump(_) => true,
+        StatementData::Compound(c) => c.statement_list.iter().any(leaves),
+        _ => false,
     }
 }

@@ -2,6 +2,7 @@
 
 use glsl_lang::ast::Expr;
 
+use super::super::constant;
 use super::super::interface::Pair;
 use super::super::marks::unmarked;
 use super::super::stage::unsupported;
@@ -98,6 +99,7 @@ impl Lower<'_, '_> {
         function: &Function,
         sampler: Ex,
         mut rest: Vec<Ex>,
+        arguments: &[Expr],
         whole: &Expr,
     ) -> Result<Ex, Error> {
         let place = self.place(whole.span);
@@ -169,15 +171,18 @@ impl Lower<'_, '_> {
         }
         // naga's GLSL writer finds no literal that it did not name.
         if name.ends_with("Offset") && name.starts_with("texture") {
-            for offset in rest.iter_mut().skip(1) {
-                let bare = unmarked(&offset.text);
-                let literal = |c: char| c.is_ascii_digit() || "ivec()-, ".contains(c);
-                let Ty::Vector(Kind::Int, n) = offset.ty else {
+            let constants = &self.stage.constants;
+            let known: Vec<_> = arguments
+                .iter()
+                .skip(1)
+                .map(|e| constant::integers(e, constants))
+                .collect();
+            for (offset, known) in rest.iter_mut().zip(known).skip(1) {
+                let (Ty::Vector(Kind::Int, n), Some(parts)) = (&offset.ty, known) else {
                     continue;
                 };
-                if !bare.chars().all(literal) {
-                    continue;
-                }
+                let parts: Vec<String> = parts.iter().map(i32::to_string).collect();
+                let bare = format!("ivec{n}({})", parts.join(", "));
                 let known = self.offsets.iter().position(|o| *o == bare);
                 let at = known.unwrap_or_else(|| {
                     self.offsets.push(bare.clone());
@@ -217,8 +222,18 @@ impl Lower<'_, '_> {
                     place,
                 ));
             }
-            "textureGather" | "textureGatherOffset" => {
-                return self.gathered(&combined, &sampler, rest, result, place);
+            "textureGatherOffset" => {
+                return Err(unsupported(
+                    "`textureGatherOffset` is not read: `textureGather` is, of textures without layers",
+                    place,
+                ));
+            }
+            "textureGather" => {
+                let component = match arguments.get(2) {
+                    Some(e) if !shadow => constant::evaluate(e, &self.stage.constants),
+                    _ => Some(0),
+                };
+                return self.gathered(&combined, &sampler, rest, component, result, place);
             }
             "textureProj" | "textureProjLod" | "textureProjGrad" | "textureProjOffset"
                 if shadow =>
@@ -304,6 +319,7 @@ impl Lower<'_, '_> {
         combined: &str,
         sampler: &Ex,
         rest: Vec<Ex>,
+        component: Option<i64>,
         result: Ty,
         place: Option<naga::Span>,
     ) -> Result<Ex, Error> {
@@ -320,13 +336,9 @@ impl Lower<'_, '_> {
                 place,
             ));
         }
-        let component = match (shadow, rest.get(1)) {
-            (false, Some(c)) => unmarked(&c.text)
-                .trim_end_matches(".0")
-                .parse::<u32>()
-                .map_err(|_| unsupported("`textureGather`'s component must be a number", place))?,
-            _ => 0,
-        };
+        let component = component
+            .and_then(|n| u32::try_from(n).ok())
+            .ok_or_else(|| unsupported("`textureGather`'s component must be a number", place))?;
         let helper = self.helper_name(&format!("gather_{combined}_{component}"));
         self.gathers.insert(helper.clone(), component);
         let texture = combined.replacen("sampler", "texture", 1);

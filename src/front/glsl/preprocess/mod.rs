@@ -112,6 +112,8 @@ struct Preprocessor<'a> {
     pending: Vec<Token>,
     open: Vec<Reading>,
     conditions: Vec<Open>,
+    /// What is read belongs to the other stage, since a `#pragma stage` line.
+    elsewhere: bool,
     /// Files by where they were found.
     known: HashMap<PathBuf, (String, Rc<Vec<Token>>)>,
     included: usize,
@@ -148,6 +150,7 @@ pub(super) fn preprocess(
             found: None,
         }],
         conditions: Vec::new(),
+        elsewhere: false,
         known: HashMap::new(),
         included: 0,
         done: 0,
@@ -291,7 +294,7 @@ impl Preprocessor<'_> {
                 self.directive(&token, line)?;
                 continue;
             }
-            if !self.is_active() {
+            if !self.is_active() || self.elsewhere {
                 self.rest_of_line()?;
                 continue;
             }
@@ -363,7 +366,15 @@ impl Preprocessor<'_> {
                 open.taken |= open.active;
                 self.conditions.push(open);
             }
+            "pragma" if rest.first().is_some_and(|t| self.is(t, "stage")) => {
+                let own = match self.stage {
+                    ShaderStage::Vertex => "vertex",
+                    _ => "fragment",
+                };
+                self.elsewhere = !rest.get(1).is_some_and(|t| self.is(t, own));
+            }
             _ if !active => {}
+            "define" | "undef" | "error" if self.elsewhere => {}
             "define" => self.define(&rest, place)?,
             "undef" => {
                 let name = self.named(&rest, "undef", place)?;
