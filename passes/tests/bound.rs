@@ -444,7 +444,32 @@ fn flips_are_counted_and_not_taken() {
             "return vec3(2.0 + f32(bitcast<u32>(p.x + 1e8 - 1e8) & 0u));",
             1,
         ),
+        // An f32 has no integer between 2^24 and two more.
+        (
+            "return vec3(2.0 + f32(i32(16777216.0 + (p.x * 0.0 + 1.0)) & 0));",
+            1,
+        ),
+        (
+            "return faceForward(vec3(2.0), vec3(1.0), vec3(p.x + 1e8 - 1e8 - 0.1));",
+            1,
+        ),
+        (
+            "return vec3(2.0) + refract(vec3(0.0, 0.6, -0.8), vec3(0.0, 0.0, 1.0), 2.0 - 3.0 * (p.x + 1e8 - 1e8));",
+            1,
+        ),
+        (
+            "return vec3(2.0 + f32(frexp(0.9 + (p.x + 1e8 - 1e8)).exp) * 0.0);",
+            1,
+        ),
+        (
+            "return vec3(2.0 + f32(pack4x8unorm(vec4(p.x + 1e8 - 1e8)) & 0u));",
+            1,
+        ),
         ("if p.x > 0.25 { return vec3(2.0); } return vec3(1.0);", 0),
+        (
+            "return vec3(2.0) + 0.0 * faceForward(p, vec3(1.0), vec3(p.x));",
+            0,
+        ),
     ] {
         let (found, counted) = shadowed(&module(body), [0.3; 5]);
         assert_eq!((found[0].value, counted), (2.0, flips), "{body}");

@@ -3,7 +3,10 @@
 
 mod common;
 
-use naga::{BinaryOperator, Block, Expression, Function, Literal, Module, ShaderStage, Statement};
+use naga::{
+    BinaryOperator, Block, Expression, Function, Literal, Module, SampleLevel, ShaderStage,
+    Statement,
+};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{Plan, Role};
 use preshade_passes::state::MaterialState;
@@ -499,4 +502,140 @@ struct Varyings { @builtin(position) position: vec4<f32>, @location(0) at: vec2<
             .any(|c| c.promise.contains("inside triangles") && c.verdict.holds()),
         "{told}"
     );
+}
+
+const LEVELS: &str = "
+struct Material { fog: f32, sharper: f32 }
+@group(0) @binding(0) var<uniform> material: Material;
+@group(1) @binding(0) var picture: texture_2d<f32>;
+@group(1) @binding(1) var filtering: sampler;
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) uv: vec2<f32> }
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings { return Varyings(vec4(position, 1.0), uv); }
+@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
+    let texel = SAMPLE;
+    if material.fog > 0.0 { return vec4(mix(texel.rgb, vec3(0.7), material.fog), 1.0); }
+    return texel;
+}
+";
+const GRADIENTS: &str =
+    "textureSampleGrad(picture, filtering, in.uv, dpdx(in.uv) * 2.0, dpdy(in.uv) * 2.0)";
+const BIAS: &str = "textureSampleBias(picture, filtering, in.uv, material.sharper)";
+
+/// The variant with the levels of its samples changed.
+fn levelled(variant: &Plan, change: fn(&mut SampleLevel)) -> Plan {
+    let mut plan = variant.clone();
+    for program in plan.programs.values_mut() {
+        let mut module = program.module().clone();
+        for function in functions(&mut module) {
+            for (_, expression) in function.expressions.iter_mut() {
+                if let Expression::ImageSample { level, .. } = expression {
+                    change(level);
+                }
+            }
+        }
+        *program = program.with_module(module).unwrap();
+    }
+    plan
+}
+
+/// Gradients and a bias that the author names are what a lookup is given; those that a transform writes out for an implicit level are not.
+#[test]
+fn named_levels_are_looked_at() {
+    let known = ("specialize", serde_json::json!({"set": "material.fog=0"}));
+    let early = ("early-discard", serde_json::json!({}));
+    let swapped = |level: &mut SampleLevel| {
+        if let SampleLevel::Gradient { x, y } = level {
+            std::mem::swap(x, y);
+        }
+    };
+    let dropped = |level: &mut SampleLevel| *level = SampleLevel::Auto;
+    type Change = fn(&mut SampleLevel);
+    let cases: [(&str, _, Option<Change>); 5] = [
+        (GRADIENTS, &known, Some(swapped)),
+        (GRADIENTS, &early, Some(swapped)),
+        (BIAS, &known, Some(dropped)),
+        // Written out as gradients.
+        (BIAS, &early, None),
+        ("textureSample(picture, filtering, in.uv)", &early, None),
+    ];
+    for (sample, (pass, params), change) in cases {
+        let original = plan(&LEVELS.replace("SAMPLE", sample));
+        let variant = applied(&original, pass, params.clone());
+        let checks = validate(&original, &variant, &EFFORT);
+        assert!(
+            checks.iter().all(|c| !c.verdict.is_broken()),
+            "{}",
+            said(&checks)
+        );
+        let Some(change) = change else { continue };
+        let checks = validate(&original, &levelled(&variant, change), &EFFORT);
+        assert!(
+            checks.iter().any(|c| c.verdict.is_broken()),
+            "{sample}, {pass}: {}",
+            said(&checks)
+        );
+    }
+}
+
+/// A vertex stage that makes its triangle of the index is tried on all of its corners, and on triangles further on.
+#[test]
+fn every_vertex_index_is_tried() {
+    let text = "@vertex fn vs(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
+        let far = f32(vertex / 3u);
+        return vec4(f32(vertex % 3u) * 2.0 - 1.0, select(-1.0, 3.0, vertex == 1u), far * 0.125, 1.0);
+    }
+    @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { return p; }";
+    let original = plan(text);
+    let variant = applied(&original, "depth-prepass", serde_json::json!({}));
+    for (from, to) in [("vertex == 1u", "vertex == 4u"), ("far * 0.125", "0.0")] {
+        let mut broken = variant.clone();
+        for program in broken.programs.values_mut() {
+            *program = common::program(&text.replace(from, to));
+        }
+        let pass = broken.passes.iter_mut().find(|p| p.role == Role::Main);
+        let pass = pass.unwrap();
+        (pass.vertex, pass.fragment) = ("vs".to_owned(), Some("fs".to_owned()));
+        let checks = validate(&original, &broken, &EFFORT);
+        assert!(
+            checks.iter().any(|c| c.verdict.is_broken()),
+            "{}",
+            said(&checks)
+        );
+    }
+}
+
+/// Of a fragment that is discarded no colour is compared, and that is said.
+#[test]
+fn inputs_without_a_colour_are_not_counted() {
+    let text = "
+    struct Material { fog: f32 }
+    @group(0) @binding(0) var<uniform> material: Material;
+    @vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
+    @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {
+        if KEPT { discard; }
+        if material.fog > 2.0 { return vec4(0.5); }
+        return vec4(sin(p.x) * material.fog);
+    }";
+    let checks = |kept| {
+        let original = plan(&text.replace("KEPT", kept));
+        let params = serde_json::json!({"set": "material.fog=1", "fold": "rounding"});
+        let variant = applied(&original, "specialize", params);
+        let checks = validate(&original, &variant, &EFFORT);
+        let colors = checks
+            .into_iter()
+            .filter(|c| c.promise.starts_with("colours"));
+        colors.map(|c| c.verdict).collect::<Vec<_>>()
+    };
+    for verdict in checks("p.x > 0.0") {
+        assert!(matches!(verdict, Verdict::NotEvaluable { .. }), "{verdict}");
+    }
+    for verdict in checks("p.x > 20.0") {
+        let Verdict::Agreed {
+            inputs, compared, ..
+        } = verdict
+        else {
+            panic!("{verdict}");
+        };
+        assert!((1..inputs).contains(&compared), "{compared} of {inputs}");
+    }
 }

@@ -16,7 +16,7 @@ use preshade::render::{
 use preshade::scene::{self, DrawOrder, Scene};
 use serde::{Deserialize, Serialize};
 
-use super::mutate::{Moved, Mutation, Plain, judged, moved};
+use super::mutate::{Moved, Mutation, Plain, judged, moved, seen};
 use super::render_support::gpu;
 use super::root;
 
@@ -29,6 +29,8 @@ pub struct Case {
     pub guards: &'static str,
     /// Depth set-ups to draw it under.
     pub setups: &'static [Setup],
+    /// Why it is drawn in no others, of [`ALL`] or of [`SAMPLED`]; empty where it is drawn in all of either.
+    pub only: &'static str,
     /// What is drawn, and what becomes of it.
     pub recipes: &'static [(&'static str, Expect)],
     /// The guard taken away, in words, and how.
@@ -76,10 +78,28 @@ pub enum Expect {
     OffNearPlane,
     /// [`Expect::Holds`], also where the pre-pass computes its depth so many neighbouring floats apart, either way.
     Withstands(i32),
-    /// [`Expect::Holds`], but on adapters where what its contract assumes, by this name, is not so.
-    Assumes(&'static str),
+    /// [`Expect::Holds`], but where what its contract assumes, by this name, is known not to be so: there it breaks, and holds in all other places.
+    Assumes(&'static str, &'static [Unmet]),
     /// It is refused by every material, under this code.
     Refused(&'static str),
+}
+
+/// Where an assumption is not met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unmet {
+    /// How the adapter's name begins.
+    pub adapter: &'static str,
+    /// `None`: in both.
+    pub direction: Option<DepthDirection>,
+    /// At most so many pixels differ for it.
+    pub pixels: u64,
+}
+
+impl Unmet {
+    fn is(&self, setup: Setup) -> bool {
+        gpu().adapter().name.starts_with(self.adapter)
+            && self.direction.is_none_or(|d| d == setup.direction)
+    }
 }
 
 /// A depth attachment.
@@ -90,7 +110,7 @@ pub struct Setup {
     pub samples: u32,
 }
 
-const fn setup(format: DepthFormat, direction: DepthDirection, samples: u32) -> Setup {
+pub const fn setup(format: DepthFormat, direction: DepthDirection, samples: u32) -> Setup {
     Setup {
         format,
         direction,
@@ -101,13 +121,16 @@ const fn setup(format: DepthFormat, direction: DepthDirection, samples: u32) -> 
 use DepthDirection::{Forward, Reversed};
 use DepthFormat::{Depth16unorm, Depth24plus, Depth32float};
 
-pub const FLOAT: Setup = setup(Depth32float, Forward, 1);
-pub const REVERSED: Setup = setup(Depth32float, Reversed, 1);
 /// Both directions in the format that tells most depths apart.
-pub const DIRECTIONS: &[Setup] = &[FLOAT, setup(Depth32float, Reversed, 1)];
+pub const DIRECTIONS: &[Setup] = &[
+    setup(Depth32float, Forward, 1),
+    setup(Depth32float, Reversed, 1),
+];
+/// Of a case whose depths are those that its vertex stage gives, and to whose colours they are nothing.
+pub const COLORS: &str = "it is about colours alone";
 /// Every format in every direction.
 pub const ALL: &[Setup] = &[
-    FLOAT,
+    setup(Depth32float, Forward, 1),
     setup(Depth32float, Reversed, 1),
     setup(Depth24plus, Forward, 1),
     setup(Depth24plus, Reversed, 1),
@@ -119,6 +142,8 @@ pub const SAMPLED: &[Setup] = &[
     setup(Depth32float, Forward, 4),
     setup(Depth32float, Reversed, 4),
     setup(Depth24plus, Forward, 4),
+    setup(Depth24plus, Reversed, 4),
+    setup(Depth16unorm, Forward, 4),
     setup(Depth16unorm, Reversed, 4),
 ];
 
@@ -162,7 +187,7 @@ pub enum Red {
 }
 
 /// Why there is no guard to take away where what has it is not drawn.
-const REFUSED: &str = "it is refused";
+pub const REFUSED: &str = "it is refused";
 
 /// What drawing a case said.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -379,11 +404,19 @@ fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
         Ok(error) => {
             run.changed_pixels = error.changed_pixels;
             run.max_abs = Some(error.max_abs).filter(|m| m.is_finite());
-            if let Some(how) = breaks(&contract, &error) {
-                run.result = match expect {
-                    Expect::Assumes(name) if assumes(&contract, name) => UNMET.to_owned(),
-                    _ => how,
-                };
+            let unmet = match expect {
+                Expect::Assumes(name, unmet) if assumes(&contract, name) => {
+                    unmet.iter().find(|u| u.is(setup))
+                }
+                _ => None,
+            };
+            match (breaks(&contract, &error), unmet) {
+                (Some(_), Some(unmet)) if error.changed_pixels <= unmet.pixels => {
+                    run.result = UNMET.to_owned();
+                }
+                (Some(how), _) => run.result = how,
+                (None, Some(_)) => run.result = "it holds where it was not to".to_owned(),
+                (None, None) => {}
             }
         }
     }
@@ -497,8 +530,8 @@ fn red(case: &Case, stage: &Stage<'_>) -> Red {
                 why: REFUSED.to_owned(),
             };
         }
-        Plain::Drawn(plans, contract) => {
-            if let Red::Seen { how } = judged(stage, &plans, &contract) {
+        Plain::Drawn(host, contract) => {
+            if let Red::Seen { how } = seen(stage, &host, &contract) {
                 panic!("{}: broken with its guard: {how}", case.name);
             }
         }

@@ -3,7 +3,7 @@
 use preshade::passes::contract::Contract;
 
 use super::case::Expect::{Holds, Refused, Untied};
-use super::case::{ALL, Case, DIRECTIONS, Red, SAMPLED, Stage};
+use super::case::{ALL, COLORS, Case, DIRECTIONS, Red, SAMPLED, Stage};
 use super::mutate::Mutation;
 use super::render_support::with_prepass;
 
@@ -12,12 +12,16 @@ const EQUAL: &str = "depth-prepass:form=equal";
 const EARLY: &str = "early-discard";
 const READ_ONLY: &str = "early-discard:attachment=readonly";
 
+/// Not with their quad.
+const EACH_FOR_ITSELF: &[(&str, &str)] = &[("return quad > 0.5f;", "return lane > 0.5f;")];
+
 pub const CASES: &[Case] = &[
     Case {
         name: "derivatives beside holes",
         scene: "holes",
         guards: "a lane that leaves ahead of an implicit sample or a derivative of its neighbours",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -27,17 +31,15 @@ pub const CASES: &[Case] = &[
             ("visibility-buffer:budget=0.05", Holds),
         ],
         mutation: (
-            "lanes leave each for itself, and a driver that ends them: what they would sample at is elsewhere",
-            Mutation::Text(
-                EARLY,
-                &[
-                    ("return quad > 0.5f;", "return lane > 0.5f;"),
-                    (
-                        "let bent = in.uv +",
-                        "let bent = select(in.uv, vec2<f32>(), hidden) +",
-                    ),
-                ],
-            ),
+            "lanes leave each for itself, on a driver that ends them (which alone changes nothing): what they would sample at is elsewhere",
+            Mutation::Driver {
+                recipe: EARLY,
+                does: &[(
+                    "let bent = in.uv +",
+                    "let bent = select(in.uv, vec2<f32>(), hidden) +",
+                )],
+                edits: EACH_FOR_ITSELF,
+            },
         ),
     },
     Case {
@@ -45,6 +47,7 @@ pub const CASES: &[Case] = &[
         scene: "branches",
         guards: "derivatives that not all lanes of a quad are at: what they are is left to the adapter, and must be left alone",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: &[
             (BIASED, Holds),
             (EARLY, Holds),
@@ -60,6 +63,7 @@ pub const CASES: &[Case] = &[
         scene: "helpers",
         guards: "lanes that are no fragments, or are none any more, and whose values their neighbours' derivatives are made of",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -68,24 +72,23 @@ pub const CASES: &[Case] = &[
             ("visibility-buffer:budget=0.05", Holds),
         ],
         mutation: (
-            "lanes leave each for itself, and a driver that ends them: what they would compute is 0",
-            Mutation::Text(
-                EARLY,
-                &[
-                    ("return quad > 0.5f;", "return lane > 0.5f;"),
-                    (
-                        "let bent = (in.uv * in.uv)",
-                        "let bent = select(in.uv * in.uv, vec2<f32>(), hidden)",
-                    ),
-                ],
-            ),
+            "lanes leave each for itself, on a driver that ends them (which alone changes nothing): what they would compute is 0",
+            Mutation::Driver {
+                recipe: EARLY,
+                does: &[(
+                    "let bent = (in.uv * in.uv)",
+                    "let bent = select(in.uv * in.uv, vec2<f32>(), hidden)",
+                )],
+                edits: EACH_FOR_ITSELF,
+            },
         ),
     },
     Case {
         name: "early returns",
         scene: "returns",
         guards: "a slice that forgets a return ahead of the discard",
-        setups: DIRECTIONS,
+        setups: ALL,
+        only: "",
         recipes: &[(BIASED, Holds), (EQUAL, Untied), (EARLY, Holds)],
         mutation: (
             "the pre-pass does not return early",
@@ -97,6 +100,7 @@ pub const CASES: &[Case] = &[
         scene: "coverage",
         guards: "a pre-pass that covers samples which the main pass leaves",
         setups: SAMPLED,
+        only: "",
         recipes: &[(BIASED, Holds), (EARLY, Holds)],
         mutation: (
             "the pre-pass without alpha to coverage",
@@ -112,6 +116,7 @@ pub const CASES: &[Case] = &[
         scene: "stores",
         guards: "fragments that no longer run, and with them what they write",
         setups: DIRECTIONS,
+        only: "it is refused before depth is looked at",
         recipes: &[
             (BIASED, Refused("fragment-store")),
             (EQUAL, Refused("fragment-store")),

@@ -1,11 +1,13 @@
 //! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share it.
 
 use preshade::passes::plan::{Plan, Role};
+use preshade::passes::state::DepthDirection::{Forward, Reversed};
+use preshade::passes::state::DepthFormat::{Depth16unorm, Depth24plus, Depth32float};
 use preshade::passes::state::{DepthBias, DepthDirection};
 use preshade::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
 
 use super::case::Expect::{Holds, Refused, Shades, Untied, Withstands};
-use super::case::{ALL, Case, DIRECTIONS, FLOAT, REVERSED, Red, SAMPLED, Stage, contract};
+use super::case::{ALL, Case, REFUSED, Red, SAMPLED, Stage, contract, setup};
 use super::mutate::{Moved, Mutation, judged, moved};
 
 const BIASED: &str = "depth-prepass";
@@ -14,12 +16,19 @@ const SLICED: &str = "depth-prepass:form=equal,vertex=sliced";
 const EARLY: &str = "early-discard";
 const READ_ONLY: &str = "early-discard:attachment=readonly";
 
+/// Fragments that are shaded behind others are those of the walls that a pass cannot tell from the one in front, and the depth test neither.
+const BELOW: &str =
+    "how many walls a format tells apart is its own, and so each group of formats is a case";
+const FIXED: &str = "tolerance=0.0001";
+const FIXED_RECIPE: &str = "early-discard:tolerance=0.0001";
+
 pub const CASES: &[Case] = &[
     Case {
         name: "last bit of the position",
         scene: "layers",
         guards: "a pre-pass whose position differs from the main pass's by one bit: EQUAL fails on most pixels",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -36,14 +45,15 @@ pub const CASES: &[Case] = &[
         name: "a driver without invariance",
         scene: "../atrium",
         guards: "ties, crossing cards and decals on a driver that compiles one vertex stage in two ways",
-        setups: DIRECTIONS,
+        setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Withstands(2)),
             (EARLY, Withstands(2)),
             (EQUAL, Untied),
         ],
         mutation: (
-            "the pre-pass's z one float nearer, under EQUAL: its self-test fails, and the fallback it names draws the original",
+            "the pre-pass's z one float nearer (256 under reversed Z in 16 bits), under EQUAL: its self-test fails, and the fallback it names draws the original",
             Mutation::Own(self_tested),
         ),
     },
@@ -52,6 +62,7 @@ pub const CASES: &[Case] = &[
         scene: "infinite",
         guards: "a bias of the wrong sign where depth grows towards the viewer, and depths next to 0 and 1",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -74,6 +85,7 @@ pub const CASES: &[Case] = &[
         scene: "layers",
         guards: "a pre-pass at the very depth of the main pass, which under Less then draws nothing",
         setups: ALL,
+        only: "",
         recipes: &[(BIASED, Withstands(4))],
         mutation: (
             "the bias taken away",
@@ -83,30 +95,51 @@ pub const CASES: &[Case] = &[
     Case {
         name: "tolerance at 1 m to 100 km",
         scene: "distances",
-        guards: "a fixed tolerance of 0.0001, which from 100 m on takes hidden surfaces for visible ones",
-        setups: &[FLOAT],
+        guards: "a fixed tolerance of 0.0001, which from 30 m on takes hidden surfaces for visible ones",
+        setups: &[
+            setup(Depth32float, Forward, 1),
+            setup(Depth24plus, Forward, 1),
+        ],
+        only: BELOW,
         recipes: &[(EARLY, Shades(1.4)), (BIASED, Shades(1.6))],
-        mutation: (
-            "tolerance=0.0001",
-            Mutation::Shades("early-discard:tolerance=0.0001", 1.4),
-        ),
+        mutation: (FIXED, Mutation::Shades(FIXED_RECIPE, 1.4)),
     },
     Case {
         name: "tolerance at 1 m to 100 km, reversed",
         scene: "distances",
         guards: "the same under reversed Z, where no distance is too far to tell surfaces apart",
-        setups: &[REVERSED],
+        setups: &[setup(Depth32float, Reversed, 1)],
+        only: BELOW,
         recipes: &[(EARLY, Shades(1.1)), (BIASED, Shades(1.1))],
-        mutation: (
-            "tolerance=0.0001",
-            Mutation::Shades("early-discard:tolerance=0.0001", 1.1),
-        ),
+        mutation: (FIXED, Mutation::Shades(FIXED_RECIPE, 1.1)),
+    },
+    Case {
+        name: "tolerance at 1 m to 100 km, reversed in 24 bits",
+        scene: "distances",
+        guards: "the same, where all depths have one step: at 100 km it is more than lies between two surfaces",
+        setups: &[setup(Depth24plus, Reversed, 1)],
+        only: BELOW,
+        recipes: &[(EARLY, Shades(1.2)), (BIASED, Shades(1.5))],
+        mutation: (FIXED, Mutation::Shades(FIXED_RECIPE, 1.2)),
+    },
+    Case {
+        name: "tolerance at 1 m to 100 km, in 16 bits",
+        scene: "distances",
+        guards: "the same in a format whose step is a seventh of 0.0001: what it can tell apart at 40 m",
+        setups: &[
+            setup(Depth16unorm, Forward, 1),
+            setup(Depth16unorm, Reversed, 1),
+        ],
+        only: BELOW,
+        recipes: &[(EARLY, Shades(1.3)), (BIASED, Shades(1.4))],
+        mutation: (FIXED, Mutation::Shades(FIXED_RECIPE, 1.3)),
     },
     Case {
         name: "no tolerance",
         scene: "layers",
         guards: "a prologue that drops what is nearest, on a driver that computes it a bit farther the second time",
         setups: ALL,
+        only: "",
         recipes: &[
             (EARLY, Withstands(2)),
             ("early-discard:texture=packed", Holds),
@@ -121,6 +154,7 @@ pub const CASES: &[Case] = &[
         scene: "grazing",
         guards: "a constant bias alone, where one pixel spans many of its steps: what a rasteriser's snapping of the same vertices apart makes of it",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -137,6 +171,7 @@ pub const CASES: &[Case] = &[
         scene: "coplanar",
         guards: "under EQUAL all of several surfaces at the nearest depth show, and the last one wins",
         setups: ALL,
+        only: "",
         recipes: &[(BIASED, Holds), (EARLY, Holds)],
         mutation: ("EQUAL, told of no ties", Mutation::Untied(EQUAL)),
     },
@@ -145,6 +180,7 @@ pub const CASES: &[Case] = &[
         scene: "written",
         guards: "a bias that the rasteriser adds, which a depth from the fragment stage takes the place of",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EARLY, Holds),
@@ -167,6 +203,7 @@ pub const CASES: &[Case] = &[
         scene: "layers",
         guards: "one sample's depth taken for a pixel's, at every edge",
         setups: SAMPLED,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -189,19 +226,9 @@ pub const CASES: &[Case] = &[
     Case {
         name: "depth clamp",
         scene: "clamped",
-        guards: "surfaces clamped to depth 0, where a float format has no step to be pushed away by",
-        setups: &[FLOAT],
-        recipes: &[(BIASED, Refused("near-plane")), (EARLY, Holds)],
-        mutation: (
-            "told that nothing lies on the near plane",
-            Mutation::Untied(BIASED),
-        ),
-    },
-    Case {
-        name: "depth clamp, reversed",
-        scene: "clamped",
-        guards: "surfaces clamped to depth 1 after they were biased, in both passes: they hide themselves",
-        setups: &[REVERSED],
+        guards: "surfaces clamped to the near plane after they were biased, in both passes: they hide themselves",
+        setups: ALL,
+        only: "",
         recipes: &[(BIASED, Refused("near-plane")), (EARLY, Holds)],
         mutation: (
             "told that nothing lies on the near plane",
@@ -223,8 +250,20 @@ pub fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
 fn self_tested(stage: &Stage<'_>) -> Red {
     let facts = stage.facts.clone();
     let recipe = |text: &str| preshade::recipe::Recipe::parse_list(text).unwrap();
-    let mut plans = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts).plans;
-    moved(&mut plans, Role::Prepass, Moved::Depth(-1));
+    let variant = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts);
+    if variant.kept.len() == variant.plans.len() {
+        return Red::NotHere {
+            why: REFUSED.to_owned(),
+        };
+    }
+    let scene = stage.inputs.scene();
+    // Far from 1 a step of 16 bits is thousands of floats: of so many some pixels show it.
+    let steps = match (scene.depth_format, scene.depth_direction) {
+        (Depth16unorm, Reversed) => -256,
+        _ => -1,
+    };
+    let mut plans = variant.plans;
+    moved(&mut plans, Role::Prepass, Moved::Depth(steps));
     let mut fallbacks = Vec::new();
     let mut failed = 0;
     for (plan, original) in plans.iter().zip(&stage.originals) {
@@ -237,7 +276,7 @@ fn self_tested(stage: &Stage<'_>) -> Red {
                 moved(
                     std::slice::from_mut(&mut fallback),
                     Role::Prepass,
-                    Moved::Depth(-1),
+                    Moved::Depth(steps),
                 );
                 fallbacks.push(fallback);
             }

@@ -2,17 +2,21 @@
 
 use preshade::passes::contract::Contract;
 use preshade::passes::plan::Role;
+use preshade::passes::state::DepthDirection;
+use preshade::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
 
 use super::case::Expect::{Assumes, Holds, OffNearPlane, Untied};
-use super::case::{ALL, Case, DIRECTIONS, Expect, FLOAT, REVERSED, SAMPLED};
-use super::mutate::{Moved, Mutation, moved};
+use super::case::{ALL, COLORS, Case, DIRECTIONS, Expect, Red, SAMPLED, Stage, Unmet, pictures};
+use super::mutate::{Moved, Mutation, edited, moved};
 
 const BIASED: &str = "depth-prepass";
 const EQUAL: &str = "depth-prepass:form=equal";
 const EARLY: &str = "early-discard";
 const VISIBLE: &str = "visibility-buffer";
 const VISIBLE_WITHIN: &str = "visibility-buffer:budget=0.03";
-const EDGES: &str = "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8";
+const FIXED_LEVEL: &str = "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=3,pattern=uniform";
+/// Planes through corners as they are, whatever the adapter's: then it is each triangle of no area that is divided by it.
+const AS_GIVEN: &str = "visibility-buffer:budget=1,corners=as-given";
 
 /// The difference of a corner and the pixel by way of an origin far from both.
 const AFAR_A: &str = "((a.xy + vec2(4096f * a.w)) - (clip + vec2(4096f)) * a.w)";
@@ -38,6 +42,7 @@ pub const CASES: &[Case] = &[
         scene: "behind",
         guards: "corners divided by a w that is clamped to be positive, or taken for ones in front",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -61,7 +66,8 @@ pub const CASES: &[Case] = &[
         name: "vertices in the plane of the eye",
         scene: "eye-plane",
         guards: "a division by w ahead of interpolation, where w is 0",
-        setups: DIRECTIONS,
+        setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EARLY, Holds),
@@ -88,11 +94,22 @@ pub const CASES: &[Case] = &[
         name: "triangles larger than the screen",
         scene: "huge",
         guards: "differences of large products, of which little is left: corners are told from the pixel before they are multiplied",
-        setups: DIRECTIONS,
+        setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EARLY, Holds),
-            (VISIBLE, Assumes("unclipped-triangles")),
+            (
+                VISIBLE,
+                Assumes(
+                    "unclipped-triangles",
+                    &[Unmet {
+                        adapter: "NVIDIA H200",
+                        direction: Some(DepthDirection::Forward),
+                        pixels: 530,
+                    }],
+                ),
+            ),
             (VISIBLE_WITHIN, Holds),
         ],
         mutation: (
@@ -112,6 +129,7 @@ pub const CASES: &[Case] = &[
         scene: "slivers",
         guards: "triangles of a sixth of a pixel, whose area is what is left of large products",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -135,15 +153,52 @@ pub const CASES: &[Case] = &[
         scene: "zero-area",
         guards: "no area to divide by, where a rasteriser's snapping of corners gives some triangles pixels all the same",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, OffNearPlane),
             (EQUAL, Untied),
             (EARLY, Holds),
-            (VISIBLE, Assumes("triangles-with-area")),
+            (
+                VISIBLE,
+                Assumes(
+                    "triangles-with-area",
+                    &[Unmet {
+                        adapter: "llvmpipe",
+                        direction: None,
+                        pixels: 250,
+                    }],
+                ),
+            ),
         ],
         mutation: (
-            "the pre-pass's z one float farther, under EQUAL",
-            Mutation::Plans(EQUAL, |plans| moved(plans, Role::Prepass, Moved::Depth(1))),
+            "told that nothing lies on the near plane, where an adapter puts what has no area there",
+            Mutation::Own(on_near_plane),
+        ),
+    },
+    Case {
+        name: "no area to divide by",
+        scene: "no-area",
+        guards: "0 / 0 in the resolve, of which a filter makes a blot",
+        setups: ALL,
+        only: "",
+        recipes: &[
+            (BIASED, Holds),
+            (EARLY, Holds),
+            (
+                VISIBLE,
+                Assumes(
+                    "triangles-with-area",
+                    &[Unmet {
+                        adapter: "llvmpipe",
+                        direction: None,
+                        pixels: 2800,
+                    }],
+                ),
+            ),
+        ],
+        mutation: (
+            "the resolve divides by the area, whether there is one or not",
+            Mutation::Own(divided),
         ),
     },
     Case {
@@ -151,6 +206,7 @@ pub const CASES: &[Case] = &[
         scene: "junctions",
         guards: "cracks that are the author's, of which a variant must leave each pixel as it is",
         setups: ALL,
+        only: "",
         recipes: &[
             (BIASED, Holds),
             (EQUAL, Untied),
@@ -159,8 +215,10 @@ pub const CASES: &[Case] = &[
             ("visibility-buffer:form=compute", Holds),
         ],
         mutation: (
-            "subdivided: the two sides of the edge are divided each for itself",
-            Mutation::Recipe(EDGES, EDGES),
+            "the id pass 1/64 pixel up: other cracks, and other edges",
+            Mutation::Plans(VISIBLE, |plans| {
+                moved(plans, Role::Ids, Moved::Up(1.0 / 64.0))
+            }),
         ),
     },
     Case {
@@ -168,6 +226,7 @@ pub const CASES: &[Case] = &[
         scene: "centroid",
         guards: "a value carried without the way it is interpolated: outside of its triangle at every edge",
         setups: SAMPLED,
+        only: "",
         recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds)],
         mutation: (
             "the value carried at pixels' centres, by hand",
@@ -179,6 +238,7 @@ pub const CASES: &[Case] = &[
         scene: "provoking",
         guards: "a value of the whole triangle taken for one of each vertex",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: &[
             (BIASED, Holds),
             (EARLY, Holds),
@@ -195,6 +255,7 @@ pub const CASES: &[Case] = &[
         scene: "equal",
         guards: "equal values that interpolation brings out unequal by a bit, ahead of a jump",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds)],
         mutation: (
             "the level interpolated, by hand",
@@ -205,7 +266,8 @@ pub const CASES: &[Case] = &[
         name: "no value at hidden vertices",
         scene: "hidden",
         guards: "one vertex without a finite value, which spreads over every triangle that it is a corner of",
-        setups: &[FLOAT, REVERSED],
+        setups: DIRECTIONS,
+        only: COLORS,
         recipes: &[
             (BIASED, Holds),
             ("hoist", Holds),
@@ -224,6 +286,7 @@ pub const CASES: &[Case] = &[
         scene: "hidden-normalize",
         guards: "normalize(0), which spreads over every triangle that the vertex is a corner of",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: HIDDEN,
         mutation: (ASSUMED, FINITE),
     },
@@ -232,6 +295,7 @@ pub const CASES: &[Case] = &[
         scene: "hidden-power",
         guards: "pow of a negative: NaN, or with some drivers a number",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: HIDDEN,
         mutation: (ASSUMED, FINITE),
     },
@@ -240,6 +304,7 @@ pub const CASES: &[Case] = &[
         scene: "hidden-division",
         guards: "an infinity, which interpolation makes NaN beside any other",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: HIDDEN,
         mutation: (ASSUMED, FINITE),
     },
@@ -248,6 +313,7 @@ pub const CASES: &[Case] = &[
         scene: "hidden-root",
         guards: "a direction that is no unit vector there: sqrt of a negative",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: HIDDEN,
         mutation: (ASSUMED, FINITE),
     },
@@ -256,6 +322,7 @@ pub const CASES: &[Case] = &[
         scene: "crack",
         guards: "an edge that its two triangles divide differently: pixels drawn never, or twice",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: &[
             (
                 "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=2",
@@ -275,13 +342,10 @@ pub const CASES: &[Case] = &[
             ),
         ],
         mutation: (
-            "each triangle divides its edges as its longest one",
+            "each triangle takes the ends of an edge in its own order",
             Mutation::Text(
-                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8",
-                &[
-                    ("segments = ac;", "segments = inner;"),
-                    ("segments = bc;", "segments = inner;"),
-                ],
+                FIXED_LEVEL,
+                &[("select(a, b, swap)", "a"), ("select(b, a, swap)", "b")],
             ),
         ),
     },
@@ -290,6 +354,7 @@ pub const CASES: &[Case] = &[
         scene: "crack",
         guards: "neighbours of different levels, and lengths of an edge that two triangles round apart",
         setups: DIRECTIONS,
+        only: COLORS,
         recipes: &[
             (
                 "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8",
@@ -324,4 +389,47 @@ fn rounding() -> Contract {
         k: 1,
         given: Vec::new(),
     }
+}
+
+/// Where nothing does, there is nothing that the pre-pass would hide.
+fn on_near_plane(stage: &Stage<'_>) -> Red {
+    match stage.facts.near_plane_pixels {
+        Some(0) => Red::NotHere {
+            why: "nothing lies on the near plane".to_owned(),
+        },
+        _ => Mutation::Untied(BIASED).red(stage),
+    }
+}
+
+/// With its guard a resolve of triangles of no area makes numbers; without, what is none. An adapter's own interpolation of the original may make either, and is not asked.
+fn divided(stage: &Stage<'_>) -> Red {
+    let (recipe, facts) = stage.chosen(AS_GIVEN);
+    let plans = preshade::measure::variant(&stage.originals, &recipe, &facts).plans;
+    let guarded = no_numbers(stage, &Host::new(&plans, ShaderForm::Text).unwrap());
+    assert_eq!(guarded, 0, "pixels are no number with the guard");
+    let edits = [(
+        "select(edges / vec3(sum), vec3(0.33333334f), sum == 0f)",
+        "edges / vec3(sum)",
+    )];
+    match no_numbers(stage, &edited(AS_GIVEN, &plans, &edits)) {
+        0 => Red::Unseen,
+        n => Red::Seen {
+            how: format!("{n} pixels are no number"),
+        },
+    }
+}
+
+/// Pixels that are no number, in the picture that has most of them.
+fn no_numbers(stage: &Stage<'_>, host: &Host) -> usize {
+    let pictures = pictures(stage.inputs, host).unwrap();
+    let count = |picture: &Rendered| {
+        let colors = picture.colors.iter().flatten();
+        let of_target = |image: &ColorImage| {
+            let pixels = 0..(image.size[0] * image.size[1]) as usize;
+            let is_none = |i: &usize| image.rgba(*i).iter().any(|c| !c.is_finite());
+            pixels.filter(is_none).count()
+        };
+        colors.map(of_target).sum()
+    };
+    pictures.iter().map(count).max().unwrap_or(0)
 }

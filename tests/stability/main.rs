@@ -103,6 +103,21 @@ fn names_are_unlike_and_scenes_are_used() {
     }
 }
 
+/// A case is drawn in every format and direction, or says why not.
+#[test]
+fn set_ups_are_all_or_told() {
+    for (_, cases) in groups() {
+        for case in cases {
+            let all = match case.setups[0].samples {
+                1 => case::ALL,
+                _ => case::SAMPLED,
+            };
+            let is_whole = all.iter().all(|s| case.setups.contains(s));
+            assert_eq!(is_whole, case.only.is_empty(), "{}", case.name);
+        }
+    }
+}
+
 #[test]
 fn the_page_says_what_the_figures_say() {
     let measured = || {

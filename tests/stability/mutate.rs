@@ -23,6 +23,12 @@ pub enum Mutation {
     Plans(&'static str, fn(&mut [Plan])),
     /// The texts that are emitted for a recipe, with every `from` made a `to`.
     Text(&'static str, &'static [(&'static str, &'static str)]),
+    /// The same beside edits of the author's own lines, which say what a driver might do: with them alone all holds.
+    Driver {
+        recipe: &'static str,
+        does: &'static [(&'static str, &'static str)],
+        edits: &'static [(&'static str, &'static str)],
+    },
     /// What the guard refuses: a recipe with its parameter for it off, held to the contract of one with it on.
     Recipe(&'static str, &'static str),
     /// A recipe that is told of no ties.
@@ -41,8 +47,8 @@ pub enum Plain {
     Original,
     /// Nothing: every material refuses it here.
     Refused,
-    /// These plans, which promise that.
-    Drawn(Vec<Plan>, Contract),
+    /// What promises that.
+    Drawn(Host, Contract),
 }
 
 impl Mutation {
@@ -51,6 +57,11 @@ impl Mutation {
         match self {
             Self::Plans(recipe, _) => format!("plans {recipe:?}"),
             Self::Text(recipe, edits) => format!("text {recipe:?} {edits:?}"),
+            Self::Driver {
+                recipe,
+                does,
+                edits,
+            } => format!("driver {recipe:?} {does:?} {edits:?}"),
             Self::Recipe(without, with) => format!("recipe {without:?} {with:?}"),
             Self::Untied(recipe) => format!("untied {recipe:?}"),
             Self::Shader(file, _) => format!("shader {file:?}"),
@@ -63,6 +74,7 @@ impl Mutation {
     pub fn plain(&self, stage: &Stage<'_>) -> Plain {
         let recipe = match self {
             Self::Plans(recipe, _) | Self::Text(recipe, _) | Self::Recipe(_, recipe) => *recipe,
+            Self::Driver { recipe, .. } => *recipe,
             Self::Untied(_) | Self::Shader(..) | Self::Shades(..) | Self::Own(_) => "",
         };
         if recipe.is_empty() {
@@ -74,7 +86,11 @@ impl Mutation {
             true if !matches!(self, Self::Recipe(..)) => Plain::Refused,
             _ => {
                 let contract = contract(&variant.plans);
-                Plain::Drawn(variant.plans, contract)
+                let host = match self {
+                    Self::Driver { recipe, does, .. } => edited(recipe, &variant.plans, does),
+                    _ => Host::new(&variant.plans, ShaderForm::Text).unwrap(),
+                };
+                Plain::Drawn(host, contract)
             }
         }
     }
@@ -94,26 +110,16 @@ impl Mutation {
             }
             Self::Text(recipe, edits) => {
                 let plans = applied(recipe);
-                let mut used = vec![false; edits.len()];
-                let files = plans.iter().map(|plan| {
-                    let mut files =
-                        emit::emit(plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
-                    for file in files.iter_mut().filter(|f| f.name.ends_with(".wgsl")) {
-                        let mut text = String::from_utf8(file.bytes.clone()).unwrap();
-                        for ((from, to), used) in edits.iter().zip(&mut used) {
-                            *used |= text.contains(from);
-                            text = text.replace(from, to);
-                        }
-                        file.bytes = text.into_bytes();
-                    }
-                    files
-                });
-                let files: Vec<_> = files.collect();
-                assert!(
-                    used.iter().all(|u| *u),
-                    "{recipe}: no longer in the text: {used:?}"
-                );
-                seen(stage, &Host::from_files(&files).unwrap(), &contract(&plans))
+                seen(stage, &edited(recipe, &plans, edits), &contract(&plans))
+            }
+            Self::Driver {
+                recipe,
+                does,
+                edits,
+            } => {
+                let plans = applied(recipe);
+                let all = [*does, *edits].concat();
+                seen(stage, &edited(recipe, &plans, &all), &contract(&plans))
             }
             Self::Recipe(without, with) => {
                 let contract = match *with {
@@ -155,7 +161,30 @@ pub fn judged(stage: &Stage<'_>, plans: &[Plan], contract: &Contract) -> Red {
     )
 }
 
-fn seen(stage: &Stage<'_>, host: &Host, contract: &Contract) -> Red {
+/// The texts of `plans` with every `from` made a `to`.
+pub fn edited(recipe: &str, plans: &[Plan], edits: &[(&str, &str)]) -> Host {
+    let mut used = vec![false; edits.len()];
+    let files = plans.iter().map(|plan| {
+        let mut files = emit::emit(plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+        for file in files.iter_mut().filter(|f| f.name.ends_with(".wgsl")) {
+            let mut text = String::from_utf8(file.bytes.clone()).unwrap();
+            for ((from, to), used) in edits.iter().zip(&mut used) {
+                *used |= text.contains(from);
+                text = text.replace(from, to);
+            }
+            file.bytes = text.into_bytes();
+        }
+        files
+    });
+    let files: Vec<_> = files.collect();
+    assert!(
+        used.iter().all(|u| *u),
+        "{recipe}: no longer in the text: {used:?}"
+    );
+    Host::from_files(&files).unwrap()
+}
+
+pub fn seen(stage: &Stage<'_>, host: &Host, contract: &Contract) -> Red {
     // What cannot be drawn shows nothing of a picture.
     let error = stage.compare(host).unwrap_or_else(|e| panic!("{e}"));
     match breaks(contract, &error) {

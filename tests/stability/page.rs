@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use preshade::passes::state::DepthDirection;
 use preshade::render::AdapterReport;
 use serde::{Deserialize, Serialize};
 
@@ -122,7 +123,7 @@ fn page(groups: &[(&str, &[Case])], adapters: &[Results]) -> String {
 
 Each case is a scene that a transform once broke, or could. It is drawn with the original and with each variant under every depth format and direction that matters, and the
 variant is held to its contract. Then the guard against the failure is taken away (*mutation*), in every set-up in which what is mutated is not refused, and the same judge, which found nothing before, has to find the failure: a case whose
-mutation is not seen proves nothing, and fails. Cases about colours alone are drawn in both directions of one depth format: no other format comes into them.
+mutation is not seen proves nothing, and fails. A case that is not drawn in every depth format and direction says why.
 
 The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. A test binary that was built here runs on another machine as well
 (`STABILITY_OUT=FILE`, from the root of a checkout); its file, put into `docs/stability`, is another column.
@@ -155,7 +156,10 @@ The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. A
                 .map(|(recipe, expect)| format!("`{recipe}`{}", suffix(expect)))
                 .collect();
             let setups: Vec<String> = case.setups.iter().map(ToString::to_string).collect();
-            let drawn = format!("{} under {}", recipes.join(", "), setups.join(", "));
+            let mut drawn = format!("{} under {}", recipes.join(", "), setups.join(", "));
+            if !case.only.is_empty() {
+                let _ = write!(drawn, " (no others: {})", case.only);
+            }
             let _ = write!(
                 out,
                 "| {} | {} | {drawn} | {} |",
@@ -202,7 +206,18 @@ fn suffix(expect: &super::case::Expect) -> String {
         Expect::OffNearPlane => " (refused where some lie on the near plane)".to_owned(),
         Expect::Shades(most) => format!(" (shading at most {most} a pixel)"),
         Expect::Withstands(steps) => format!(" (also with its pre-pass {steps} floats away)"),
-        Expect::Assumes(name) => format!(" (where `{name}` is so)"),
+        Expect::Assumes(name, unmet) => {
+            let unmet = unmet.iter().map(|u| match u.direction {
+                None => u.adapter.to_owned(),
+                Some(DepthDirection::Forward) => format!("{} forward", u.adapter),
+                Some(DepthDirection::Reversed) => format!("{} reversed", u.adapter),
+            });
+            let unmet: Vec<String> = unmet.collect();
+            format!(
+                " (assuming `{name}`, which is not so on {})",
+                unmet.join(", ")
+            )
+        }
         Expect::Refused(code) => format!(" (refused: {code})"),
     }
 }

@@ -336,8 +336,8 @@ impl Number for Interval {
         self.single().map(|x| x as f32)
     }
 
-    fn truncated(self) -> Option<f32> {
+    fn truncated(self) -> Option<f64> {
         let (low, high) = (self.low.trunc(), self.high.trunc());
-        (self.is_known() && low == high).then_some(low as f32)
+        (self.is_known() && low == high).then_some(low)
     }
 }

@@ -169,9 +169,9 @@ impl Number for Affine {
         self.exact().map(|x| x as f32)
     }
 
-    fn truncated(self) -> Option<f32> {
+    fn truncated(self) -> Option<f64> {
         let [low, high] = self.range().map(f64::trunc);
-        (self.is_known() && low == high).then_some(low as f32)
+        (self.is_known() && low == high).then_some(low)
     }
 }
 

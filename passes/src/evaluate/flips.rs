@@ -1,6 +1,6 @@
 //! Decisions that would be others if nothing had been rounded.
 
-use naga::{BinaryOperator, Expression, RelationalFunction, ScalarKind};
+use naga::{BinaryOperator, Expression, MathFunction, RelationalFunction, ScalarKind};
 
 use super::math;
 use super::number::Number;
@@ -9,6 +9,7 @@ use super::value::{Scalar, Value};
 /// How many components of what `expression` decided of `operands` its operands' truths ([`Number::truth`]) decide otherwise; 0 where it decides nothing, or they have none.
 pub fn of<F: Number>(expression: &Expression, operands: &[&Value<F>], decided: &Value<F>) -> u64 {
     use BinaryOperator as B;
+    use MathFunction as M;
     let is_decision = match expression {
         Expression::Binary { op, .. } => matches!(
             op,
@@ -18,6 +19,17 @@ pub fn of<F: Number>(expression: &Expression, operands: &[&Value<F>], decided: &
             matches!(fun, RelationalFunction::IsNan | RelationalFunction::IsInf)
         }
         Expression::As { kind, .. } => *kind != ScalarKind::Float,
+        Expression::Math { fun, .. } => matches!(
+            fun,
+            M::Refract
+                | M::FaceForward
+                | M::Frexp
+                | M::Pack4x8snorm
+                | M::Pack4x8unorm
+                | M::Pack2x16snorm
+                | M::Pack2x16unorm
+                | M::Pack2x16float
+        ),
         _ => false,
     };
     if !is_decision {
@@ -30,6 +42,14 @@ pub fn of<F: Number>(expression: &Expression, operands: &[&Value<F>], decided: &
     else {
         return 0;
     };
+    if let Expression::Math { fun, .. } = expression {
+        let by_truth: Vec<&Value<f64>> = truths.iter().collect();
+        let turned = (math::turns(*fun, operands), math::turns(*fun, &by_truth));
+        return match turned {
+            (Ok(Some(a)), Ok(Some(b))) => u64::from(a != b),
+            _ => math::call(*fun, &by_truth).map_or(0, |other| differing(decided, &other)),
+        };
+    }
     let by_truth = match (expression, &truths[..]) {
         (Expression::Binary { op, .. }, [left, right]) => math::binary(*op, left, right),
         (Expression::Relational { fun, .. }, [one]) => math::relational(*fun, one),

@@ -179,7 +179,13 @@ pub fn relational<F: Number>(fun: RelationalFunction, value: &Value<F>) -> Resul
         RelationalFunction::All => Ok(Value::Scalar(Scalar::Bool(truths()?.iter().all(|b| *b)))),
         RelationalFunction::Any => Ok(Value::Scalar(Scalar::Bool(truths()?.iter().any(|b| *b)))),
         RelationalFunction::IsNan => test(f32::is_nan),
-        RelationalFunction::IsInf => test(f32::is_infinite),
+        RelationalFunction::IsInf => value.map(&mut |s| match s {
+            Scalar::F32(v) => v
+                .is_infinity()
+                .map(Scalar::Bool)
+                .ok_or_else(|| Stuck::Undecided(format!("{v:?}"))),
+            other => Err(mismatch("a float test", &[other])),
+        }),
     }
 }
 
@@ -289,8 +295,7 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
             let [incident, normal, ratio] = three(arguments)?;
             let ratio = ratio.float()?;
             let along = dot(normal, incident)?;
-            let sine = minus(F::of(1.0), times(along, along)?)?;
-            let square = minus(F::of(1.0), times(times(ratio, ratio)?, sine)?)?;
+            let square = beyond_total(along, ratio)?;
             if holds(BinaryOperator::Less, square, F::of(0.0))? {
                 return binary(
                     BinaryOperator::Multiply,
@@ -361,6 +366,28 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
         }
         _ => Value::zip(arguments, &mut |s| by_component(fun, s)),
     }
+}
+
+/// The square of the refracted direction's cosine; below 0 all is reflected.
+fn beyond_total<F: Number>(along: F, ratio: F) -> Result<F, Stuck> {
+    let sine = minus(F::of(1.0), times(along, along)?)?;
+    minus(F::of(1.0), times(times(ratio, ratio)?, sine)?)
+}
+
+/// What a function of whole vectors turns on, which its components do not show; `None` of one that turns on nothing.
+pub fn turns<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Option<bool>, Stuck> {
+    let turned_on = match fun {
+        MathFunction::Refract => {
+            let [incident, normal, ratio] = three(arguments)?;
+            beyond_total(dot(normal, incident)?, ratio.float()?)?
+        }
+        MathFunction::FaceForward => {
+            let [_, incident, reference] = three(arguments)?;
+            dot(incident, reference)?
+        }
+        _ => return Ok(None),
+    };
+    holds(BinaryOperator::Less, turned_on, F::of(0.0)).map(Some)
 }
 
 fn three<'v, F: Number>(arguments: &[&'v Value<F>]) -> Result<[&'v Value<F>; 3], Stuck> {

@@ -676,7 +676,7 @@ impl<'a, F: Number> Machine<'a, F> {
                     other => Err(Stuck::Type(format!("a derivative of {other:?}"))),
                 })?
             }
-            Expression::Math {
+            expression @ Expression::Math {
                 fun,
                 arg,
                 arg1,
@@ -688,7 +688,10 @@ impl<'a, F: Number> Machine<'a, F> {
                     .flatten()
                     .map(|a| self.get(frame, a))
                     .collect::<Result<Vec<_>, _>>()?;
-                math::call(*fun, &arguments.iter().collect::<Vec<_>>())?
+                let arguments: Vec<&Value<F>> = arguments.iter().collect();
+                let value = math::call(*fun, &arguments)?;
+                self.flips += flips::of(expression, &arguments, &value);
+                value
             }
             expression @ Expression::As {
                 expr,

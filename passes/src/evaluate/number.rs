@@ -50,8 +50,13 @@ pub trait Number: Copy + Debug {
     /// Itself as one `f32`; `None` where it stands for several.
     fn single(self) -> Option<f32>;
 
-    /// Itself as far as its whole part goes, which a conversion to an integer takes; `None` where that is several.
-    fn truncated(self) -> Option<f32>;
+    /// Itself as far as its whole part goes, which a conversion to an integer takes; `None` where that is several. An `f64` holds every integer of 32 bits, as a truth may be.
+    fn truncated(self) -> Option<f64>;
+
+    /// Whether it is infinite; `None` where it stands for several.
+    fn is_infinity(self) -> Option<bool> {
+        self.single().map(f32::is_infinite)
+    }
 
     /// What it would be if nothing had been rounded on the way, where that is followed beside it: decisions that it would make otherwise are counted
     /// ([`super::Outcome::flips`]).
@@ -74,7 +79,7 @@ pub fn single<F: Number>(number: F) -> Result<f32, Stuck> {
 ///
 /// # Errors
 /// There is none.
-pub fn truncated<F: Number>(number: F) -> Result<f32, Stuck> {
+pub fn truncated<F: Number>(number: F) -> Result<f64, Stuck> {
     number
         .truncated()
         .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))
@@ -169,8 +174,13 @@ macro_rules! float {
                 Some(self as f32)
             }
 
-            fn truncated(self) -> Option<f32> {
-                Some(self.trunc() as f32)
+            fn truncated(self) -> Option<f64> {
+                Some(f64::from(self.trunc()))
+            }
+
+            // What is finite may be more than an `f32` holds.
+            fn is_infinity(self) -> Option<bool> {
+                Some(self.is_infinite())
             }
         }
     };

@@ -9,7 +9,8 @@ use super::number::Number;
 /// What `f32` makes of a number, and what `f64` does, which had the same inputs. The `f32` decides all branches, selections and conversions to integers, so that both are of one
 /// path through the shader; decisions that the `f64` would make otherwise are flips ([`super::Outcome::flips`]), and what a path gives that has none is told by both.
 ///
-/// A jump within a function (`floor`, `fract`, `step`, `sign`) is no decision: each jumps for itself, and the difference is an error like another.
+/// A jump within a function of one component (`floor`, `fract`, `step`, `sign`) is no decision: each jumps for itself, and the difference is an error like another. What `refract` and
+/// `faceForward` turn on is one for all components, and a word that floats are packed into or an exponent is an integer: those are decisions of the `f32`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadowed {
     /// Rounded to `f32` after each operation.
@@ -78,7 +79,7 @@ impl Number for Shadowed {
         self.value.single()
     }
 
-    fn truncated(self) -> Option<f32> {
+    fn truncated(self) -> Option<f64> {
         self.value.truncated()
     }
 
@@ -89,7 +90,28 @@ impl Number for Shadowed {
 
 #[cfg(test)]
 mod tests {
-    use super::ulps;
+    use naga::{Expression, RelationalFunction};
+
+    use super::{Shadowed, ulps};
+    use crate::evaluate::value::Value;
+    use crate::evaluate::{flips, math};
+
+    /// What overflowed is infinite, and its truth is not, though no `f32` holds it.
+    #[test]
+    fn a_truth_beyond_f32_is_finite() {
+        let mut arena = naga::Arena::new();
+        let zero = naga::Literal::F32(0.0);
+        let argument = arena.append(Expression::Literal(zero), naga::Span::UNDEFINED);
+        let fun = RelationalFunction::IsInf;
+        let overflowed = Value::number(Shadowed {
+            value: f32::INFINITY,
+            truth: 1e39,
+        });
+        let decided = math::relational(fun, &overflowed).unwrap();
+        assert!(decided.truth().unwrap());
+        let expression = Expression::Relational { fun, argument };
+        assert_eq!(flips::of(&expression, &[&overflowed], &decided), 1);
+    }
 
     #[test]
     fn a_unit_is_that_of_the_truth() {

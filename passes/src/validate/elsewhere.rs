@@ -10,6 +10,7 @@ use super::compare::{self, Colors, Difference, text};
 use super::inputs::{Inputs, Profile};
 use super::promise::{Attached, Pair};
 use super::stage::Ran;
+use super::trial::{asked, is_whole, of_compared};
 use super::verdict::{Counterexample, Verdict, not_evaluated};
 use super::world::{self, Place, Stages, Texels};
 use crate::bound::Interval;
@@ -52,7 +53,7 @@ impl Pair<'_> {
         if let Some(why) = self.unfilled(places) {
             return not_evaluated(&why);
         }
-        let (mut agreed, mut unsure) = (0, 0);
+        let (mut agreed, mut compared, mut unsure) = (0, 0, 0);
         for place in places {
             let ready = match self.ready(*place, colors) {
                 Ok(ready) => ready,
@@ -73,7 +74,11 @@ impl Pair<'_> {
             let results = original.iter().zip(&variant);
             for (ready, (original, variant)) in ready.iter().zip(results) {
                 match self.judged(ready, *place, original, variant) {
-                    Judged::Same => agreed += 1,
+                    Judged::Same => {
+                        agreed += 1;
+                        let is_kept = !original.discarded;
+                        compared += u64::from(is_whole(colors, ready.colors, is_kept));
+                    }
                     Judged::Unsure => unsure += 1,
                     Judged::Strange(why) => return Verdict::NotEvaluable { why },
                     Judged::Differs(found) => return Verdict::Counterexample(found),
@@ -81,14 +86,15 @@ impl Pair<'_> {
             }
         }
         let places = places.len() as u64;
-        match (agreed / places.max(1), unsure / places.max(1)) {
+        let each = |n: u64| n.div_ceil(places.max(1));
+        match (agreed / places.max(1), each(unsure)) {
             (0, _) => not_evaluated("no input could be judged there"),
             (few, many) if few < many => Verdict::NotEvaluable {
                 why: format!(
                     "on {many} inputs the adapter rounds the two apart, and on {few} alone it does not"
                 ),
             },
-            (inputs, _) => Verdict::Agreed { inputs },
+            (inputs, unsure) => of_compared(inputs, each(compared).min(inputs), unsure),
         }
     }
 
@@ -97,16 +103,13 @@ impl Pair<'_> {
         let module = self.original.vertex.module();
         let (mut ready, mut why) = (Vec::new(), None);
         for seed in self.effort.seed..self.effort.seed + self.effort.inputs {
-            let inputs = Inputs::new(module, self.variant.guard.as_ref(), seed);
+            let inputs =
+                Inputs::new(module, self.variant.guard.as_ref(), seed).with_levels(&self.levels);
             let is_ordinary = inputs.profile == Profile::Ordinary;
             if self.folds_floats() && !is_ordinary {
                 continue;
             }
-            let is_rounded = matches!(colors, Colors::Within(_) | Colors::Numbers);
-            let colors = match is_rounded && !is_ordinary {
-                true => Colors::Ignored,
-                false => colors,
-            };
+            let colors = asked(colors, &inputs);
             let (_, attached) = self.rule(place, colors, Some(&inputs));
             let world = world::concrete(&inputs, &attached, Texels::Plain);
             let ended = world

@@ -1,9 +1,11 @@
 //! Inputs of both stages: ordinary ones, and those that shaders break on.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
+use super::levels::Levels;
 use super::stage::{Kind, POSITION, Slot};
 use super::world::{plus, times};
 use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, scalars};
@@ -125,6 +127,8 @@ pub struct Inputs {
     pub resources: BTreeMap<(u32, u32), Value>,
     /// Buffers that are left at 0, being too long to be filled.
     pub left_out: Vec<(u32, u32)>,
+    /// Which lookups are given more than a coordinate.
+    pub levels: Arc<Levels>,
     /// Numbers that a guard fixes of textures, by group, binding and channel.
     texels: BTreeMap<(u32, u32, u32), f32>,
     /// Numbers that a guard fixes of attributes.
@@ -156,6 +160,7 @@ impl Inputs {
             profile,
             resources,
             left_out,
+            levels: Arc::default(),
             texels: BTreeMap::new(),
             attributes: BTreeMap::new(),
         };
@@ -163,6 +168,15 @@ impl Inputs {
             this.assume(module, assumed);
         }
         this
+    }
+
+    /// The same, where some lookups are given more than a coordinate.
+    #[must_use]
+    pub fn with_levels(self, levels: &Arc<Levels>) -> Self {
+        Self {
+            levels: Arc::clone(levels),
+            ..self
+        }
     }
 
     fn assume(&mut self, module: &Module, assumed: &Assumed) {
@@ -206,12 +220,30 @@ impl Inputs {
         }
     }
 
+    /// The corner that is looked at where a vertex stage is by itself.
+    pub fn corner(&self) -> usize {
+        // Seeds of each profile come to all of them.
+        (self.seed / 6 % 3) as usize
+    }
+
+    /// Which triangle of its draw it is: the first in half of the inputs, and no far one where numbers are ordinary.
+    fn triangle(&self) -> u32 {
+        let mut random = Random::new(self.seed, "triangle");
+        match (random.below(2), self.profile) {
+            (0, _) => 0,
+            (_, Profile::Ordinary) => 1 + random.below(2) as u32,
+            _ => [1, 21, 340, 21_845, 1 << 20][random.below(5)],
+        }
+    }
+
     /// An input of a vertex stage, at a corner of the triangle.
     pub fn attribute(&self, module: &Module, io: &Io, corner: usize) -> Option<Value> {
         let slot = Slot::of(io.binding.as_ref()?);
         let mut random = Random::new(self.seed, &format!("vertex {slot} {corner}"));
         match slot {
-            Slot::BuiltIn(BuiltIn::VertexIndex) => return Some(Value::u32(corner as u32)),
+            Slot::BuiltIn(BuiltIn::VertexIndex) => {
+                return Some(Value::u32(3 * self.triangle() + corner as u32));
+            }
             // One triangle is of one instance.
             Slot::BuiltIn(BuiltIn::InstanceIndex | BuiltIn::BaseInstance) => {
                 return Some(Value::u32((self.seed % 3) as u32));
@@ -268,6 +300,7 @@ impl Inputs {
         let sum = lookup
             .coordinates
             .iter()
+            .chain(self.levels.given(lookup))
             .fold(start(lookup.binding, lookup.sampling), |sum, c| {
                 sum * 1.7 + c.clamp(-1e6, 1e6)
             });
@@ -282,16 +315,19 @@ impl Inputs {
 
     /// A texel as sums and products alone, of which every adapter comes to nearly the same: [`Self::bases`] and beside them half of a sum over where it is looked up, as far as that lies from 0 to 1.
     pub fn plain_texel<F: Number>(&self, lookup: &Lookup<'_, F>) -> [F; 4] {
-        let sum = lookup.coordinates.iter().enumerate().fold(
-            F::of(plain_start(lookup.sampling)),
-            |sum, (i, c)| {
-                let bounded = F::call(
-                    naga::MathFunction::Clamp,
-                    &[*c, F::of(-PLAIN_MOST), F::of(PLAIN_MOST)],
-                );
-                plus(sum, times(bounded.unwrap_or(*c), plain_weight(i)))
-            },
-        );
+        let add = |sum, (number, weight): (F, f32)| {
+            let bounded = F::call(
+                naga::MathFunction::Clamp,
+                &[number, F::of(-PLAIN_MOST), F::of(PLAIN_MOST)],
+            );
+            plus(sum, times(bounded.unwrap_or(number), weight))
+        };
+        let coordinates = lookup.coordinates.iter().enumerate();
+        let levels = self.levels.given(lookup).iter().enumerate();
+        let sum = coordinates
+            .map(|(i, c)| (*c, plain_weight(i)))
+            .chain(levels.map(|(i, c)| (*c, plain_level_weight(i))))
+            .fold(F::of(plain_start(lookup.sampling)), add);
         let sum = F::call(naga::MathFunction::Saturate, &[sum]).unwrap_or(sum);
         let [bases, scales] = self.bases(lookup.binding);
         [0, 1, 2, 3].map(|channel: usize| plus(times(sum, scales[channel]), F::of(bases[channel])))
@@ -348,6 +384,11 @@ pub fn plain_start(sampling: Sampling) -> f32 {
 /// What the i-th coordinate counts for in it.
 pub fn plain_weight(i: usize) -> f32 {
     [0.25, 0.1875, 0.140_625, 0.109_375][i.min(3)]
+}
+
+/// What the i-th number of a bias or of gradients counts for in it: each another, so that two which change places show.
+pub fn plain_level_weight(i: usize) -> f32 {
+    [0.09375, 0.078_125, 0.0625, 0.046_875, 0.031_25, 0.023_437_5][i.min(5)]
 }
 
 /// What a texel begins with, by all that tells one lookup from another but for where it is.

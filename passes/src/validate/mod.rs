@@ -7,8 +7,8 @@
 //! the pass that shades gives the same colours, as far as the plan's contract says so: the same bits at the vertices whatever was hoisted, inside a triangle where it is `Exact`, within a step of
 //! the target where it is `Rounding`. A budget is about a picture, which nobody draws here: that is `verify`'s to say. A guard's values are as it wants them.
 //!
-//! Two things are the interpreter's word for an adapter's. An operation has one result, wherever it stands. And a texel is a function of where it is looked up, not of the level that a
-//! lookup takes by itself.
+//! Two things are the interpreter's word for an adapter's. An operation has one result, wherever it stands. And a texel is a function of where it is looked up, and of gradients
+//! and a bias that an access names ([`levels`]), not of the level that a lookup takes by itself.
 
 use naga::{Expression, Literal, Span};
 
@@ -21,6 +21,7 @@ mod broken_slicer;
 pub mod compare;
 pub mod elsewhere;
 pub mod inputs;
+pub mod levels;
 mod promise;
 mod proof;
 pub mod stage;

@@ -1,12 +1,14 @@
 //! What follows from a plan for a pass of it: which outputs have to be the same, at which places, and how closely.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::ShaderStage;
 
 use super::compare::{Colors, Depths, Discards, Positions, Rule, Stores};
 use super::elsewhere::Runner;
 use super::inputs::Inputs;
+use super::levels::Levels;
 use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
 use super::world::{self, Place, Stages};
@@ -28,6 +30,8 @@ pub(super) struct Pair<'a> {
     pub(super) original: Stages<'a>,
     pub(super) other: Stages<'a>,
     pub(super) effort: &'a Effort,
+    /// Which lookups are given gradients and biases.
+    pub(super) levels: Arc<Levels>,
     /// What runs it, if not the interpreter.
     runner: Option<&'a dyn Runner>,
     pub(super) direction: DepthDirection,
@@ -70,11 +74,13 @@ impl<'a> Pair<'a> {
             }
         }
         let compare = main.depth.as_ref().map(|d| d.compare);
+        let (original, other) = (stages(main, program)?, stages(pass, other)?);
         Ok(Self {
             variant,
             pass,
-            original: stages(main, program)?,
-            other: stages(pass, other)?,
+            original,
+            other,
+            levels: Arc::new(Levels::between(original, other)),
             effort,
             runner,
             direction: compare
@@ -343,8 +349,8 @@ impl<'a> Pair<'a> {
     fn confirmed(&self, places: &[Place], colors: Colors) -> Verdict {
         match self.tried(places, colors, self.effort.inputs.div_ceil(BESIDE)) {
             found @ Verdict::Counterexample(_) => found,
-            Verdict::Agreed { inputs } => Verdict::Proved {
-                by: Proof::Slices { inputs },
+            Verdict::Agreed { compared, .. } => Verdict::Proved {
+                by: Proof::Slices { inputs: compared },
             },
             // On terms they may come to an end.
             _ => self.by_terms(places, colors).unwrap_or(Verdict::Proved {

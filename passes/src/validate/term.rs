@@ -250,8 +250,8 @@ impl Number for Term {
         ARENA.with_borrow(|arena| arena.constant(self))
     }
 
-    fn truncated(self) -> Option<f32> {
-        self.single().map(f32::trunc)
+    fn truncated(self) -> Option<f64> {
+        self.single().map(|x| f64::from(x.trunc()))
     }
 }
 

@@ -21,23 +21,20 @@ impl Pair<'_> {
         if let Some(why) = self.unfilled(places) {
             return not_evaluated(&why);
         }
-        let (mut tried, mut agreed, mut why) = (0, 0, None);
+        let (mut tried, mut agreed, mut compared, mut why) = (0, 0, 0, None);
         for seed in self.effort.seed..self.effort.seed + inputs {
-            let inputs = Inputs::new(module, self.variant.guard.as_ref(), seed);
+            let inputs =
+                Inputs::new(module, self.variant.guard.as_ref(), seed).with_levels(&self.levels);
             if self.folds_floats() && inputs.profile != Profile::Ordinary {
                 continue;
             }
             // What a rounding may come to is said of ordinary numbers.
-            let is_rounded = matches!(colors, Colors::Within(_) | Colors::Numbers);
-            let colors = match is_rounded && inputs.profile != Profile::Ordinary {
-                true => Colors::Ignored,
-                false => colors,
-            };
+            let asked = asked(colors, &inputs);
             tried += 1;
-            let mut ended = true;
+            let (mut ended, mut is_kept) = (true, false);
             for place in places {
-                match self.try_one(&inputs, *place, colors) {
-                    Tried::Same => {}
+                match self.try_one(&inputs, *place, asked) {
+                    Tried::Same { discarded } => is_kept |= !discarded,
                     Tried::Differs(found) => return Verdict::Counterexample(found),
                     Tried::Endless => ended = false,
                     Tried::Stuck(stuck) => {
@@ -48,6 +45,7 @@ impl Pair<'_> {
                 }
             }
             agreed += u64::from(ended);
+            compared += u64::from(ended && is_whole(colors, asked, is_kept));
             // Something that is in the way of every input.
             if agreed == 0 && why.is_some() && seed - self.effort.seed > 24 {
                 break;
@@ -63,7 +61,7 @@ impl Pair<'_> {
                     None => format!("only {few} of {tried} inputs came to an end"),
                 },
             },
-            (inputs, _) => Verdict::Agreed { inputs },
+            (inputs, _) => of_compared(inputs, compared, 0),
         }
     }
 
@@ -97,6 +95,7 @@ impl Pair<'_> {
             Err(Stuck::Steps) => return Tried::Endless,
             Err(stuck) => return Tried::Stuck(stuck),
         };
+        let discarded = original.discarded;
         let found = match world.run(self.other, place, 4 * self.effort.steps, None) {
             Ok(variant) => compare::difference(rule, &original, &variant),
             // A vertex stage does more, where something was hoisted to it.
@@ -110,7 +109,7 @@ impl Pair<'_> {
             Err(stuck) => return Tried::Stuck(stuck),
         };
         match found {
-            None => Tried::Same,
+            None => Tried::Same { discarded },
             Some(found) => {
                 let first = self.first_diverging(&world, place);
                 Tried::Differs(Box::new(Counterexample {
@@ -128,10 +127,11 @@ impl Pair<'_> {
     /// The inputs of the original's stages, in words.
     pub(super) fn said(&self, inputs: &Inputs, place: Place) -> Vec<(String, String)> {
         let mut said = Vec::new();
+        let own = inputs.corner();
         let vertex = self.original.vertex;
         for io in vertex.inputs() {
             let corners: &[usize] = match place {
-                Place::Vertex => &[0],
+                Place::Vertex => std::slice::from_ref(&own),
                 Place::Corner(_) | Place::Inside => &[0, 1, 2],
                 Place::Anywhere => &[],
             };
@@ -219,6 +219,36 @@ impl Pair<'_> {
     }
 }
 
+/// What is asked of colours for an input: what a rounding may come to is said of ordinary numbers.
+pub(super) fn asked(colors: Colors, inputs: &Inputs) -> Colors {
+    let is_rounded = matches!(colors, Colors::Within(_) | Colors::Numbers);
+    match is_rounded && inputs.profile != Profile::Ordinary {
+        true => Colors::Ignored,
+        false => colors,
+    }
+}
+
+/// Whether all that is promised was compared of an input: colours too, where they are, and those of a fragment that was kept.
+pub(super) fn is_whole(promised: Colors, asked: Colors, is_kept: bool) -> bool {
+    promised == Colors::Ignored || (asked != Colors::Ignored && is_kept)
+}
+
+/// What agreeing inputs say, `compared` of them in all that is promised.
+pub(super) fn of_compared(inputs: u64, compared: u64, unsure: u64) -> Verdict {
+    match compared {
+        0 => Verdict::NotEvaluable {
+            why: format!(
+                "on {inputs} inputs no colour was compared: fragments were discarded, or numbers not ordinary"
+            ),
+        },
+        _ => Verdict::Agreed {
+            inputs,
+            compared,
+            unsure,
+        },
+    }
+}
+
 /// A place in the source, and what kind of expression stands there.
 type Key = (usize, usize, &'static str);
 
@@ -228,7 +258,10 @@ fn key(traced: &Traced) -> Option<Key> {
 }
 
 enum Tried {
-    Same,
+    Same {
+        /// The original's fragment was; nothing of it was compared but that.
+        discarded: bool,
+    },
     Differs(Box<Counterexample>),
     /// It takes more steps than it may.
     Endless,

@@ -20,6 +20,12 @@ pub enum Verdict {
     Agreed {
         /// Inputs that both were run on to their end.
         inputs: u64,
+        /// Those of them whose colours were compared, where colours are promised: of the others it was whether they are kept, and depths.
+        #[serde(default)]
+        compared: u64,
+        /// Inputs beside them on which an adapter rounded the two apart, within what it may make of the original.
+        #[serde(default)]
+        unsure: u64,
     },
     /// It does not hold: a bug in preshade.
     Counterexample(Box<Counterexample>),
@@ -103,7 +109,20 @@ impl fmt::Display for Verdict {
             Self::Proved {
                 by: Proof::Terms { paths },
             } => write!(f, "proved: the same operations, along {paths} paths"),
-            Self::Agreed { inputs } => write!(f, "agreed on {inputs} inputs"),
+            Self::Agreed {
+                inputs,
+                compared,
+                unsure,
+            } => {
+                write!(f, "agreed on {inputs} inputs")?;
+                if compared < inputs {
+                    write!(f, ", in colours on {compared} of them")?;
+                }
+                match unsure {
+                    0 => Ok(()),
+                    n => write!(f, "; rounded apart on {n} more"),
+                }
+            }
             Self::NotEvaluable { why } => write!(f, "not evaluated: {why}"),
             Self::Counterexample(found) => write!(f, "does not hold: {found}"),
         }

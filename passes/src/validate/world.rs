@@ -27,7 +27,7 @@ pub struct Stages<'p> {
 /// What is looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// What the vertex stage gives.
+    /// What the vertex stage gives, at a corner that goes by the input ([`Inputs::corner`]).
     Vertex,
     /// What the fragment stage gives on a corner of a triangle, where it finds what the vertex stage gave there.
     Corner(usize),
@@ -47,6 +47,8 @@ type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
 pub struct World<'a, F: 'a> {
     /// Uniforms and buffers.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
+    /// The corner of [`Place::Vertex`].
+    corner: usize,
     attribute: Input<'a, F>,
     fragment: Input<'a, F>,
     texel: Texel<'a, F>,
@@ -79,7 +81,7 @@ impl<F: Number> World<'_, F> {
             stages.vertex.run(&input, &environment(trace))
         };
         if place == Place::Vertex {
-            return vertex(0, trace);
+            return vertex(self.corner, trace);
         }
         let Some(fragment) = stages.fragment else {
             // Nothing is drawn but depth.
@@ -131,6 +133,7 @@ pub fn concrete<'a>(
 ) -> World<'a, f32> {
     World {
         resources: Arc::new(inputs.resources.clone()),
+        corner: inputs.corner(),
         attribute: Box::new(|module, io, corner| inputs.attribute(module, io, corner)),
         fragment: Box::new(|module, io, _| inputs.fragment(module, io)),
         texel: Box::new(move |lookup| {
@@ -157,6 +160,7 @@ pub fn ranging<'a>(
     let resources = inputs.resources.iter();
     World {
         resources: Arc::new(resources.map(|(at, v)| (*at, exactly(v))).collect()),
+        corner: inputs.corner(),
         attribute: Box::new(move |module, io, corner| {
             inputs.attribute(module, io, corner).map(exact)
         }),
@@ -239,6 +243,8 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
     }
     World {
         resources: Arc::new(resources),
+        // A term stands for any.
+        corner: 0,
         attribute: Box::new(|module, io, corner| {
             let slot = Slot::of(io.binding.as_ref()?);
             let mut value = terms(module, io.ty, &format!("vertex {slot} {corner}"));

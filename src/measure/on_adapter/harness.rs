@@ -4,6 +4,7 @@
 //! invocation has its own.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{
@@ -15,6 +16,7 @@ use preshade_passes::evaluate::RUNTIME_ELEMENTS;
 use preshade_passes::place;
 use preshade_passes::reflect::{self, Io};
 use preshade_passes::validate::elsewhere::Draw;
+use preshade_passes::validate::levels::Levels;
 use preshade_passes::validate::stage::{Kind, Slot, Stage, kind};
 use preshade_passes::validate::world::{Place, Stages};
 
@@ -45,6 +47,8 @@ pub enum Given {
 pub struct Harness {
     /// With an entry point [`ENTRY`] of one invocation a workgroup.
     pub module: Module,
+    /// What is looked at.
+    pub at: Place,
     /// The stages, which the types of inputs and outputs are of.
     pub source: Module,
     /// What a draw's words are, in order.
@@ -70,7 +74,7 @@ struct Making {
 ///
 /// # Errors
 /// What of them a compute stage cannot do, in words.
-pub fn harness(stages: Stages<'_>, at: Place) -> Result<Harness, String> {
+pub fn harness(stages: Stages<'_>, at: Place, levels: &Arc<Levels>) -> Result<Harness, String> {
     let entry = |stage: Stage<'_>| {
         let entry = &stage.module().entry_points[stage.entry];
         (entry.stage, entry.name.clone())
@@ -82,7 +86,7 @@ pub fn harness(stages: Stages<'_>, at: Place) -> Result<Harness, String> {
     let source = place::retain(stages.vertex.module(), &wanted);
     let info = validated(&source)?;
     let mut making = Making::new(&source)?;
-    let ours = making.variables(&source)?;
+    let ours = making.variables(&source, levels)?;
     for (handle, function) in source.functions.iter() {
         making.made.functions[handle] = rewritten(&source, function, &info[handle], &ours)?;
     }
@@ -157,7 +161,7 @@ impl Making {
     }
 
     /// Makes private variables of the author's uniforms and buffers, and adds ours.
-    fn variables(&mut self, source: &Module) -> Result<Ours, String> {
+    fn variables(&mut self, source: &Module, levels: &Arc<Levels>) -> Result<Ours, String> {
         let made = &mut self.made;
         let boolean = ty(made, TypeInner::Scalar(Scalar::BOOL));
         let vector = |made: &mut Module, size| {
@@ -169,6 +173,7 @@ impl Making {
             killed: private(made, "is_discarded", boolean),
             slopes: private(made, "slopes", two),
             textures: BTreeMap::new(),
+            levels: Arc::clone(levels),
         };
         for (handle, global) in source.global_variables.iter() {
             let at = global.binding.as_ref().map(|b| (b.group, b.binding));
@@ -366,6 +371,7 @@ impl Making {
         validated(&self.made)?;
         Ok(Harness {
             module: self.made,
+            at,
             source,
             given: self.given,
             words_in: self.words_in,
@@ -612,7 +618,13 @@ pub fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
     for given in &harness.given {
         let value = match given {
             Given::Resource(at) => draw.inputs.resources.get(at).cloned(),
-            Given::Attribute(io, corner) => draw.inputs.attribute(&harness.source, io, *corner),
+            Given::Attribute(io, corner) => {
+                let corner = match harness.at {
+                    Place::Vertex => draw.inputs.corner(),
+                    _ => *corner,
+                };
+                draw.inputs.attribute(&harness.source, io, corner)
+            }
             Given::Fragment(io) => draw.inputs.fragment(&harness.source, io),
             Given::Texture(at) => {
                 let [bases, scales] = match draw.attached.get(at) {

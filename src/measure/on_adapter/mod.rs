@@ -9,6 +9,7 @@ mod harness;
 mod rewrite;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use preshade_passes::plan::Plan;
 use preshade_passes::validate::elsewhere::{Draw, Runner};
@@ -39,7 +40,9 @@ impl Runner for OnAdapter<'_> {
         if stages.fragment.is_none() && place != Place::Vertex {
             return Ok(draws.iter().map(|_| nothing()).collect());
         }
-        let mut harness = harness(stages, place)?;
+        // Those of a pair are the same in all its inputs.
+        let levels = draws.first().map(|d| Arc::clone(&d.inputs.levels));
+        let mut harness = harness(stages, place, &levels.unwrap_or_default())?;
         let mut given = Vec::new();
         for draw in draws {
             given.extend(words(&harness, draw)?);

@@ -1,6 +1,7 @@
 //! An author's function as a compute stage can run it: texels, derivatives and discards, which it has not, become what an input says they are.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::valid::FunctionInfo;
 use naga::{
@@ -10,7 +11,10 @@ use naga::{
 };
 use preshade_passes::evaluate::Sampling;
 use preshade_passes::graph::operands;
-use preshade_passes::validate::inputs::{PLAIN_MOST, plain_start, plain_weight};
+use preshade_passes::validate::inputs::{
+    PLAIN_MOST, plain_level_weight, plain_start, plain_weight,
+};
+use preshade_passes::validate::levels::Levels;
 
 /// Variables of ours that a rewritten function reads and writes.
 pub struct Ours {
@@ -20,6 +24,8 @@ pub struct Ours {
     pub slopes: Handle<GlobalVariable>,
     /// The bases and the scales of each texture's texels.
     pub textures: BTreeMap<Handle<GlobalVariable>, [Handle<GlobalVariable>; 2]>,
+    /// Which lookups are given gradients and biases.
+    pub levels: Arc<Levels>,
 }
 
 struct Rewriter<'a> {
@@ -210,6 +216,7 @@ impl Rewriter<'_> {
 
     /// As the interpreter's world gives it: `Inputs::plain_texel`.
     fn texel(&mut self, lookup: &Expression) -> Result<Handle<Expression>, String> {
+        let mut levels = Vec::new();
         let (image, operands, sampling, is_compared) = match lookup {
             Expression::ImageSample {
                 gather: Some(_), ..
@@ -229,8 +236,16 @@ impl Rewriter<'_> {
             } => {
                 let mut operands = vec![*coordinate];
                 operands.extend(array_index);
-                if let SampleLevel::Exact(level) = level {
-                    operands.push(*level);
+                let texture = self.binding(*image);
+                match level {
+                    SampleLevel::Exact(level) => operands.push(*level),
+                    SampleLevel::Bias(bias) if self.ours.levels.biases(texture) => {
+                        levels.push(*bias);
+                    }
+                    SampleLevel::Gradient { x, y } if self.ours.levels.gradients(texture) => {
+                        levels.extend([*x, *y]);
+                    }
+                    _ => {}
                 }
                 operands.extend(depth_ref);
                 let sampling = Sampling {
@@ -261,15 +276,19 @@ impl Rewriter<'_> {
             return Err("it looks up in no texture".to_owned());
         };
         let mut sum = self.f32(plain_start(sampling));
-        let mut place = 0;
-        for operand in operands {
-            for number in self.numbers(operand)? {
-                let (low, high) = (self.f32(-PLAIN_MOST), self.f32(PLAIN_MOST));
-                let bounded = self.math(MathFunction::Clamp, &[number, low, high]);
-                let weight = self.f32(plain_weight(place));
-                let part = self.binary(BinaryOperator::Multiply, bounded, weight);
-                sum = self.binary(BinaryOperator::Add, sum, part);
-                place += 1;
+        let parts: [(_, fn(usize) -> f32); 2] =
+            [(operands, plain_weight), (levels, plain_level_weight)];
+        for (operands, weight) in parts {
+            let mut place = 0;
+            for operand in operands {
+                for number in self.numbers(operand)? {
+                    let (low, high) = (self.f32(-PLAIN_MOST), self.f32(PLAIN_MOST));
+                    let bounded = self.math(MathFunction::Clamp, &[number, low, high]);
+                    let weight = self.f32(weight(place));
+                    let part = self.binary(BinaryOperator::Multiply, bounded, weight);
+                    sum = self.binary(BinaryOperator::Add, sum, part);
+                    place += 1;
+                }
             }
         }
         let sum = self.math(MathFunction::Saturate, &[sum]);
