@@ -1063,6 +1063,7 @@ fn a_struct_of_which_samplers_alone_are_read_is_declared_whole() {
             "{text}"
         );
     }
+}
 
 /// Lengths may come of any constant expression: of floats, vectors, conversions and other arrays' lengths, told from what hides them.
 #[test]
