@@ -13,7 +13,7 @@ pub struct Pair {
 }
 
 /// How many constructs there are.
-pub const CONSTRUCTS: usize = 46;
+pub const CONSTRUCTS: usize = 51;
 
 /// A GLSL that a host may get.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -526,7 +526,7 @@ impl Maker {
         let value = self.expression(&names, n, 3);
         writeln!(self.fragment.body, "    {ty} {local} = {value};").unwrap();
         let more = self.expression(&names, n, 2);
-        let text = match self.random.below(9) {
+        let text = match self.random.below(14) {
             0 => {
                 self.say("for");
                 format!(
@@ -574,6 +574,42 @@ impl Maker {
             7 => {
                 self.say("ternary");
                 format!("{local} = mod(floor(gl_FragCoord.y), 2.0) < 0.5 ? {local} : {more};")
+            }
+            8 if self.dialect.is_new() => {
+                self.say("effect in an index");
+                format!(
+                    "{ty} list{k}[3]; list{k}[0] = {local}; list{k}[1] = {more}; list{k}[2] = {local} * 0.5; int at{k} = 0; list{k}[at{k}++] *= 0.75; list{k}[at{k}++] += {ty}(0.125); {local} = list{k}[--at{k}]; {local} += list{k}[0] * float(at{k});"
+                )
+            }
+            9 if self.dialect.is_new() => {
+                self.say("element as out argument");
+                writeln!(
+                    self.fragment.functions,
+                    "void grow{k}(inout {ty} x, float by) {{ x += {ty}(by); }}\nfloat taken{k}(out {ty} x) {{ x = {ty}(0.25); return 0.5; }}"
+                )
+                .unwrap();
+                format!(
+                    "{ty} list{k}[2]; list{k}[0] = {local}; list{k}[1] = {more}; int at{k} = 0; grow{k}(list{k}[at{k}++], 0.25); grow{k}(list{k}[at{k}], 0.5 * float(at{k})); {local} = list{k}[0] + list{k}[1]; {local} *= taken{k}(list{k}[--at{k}]); {local} += list{k}[0];"
+                )
+            }
+            10 => {
+                self.say("behind a jump");
+                let dead = self.expression(&names, n, 2);
+                format!(
+                    "for (int i{k} = 0; i{k} < 3; i{k}++) {{ {local} += {more} * 0.2; if (i{k} == 1) {{ break; {local} = {dead}; }} continue; {local} = {dead}; }}"
+                )
+            }
+            11 if self.dialect.is_new() => {
+                self.say("cases in braces");
+                format!(
+                    "switch (int(gl_FragCoord.y) % 3) {{ case 0: {{ {local} += {more}; break; }} case 1: {{ {{ {local} *= 0.5; }} break; }} default: {{ {local} -= {more} * 0.2; }} }}"
+                )
+            }
+            12 if self.dialect.version != 100 => {
+                self.say("length by a constant");
+                format!(
+                    "const float LONG{k} = 2.5; {ty} list{k}[int(LONG{k})]; list{k}[0] = {local}; list{k}[1] = {more}; {local} = list{k}[0] * 0.5 + list{k}[1] * float(list{k}.length());"
+                )
             }
             _ => {
                 self.say("discard");
