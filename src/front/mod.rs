@@ -25,6 +25,7 @@ pub(crate) mod operands;
 mod promote;
 mod size;
 #[cfg(feature = "glsl")]
+mod returns;
 mod switch;
 pub(crate) mod varying;
 #[cfg(feature = "wesl")]

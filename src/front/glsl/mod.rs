@@ -38,7 +38,7 @@ use self::marks::Map;
 use self::stage::Stage;
 use self::syntax::{Dialect, Input};
 use super::error::{Code, Error};
-use super::{ClipSpace, Options, lend, promote, switch};
+use super::{ClipSpace, Options, lend, promote, returns, switch};
 
 /// One stage's text.
 pub(super) struct Text<'a> {
@@ -347,6 +347,7 @@ fn finish(module: &mut Module, stage: ShaderStage) {
     if is_valid(module) {
         lend::lend(module);
         promote::promote(module);
+        returns::complete(module);
     }
 }
 

@@ -60,11 +60,13 @@ impl Lower<'_, '_> {
                     reached |= !inside;
                     self.indent += usize::from(inside);
                     let text = self.case(statement, unsigned)?;
-                    self.indent -= usize::from(inside);
-                    // What is declared here is there in the cases below.
-                    if reached || matches!(statement.content, StatementData::Declaration(_)) {
+                    if reached {
                         out += &text;
+                    } else if let Some(declared) = uninitialised(statement) {
+                        // What is declared here is there in the cases below, without the value that nothing came by to give it.
+                        out += &self.case(&declared, unsigned)?;
                     }
+                    self.indent -= usize::from(inside);
                     reached &= !leaves(statement);
                 }
                 self.indent -= 1;
@@ -386,6 +388,42 @@ impl Lower<'_, '_> {
             None => declared,
         })
     }
+}
+
+/// A declaration of variables without their first values, but for those that say how long an array or what a constant is; `None` for any other statement.
+fn uninitialised(statement: &Statement) -> Option<Statement> {
+    let mut out = statement.clone();
+    let StatementData::Declaration(declaration) = &mut out.content else {
+        return None;
+    };
+    let DeclarationData::InitDeclaratorList(list) = &mut declaration.content else {
+        return Some(out);
+    };
+    let head = &mut list.head.content;
+    let is_sized = |array: &Option<ast::ArraySpecifier>| {
+        let dimensions = array.iter().flat_map(|a| &a.content.dimensions);
+        let mut sizes = dimensions.map(|d| &d.content);
+        sizes.all(|d| matches!(d, ast::ArraySpecifierDimensionData::ExplicitlySized(_)))
+    };
+    let qualifiers = head.ty.content.qualifier.iter();
+    let mut qualifiers = qualifiers.flat_map(|q| &q.content.qualifiers);
+    let is_constant = qualifiers.any(|q| {
+        matches!(&q.content, ast::TypeQualifierSpecData::Storage(s)
+            if matches!(s.content, ast::StorageQualifierData::Const))
+    });
+    if is_constant || !is_sized(&head.ty.content.ty.content.array_specifier) {
+        return Some(out);
+    }
+    if is_sized(&head.array_specifier) {
+        head.initializer = None;
+    }
+    for other in &mut list.tail {
+        let other = &mut other.content;
+        if is_sized(&other.ident.content.array_spec) {
+            other.initializer = None;
+        }
+    }
+    Some(out)
 }
 
 /// Whether nothing behind the statement is reached, in its block or its case.
