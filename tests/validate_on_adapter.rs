@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use naga::{BinaryOperator, Expression, Function, Module, Statement};
+use naga::{BinaryOperator, Expression, Function, Module, SampleLevel, Statement};
 use preshade::measure::validate_on;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
@@ -189,6 +189,43 @@ fn the_adapter_alone_sees_a_wrong_transform() {
     let texts = seen.iter().filter_map(|c| c.first.as_ref());
     let texts: Vec<&str> = texts.map(|f| f.text.as_str()).collect();
     assert!(texts.contains(&"position.x - 0.5"), "{texts:?}");
+}
+
+/// Gradients that the author names are a part of what a lookup is given there as well.
+#[test]
+fn the_adapter_is_given_named_gradients() {
+    let text = MATERIAL.replace(
+        "textureSample(picture, filtering, in.uv, vec2(1, 0))",
+        "textureSampleGrad(picture, filtering, in.uv, dpdx(in.uv) * 2.0, dpdy(in.uv) * 2.0)",
+    );
+    assert_ne!(text, MATERIAL);
+    let state = MaterialState::default();
+    let original = Plan::original("test", program(&text), "vs", Some("fs"), &state);
+    let variant = applied(&original, "specialize:set=material.fog=0");
+    let checks = validate_on(gpu(), &original, &variant, &EFFORT);
+    assert!(
+        checks.iter().all(|c| c.verdict.holds()),
+        "{}",
+        said(&checks)
+    );
+    let mut wrong = variant.clone();
+    for program in wrong.programs.values_mut() {
+        let mut module = program.module().clone();
+        for function in functions(&mut module) {
+            for (_, expression) in function.expressions.iter_mut() {
+                if let Expression::ImageSample {
+                    level: SampleLevel::Gradient { x, y },
+                    ..
+                } = expression
+                {
+                    std::mem::swap(x, y);
+                }
+            }
+        }
+        *program = program.with_module(module).unwrap();
+    }
+    let checks = validate_on(gpu(), &original, &wrong, &EFFORT);
+    assert!(broken(&checks).is_some(), "{}", said(&checks));
 }
 
 /// Some of the fixture materials (all with `PRESHADE_ADAPTER_FIXTURES=all`): nothing is broken, most can be run, and what cannot says why.

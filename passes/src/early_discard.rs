@@ -49,6 +49,7 @@ mod packed;
 mod prologue;
 mod quad;
 pub use packed::PREPASS_PACKED;
+pub(crate) use packed::stored as packed_depth;
 use prologue::{DepthRange, Prologue};
 pub use quad::vote_shields_derivatives;
 

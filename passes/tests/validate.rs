@@ -504,6 +504,54 @@ struct Varyings { @builtin(position) position: vec4<f32>, @location(0) at: vec2<
     );
 }
 
+/// A prologue that reads packed depths is tried on all of them, not on what the attachment is cleared to: digits that change places are the same of a depth of 1.
+#[test]
+fn packed_depths_are_tried() {
+    let original = plan(MATERIAL);
+    let variant = applied(
+        &original,
+        "early-discard",
+        serde_json::json!({"texture": "packed"}),
+    );
+    let checks = validate(&original, &variant, &EFFORT);
+    assert!(
+        checks.iter().all(|c| !c.verdict.is_broken()),
+        "{}",
+        said(&checks)
+    );
+    let mut broken = variant.clone();
+    let mut changed = 0;
+    for program in broken.programs.values_mut() {
+        let mut module = program.module().clone();
+        let mut swap = |expression: &mut Expression| {
+            if let Expression::Literal(Literal::F32(factor)) = expression {
+                let [high, low] = [255.0 / 256.0, 255.0 / 65_536.0];
+
+                let pairs = [(high, low), (low, high)];
+                if let Some((_, to)) = pairs.into_iter().find(|(from, _)| from == factor) {
+                    *factor = to;
+                    changed += 1;
+                }
+            }
+        };
+        module
+            .global_expressions
+            .iter_mut()
+            .for_each(|(_, e)| swap(e));
+        for function in functions(&mut module) {
+            function.expressions.iter_mut().for_each(|(_, e)| swap(e));
+        }
+        *program = program.with_module(module).unwrap();
+    }
+    assert_eq!(changed, 2);
+    let checks = validate(&original, &broken, &EFFORT);
+    assert!(
+        checks.iter().any(|c| c.verdict.is_broken()),
+        "{}",
+        said(&checks)
+    );
+}
+
 const LEVELS: &str = "
 struct Material { fog: f32, sharper: f32 }
 @group(0) @binding(0) var<uniform> material: Material;

@@ -42,6 +42,15 @@ const PACK: &str = "fn pack_depth(depth: f32) -> vec4<f32> {
 }
 ";
 
+/// What [`PACK`] and an `rgba8unorm` store make of a depth, in the arithmetic of the shader.
+pub fn stored(depth: f32) -> [u8; 4] {
+    let v = depth.clamp(0.0, 0.999_999_94);
+    let shifted = [16_777_216.0, 65_536.0, 256.0].map(|factor: f32| (v * factor).fract());
+    let [x, y, z] = shifted;
+    [x, y - x / 256.0, z - y / 256.0, v - z / 256.0]
+        .map(|digit| (digit * 1.003_921_6 * 255.0).round().clamp(0.0, 255.0) as u8)
+}
+
 /// The attachment, cleared to the far plane.
 pub fn attachment(direction: DepthDirection) -> Attachment {
     Attachment {
@@ -184,15 +193,6 @@ fn add_target(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// What [`PACK`] and an `rgba8unorm` store make of a depth, in the arithmetic of the shader.
-    fn stored(depth: f32) -> [u8; 4] {
-        let v = depth.clamp(0.0, 0.99999994);
-        let shifted = [16_777_216.0, 65_536.0, 256.0].map(|factor: f32| (v * factor).fract());
-        let [x, y, z] = shifted;
-        [x, y - x / 256.0, z - y / 256.0, v - z / 256.0]
-            .map(|digit| (digit * 1.003_921_6 * 255.0).round().clamp(0.0, 255.0) as u8)
-    }
 
     fn unpacked(texel: [u8; 4]) -> f32 {
         let products = texel.iter().zip(UNPACK);

@@ -90,6 +90,8 @@ impl Number for Shadowed {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use naga::{Expression, RelationalFunction};
 
     use super::{Shadowed, ulps};

@@ -14,6 +14,7 @@ use super::verdict::not_evaluated;
 use super::world::{self, Place, Stages};
 use super::{Check, Effort, Proof, Verdict};
 use crate::contract::Contract;
+use crate::early_discard;
 use crate::guard::{Guard, Place as Assumed};
 use crate::hoist;
 use crate::plan::{BindingSource, ClearValue, GpuPass, Plan, Role};
@@ -35,8 +36,29 @@ pub(super) struct Pair<'a> {
     /// What runs it, if not the interpreter.
     runner: Option<&'a dyn Runner>,
     pub(super) direction: DepthDirection,
-    /// What the attachments that the pass reads are cleared to, by binding.
-    pub(super) attachments: BTreeMap<(u32, u32), ClearValue>,
+    /// What the attachments that the pass reads are cleared to, by binding, and what they hold.
+    pub(super) attachments: BTreeMap<(u32, u32), (ClearValue, Held)>,
+}
+
+/// What an attachment holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Held {
+    /// Depths, as such.
+    Depths,
+    /// Depths in the digits of a colour.
+    Packed,
+    /// Something else.
+    Colors,
+}
+
+impl Held {
+    fn of(name: &str, clear: ClearValue) -> Self {
+        match clear {
+            ClearValue::Depth(_) => Self::Depths,
+            ClearValue::Color(_) if name == early_discard::PREPASS_PACKED => Self::Packed,
+            ClearValue::Color(_) => Self::Colors,
+        }
+    }
 }
 
 fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<Stages<'a>, String> {
@@ -68,7 +90,8 @@ impl<'a> Pair<'a> {
                 BindingSource::Attachment { name } => {
                     let clear = variant.attachment(name).map(|a| a.clear);
                     let clear = clear.ok_or("it reads an attachment that is not there")?;
-                    attachments.insert((binding.group, binding.binding), clear);
+                    let held = (clear, Held::of(name, clear));
+                    attachments.insert((binding.group, binding.binding), held);
                 }
                 _ => return Err("it reads buffers of the draw's geometry, which the interpreter does not fill; `verify` draws it".to_owned()),
             }
@@ -288,9 +311,14 @@ impl<'a> Pair<'a> {
             discards = Discards::LeftToEqual;
         }
         if let Some(inputs) = inputs {
-            for (at, clear) in &self.attachments {
-                let texel = match clear {
-                    ClearValue::Depth(clear) => {
+            for (at, (clear, held)) in &self.attachments {
+                let far = match (clear, held) {
+                    (ClearValue::Depth(clear), _) => Some(*clear),
+                    (ClearValue::Color([clear, ..]), Held::Packed) => Some(*clear as f32),
+                    (ClearValue::Color(_), _) => None,
+                };
+                let texel = match (far, clear) {
+                    (Some(far), _) => {
                         let fragment = self.other.fragment.map(|f| (f.module(), f.inputs()));
                         let [own, other] = match &fragment {
                             Some((module, found)) => {
@@ -298,19 +326,24 @@ impl<'a> Pair<'a> {
                                     io.binding.as_ref().map(Slot::of) == Some(POSITION)
                                 };
                                 let io = found.iter().find(is_position);
-                                world::depths(inputs, module, io, *clear)
+                                world::depths(inputs, module, io, far)
                             }
-                            None => [0.5, *clear],
+                            None => [0.5, far],
                         };
                         discards = Discards::Hidden {
                             own,
                             other,
                             direction: self.direction,
                         };
-                        [other; 4]
+                        match held {
+                            Held::Packed => {
+                                early_discard::packed_depth(other).map(|d| f32::from(d) / 255.0)
+                            }
+                            _ => [other; 4],
+                        }
                     }
-                    // Packed into colours: nothing was drawn there.
-                    ClearValue::Color(color) => color.map(|c| c as f32),
+                    (None, ClearValue::Color(color)) => color.map(|c| c as f32),
+                    (None, ClearValue::Depth(clear)) => [*clear; 4],
                 };
                 attached.insert(*at, texel);
             }
