@@ -1164,3 +1164,60 @@ void main() {
     );
     assert_eq!((code, line), (Code::Parse, 4), "{told}");
 }
+
+/// WGSL goes on behind a `discard`, so that a function whose end it is needs a result there.
+#[test]
+fn a_function_that_ends_in_a_discard_returns() {
+    for fragment in [
+        "varying vec2 uv; void main() { if (uv.x > 0.5) { gl_FragColor = vec4(1.0); return; } discard; }",
+        "varying vec2 uv; float f(float x) { if (x > 0.5) return x; discard; return 1.0; } void main() { gl_FragColor = vec4(f(uv.x)); }",
+        "varying vec2 uv; float f(float x) { if (x > 0.5) { return x; } else { discard; } } void main() { gl_FragColor = vec4(f(uv.x)); }",
+        "varying vec2 uv; float f(float x) { for (int i = 0; i < 4; i++) { if (x > 0.5) return x; x += 0.1; } discard; } void main() { gl_FragColor = vec4(f(uv.x)); }",
+    ] {
+        let vertex =
+            "attribute vec4 p; varying vec2 uv; void main() { uv = p.xy; gl_Position = p; }";
+        let sources = [
+            Source::new("a.vert", vertex),
+            Source::new("a.frag", fragment),
+        ];
+        let parsed = front::parse(&sources, &Options::default()).unwrap();
+        let state = MaterialState::default();
+        let plan = Plan::original(
+            "a",
+            parsed.program,
+            &parsed.vertex,
+            parsed.fragment.as_deref(),
+            &state,
+        );
+        for target in [Target::Wgsl, Target::Glsl450] {
+            let files = emit::emit(&plan, &[target], &emit::Options::default()).unwrap();
+            let text = files
+                .iter()
+                .map(|f| String::from_utf8_lossy(&f.bytes))
+                .collect::<String>();
+            let (_, behind) = text.split_once("discard;").unwrap();
+            // In the same function.
+            let behind = behind.split("\n}").next().unwrap_or_default();
+            assert!(behind.contains("return"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn what_a_switch_declares_behind_a_jump_has_no_first_value() {
+    let text = given(
+        "#version 330
+uniform int n;
+out vec4 c;
+float next() { return 0.25; }
+void main() {
+    c = vec4(0.0);
+    switch (n) { case 0: c.x = 1.0; break; float j = next(), k; case 1: j = 2.0; k = j; c.y = j + k; }
+}
+",
+    );
+    assert!(
+        text.contains("float j;") && !text.contains("next();"),
+        "{text}"
+    );
+}

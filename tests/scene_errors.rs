@@ -416,11 +416,29 @@ fn values_that_would_change_nothing_are_told() {
             "`sun` gives it already",
         ),
         ("\"more[100000]\" = 1", "and no number 100000"),
+        // What would be looked up as another path than it is written.
+        ("\"sun.lights[01].color\" = 1", "an index is a whole number"),
+        ("\"sun.lights[+1].color\" = 1", "an index is a whole number"),
+        ("\"sun.lights].color\" = 1", "an index is a whole number"),
     ] {
         let error = with(values).unwrap_err().render();
         assert!(error.contains(told), "{values}: {error}");
         assert!(error.contains("bad.toml:5:"), "{values}: {error}");
     }
+}
+
+#[test]
+fn a_misfit_is_told_at_the_draw_that_has_it() {
+    let text = GOOD.replace(
+        "material = \"tiles\"\n",
+        "material = \"tiles\"\nvalues = { \"light.ambient\" = [1, 1, 1] }\n",
+    );
+    let second = "\n[[draws]]\nmesh = \"cube\"\nmaterial = \"tiles\"\nvalues = { \"light.ambient\" = [1, 1] }\n";
+    let error = load("misfit", &(text + second)).unwrap_err().render();
+    assert!(
+        error.contains("= [1, 1] }") && !error.contains("[1, 1, 1] }"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -195,3 +195,53 @@ fn variables_are_what_the_command_line_says() {
         assert!(error.contains(told), "{error}");
     }
 }
+
+/// The bytes of the one uniform of a scene's first draw.
+fn uniform(root: &Path, material: &str, draw: &str) -> Vec<f32> {
+    let text = format!(
+        "[materials.m]\nshader = \"m.wgsl\"\nvalues = {{ {material} }}\n[meshes]\na.plane = {{}}\n[[draws]]\nmesh = \"a\"\nmaterial = \"m\"\nvalues = {{ {draw} }}\n[[cameras]]\neye = [0, 2, 3]\ntarget = [0, 0, 0]\n"
+    );
+    let path = root.join("scene.toml");
+    std::fs::write(&path, text).unwrap();
+    let scene = load(&path);
+    let plan = scene.materials[0].plan();
+    let (_, frame) = scene.frames().next().unwrap();
+    let (material, pass) = (&scene.materials[0], plan.main().unwrap());
+    let bound = bind::uniform_buffers(&scene, material, pass, &scene.draws[0], frame).unwrap();
+    let bytes = &bound[0].data.bytes;
+    bytes
+        .chunks_exact(4)
+        .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+        .collect()
+}
+
+#[test]
+fn a_draw_s_values_go_before_its_material_s_wholes_and_parts_alike() {
+    let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scene_load_values");
+    std::fs::create_dir_all(&root).unwrap();
+    std::fs::write(
+        root.join("m.wgsl"),
+        "struct U { lights: array<vec4f, 3> }
+         @group(0) @binding(0) var<uniform> u: U;
+         @vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { return vec4f(position, 1.0) + u.lights[0]; }
+         @fragment fn fs() -> @location(0) vec4f { return u.lights[1]; }",
+    )
+    .unwrap();
+    let each = "\"u.lights[0]\" = 1, \"u.lights[1]\" = 2, \"u.lights[2]\" = 3";
+    for (material, draw, wanted) in [
+        ("\"u.lights\" = 0.5", "\"u.lights[1]\" = 7", [0.5, 7.0, 0.5]),
+        ("u = 0.5", "\"u.lights[2]\" = [7, 7, 7, 7]", [0.5, 0.5, 7.0]),
+        (each, "\"u.lights\" = 7", [7.0, 7.0, 7.0]),
+        (each, "u = 7", [7.0, 7.0, 7.0]),
+        (each, "\"u.lights[1]\" = 7", [1.0, 7.0, 3.0]),
+        (
+            "\"u.lights\" = 2",
+            "\"u.lights\" = \"$time\"",
+            [0.0, 0.0, 0.0],
+        ),
+        (each, "", [1.0, 2.0, 3.0]),
+    ] {
+        let wanted: Vec<f32> = wanted.into_iter().flat_map(|w| [w; 4]).collect();
+        assert_eq!(uniform(&root, material, draw), wanted, "{material}; {draw}");
+    }
+}

@@ -672,7 +672,9 @@ fn inputs_without_a_colour_are_not_counted() {
         let colors = checks
             .into_iter()
             .filter(|c| c.promise.starts_with("colours"));
-        colors.map(|c| c.verdict).collect::<Vec<_>>()
+        let verdicts = colors.map(|c| c.verdict).collect::<Vec<_>>();
+        assert!(!verdicts.is_empty());
+        verdicts
     };
     for verdict in checks("p.x > 0.0") {
         assert!(matches!(verdict, Verdict::NotEvaluable { .. }), "{verdict}");

@@ -23,9 +23,9 @@ mod nesting;
 pub(crate) mod operands;
 #[cfg(feature = "glsl")]
 mod promote;
-mod size;
 #[cfg(feature = "glsl")]
 mod returns;
+mod size;
 mod switch;
 pub(crate) mod varying;
 #[cfg(feature = "wesl")]

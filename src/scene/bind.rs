@@ -374,14 +374,9 @@ fn buffer(
 ) -> Result<BufferBinding, Error> {
     let (name, ty) = variable(material, binding)?;
     let module = material.program.module();
-    let any = Value::Numbers(Vec::new());
-    let has_any = !draw.values.is_empty() || !material.values.is_empty();
-    // The empty path asks whether there is any value at all, so that large arrays without one are not looked up by element.
-    let values = |path: &str| -> Option<&Value> {
-        if path.is_empty() {
-            return has_any.then_some(&any);
-        }
-        draw.values.get(path).or_else(|| material.values.get(path))
+    let given = layout::Given {
+        draw: &draw.values,
+        material: &material.values,
     };
     let dynamic = runtime_length(material, streams, draw, name, ty)?;
     let mut rate = Rate::Draw;
@@ -428,7 +423,7 @@ fn buffer(
         observe(leaf, Origin::MadeUp, &numbers);
         Ok(numbers)
     };
-    let bytes = layout::pack(module, name, ty, dynamic, &values, &mut leaf)
+    let bytes = layout::pack(module, name, ty, dynamic, given, &mut leaf)
         .map_err(|e| e.within(&format!("material `{}`", material.name)))?;
     Ok(BufferBinding {
         group: binding.group,

@@ -1,5 +1,7 @@
 //! Values into bytes: walks a host-shareable type as naga lays it out and asks for each scalar, vector and matrix of it.
 
+use std::collections::BTreeMap;
+
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
 
 use super::{Error, Semantic, Value};
@@ -160,14 +162,23 @@ fn column_stride(rows: u32, scalar: naga::Scalar) -> usize {
     rows as usize * scalar.width as usize
 }
 
-/// Fills a variable of type `ty` and returns its bytes, padded to a multiple of 16. `values` are searched by path at every level; what they
-/// do not name is asked of `leaf`, whose numbers are column by column.
+/// The values that a scene gives, by path.
+#[derive(Clone, Copy)]
+pub(crate) struct Given<'a> {
+    /// Those of the draw, which go before the others, wholes and parts alike.
+    pub draw: &'a BTreeMap<String, Value>,
+    /// Those of its material.
+    pub material: &'a BTreeMap<String, Value>,
+}
+
+/// Fills a variable of type `ty` and returns its bytes, padded to a multiple of 16. `given` is searched by path at every level; what it
+/// does not name is asked of `leaf`, whose numbers are column by column.
 pub(crate) fn pack<'a>(
     module: &'a Module,
     name: &'a str,
     ty: Handle<Type>,
     dynamic: usize,
-    values: &'a dyn Fn(&str) -> Option<&'a Value>,
+    given: Given<'a>,
     leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], Error>,
 ) -> Result<Vec<u8>, Error> {
     let size = size_of(module, ty, dynamic).next_multiple_of(16).max(16);
@@ -181,10 +192,10 @@ pub(crate) fn pack<'a>(
         },
         semantic: None,
         dynamic,
-        values,
+        given,
         leaf,
     };
-    packer.write(ty, 0)?;
+    packer.write(ty, 0, false)?;
     Ok(packer.bytes)
 }
 
@@ -194,21 +205,39 @@ struct Packer<'a> {
     path: Vec<Segment<'a>>,
     semantic: Option<Semantic>,
     dynamic: usize,
-    values: &'a dyn Fn(&str) -> Option<&'a Value>,
+    given: Given<'a>,
     leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], Error>,
 }
 
 impl<'a> Packer<'a> {
-    fn write(&mut self, ty: Handle<Type>, offset: usize) -> Result<(), Error> {
+    /// The value given for where the path is, and whether the draw gives it. Of what is filled already the draw alone may say more.
+    fn found(&self, is_filled: bool) -> Option<(&'a Value, bool)> {
         // An unnamed block of GLSL has no path of its own: its members are called by their names alone.
-        let is_named = !self.path.is_empty() && (self.values)("").is_some();
-        let found = is_named.then_some(()).and_then(|()| {
-            (self.values)(&join(&self.path, true))
-                .or_else(|| (self.values)(&join(&self.path, false)))
-        });
+        if self.path.is_empty() {
+            return None;
+        }
+        let owners = [(self.given.draw, true), (self.given.material, false)];
+        let mut owners = owners
+            .into_iter()
+            .filter(|(values, by_draw)| !values.is_empty() && (*by_draw || !is_filled));
+        owners.find_map(|(values, by_draw)| {
+            let value = values
+                .get(&join(&self.path, true))
+                .or_else(|| values.get(&join(&self.path, false)))?;
+            Some((value, by_draw))
+        })
+    }
+
+    /// Writes what is given, and unless `is_filled` what is not.
+    fn write(&mut self, ty: Handle<Type>, offset: usize, mut is_filled: bool) -> Result<(), Error> {
+        // Large arrays of which nothing is given are not looked up by element.
+        if is_filled && self.given.draw.is_empty() {
+            return Ok(());
+        }
+        let found = self.found(is_filled);
         let outer = self.semantic;
         match found {
-            Some(Value::Numbers(numbers)) => {
+            Some((Value::Numbers(numbers), by_draw)) => {
                 let wanted = scalar_count(self.module, ty, self.dynamic);
                 if numbers.len() != wanted && numbers.len() != 1 {
                     return Err(Error::new(format!(
@@ -220,9 +249,13 @@ impl<'a> Packer<'a> {
                 }
                 let mut at = 0;
                 self.fill(ty, offset, numbers, &mut at);
-                return Ok(());
+                if by_draw {
+                    return Ok(());
+                }
+                is_filled = true;
             }
-            Some(Value::Semantic(name)) => {
+            Some((Value::Semantic(name), _)) => {
+                is_filled = false;
                 self.semantic = Some(Semantic::from_name(name).ok_or_else(|| {
                     Error::new(format!("unknown value `${name}`"))
                         .suggest(name, Semantic::names())
@@ -237,17 +270,18 @@ impl<'a> Packer<'a> {
                 for member in members {
                     self.path
                         .push(Segment::Name(member.name.as_deref().unwrap_or("")));
-                    self.write(member.ty, offset + member.offset as usize)?;
+                    self.write(member.ty, offset + member.offset as usize, is_filled)?;
                     self.path.pop();
                 }
             }
             TypeInner::Array { base, size, stride } => {
                 for i in 0..array_length(*size, self.dynamic) {
                     self.path.push(Segment::Index(i));
-                    self.write(*base, offset + i * *stride as usize)?;
+                    self.write(*base, offset + i * *stride as usize, is_filled)?;
                     self.path.pop();
                 }
             }
+            _ if is_filled => {}
             inner => {
                 let Some((columns, rows, scalar)) = leaf_shape(inner) else {
                     return Err(Error::new(format!(

@@ -304,7 +304,8 @@ impl Loader<'_> {
             bind::check(scene, material, pass, draw, frame).map_err(|e| {
                 let entry = &self.file.materials[&material.name];
                 let draws = self.file.draws.iter().map(|d| &d.get_ref().values);
-                let values: Vec<_> = draws.chain([&entry.get_ref().values]).collect();
+                let own = draws.filter(|raw| values(raw) == draw.values);
+                let values: Vec<_> = own.chain([&entry.get_ref().values]).collect();
                 let given = |key: &str| values.iter().find_map(|v| v.get(key)).map(Spanned::span);
                 // The element's own value, or that of all elements.
                 let raw = e.subject().and_then(|subject| {

@@ -84,7 +84,7 @@ fn in_value<'a>(value: &'a DeValue<'_>, at: Range<usize>, path: &mut Vec<&'a str
         && shape != "merge"
         && shape != "gltf"
     {
-        if LENGTHS.contains(&key) && number <= 0.0 {
+        if LENGTHS.contains(&key) && number as f32 <= 0.0 {
             return wrong(
                 "lengths of a shape are above 0; `scale` of a draw may mirror or flatten it",
             );

@@ -105,8 +105,19 @@ pub(super) fn without_indices(path: &str) -> String {
 /// A member with the indices after it.
 type Step<'a> = (&'a str, Vec<usize>);
 
-/// The members of a path; `None` where an index is no number.
+/// The members of a path; `None` where an index is no number, or not written as one is found by.
 fn steps(path: &str) -> Option<Vec<Step<'_>>> {
+    let steps = members(path)?;
+    let names: Vec<&str> = steps.iter().map(|(name, _)| *name).collect();
+    let written = steps.iter().map(|(name, indices)| {
+        let indices: String = indices.iter().map(|i| format!("[{i}]")).collect();
+        format!("{name}{indices}")
+    });
+    let is_itself = written.collect::<Vec<_>>().join(".") == path;
+    (is_itself && names.join(".") == without_indices(path)).then_some(steps)
+}
+
+fn members(path: &str) -> Option<Vec<Step<'_>>> {
     path.split('.')
         .map(|member| {
             let (name, indices) = member.split_once('[').unwrap_or((member, ""));

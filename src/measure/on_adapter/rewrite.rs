@@ -276,9 +276,8 @@ impl Rewriter<'_> {
             return Err("it looks up in no texture".to_owned());
         };
         let mut sum = self.f32(plain_start(sampling));
-        let parts: [(_, fn(usize) -> f32); 2] =
-            [(operands, plain_weight), (levels, plain_level_weight)];
-        for (operands, weight) in parts {
+        let weights: [fn(usize) -> f32; 2] = [plain_weight, plain_level_weight];
+        for (operands, weight) in [operands, levels].into_iter().zip(weights) {
             let mut place = 0;
             for operand in operands {
                 for number in self.numbers(operand)? {

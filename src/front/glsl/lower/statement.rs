@@ -59,12 +59,14 @@ impl Lower<'_, '_> {
                     let inside = !matches!(statement.content, StatementData::CaseLabel(_));
                     reached |= !inside;
                     self.indent += usize::from(inside);
-                    let text = self.case(statement, unsigned)?;
-                    if reached {
+                    // What is declared here is there in the cases below, without the value that nothing came by to give it.
+                    let declared = match reached {
+                        true => None,
+                        false => uninitialised(statement),
+                    };
+                    let text = self.case(declared.as_ref().unwrap_or(statement), unsigned)?;
+                    if reached || declared.is_some() {
                         out += &text;
-                    } else if let Some(declared) = uninitialised(statement) {
-                        // What is declared here is there in the cases below, without the value that nothing came by to give it.
-                        out += &self.case(&declared, unsigned)?;
                     }
                     self.indent -= usize::from(inside);
                     reached &= !leaves(statement);
