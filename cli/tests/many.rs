@@ -533,9 +533,9 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
     let config = |args: &[&str], variables: &[(&str, &str)]| {
         of(&[args, &["--print-config"]].concat(), variables).1
     };
-    let said = config(&[], &[("PRESHADE_OUTPUT", "a"), ("PRESHADE_NAME", "007")]);
+    let said = config(&[], &[("PRESHADE_OUT", "a"), ("PRESHADE_NAME", "007")]);
     for line in [
-        "output = \"a\" # PRESHADE_OUTPUT",
+        "out = \"a\" # PRESHADE_OUT",
         "# out-dir is not set",
         "no-depth-write = true # preshade.toml",
         "name = \"007\" # PRESHADE_NAME",
@@ -567,7 +567,7 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
         said.contains("= PRESHADE_SAMPLES of the environment"),
         "{said}"
     );
-    let (status, _, said) = of(&[], &[("PRESHADE_OUTPUT", "a"), ("PRESHADE_OUT_DIR", "b")]);
+    let (status, _, said) = of(&[], &[("PRESHADE_OUT", "a"), ("PRESHADE_OUT_DIR", "b")]);
     assert_eq!(status, Some(2));
     assert!(said.contains("the environment sets both"), "{said}");
 }
@@ -593,10 +593,10 @@ fn help_does_not_rest_on_the_file() {
     // A command without files has nothing to watch, and runs once.
     fs::write(&file, "watch = true\n").unwrap();
     assert_eq!(run(&tree, &["passes"]).status.code(), Some(0));
-    fs::write(&file, "output = [\"a\", \"b\"]\n").unwrap();
+    fs::write(&file, "out = [\"a\", \"b\"]\n").unwrap();
     let output = run(&tree, &["rewrite", "shaders/lit.wgsl"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("`output` is one value, not a list"));
+    assert!(stderr(&output).contains("`out` is one value, not a list"));
 }
 
 #[test]
