@@ -26,6 +26,7 @@ mod promote;
 #[cfg(feature = "glsl")]
 mod returns;
 mod size;
+#[cfg(feature = "glsl")]
 mod switch;
 pub(crate) mod varying;
 #[cfg(feature = "wesl")]
