@@ -75,12 +75,19 @@ impl Example {
         let mut patch = "\n[patch.crates-io]\n".to_owned();
         for name in CRATES {
             let file = packages.join(format!("package/{name}-{version}.crate"));
+            // All files of a package are of one day in 2006, so that cargo, which compares times, takes another package in the same place for the one it has built.
+            let mut hasher = DefaultHasher::new();
+            fs::read(&file).unwrap().hash(&mut hasher);
+            let folder = format!("{:x}", hasher.finish());
+            fs::create_dir_all(away.join(&folder)).unwrap();
             run(Command::new("tar")
                 .arg("xzf")
                 .arg(&file)
                 .arg("-C")
-                .arg(&away));
-            patch.push_str(&format!("{name} = {{ path = \"../{name}-{version}\" }}\n"));
+                .arg(away.join(&folder)));
+            patch.push_str(&format!(
+                "{name} = {{ path = \"../{folder}/{name}-{version}\" }}\n"
+            ));
         }
         let manifest = app.join("Cargo.toml");
         let text = fs::read_to_string(&manifest).unwrap();

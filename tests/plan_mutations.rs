@@ -12,6 +12,7 @@ use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
 use preshade::scene::DrawOrder;
+use rayon::prelude::*;
 use render_support::*;
 use serde_json::{Value as Json, json};
 
@@ -266,7 +267,7 @@ fn unseen(recipe: &str, done: &mut BTreeSet<(String, String)>) -> Vec<String> {
     mutations(&schema, &[&schema], &plan, "", &mut all);
     all.retain(|(pointer, _)| !NO_FRAME.iter().any(|(part, _)| pointer.starts_with(part)));
     all.sort_by_key(|(pointer, value)| (pointer.clone(), value.is_none()));
-    let mut unseen = Vec::new();
+    let mut looked_at = Vec::new();
     for of_one in all.chunk_by(|a, b| (&a.0, a.1.is_some()) == (&b.0, b.1.is_some())) {
         let pointer = match &of_one[0] {
             (pointer, Some(_)) => pointer.clone(),
@@ -287,16 +288,17 @@ fn unseen(recipe: &str, done: &mut BTreeSet<(String, String)>) -> Vec<String> {
             (read(&bytes)? != original).then_some(bytes)
         });
         let changed: Vec<Vec<u8>> = changed.collect();
-        let is_alike = |bytes: &Vec<u8>| {
-            let mut files = files.clone();
-            files[place].bytes = bytes.clone();
-            drawn(&inputs, files).is_ok_and(|drawn| drawn == picture)
-        };
-        if !changed.is_empty() && changed.iter().all(is_alike) {
-            unseen.push(named(&plan, &pointer));
-        }
+        looked_at.push((named(&plan, &pointer), changed));
     }
-    unseen
+    let is_alike = |bytes: &Vec<u8>| {
+        let mut files = files.clone();
+        files[place].bytes = bytes.clone();
+        drawn(&inputs, files).is_ok_and(|drawn| drawn == picture)
+    };
+    let unseen = looked_at.into_par_iter().filter_map(|(name, changed)| {
+        (!changed.is_empty() && changed.iter().all(is_alike)).then_some(name)
+    });
+    unseen.collect()
 }
 
 #[test]

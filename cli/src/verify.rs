@@ -417,7 +417,15 @@ fn write(
         }
     }
     preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
-    output::message(&format!("wrote {} files to {}", files.len(), dir.display()));
+    let beside = match args.shader.limits.limits().isolates() && worker::mine().is_none() {
+        true => ", beside the pictures that each variant's own process wrote",
+        false => "",
+    };
+    output::message(&format!(
+        "wrote {} files to {}{beside}",
+        files.len(),
+        dir.display()
+    ));
     Ok(())
 }
 
