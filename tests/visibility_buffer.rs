@@ -20,7 +20,7 @@ use preshade::recipe::Recipe;
 use preshade::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm, Variant, self_test,
 };
-use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
+use preshade::scene::{DrawOrder, Filter, Image, Material, Mesh, Sampler, Scene, Stream, Value};
 use render_support::*;
 
 /// The forms that must all draw alike.
@@ -613,6 +613,72 @@ fn a_biased_sample_needs_a_budget() {
     let scene = floor(shader("biased", TEXTURES, "", "", body));
     assert_eq!(refused(&scene), "biased-sample");
     split(&originals(&scene)[0], "visibility-buffer:budget=0.02");
+}
+
+#[test]
+fn a_sampler_that_jumps_needs_a_budget_where_an_interpolated_value_says_where_it_samples() {
+    // By way of a function, and of a second sampler that is read at the pixel's place alone.
+    let declared = "@group(1) @binding(1) var albedo: texture_2d<f32>;
+@group(1) @binding(2) var first: sampler;
+@group(1) @binding(3) var second: sampler;
+fn fetched(by: sampler, at: vec2<f32>) -> vec4<f32> { return textureSample(albedo, by, at); }";
+    let body = "let still = textureSampleLevel(albedo, second, in.at.xy, 0.0);
+    return fetched(first, in.uv) * object.tint + still;";
+    let code = |first: Sampler, second: Sampler, recipe: &str| {
+        let mut material = shader("sampled", declared, "", "", body);
+        let samplers = [("first", first), ("second", second)];
+        let samplers = samplers.map(|(name, sampler)| (name.to_owned(), sampler));
+        material.samplers.extend(samplers);
+        let scene = floor(material);
+        let recipe = Recipe::parse([recipe]).unwrap();
+        let plan = &originals(&scene)[0];
+        assert_eq!(recipe.apply(plan, &Facts::default()).err(), None);
+        match recipe.apply(plan, &measure::known(&scene)) {
+            Ok(split) => split.contract.kind().to_owned(),
+            Err(refusal) => {
+                // In the function that samples.
+                assert_eq!(refusal.location.unwrap().line, 9);
+                refusal.code
+            }
+        }
+    };
+    let filtered = Sampler::default();
+    let nearest = Sampler {
+        filter: Filter::Nearest,
+        ..filtered
+    };
+    let anisotropic = Sampler {
+        anisotropy: 8,
+        ..filtered
+    };
+    assert_eq!(code(filtered, filtered, "visibility-buffer"), "rounding");
+    for (jumps, refused) in [
+        (nearest, "nearest-sample"),
+        (anisotropic, "anisotropic-sample"),
+    ] {
+        assert_eq!(code(filtered, jumps, "visibility-buffer"), "rounding");
+        assert_eq!(code(jumps, filtered, "visibility-buffer"), refused);
+        let kept = code(jumps, filtered, "visibility-buffer:budget=0.02");
+        assert_eq!(kept, "approximate");
+    }
+    // A level that is said has no gradients to be anisotropic along; one that is not has those that a resolve makes, wherever it samples.
+    let of = |sampler: Sampler, body: &str| {
+        let mut material = shader("sampled", declared, "", "", body);
+        material.samplers.insert("first".to_owned(), sampler);
+        let scene = floor(material);
+        let recipe = Recipe::parse(["visibility-buffer"]).unwrap();
+        let split = recipe.apply(&originals(&scene)[0], &measure::known(&scene));
+        split.map_or_else(|r| r.code, |s| s.contract.kind().to_owned())
+    };
+    let said = "return textureSampleLevel(albedo, first, in.uv, 0.0) * object.tint;";
+    assert_eq!(of(anisotropic, said), "rounding");
+    assert_eq!(of(nearest, said), "nearest-sample");
+    let at_the_pixel = "return textureSample(albedo, first, in.at.xy / 300.0) * object.tint;";
+    assert_eq!(of(filtered, at_the_pixel), "rounding");
+    assert_eq!(of(anisotropic, at_the_pixel), "anisotropic-sample");
+    assert_eq!(of(nearest, at_the_pixel), "nearest-sample");
+    let fetched = "return textureLoad(albedo, vec2<i32>(in.at.xy) % 2, 0) * object.tint;";
+    assert_eq!(of(nearest, fetched), "rounding");
 }
 
 #[test]

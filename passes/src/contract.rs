@@ -32,7 +32,8 @@ pub enum Assumption {
     SameDrawOrder,
     /// The vertex and the fragment stage compute the same bits from the same inputs: whichever of its products a compiler fuses with a sum, it fuses in both.
     StagesAgree,
-    /// Textures that are sampled at interpolated coordinates are filtered, within a level and between levels: a nearest sampler jumps.
+    /// Textures that are sampled at interpolated coordinates, or at an implicit level, are filtered, within a level and between levels, and with an anisotropy of 1: a nearest sampler jumps, and how many texels an
+    /// anisotropic one takes.
     FilteredTextures,
     /// An interpolated number is within 2^-18 of the largest at the corners of its triangle. No language says so; slivers many times as long as the screen go beyond it.
     FineInterpolation,

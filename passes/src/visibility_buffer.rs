@@ -20,7 +20,7 @@ use naga::ShaderStage;
 use crate::contract::{Assumption, Contract};
 use crate::depth_only::{self, DepthOnly, VertexStage};
 use crate::opaque::{self, Opaque};
-use crate::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::pass::{Facts, Pass, PassInfo, Refusal, SamplerState, Site, SiteCost, SiteKey, Sites};
 use crate::place;
 use crate::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::rasterizer::{Corners, Rasterizer};
@@ -77,7 +77,10 @@ impl Pass for VisibilityBuffer {
         let plan = alone(plan);
         let examined = Material::examine(&plan, params).and_then(|material| {
             // What cannot be rebuilt is found by rebuilding it.
-            material.apply(&plan, params).map_err(|r| vec![*r])?;
+            let samplers = facts.samplers_of(&plan.material);
+            material
+                .apply(&plan, params, &samplers)
+                .map_err(|r| vec![*r])?;
             Ok(material)
         });
         match examined {
@@ -101,7 +104,7 @@ impl Pass for VisibilityBuffer {
         material
             .depth
             .expect(&material.opaque, site, Self::INFO.name)?;
-        material.apply(&plan, params)
+        material.apply(&plan, params, &facts.samplers_of(&plan.material))
     }
 }
 
@@ -232,7 +235,12 @@ impl<'a> Material<'a> {
         )
     }
 
-    fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, Box<Refusal>> {
+    fn apply(
+        &self,
+        plan: &Plan,
+        params: &Params,
+        samplers: &[SamplerState],
+    ) -> Result<Plan, Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
             return Err(Box::new(refuse(
@@ -276,7 +284,7 @@ impl<'a> Material<'a> {
                 .map_err(|e| bug(e.to_string()))?;
         }
         let k = self.site(params).cost.slice.ceil() as u32;
-        let reached = self.reached(params)?;
+        let reached = self.reached(params, samplers)?;
         let given = self.assumptions(params, &reached);
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
@@ -323,67 +331,25 @@ impl<'a> Material<'a> {
     }
 
     /// What the roundings of interpolated values reach; refused where it is a jump, or what has no bound, and no budget allows for it.
-    fn reached(&self, params: &Params) -> Result<Reached, Box<Refusal>> {
+    fn reached(&self, params: &Params, samplers: &[SamplerState]) -> Result<Reached, Box<Refusal>> {
         let program = self.opaque.program;
         let (shaded, fragment) = resolve::shaded(program, self.fragment)
             .map_err(|why| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why)))?;
         let reached = jumps::reached(&shaded, fragment)
             .map_err(|why| refuse("too-large", why.to_string(), "leave it as it is"))?;
-        match &reached.jump {
-            Some((operation, span)) if params.budget.is_none() => Err(Box::new(
-                refuse(
-                    "discontinuous",
-                    format!(
-                        "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
-                    ),
-                    "give budget=0.02, say, and let `verify` measure it",
-                )
-                .at(program.sources(), *span),
-            )),
-            _ => Ok(()),
-        }?;
-        match &reached.steep {
-            Some((operation, span)) if params.budget.is_none() => Err(Box::new(
-                refuse(
-                    "steep",
-                    format!(
-                        "what is interpolated reaches {operation}, whose slope has no bound where that comes to its end: it makes steps of the last bits in which a resolve and a rasteriser differ"
-                    ),
-                    "give budget=0.02, say, and let `verify` measure it, or keep the operand away from there (`max(.., 0.001)`)",
-                )
-                .at(program.sources(), *span),
-            )),
-            _ => Ok(()),
-        }?;
-        match reached.biased {
-            Some(span) if params.budget.is_none() => Err(Box::new(
-                refuse(
-                    "biased-sample",
-                    "a sample's level has a bias, which a resolve makes of scaled gradients: levels round differently, by more than the promise of rounding allows",
-                    "give budget=0.02, say, and let `verify` measure it, or sample with gradients or a level of your own",
-                )
-                .at(program.sources(), span),
-            )),
-            _ => Ok(()),
-        }?;
-        match reached.cube {
-            Some(span) if params.budget.is_none() => Err(Box::new(
-                refuse(
-                    "cube-sample",
-                    "a cube is sampled at an implicit level, which adapters make of gradients of their own, and not as of gradients that are given",
-                    "give budget=0.02, say, and let `verify` measure it, or sample with gradients or a level of your own",
-                )
-                .at(program.sources(), span),
-            )),
-            _ => Ok(reached),
-        }
+        let refusal = match params.budget {
+            Some(_) => None,
+            None => legal::rounding(&reached, samplers, program.sources()),
+        };
+        refusal.map_or(Ok(reached), |refusal| Err(Box::new(refusal)))
     }
 
     /// What the promise rests on: that the id pass's depths and positions are those that the author's own pass would have, which the original's picture has and which
     /// materials that are not split are tested against.
     fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
         let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
-        given.extend(reached.samples.then_some(Assumption::FilteredTextures));
+        let samples = !reached.samples.is_empty();
+        given.extend(samples.then_some(Assumption::FilteredTextures));
         let chosen = reached.taken.any();
         given.extend(chosen.then_some(Assumption::DerivativeNeighbours));
         if reached.interpolated {

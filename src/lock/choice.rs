@@ -123,6 +123,7 @@ fn about(material: &str, facts: &Facts) -> Facts {
         constants,
         frequencies: _,
         rasterizer,
+        samplers,
     } = facts;
     Facts {
         depth_ties: *depth_ties,
@@ -136,6 +137,7 @@ fn about(material: &str, facts: &Facts) -> Facts {
         constants: own(constants, |c| c.material == material),
         frequencies: Vec::new(),
         rasterizer: *rasterizer,
+        samplers: own(samplers, |s| s.material == material),
     }
 }
 

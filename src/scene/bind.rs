@@ -213,7 +213,7 @@ pub fn draw(
     let mut out = DrawBindings {
         buffers: Vec::new(),
         textures: Vec::new(),
-        samplers: Vec::new(),
+        samplers: samplers(material, pass)?,
         vertex_buffers: streams.vertex_buffers(pass)?,
         indices: streams.indices(),
         vertex_count: streams.vertex_count(),
@@ -234,9 +234,7 @@ pub fn draw(
                     &mut ignore,
                 )?);
             }
-            BindingKind::Sampler | BindingKind::ComparisonSampler => {
-                out.samplers.push(sampler(material, binding, name));
-            }
+            BindingKind::Sampler | BindingKind::ComparisonSampler => {}
             BindingKind::Texture | BindingKind::DepthTexture | BindingKind::StorageTexture => {
                 out.textures
                     .push(texture(material, binding, name, &module.types[ty].inner)?);
@@ -531,6 +529,23 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
         out[..3].iter_mut().for_each(|n| *n /= length);
     }
     out
+}
+
+/// The samplers that a pass of a material reads.
+///
+/// # Errors
+/// A binding that the program does not declare.
+pub fn samplers(material: &Material, pass: &GpuPass) -> Result<Vec<SamplerBinding>, Error> {
+    let is_sampler = |b: &&BindingUse| {
+        use BindingKind::{ComparisonSampler, Sampler};
+        matches!(b.kind, Sampler | ComparisonSampler)
+    };
+    let own = authored(pass).filter(is_sampler);
+    own.map(|binding| {
+        let (name, _) = variable(material, binding)?;
+        Ok(sampler(material, binding, name))
+    })
+    .collect()
 }
 
 fn sampler(material: &Material, binding: &BindingUse, name: &str) -> SamplerBinding {

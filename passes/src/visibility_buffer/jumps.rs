@@ -4,14 +4,14 @@
 //! comparison at the edge, a `floor` at an integer, a shadow test. What does not vary, the pixel's place, its side and flat values are the same in both.
 
 use naga::{
-    Binding, BuiltIn, DerivativeControl, Expression, ImageDimension, MathFunction, SampleLevel,
-    Span, SwizzleComponent, TypeInner,
+    Binding, BuiltIn, DerivativeControl, Expression, Handle, ImageDimension, MathFunction,
+    ResourceBinding, SampleLevel, Span, SwizzleComponent, TypeInner,
 };
 
 use super::steep;
 use crate::graph::Graph;
 use crate::hoist::jumps::jump;
-use crate::hoist::values::{Node, TooLarge, ValueId, Values};
+use crate::hoist::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::program::Program;
 use crate::reflect::{self, Io};
 
@@ -22,8 +22,8 @@ pub struct Reached {
     pub jump: Option<(String, Span)>,
     /// The first operation whose slope has no bound, and its place.
     pub steep: Option<(&'static str, Span)>,
-    /// A texture is sampled there, which is continuous if it is filtered.
-    pub samples: bool,
+    /// Samples whose coordinates or level round otherwise, which is continuous if their sampler filters.
+    pub samples: Vec<Sample>,
     /// What the stage takes anywhere of neighbours that are the driver's choice.
     pub taken: Taken,
     /// Something interpolated is read.
@@ -34,6 +34,17 @@ pub struct Reached {
     pub cube: Option<Span>,
     /// A varying is interpolated linearly on the screen: between which corners, where the triangle is clipped, is the driver's choice.
     pub linear: bool,
+}
+
+/// A sample of a texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// The sampler, where that is one that is known.
+    pub sampler: Option<ResourceBinding>,
+    /// Whether the level, and along which line a filter may be anisotropic, comes of gradients.
+    pub by_gradients: bool,
+    /// Where it stands.
+    pub span: Span,
 }
 
 /// What a fragment stage takes of its neighbours, where the driver chooses which they are.
@@ -135,6 +146,9 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
         ..Reached::default()
     };
     let mut first: Option<ValueId> = None;
+    // A resolve makes gradients of its own of what an implicit level is of.
+    let implicit = |id: &ValueId| sample(&values, *id).is_some_and(|(_, level)| is_implicit(level));
+    let mut samples: Vec<ValueId> = (0..values.values.len()).filter(implicit).collect();
     while let Some(id) = work.pop() {
         if std::mem::replace(&mut is_rounded[id], true) {
             continue;
@@ -157,7 +171,7 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             }
             // A depth, a w: made between the same corners.
             out.interpolated |= of_position;
-            out.samples |= matches!(expression, Expression::ImageSample { .. });
+            samples.extend(sample(&values, *user).map(|_| *user));
             // Of several, the one that stands first among the values: always the same.
             if let Some(name) = jumps(expression)
                 && first.is_none_or(|f| *user < f)
@@ -168,6 +182,13 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             work.push(*user);
         }
     }
+    // In the order of the values, which is always the same; several operands of one may be rounded.
+    samples.sort_unstable();
+    samples.dedup();
+    let samples = samples.into_iter();
+    out.samples = samples
+        .filter_map(|id| Some(sample(&values, id)?.0))
+        .collect();
     out.steep = steep::steep(&values, &is_rounded).map(|(id, name)| {
         let span = match &values.values[id].node {
             Node::Expression(context, e, _) => {
@@ -198,6 +219,44 @@ fn kind(input: &Io) -> Kind {
         Some(Binding::BuiltIn(BuiltIn::Position { .. })) => Kind::Position,
         _ => Kind::Same,
     }
+}
+
+/// The sample that a value is, and its level.
+fn sample<'p>(values: &Values<'_, 'p>, id: ValueId) -> Option<(Sample, &'p SampleLevel)> {
+    let Node::Expression(context, e, _) = values.values[id].node else {
+        return None;
+    };
+    let expressions = &values.function(context).function.expressions;
+    let Expression::ImageSample { sampler, level, .. } = &expressions[e] else {
+        return None;
+    };
+    let sample = Sample {
+        sampler: binding(values, context, *sampler),
+        by_gradients: !matches!(level, SampleLevel::Zero | SampleLevel::Exact(_)),
+        span: expressions.get_span(e),
+    };
+    Some((sample, level))
+}
+
+fn is_implicit(level: &SampleLevel) -> bool {
+    matches!(level, SampleLevel::Auto | SampleLevel::Bias(_))
+}
+
+/// The binding that an expression of a fragment stage is; `None` where it is not known to be one.
+fn binding(
+    values: &Values<'_, '_>,
+    context: ContextId,
+    resource: Handle<Expression>,
+) -> Option<ResourceBinding> {
+    let Node::Expression(context, e, _) = values.values[values.named(context, resource)?].node
+    else {
+        return None;
+    };
+    let Expression::GlobalVariable(global) = values.function(context).function.expressions[e]
+    else {
+        return None;
+    };
+    values.graph.module().global_variables[global].binding
 }
 
 /// Whether of a position no more is taken than the pixel's place.

@@ -4,11 +4,13 @@ use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
 
 use super::ids::Facing;
+use super::jumps::Reached;
 use super::{refuse, resolve};
 use crate::graph::{Effect, FunctionId};
 use crate::opaque::Opaque;
-use crate::pass::Refusal;
+use crate::pass::{Refusal, SamplerState};
 use crate::plan::{GpuPass, Plan};
+use crate::program::SourceMap;
 use crate::reflect;
 use crate::slice;
 use crate::state::{CullMode, DepthBias, Topology};
@@ -51,6 +53,61 @@ pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
         ));
     }
     refusals
+}
+
+/// Why what rounds apart in a resolve and behind a rasteriser may differ by more than roundings: where that reaches a jump, or what has no bound. `samplers` are the material's, as
+/// far as they are known.
+pub fn rounding(
+    reached: &Reached,
+    samplers: &[SamplerState],
+    sources: &SourceMap,
+) -> Option<Refusal> {
+    const MEASURE: &str = "give budget=0.02, say, and let `verify` measure it";
+    if let Some((operation, span)) = &reached.jump {
+        let reason = format!(
+            "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
+        );
+        return Some(refuse("discontinuous", reason, MEASURE).at(sources, *span));
+    }
+    if let Some((operation, span)) = &reached.steep {
+        let reason = format!(
+            "what is interpolated reaches {operation}, whose slope has no bound where that comes to its end: it makes steps of the last bits in which a resolve and a rasteriser differ"
+        );
+        let remedy = format!("{MEASURE}, or keep the operand away from there (`max(.., 0.001)`)");
+        return Some(refuse("steep", reason, &remedy).at(sources, *span));
+    }
+    let own_level = format!("{MEASURE}, or sample with gradients or a level of your own");
+    if let Some(span) = reached.biased {
+        let reason = "a sample's level has a bias, which a resolve makes of scaled gradients: levels round differently, by more than the promise of rounding allows";
+        return Some(refuse("biased-sample", reason, &own_level).at(sources, span));
+    }
+    if let Some(span) = reached.cube {
+        let reason = "a cube is sampled at an implicit level, which adapters make of gradients of their own, and not as of gradients that are given";
+        return Some(refuse("cube-sample", reason, &own_level).at(sources, span));
+    }
+    reached.samples.iter().find_map(|sample| {
+        // One that is not known is any of them.
+        let may_be = |state: &&SamplerState| {
+            let binding = (state.group, state.binding);
+            sample.sampler.is_none_or(|s| (s.group, s.binding) == binding)
+        };
+        let mut candidates = samplers.iter().filter(may_be);
+        let (code, reason) = candidates.find_map(|state| match (state.filtered, state.anisotropy) {
+            (false, _) => Some((
+                "nearest-sample",
+                "a nearest sampler of the scene reads where interpolated values or gradients say: between two texels, or two levels, it jumps".to_owned(),
+            )),
+            (true, 2..) if sample.by_gradients => Some((
+                "anisotropic-sample",
+                format!(
+                    "the scene samples with an anisotropy of {}: how many texels that takes, and along which line, jumps with the last bits of the gradients",
+                    state.anisotropy
+                ),
+            )),
+            (true, _) => None,
+        })?;
+        Some(refuse(code, reason, MEASURE).at(sources, sample.span))
+    })
 }
 
 /// A vertex stage that can be run for three corners in one invocation.
