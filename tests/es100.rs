@@ -113,6 +113,139 @@ fn fixtures_are_accepted_or_refused_by_name() {
     );
 }
 
+/// Appendix A has indices by a loop's own variable, which a counter is where it begins at the same number each time. What is drawn so is `es100-textured`, in GL and in WebGL 1.
+#[test]
+fn a_counter_is_an_index() {
+    let vertex = "attribute vec3 position; varying vec3 local; void main() { local = position; gl_Position = vec4(position, 1.0); }";
+    let texts = |functions: &str, body: &str| {
+        let fragment = format!(
+            "precision highp float; varying vec3 local; uniform vec4 table[8]; uniform int count; {functions} void main() {{ vec4 sum = vec4(local, 1.0); {body} gl_FragColor = sum; }}"
+        );
+        [
+            Source::new("a.vert", vertex),
+            Source::new("a.frag", fragment),
+        ]
+    };
+    // The `for` lines and the indices, in order.
+    let told = |functions: &str, body: &str| {
+        let files = emitted(&original("a", &texts(functions, body)));
+        let files = files.unwrap_or_else(|e| panic!("{body}: {e}"));
+        accept::accept(&[("counted".to_owned(), files.clone())]);
+        let text = text(&files, "frag").to_owned();
+        let mut found = Vec::new();
+        for line in text.lines().map(str::trim) {
+            if let Some((_, turns)) = line.split_once("; turn_") {
+                found.push(turns.split(';').next().unwrap().to_owned());
+            }
+            for part in line.split("table[").skip(1) {
+                let end = part.find(']').unwrap();
+                found.push(format!("[{}]", &part[..end]));
+            }
+        }
+        // Its declaration has the length.
+        found.retain(|f| f != "[8]");
+        found
+    };
+    for (body, wanted) in [
+        (
+            "for (int i = 0; i < 8; i++) sum += table[i] * float(i);",
+            &["1 < 9", "[turn_1]"][..],
+        ),
+        (
+            "for (int i = 1; i <= 4; i += 2) { if (sum.x > 9.0) continue; sum += table[i + 1]; }",
+            &["1 < 3", "[turn_1 * 2 + 1 + 1]"],
+        ),
+        (
+            "for (int i = -2; i < 2; i++) sum += table[3 - (i - 1)];",
+            &["1 < 5", "[3 - (turn_1 - 2 - 1)]"],
+        ),
+        // Begun anew in each turn of the loop around it.
+        (
+            "for (int i = 0; i < 2; i++) for (int j = 1; j < 4; j++) sum += table[i * 4 + j];",
+            &["1 < 3", "2 < 4", "[turn_1 * 4 + (turn_2 + 1)]"],
+        ),
+        // One counter of two loops.
+        (
+            "int i; for (i = 1; i < 3; i++) sum += table[i]; for (i = 4; i < 6; i++) sum += table[i];",
+            &["1 < 3", "[turn_1 + 1]", "2 < 3", "[turn_2 + 4]"],
+        ),
+    ] {
+        assert_eq!(told("", body), wanted, "{body}");
+    }
+    // What one function's values are called, another's are too.
+    let functions = "vec4 a(float x) { vec4 all = vec4(0.0); for (int i = 0; i < 3; i++) all += table[i] * x; return all; }
+        vec4 b(float x) { int m = 0; if (x > 1.0) m = 5; vec4 all = vec4(0.0); for (int i = 0; i < 3; i++) all += table[i + 1] * float(m); return all; }";
+    let wanted = ["1 < 4", "[turn_1]", "2 < 4", "[turn_2 + 1]"];
+    assert_eq!(told(functions, "sum += a(sum.x) + b(sum.y);"), wanted);
+    let refused = |functions: &str, body: &str, why: &str| {
+        let error = emitted(&original("a", &texts(functions, body))).unwrap_err();
+        assert!(error.to_string().contains(why), "{body}: {error}");
+    };
+    let index = "an index that is no constant";
+    let endless = "a loop that is not seen to end";
+    // One that goes on where it was, that something else sets, or that is read behind its loop.
+    for body in [
+        "int j = 0; for (int i = 0; i < 2; i++) for (; j < 4; j++) { if (sum.x > float(i)) break; sum += table[j]; }",
+        "for (int i = 0; i < 8; i++) { int k = i; if (sum.x > 1.0) k = 0; sum += table[k]; }",
+        "int i = 0; for (; i < 3; i++) sum *= 2.0; sum += table[i];",
+        "for (int i = 0; i < 8; i++) sum += table[count];",
+    ] {
+        refused("", body, index);
+    }
+    let set_in_one =
+        "vec4 a(float x) { int k = 3; int m = 0; if (x > 1.0) m = 5; return table[k] * float(m); }
+        vec4 b(float x) { int k = 3; int m = 0; if (x > 1.0) m = 5; return table[m] * float(k); }";
+    refused(set_in_one, "sum += a(sum.x) + b(sum.y);", index);
+    // A test that a turn may not come to ends nothing after a known number of turns; nor does one of a counter that a function writes.
+    for body in [
+        "for (int i = 0;; i++) { sum.x -= 1.0; if (sum.x > 0.0) continue; if (!(i < 3)) break; sum.y += 1.0; }",
+        "for (int i = 0;; i++) { if (!(i < 3)) { sum.x -= 1.0; if (sum.x > 0.0) continue; break; } sum.y += 1.0; }",
+    ] {
+        refused("", body, endless);
+    }
+    refused(
+        "void back(inout int i) { if (local.x > 0.5) i -= 1; }",
+        "for (int i = 0; i < 3; i++) { back(i); sum += table[1]; }",
+        endless,
+    );
+}
+
+/// The same of WGSL, whose `for` naga writes in another form, and whose names may look like those it makes up.
+#[test]
+fn a_counter_of_wgsl_is_an_index_where_it_is_one() {
+    let emitted = |functions: &str, body: &str| {
+        let text = format!(
+            "@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {{ return vec4(position, 1.0); }}
+{functions}
+@fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{ var t = array<f32, 4>(at.x, at.y, 2.0, 3.0); var sum = 0.0; {body} return vec4(sum); }}"
+        );
+        emitted(&original("a", &[Source::new("a.wgsl", text)]))
+    };
+    let files = emitted("", "for (var i = 0; i < 4; i++) { sum += t[i]; }").unwrap();
+    accept::accept(&[("counted".to_owned(), files.clone())]);
+    let written = text(&files, "frag");
+    assert!(
+        written.contains("turn_1 < 5") && written.contains("[turn_1]"),
+        "{written}"
+    );
+    for (functions, body) in [
+        // A gate that is an argument.
+        (
+            "fn f(loop_init: bool, x: f32) -> f32 { var sum = 0.0; var i = 0; loop { if !loop_init { i = i + 1; } if !(i < 3) { break; } sum += 1.0; if sum > x { break; } } return sum; }",
+            "sum = f(at.x > 1.0, at.y);",
+        ),
+        // A limit that is not the counter.
+        (
+            "",
+            "var i = 0; let _e = i; loop { if !(_e < 3) { break; } if sum > at.x { break; } sum += 1.0; continuing { i = i + 1; } }",
+        ),
+    ] {
+        let error = emitted(functions, body).unwrap_err();
+        let why = "a loop that is not seen to end";
+        assert!(error.to_string().contains(why), "{body}: {error}");
+    }
+}
+
 #[test]
 fn what_the_language_lacks_is_named() {
     let vertex = "#version 300 es\nin vec3 position;\nuniform int count;\nuniform float table[4];\nout vec3 local;\nvoid main() { local = position; gl_Position = vec4(position, 1.0); }\n";

@@ -5,7 +5,7 @@
 //! | `in`, `out` | `attribute`, `varying`, `gl_FragColor`, `gl_FragData[n]` |
 //! | `texture`, `textureLod`, `textureGrad` | `texture2D`, `textureCube` and their like |
 //! | `texelFetch(map, pixel, 0)` of a texture without a sampler | `texture2D(map, (vec2(pixel) + 0.5) / map_size)`, with a uniform `map_size` |
-//! | `while (true)` around a counter | `for` of as many turns as the counter can take |
+//! | `while (true)` around a counter | `for` of as many turns as the counter can take, which says in an index what the counter says |
 //! | `float[3](..)`, arrays assigned whole | element by element |
 //!
 //! What the language lacks beyond its appendix A, whose minimum is all that WebGL 1 promises, is an error that names it: unsigned integers, operators on bits, `switch`, blocks,
@@ -111,6 +111,10 @@ struct Rewrite {
     names: HashSet<String>,
     /// Loops bounded so far.
     loops: usize,
+    /// How often control comes to what is being rewritten.
+    entered: counted::Entered,
+    /// What of the function's variables is made of constants and turns of loops alone there, and how.
+    indices: HashMap<String, ast::Expr>,
 }
 
 impl Default for Rewrite {
@@ -129,6 +133,8 @@ impl Default for Rewrite {
             sizes: BTreeMap::new(),
             names: HashSet::new(),
             loops: 0,
+            entered: counted::Entered::Once,
+            indices: HashMap::new(),
         }
     }
 }

@@ -11,15 +11,18 @@
 //! }
 //! ```
 //!
-//! A counter that is nowhere set but to constants and grows by a constant each turn turns the loop no more often than from the least of those constants. The
-//! loop keeps its own `break`: the bound is never what ends it.
+//! A counter that grows by a constant each turn, and is set right ahead of the loop or nowhere but to constants, turns the loop no more often than from that, or from the least of
+//! those. The loop keeps its own `break`: the bound is never what ends it. So the test has to be come to in every turn: no `continue` stands before it.
+//!
+//! An index may be made of constants and of the `for`'s own variable alone (appendix A.5). Where the counter begins at the same constant whenever the loop is come to, it is that
+//! constant and a step for each turn, and stands as that in an index.
 
 use std::collections::{HashMap, HashSet};
 
 use glsl_lang::ast::{
-    self, BinaryOpData, ConditionData, DeclarationData, ExprData, ForInitStatementData,
-    InitializerData, IterationStatementData, JumpStatementData, SelectionRestStatementData,
-    StatementData, UnaryOpData,
+    self, AssignmentOpData, BinaryOpData, ConditionData, DeclarationData, ExprData,
+    ForInitStatementData, InitializerData, IterationStatementData, JumpStatementData,
+    SelectionRestStatementData, StatementData, UnaryOpData,
 };
 
 use super::statement::compound;
@@ -38,6 +41,51 @@ pub(super) struct Known {
     handed: HashSet<String>,
 }
 
+/// How often control may come to a loop while the function's variables live.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Entered {
+    /// It stands in no other loop.
+    Once,
+    /// It stands in another.
+    Often,
+}
+
+/// A loop that turns a known number of times at most.
+pub(super) struct Loop {
+    /// No more than these.
+    pub(super) turns: i64,
+    /// What it counts by.
+    counter: String,
+    /// What the counter is in the first turn, where it is the same whenever the loop is come to.
+    begins: Option<i64>,
+    /// How much more the counter is in each turn.
+    step: i64,
+}
+
+impl Loop {
+    /// The counter, and what it is by the loop's own variable: behind the first statement of the body, which takes the step.
+    pub(super) fn index(&self, turn: &str) -> Option<(String, ast::Expr)> {
+        let begins = self.begins?;
+        let number = |n: i64| -> Option<Box<ast::Expr>> {
+            Some(Box::new(ExprData::IntConst(i32::try_from(n).ok()?).into()))
+        };
+        let mut index: ast::Expr = ExprData::variable(turn).into();
+        if self.step != 1 {
+            let step = number(self.step)?;
+            index = ExprData::Binary(BinaryOpData::Mult.into(), Box::new(index), step).into();
+        }
+        if begins != 0 {
+            let op = match begins > 0 {
+                true => BinaryOpData::Add,
+                false => BinaryOpData::Sub,
+            };
+            let by = number(begins.abs())?;
+            index = ExprData::Binary(op.into(), Box::new(index), by).into();
+        }
+        Some((self.counter.clone(), index))
+    }
+}
+
 impl Known {
     pub(super) fn of(list: &[ast::Statement], functions: &HashMap<String, HashSet<usize>>) -> Self {
         let mut known = Self::default();
@@ -47,70 +95,109 @@ impl Known {
         known
     }
 
-    /// A bound of the turns of a `while (true)` with this body.
-    pub(super) fn turns(&self, body: &ast::Statement) -> Option<i64> {
-        let list = match &**body {
-            StatementData::Compound(inner) => inner.statement_list.as_slice(),
-            _ => return None,
+    /// The bound of a `while (true)` with this body, which stands behind the statements `ahead` of its block.
+    pub(super) fn loop_of(
+        &self,
+        body: &ast::Statement,
+        ahead: &[ast::Statement],
+        entered: Entered,
+    ) -> Option<Loop> {
+        let StatementData::Compound(list) = &**body else {
+            return None;
         };
-        // The first thing that may leave, on the way of every turn.
-        let (counter, end) = list.iter().find_map(|s| self.leaves(s))?;
-        if self.handed.contains(&counter) {
+        let list = list.statement_list.as_slice();
+        // Every turn but the first takes the step, ahead of all else.
+        let (gate, is_true) = set(ahead.last()?)?;
+        let [stepping, closing, ..] = list else {
+            return None;
+        };
+        let closes =
+            matches!(set(closing), Some((name, value)) if name == gate && is_bool(value, false));
+        if !is_bool(is_true, true) || !closes || self.set.get(gate)?.len() != 2 {
             return None;
         }
         let inside = Self::of(list, &HashMap::new());
+        let (at, (counter, end)) = list
+            .iter()
+            .enumerate()
+            .find_map(|(at, s)| Some((at, inside.leaves(s, self)?)))?;
+        // A `continue` that comes before the test passes it over.
+        if list[..=at].iter().any(continues) {
+            return None;
+        }
+        // One of the function's own, which no other sets.
+        if self.handed.contains(&counter) || !self.temporaries.contains_key(&counter) {
+            return None;
+        }
         let own = inside.set.get(&counter)?;
-        let step = self.step(&counter, own.as_slice())?;
-        // Every turn but the first takes the step, ahead of the test, where no `continue` passes it over.
-        let mut ahead = list.iter().take_while(|s| self.leaves(s).is_none());
-        if !ahead.any(|s| steps(s, &counter)) {
+        let step = inside.step(&counter, own.as_slice())?;
+        if !steps(stepping, gate, &counter) {
             return None;
         }
-        let mut least = i64::MAX;
-        for value in self.set.get(&counter)? {
-            match &**value {
-                ExprData::IntConst(n) => least = least.min(i64::from(*n)),
-                _ if own.contains(value) => {}
-                _ => return None,
+        // Set ahead of the loop, with nothing but other variables set between.
+        let mut before = ahead.iter().rev().map_while(set);
+        let again = before.find(|(name, _)| *name == counter);
+        let (least, begins) = match again {
+            Some((_, value)) => {
+                let begins = integer(value)?;
+                (begins, Some(begins))
             }
-        }
-        if least == i64::MAX {
-            return None;
-        }
-        let turns = (end - least).max(0) / step + 2;
-        (turns <= MOST).then_some(turns)
+            None => {
+                let others = self.set.get(&counter)?.iter();
+                let others = others.filter(|value| !own.contains(value));
+                let values: Vec<i64> = others.map(integer).collect::<Option<_>>()?;
+                let (least, most) = (values.iter().min()?, values.iter().max()?);
+                let always_the_same = least == most && entered == Entered::Once;
+                (*least, always_the_same.then_some(*least))
+            }
+        };
+        // In the last one it leaves.
+        let turns = ((end - least).max(0) + step - 1) / step + 1;
+        (turns <= MOST).then_some(Loop {
+            turns,
+            counter,
+            begins,
+            step,
+        })
     }
 
-    /// Of `if (!(counter < end)) break;` the counter, and the first number at which it leaves.
-    fn leaves(&self, statement: &ast::Statement) -> Option<(String, i64)> {
+    /// Whether a variable has one value all the time.
+    pub(super) fn is_temporary(&self, name: &str) -> bool {
+        self.temporaries.contains_key(name)
+            && self.set.get(name).is_some_and(|all| all.len() == 1)
+            && !self.handed.contains(name)
+    }
+
+    /// Of `if (!(counter < end)) break;`, and of `if (counter < end) {} else break;`, the counter and the first number at which it leaves. These are what the loop knows of
+    /// itself, and `around` is what the function does.
+    fn leaves(&self, statement: &ast::Statement, around: &Self) -> Option<(String, i64)> {
         let StatementData::Selection(selection) = &**statement else {
             return None;
         };
-        let accept = match &*selection.rest {
-            SelectionRestStatementData::Statement(accept)
-            | SelectionRestStatementData::Else(accept, _) => accept,
-        };
         let is_break = |s: &ast::Statement| matches!(&**s, StatementData::Jump(j) if matches!(**j, JumpStatementData::Break));
-        let breaks = match &***accept {
+        let breaks = |s: &ast::Statement| match &**s {
             StatementData::Compound(inner) => inner.statement_list.last().is_some_and(is_break),
-            _ => is_break(accept),
+            _ => is_break(s),
         };
-        let ExprData::Unary(op, condition) = &**selection.cond else {
-            return None;
+        let stays = match (&*selection.rest, &**selection.cond) {
+            (SelectionRestStatementData::Statement(leaving), ExprData::Unary(op, stays))
+                if breaks(leaving) && **op == UnaryOpData::Not =>
+            {
+                stays
+            }
+            (SelectionRestStatementData::Else(_, leaving), _) if breaks(leaving) => &selection.cond,
+            _ => return None,
         };
-        if !breaks || **op != UnaryOpData::Not {
-            return None;
-        }
-        let ExprData::Binary(op, left, right) = &**self.resolved(condition) else {
+        let ExprData::Binary(op, left, right) = &**self.resolved(stays) else {
             return None;
         };
         let ExprData::Variable(counter) = &**self.resolved(left) else {
             return None;
         };
-        let n = self.number(right)?;
+        let n = i64::from(around.number(right)?);
         let end = match **op {
-            BinaryOpData::Lt => i64::from(n),
-            BinaryOpData::Lte => i64::from(n) + 1,
+            BinaryOpData::Lt => n,
+            BinaryOpData::Lte => n + 1,
             _ => return None,
         };
         Some((counter.as_str().to_owned(), end))
@@ -157,11 +244,18 @@ impl Known {
         while let ExprData::Variable(name) = &**e
             && let Some(of) = self.temporaries.get(name.as_str())
             && self.set.get(name.as_str()).is_none_or(|all| all.len() == 1)
-            && name.as_str().starts_with("_e")
+            && is_baked(name.as_str())
         {
             e = of;
         }
         e
+    }
+
+    /// Notes that a variable is written otherwise than by `=`.
+    fn hand(&mut self, to: &ast::Expr) {
+        if let ExprData::Variable(name) = &**to {
+            self.handed.insert(name.as_str().to_owned());
+        }
     }
 
     fn statement(
@@ -235,10 +329,13 @@ impl Known {
 
     fn expression(&mut self, e: &ast::Expr, functions: &HashMap<String, HashSet<usize>>) {
         match &**e {
-            ExprData::Assignment(to, _, from) => {
-                if let ExprData::Variable(name) = &***to {
-                    let all = self.set.entry(name.as_str().to_owned()).or_default();
-                    all.push((**from).clone());
+            ExprData::Assignment(to, op, from) => {
+                match (&***to, &**op) {
+                    (ExprData::Variable(name), AssignmentOpData::Equal) => {
+                        let all = self.set.entry(name.as_str().to_owned()).or_default();
+                        all.push((**from).clone());
+                    }
+                    _ => self.hand(to),
                 }
                 self.expression(from, functions);
             }
@@ -246,18 +343,20 @@ impl Known {
                 let name = function.as_ident().map_or("", |n| n.as_str());
                 let written = functions.get(name);
                 for (i, argument) in arguments.iter().enumerate() {
-                    if let ExprData::Variable(of) = &**argument
-                        && written.is_some_and(|w| w.contains(&i))
-                    {
-                        self.handed.insert(of.as_str().to_owned());
+                    if written.is_some_and(|w| w.contains(&i)) {
+                        self.hand(argument);
                     }
                     self.expression(argument, functions);
                 }
             }
-            ExprData::Unary(_, a)
-            | ExprData::Dot(a, _)
-            | ExprData::PostInc(a)
-            | ExprData::PostDec(a) => self.expression(a, functions),
+            ExprData::PostInc(a) | ExprData::PostDec(a) => self.hand(a),
+            ExprData::Unary(op, a) => {
+                if matches!(**op, UnaryOpData::Inc | UnaryOpData::Dec) {
+                    self.hand(a);
+                }
+                self.expression(a, functions);
+            }
+            ExprData::Dot(a, _) => self.expression(a, functions),
             ExprData::Binary(_, a, b) | ExprData::Bracket(a, b) | ExprData::Comma(a, b) => {
                 self.expression(a, functions);
                 self.expression(b, functions);
@@ -272,17 +371,93 @@ impl Known {
     }
 }
 
-/// Whether a statement is naga's `if (!loop_init) { .. counter = ..; }`.
-fn steps(statement: &ast::Statement, counter: &str) -> bool {
+/// The variable that a statement sets, if it does nothing else, and to what.
+fn set(statement: &ast::Statement) -> Option<(&str, &ast::Expr)> {
+    let (name, value) = match &**statement {
+        StatementData::Expression(e) => match &**e.0.as_ref()? {
+            ExprData::Assignment(to, op, value) if **op == AssignmentOpData::Equal => {
+                match &***to {
+                    ExprData::Variable(name) => (name.as_str(), &**value),
+                    _ => return None,
+                }
+            }
+            _ => return None,
+        },
+        StatementData::Declaration(declaration) => match &**declaration {
+            DeclarationData::InitDeclaratorList(list) => {
+                let InitializerData::Simple(value) = &**list.head.initializer.as_ref()? else {
+                    return None;
+                };
+                (list.head.name.as_ref()?.as_str(), &**value)
+            }
+            _ => return None,
+        },
+        _ => return None,
+    };
+    let plain = |e: &ast::Expr| {
+        use ExprData::{BoolConst, FloatConst, IntConst, Variable};
+        matches!(
+            **e,
+            IntConst(_) | FloatConst(_) | BoolConst(_) | Variable(_)
+        )
+    };
+    let is_plain = plain(value) || integer(value).is_some();
+    is_plain.then_some((name, value))
+}
+
+fn is_bool(e: &ast::Expr, wanted: bool) -> bool {
+    matches!(**e, ExprData::BoolConst(b) if b == wanted)
+}
+
+/// The number that is written there.
+fn integer(e: &ast::Expr) -> Option<i64> {
+    match &**e {
+        ExprData::IntConst(n) => Some(i64::from(*n)),
+        ExprData::Unary(op, of) if **op == UnaryOpData::Minus => match &***of {
+            ExprData::IntConst(n) => Some(-i64::from(*n)),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// Whether naga made the name up, for a value that an expression has at one place: `_e9`. It ends no author's name in a digit.
+pub(super) fn is_baked(name: &str) -> bool {
+    let number = name.strip_prefix("_e");
+    number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
+}
+
+/// Whether a statement of a loop's body may begin the next turn.
+fn continues(statement: &ast::Statement) -> bool {
+    match &**statement {
+        StatementData::Jump(jump) => matches!(**jump, JumpStatementData::Continue),
+        StatementData::Compound(inner) => inner.statement_list.iter().any(continues),
+        StatementData::Selection(selection) => match &*selection.rest {
+            SelectionRestStatementData::Statement(accept) => continues(accept),
+            SelectionRestStatementData::Else(accept, reject) => {
+                continues(accept) || continues(reject)
+            }
+        },
+        StatementData::Switch(switch) => switch.body.iter().any(continues),
+        // What continues in it is its own.
+        StatementData::Iteration(_) => false,
+        StatementData::Declaration(_)
+        | StatementData::Expression(_)
+        | StatementData::CaseLabel(_) => false,
+    }
+}
+
+/// Whether a statement is naga's `if (!gate) { .. counter = ..; }`.
+fn steps(statement: &ast::Statement, gate: &str, counter: &str) -> bool {
     let StatementData::Selection(selection) = &**statement else {
         return false;
     };
     let SelectionRestStatementData::Statement(accept) = &*selection.rest else {
         return false;
     };
-    let first = match &**selection.cond {
+    let is_gate = match &**selection.cond {
         ExprData::Unary(op, of) if **op == UnaryOpData::Not => {
-            matches!(&***of, ExprData::Variable(n) if n.as_str().starts_with("loop_init"))
+            matches!(&***of, ExprData::Variable(n) if n.as_str() == gate)
         }
         _ => false,
     };
@@ -296,7 +471,7 @@ fn steps(statement: &ast::Statement, counter: &str) -> bool {
         }
         _ => false,
     };
-    first && inner.statement_list.iter().any(sets)
+    is_gate && inner.statement_list.iter().any(sets)
 }
 
 /// `for (int name = 0; name < turns; name++) body`.

@@ -138,12 +138,12 @@ impl Rewrite {
                 self.expression(from)?;
             }
             ExprData::Bracket(of, index) => {
-                let is_number = matches!(***index, ExprData::IntConst(_));
-                if self.stage == ShaderStage::Fragment && !is_number {
-                    return lacks("an index that is no constant");
-                }
                 self.expression(of)?;
-                self.expression(index)?;
+                match (self.stage, self.index(index)) {
+                    (ShaderStage::Fragment, None) => return lacks("an index that is no constant"),
+                    (ShaderStage::Fragment, Some(by_turns)) => **index = by_turns,
+                    _ => self.expression(index)?,
+                }
             }
             ExprData::Dot(of, _) | ExprData::PostInc(of) | ExprData::PostDec(of) => {
                 self.expression(of)?;

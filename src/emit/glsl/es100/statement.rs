@@ -1,17 +1,19 @@
 //! Statements, and what becomes of arrays that are made or copied whole.
 
 use glsl_lang::ast::{
-    self, AssignmentOpData, ConditionData, DeclarationData, ExprData, FunIdentifierData,
-    InitializerData, IterationStatementData, JumpStatementData, SelectionRestStatementData,
-    StatementData,
+    self, AssignmentOpData, BinaryOpData, ConditionData, DeclarationData, ExprData,
+    FunIdentifierData, InitializerData, IterationStatementData, JumpStatementData,
+    SelectionRestStatementData, StatementData,
 };
 
-use super::{Result, Rewrite, counted, lacks, types};
+use super::counted::{self, Entered};
+use super::{Result, Rewrite, lacks, types};
 
 impl Rewrite {
     /// A list of statements; `counted` looks into the whole of it for what loops count by.
     pub(super) fn statements(&mut self, list: Vec<ast::Statement>) -> Result<Vec<ast::Statement>> {
         let known = counted::Known::of(&list, &self.functions);
+        self.indices.clear();
         self.block(list, &known)
     }
 
@@ -47,6 +49,7 @@ impl Rewrite {
         match &mut *statement {
             StatementData::Declaration(declaration) => match &mut **declaration {
                 DeclarationData::InitDeclaratorList(list) if list.tail.is_empty() => {
+                    self.note_index(&list.head, known);
                     let more = self.local(&mut list.head)?;
                     out.push(statement);
                     out.extend(more);
@@ -87,18 +90,7 @@ impl Rewrite {
                     }
                     _ => return lacks("a loop that is no plain `while`"),
                 };
-                let Some(turns) = known.turns(&body) else {
-                    return lacks(
-                        "a loop that is not seen to end after a number of turns known beforehand",
-                    );
-                };
-                let body = self.one(body, known)?;
-                self.loops += 1;
-                let mut name = format!("turn_{}", self.loops);
-                while self.names.contains(&name) {
-                    name.push('_');
-                }
-                out.push(counted::bounded(&name, turns, body));
+                out.push(self.turned(body, known, out)?);
                 return Ok(());
             }
             StatementData::Compound(inner) => {
@@ -114,6 +106,73 @@ impl Rewrite {
         }
         out.push(statement);
         Ok(())
+    }
+
+    /// A `while (true)` with this body, behind the statements `ahead` of its block, as a `for`.
+    fn turned(
+        &mut self,
+        mut body: ast::Statement,
+        known: &counted::Known,
+        ahead: &[ast::Statement],
+    ) -> Result<ast::Statement> {
+        let Some(counted) = known.loop_of(&body, ahead, self.entered) else {
+            return lacks(
+                "a loop that is not seen to end after a number of turns known beforehand",
+            );
+        };
+        self.loops += 1;
+        let mut turn = format!("turn_{}", self.loops);
+        while self.names.contains(&turn) {
+            turn.push('_');
+        }
+        let list = match &mut *body {
+            StatementData::Compound(inner) => std::mem::take(&mut inner.statement_list),
+            _ => Vec::new(),
+        };
+        let outside = (self.indices.clone(), self.entered);
+        self.entered = Entered::Often;
+        let mut inner = Vec::with_capacity(list.len());
+        for (i, statement) in list.into_iter().enumerate() {
+            self.statement(statement, known, &mut inner)?;
+            if i == 0 {
+                self.indices.extend(counted.index(&turn));
+            }
+        }
+        (self.indices, self.entered) = outside;
+        Ok(counted::bounded(&turn, counted.turns, compound(inner)))
+    }
+
+    /// Notes a temporary that is made of constants and the turns of loops alone, or that it is not.
+    fn note_index(&mut self, head: &ast::SingleDeclaration, known: &counted::Known) {
+        let Some(name) = &head.name else { return };
+        let index = match head.initializer.as_deref() {
+            Some(InitializerData::Simple(value)) if known.is_temporary(name.as_str()) => {
+                self.index(value)
+            }
+            _ => None,
+        };
+        match index {
+            Some(index) => self.indices.insert(name.as_str().to_owned(), index),
+            None => self.indices.remove(name.as_str()),
+        };
+    }
+
+    /// An expression made of constants and the turns of the loops around alone; `None` where it is not.
+    pub(super) fn index(&self, e: &ast::Expr) -> Option<ast::Expr> {
+        match &**e {
+            ExprData::IntConst(_) => Some(e.clone()),
+            ExprData::Variable(name) => self.indices.get(name.as_str()).cloned(),
+            ExprData::Binary(op, a, b)
+                if matches!(
+                    **op,
+                    BinaryOpData::Add | BinaryOpData::Sub | BinaryOpData::Mult
+                ) =>
+            {
+                let (a, b) = (Box::new(self.index(a)?), Box::new(self.index(b)?));
+                Some(ExprData::Binary(op.clone(), a, b).into())
+            }
+            _ => None,
+        }
     }
 
     /// A variable of a function, and the statements that give it the elements it was made of.
