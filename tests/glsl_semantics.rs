@@ -38,10 +38,14 @@ fn refused(fragment: &str) -> (Code, String, u32) {
     (error.code(), error.render(Color::Never), line)
 }
 
-fn wgsl(parsed: Parsed) -> String {
+fn plan(parsed: Parsed) -> Plan {
     let fragment = parsed.fragment.as_deref();
     let state = MaterialState::default();
-    let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+    Plan::original("m", parsed.program, &parsed.vertex, fragment, &state)
+}
+
+fn wgsl(parsed: Parsed) -> String {
+    let plan = plan(parsed);
     let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
     let file = files.iter().find(|f| f.name.ends_with(".wgsl")).unwrap();
     String::from_utf8(file.bytes.clone()).unwrap()
@@ -843,10 +847,7 @@ fn where_window_coordinates_begin_is_said_again() {
         )
     };
     let emitted = |target: Target| {
-        let parsed = parse(&text("origin_upper_left"));
-        let fragment = parsed.fragment.as_deref();
-        let state = MaterialState::default();
-        let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+        let plan = plan(parse(&text("origin_upper_left")));
         emit::emit(&plan, &[target], &emit::Options::default())
     };
     let files = emitted(Target::Glsl450).unwrap();
@@ -859,10 +860,7 @@ fn where_window_coordinates_begin_is_said_again() {
     let error = emitted(Target::GlslEs300).unwrap_err();
     assert!(error.to_string().contains("origin_upper_left"), "{error}");
     // What is read at the pixel's own place of what another pass has drawn would be of another row.
-    let parsed = parse(&text("origin_upper_left"));
-    let fragment = parsed.fragment.as_deref();
-    let state = MaterialState::default();
-    let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
+    let plan = plan(parse(&text("origin_upper_left")));
     let recipe = Recipe::parse(["early-discard"]).unwrap();
     let variant = recipe.apply(&plan, &Facts::default()).unwrap();
     let options = emit::Options::default();
@@ -920,10 +918,7 @@ fn rows_that_are_counted_from_the_other_side_are_told() {
     let notes = |head: &str, value: &str| {
         let text =
             format!("#version 330\n{head}\nout vec4 c;\nvoid main() {{ c = vec4({value}); }}\n");
-        let parsed = parse(&text);
-        let fragment = parsed.fragment.as_deref();
-        let state = MaterialState::default();
-        Plan::original("m", parsed.program, &parsed.vertex, fragment, &state).notes
+        plan(parse(&text)).notes
     };
     assert!(notes("", "gl_FragCoord.x + gl_FragCoord.z").is_empty());
     for value in [
@@ -1041,15 +1036,7 @@ fn a_struct_of_which_samplers_alone_are_read_is_declared_whole() {
         Source::new("a.vert", vertex),
         Source::new("a.frag", fragment),
     ];
-    let parsed = front::parse(&sources, &Options::default()).unwrap();
-    let state = MaterialState::default();
-    let plan = Plan::original(
-        "a",
-        parsed.program,
-        &parsed.vertex,
-        parsed.fragment.as_deref(),
-        &state,
-    );
+    let plan = plan(front::parse(&sources, &Options::default()).unwrap());
     for target in [Target::Glsl450, Target::GlslEs300] {
         let files = emit::emit(&plan, &[target], &emit::Options::default()).unwrap();
         let text = files.iter().find(|f| f.name.ends_with(".frag")).unwrap();
@@ -1180,15 +1167,7 @@ fn a_function_that_ends_in_a_discard_returns() {
             Source::new("a.vert", vertex),
             Source::new("a.frag", fragment),
         ];
-        let parsed = front::parse(&sources, &Options::default()).unwrap();
-        let state = MaterialState::default();
-        let plan = Plan::original(
-            "a",
-            parsed.program,
-            &parsed.vertex,
-            parsed.fragment.as_deref(),
-            &state,
-        );
+        let plan = plan(front::parse(&sources, &Options::default()).unwrap());
         for target in [Target::Wgsl, Target::Glsl450] {
             let files = emit::emit(&plan, &[target], &emit::Options::default()).unwrap();
             let text = files

@@ -8,10 +8,15 @@ pub(super) fn complete(module: &mut Module) {
     let functions = module.functions.iter_mut().map(|(_, f)| f);
     let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
     for function in functions.chain(entries) {
-        if behaviour(&function.body).next {
+        if reaches_end(&function.body) {
             give(function);
         }
     }
+}
+
+/// Whether control may come to the end of a block by WGSL's rules, a `discard` or not.
+pub(super) fn reaches_end(block: &Block) -> bool {
+    behaviour(block).next
 }
 
 fn give(function: &mut Function) {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use naga::{Arena, Block, Expression, Handle, Module, Statement};
 
-use super::operands;
+use super::{operands, returns};
 
 /// Leaves no case that falls through but empty ones, which only share the body after them.
 pub(super) fn write_out_fall_through(module: &mut Module) {
@@ -29,7 +29,8 @@ fn write_out_cases(expressions: &mut Arena<Expression>, block: &mut Block) {
             if !cases[i].fall_through || cases[i].body.is_empty() {
                 continue;
             }
-            if leaves(&cases[i].body) {
+            // It falls into nothing then, whatever the front end says, which looks at a case's own last statement alone.
+            if !returns::reaches_end(&cases[i].body) {
                 cases[i].fall_through = false;
                 continue;
             }
@@ -41,16 +42,6 @@ fn write_out_cases(expressions: &mut Arena<Expression>, block: &mut Block) {
             }
             cases[i].fall_through = false;
         }
-    }
-}
-
-/// Whether control never comes to the block's end: it falls into nothing, whatever the front end says, which looks at a case's own last statement alone.
-fn leaves(block: &Block) -> bool {
-    match block.last() {
-        Some(Statement::Return { .. } | Statement::Continue | Statement::Break) => true,
-        Some(Statement::Block(inner)) => leaves(inner),
-        Some(Statement::If { accept, reject, .. }) => leaves(accept) && leaves(reject),
-        _ => false,
     }
 }
 

@@ -21,8 +21,13 @@ const LENGTHS: [&str; 8] = [
 /// Keys of a shape that count its parts.
 const COUNTS: [&str; 5] = ["count", "joints", "rings", "segments", "steps"];
 
-/// Tables whose numbers are a shader's or a preprocessor's, not the scene's.
-const THEIR_OWN: [&str; 3] = ["defines", "values", "variables"];
+/// Whether the numbers of the table that stands there are a shader's, a preprocessor's or a sweep's, not the scene's.
+fn is_their_own(path: &[&str]) -> bool {
+    matches!(
+        path,
+        ["variables"] | ["materials", _, "values" | "defines"] | ["draws", "values"]
+    )
+}
 
 /// Fails at the first number of the file that is NaN, infinite, or too large for 32 bits (`far` may be infinite), at a shape's length of 0 or less,
 /// and at a shape of 0 parts. `text` has been read as a scene.
@@ -42,11 +47,10 @@ type Checked = Result<(), (Error, Range<usize>)>;
 fn in_table<'a>(table: &'a DeTable<'_>, path: &mut Vec<&'a str>) -> Checked {
     for (key, value) in table {
         let key: &str = key.get_ref();
-        if THEIR_OWN.contains(&key) {
-            continue;
-        }
         path.push(key);
-        in_value(value.get_ref(), value.span(), path)?;
+        if !is_their_own(path) {
+            in_value(value.get_ref(), value.span(), path)?;
+        }
         path.pop();
     }
     Ok(())

@@ -626,15 +626,9 @@ impl Authored {
                 let mark = marks.of_uniform(i);
                 let variable = &mut module.global_variables[data.variable];
                 variable.name = Some(mark.clone());
-                self.samplers_within(
-                    module,
-                    module.global_variables[data.variable].ty,
-                    &uniform.ty,
-                    types,
-                );
                 if uniform.ty.has_samplers() {
                     let ty = module.global_variables[data.variable].ty;
-                    self.whole_structs(module, ty, &uniform.ty, types);
+                    self.structs(module, ty, &uniform.ty, types);
                 }
                 mark
             });
@@ -667,8 +661,8 @@ impl Authored {
         }
     }
 
-    /// Notes the samplers that belong into the structs of a uniform.
-    fn samplers_within(
+    /// Notes the samplers that belong into the structs of a uniform, and the structs as naga would write them, those within one ahead of it.
+    fn structs(
         &mut self,
         module: &Module,
         ty: Handle<Type>,
@@ -677,46 +671,25 @@ impl Authored {
     ) {
         match (&module.types[ty].inner, declares) {
             (TypeInner::Array { base, .. }, Declares::Array(of, _)) => {
-                self.samplers_within(module, *base, of, types);
-            }
-            (TypeInner::Struct { members, .. }, Declares::Struct(_, declared)) => {
-                let Some(mark) = types.get(&ty) else { return };
-                if !declares.has_samplers() || self.members.contains_key(mark) {
-                    return;
-                }
-                // Data comes first, in the order of declaration.
-                let data = declared.iter().filter(|d| d.ty.has_data());
-                for (member, declaration) in members.iter().zip(data) {
-                    self.samplers_within(module, member.ty, &declaration.ty, types);
-                }
-                let samplers = self.sampler_members(declared);
-                self.members.insert(mark.clone(), samplers);
-            }
-            _ => {}
-        }
-    }
-
-    /// Notes the structs of a uniform as naga would write them, those within one ahead of it.
-    fn whole_structs(
-        &mut self,
-        module: &Module,
-        ty: Handle<Type>,
-        declares: &Declares,
-        types: &HashMap<Handle<Type>, String>,
-    ) {
-        match (&module.types[ty].inner, declares) {
-            (TypeInner::Array { base, .. }, Declares::Array(of, _)) => {
-                self.whole_structs(module, *base, of, types);
+                self.structs(module, *base, of, types);
             }
             (TypeInner::Struct { members, .. }, Declares::Struct(_, declared)) => {
                 let Some(mark) = types.get(&ty) else { return };
                 if self.whole.iter().any(|(m, _)| m == mark) {
                     return;
                 }
-                let mut lines = String::new();
+                // Data comes first, in the order of declaration.
                 let data = declared.iter().filter(|d| d.ty.has_data());
-                for (member, Declaration { ty, .. }) in members.iter().zip(data) {
-                    self.whole_structs(module, member.ty, ty, types);
+                let data: Vec<_> = members.iter().zip(data).collect();
+                for (member, declaration) in &data {
+                    self.structs(module, member.ty, &declaration.ty, types);
+                }
+                if declares.has_samplers() && !self.members.contains_key(mark) {
+                    let samplers = self.sampler_members(declared);
+                    self.members.insert(mark.clone(), samplers);
+                }
+                let mut lines = String::new();
+                for (member, Declaration { ty, .. }) in data {
                     let mut of = member.ty;
                     while let TypeInner::Array { base, .. } = module.types[of].inner {
                         of = base;

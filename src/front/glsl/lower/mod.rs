@@ -120,6 +120,8 @@ pub(super) struct Lower<'a, 'u> {
     /// What it reads there, by the names that are printed: no local of `main` may hide one.
     last_read: HashSet<String>,
     in_main: bool,
+    /// A switch's statement is printed behind a jump: what it declares is there in the cases below, without a first value. Only [`Self::local`] asks.
+    unreached: bool,
     /// The author's functions that the function calls which is printed, each by its name and the place of its signature.
     calls: Vec<(String, usize)>,
     /// What the function returns that is printed.
@@ -196,6 +198,7 @@ pub(super) fn lower(
         epilogue: Vec::new(),
         last_read: HashSet::new(),
         in_main: false,
+        unreached: false,
         calls: Vec::new(),
         result: Ty::Void,
         standins: BTreeMap::new(),

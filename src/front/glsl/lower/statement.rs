@@ -59,13 +59,11 @@ impl Lower<'_, '_> {
                     let inside = !matches!(statement.content, StatementData::CaseLabel(_));
                     reached |= !inside;
                     self.indent += usize::from(inside);
-                    // What is declared here is there in the cases below, without the value that nothing came by to give it.
-                    let declared = match reached {
-                        true => None,
-                        false => uninitialised(statement),
-                    };
-                    let text = self.case(declared.as_ref().unwrap_or(statement), unsigned)?;
-                    if reached || declared.is_some() {
+                    let around = std::mem::replace(&mut self.unreached, !reached);
+                    let text = self.case(statement, unsigned)?;
+                    self.unreached = around;
+                    // What is declared here is there in the cases below.
+                    if reached || matches!(statement.content, StatementData::Declaration(_)) {
                         out += &text;
                     }
                     self.indent -= usize::from(inside);
@@ -364,7 +362,13 @@ impl Lower<'_, '_> {
         if let (Ty::Array(of, None), Some(init)) = (&ty, init) {
             ty = Ty::Array(of.clone(), super::super::stage::initial_length(init));
         }
-        let value = match init {
+        if constant && init.is_none() {
+            let message = format!("the constant `{author}` has no value");
+            return Err(Error::new(Code::Parse, message).label_if(place));
+        }
+        // Nothing comes by to give it; a constant needs none to.
+        let given = init.filter(|_| constant || !self.unreached);
+        let value = match given {
             Some(init) => Some(self.initial(init, &ty)?),
             None => None,
         };
@@ -376,10 +380,6 @@ impl Lower<'_, '_> {
         };
         let declared = ty.declare(&name);
         let fixed = constant.then_some("a constant");
-        if constant && value.is_none() {
-            let message = format!("the constant `{author}` has no value");
-            return Err(Error::new(Code::Parse, message).label_if(place));
-        }
         if self.scopes.last().is_some_and(|s| s.contains_key(author)) {
             let message = format!("`{author}` is declared twice");
             return Err(Error::new(Code::Parse, message).label_if(place));
@@ -390,42 +390,6 @@ impl Lower<'_, '_> {
             None => declared,
         })
     }
-}
-
-/// A declaration of variables without their first values, but for those that say how long an array or what a constant is; `None` for any other statement.
-fn uninitialised(statement: &Statement) -> Option<Statement> {
-    let mut out = statement.clone();
-    let StatementData::Declaration(declaration) = &mut out.content else {
-        return None;
-    };
-    let DeclarationData::InitDeclaratorList(list) = &mut declaration.content else {
-        return Some(out);
-    };
-    let head = &mut list.head.content;
-    let is_sized = |array: &Option<ast::ArraySpecifier>| {
-        let dimensions = array.iter().flat_map(|a| &a.content.dimensions);
-        let mut sizes = dimensions.map(|d| &d.content);
-        sizes.all(|d| matches!(d, ast::ArraySpecifierDimensionData::ExplicitlySized(_)))
-    };
-    let qualifiers = head.ty.content.qualifier.iter();
-    let mut qualifiers = qualifiers.flat_map(|q| &q.content.qualifiers);
-    let is_constant = qualifiers.any(|q| {
-        matches!(&q.content, ast::TypeQualifierSpecData::Storage(s)
-            if matches!(s.content, ast::StorageQualifierData::Const))
-    });
-    if is_constant || !is_sized(&head.ty.content.ty.content.array_specifier) {
-        return Some(out);
-    }
-    if is_sized(&head.array_specifier) {
-        head.initializer = None;
-    }
-    for other in &mut list.tail {
-        let other = &mut other.content;
-        if is_sized(&other.ident.content.array_spec) {
-            other.initializer = None;
-        }
-    }
-    Some(out)
 }
 
 /// Whether nothing behind the statement is reached, in its block or its case.
