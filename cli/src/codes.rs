@@ -204,7 +204,7 @@ mod tests {
             ("front/error.rs", "pub fn name(self)"),
             ("emit/mod.rs", "pub fn code(&self)"),
             ("render/mod.rs", "pub fn code(&self)"),
-            ("lock.rs", "pub fn code(&self)"),
+            ("lock/error.rs", "pub fn code(&self)"),
         ] {
             let text = std::fs::read_to_string(root.join("src").join(file)).unwrap();
             let functions: Vec<&str> = text.split(function).skip(1).collect();

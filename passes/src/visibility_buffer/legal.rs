@@ -92,21 +92,23 @@ pub fn rounding(
             sample.sampler.is_none_or(|s| (s.group, s.binding) == binding)
         };
         let mut candidates = samplers.iter().filter(may_be);
-        let (code, reason) = candidates.find_map(|state| match (state.filtered, state.anisotropy) {
-            (false, _) => Some((
+        let refusal = candidates.find_map(|state| match (state.filtered, state.anisotropy) {
+            (false, _) => Some(refuse(
                 "nearest-sample",
-                "a nearest sampler of the scene reads where interpolated values or gradients say: between two texels, or two levels, it jumps".to_owned(),
+                "a nearest sampler of the scene reads where interpolated values or gradients say: between two texels, or two levels, it jumps",
+                MEASURE,
             )),
-            (true, 2..) if sample.by_gradients => Some((
+            (true, 2..) if sample.by_gradients => Some(refuse(
                 "anisotropic-sample",
                 format!(
                     "the scene samples with an anisotropy of {}: how many texels that takes, and along which line, jumps with the last bits of the gradients",
                     state.anisotropy
                 ),
+                MEASURE,
             )),
             (true, _) => None,
         })?;
-        Some(refuse(code, reason, MEASURE).at(sources, sample.span))
+        Some(refusal.at(sources, sample.span))
     })
 }
 
