@@ -35,6 +35,7 @@ pub struct Recipe {
 
 /// A recipe that cannot be read, or that no longer fits.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RecipeError {
     /// No pass has that name.
     #[error("there is no pass `{name}`{}; the passes are: {}", suggestion(.nearest), names())]

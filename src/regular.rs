@@ -8,6 +8,7 @@ use crate::limits::{Exceeded, Limits};
 
 /// Why there is nothing.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The system says so.
     #[error(transparent)]

@@ -54,6 +54,7 @@ pub struct Point {
 
 /// A sweep that cannot be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SweepError {
     /// A recipe in it cannot be read.
     #[error(transparent)]

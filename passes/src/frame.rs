@@ -103,6 +103,7 @@ pub struct FramePlan {
 
 /// Plans that cannot share a frame.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FrameError {
     /// Two plans describe an attachment of one name differently.
     #[error("attachment `{name}` is {a} in material `{first}` and {b} in material `{second}`")]

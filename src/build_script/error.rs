@@ -11,6 +11,7 @@ use crate::recipe::RecipeError;
 
 /// Why a material was not compiled. Its debug form is fit to read, since that is what a `main` that returns it prints.
 #[derive(thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A file cannot be read.
     #[error("{}: {error}", path.display())]

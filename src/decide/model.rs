@@ -55,6 +55,7 @@ pub struct Model {
 
 /// A model that cannot be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ModelError {
     /// It is no JSON of a model.
     #[error("this is no cost model: {0}")]

@@ -65,6 +65,7 @@ pub use plan_json::{
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
+#[non_exhaustive]
 pub enum Target {
     /// WebGPU Shading Language.
     #[serde(rename = "wgsl")]
@@ -157,6 +158,7 @@ pub struct File {
 
 /// A plan could not be emitted. The plan is untouched and nothing has been written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The target cannot say what the program does.
     #[error("{file}: {target} has no way to say this: {what}; {remedy}")]

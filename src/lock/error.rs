@@ -10,6 +10,7 @@ use crate::emit;
 
 /// A lock file that cannot be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LockError {
     /// What the file system says.
     #[error("{}: {error}", path.display())]
@@ -53,6 +54,7 @@ impl LockError {
 
 /// A lock does not fit what is there now.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Mismatch {
     /// It says nothing of the material.
     #[error("preshade.lock says nothing of `{material}`")]

@@ -40,6 +40,7 @@ pub use trusted::Trust;
 
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// No adapter, or none by that name.
     #[error("{}", no_adapter(.wanted, .found))]

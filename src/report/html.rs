@@ -19,6 +19,7 @@ use super::sheet;
 
 /// Why a page could not be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The template.
     #[error("the report could not be written: {0}")]

@@ -92,40 +92,19 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             Some(Kind::Same) | None => {}
         }
     }
-    let expressions = values.values.iter().filter_map(|v| match &v.node {
-        Node::Expression(context, e, _) => {
-            let expressions = &values.function(*context).function.expressions;
-            Some((&expressions[*e], expressions.get_span(*e)))
-        }
-        _ => None,
-    });
-    let is_biased = |e: &Expression| {
-        let biased = |level: &SampleLevel| matches!(level, SampleLevel::Bias(_));
-        matches!(e, Expression::ImageSample { level, .. } if biased(level))
-    };
-    let implicit = values.values.iter().filter_map(|v| {
-        let Node::Expression(context, e, _) = &v.node else {
-            return None;
-        };
-        let f = values.function(*context);
-        let Expression::ImageSample {
-            image,
-            level: SampleLevel::Auto | SampleLevel::Bias(_),
-            ..
-        } = f.function.expressions[*e]
-        else {
-            return None;
-        };
-        let cube = ImageDimension::Cube;
-        let is_cube = matches!(f.ty(module, image), TypeInner::Image { dim, .. } if *dim == cube);
-        Some((is_cube, f.function.expressions.get_span(*e)))
-    });
+    let all = 0..values.values.len();
+    let samples: Vec<Sampled<'_>> = all
+        .clone()
+        .filter_map(|id| Sampled::new(&values, id))
+        .collect();
+    let implicit = || samples.iter().filter(|s| s.is_implicit());
+    let cube = implicit().find(|s| s.is_cube);
     let derives = |wanted: DerivativeControl| {
-        expressions
-            .clone()
-            .any(|(e, _)| matches!(e, Expression::Derivative { ctrl, .. } if *ctrl == wanted))
+        let derives =
+            |e: &Expression| matches!(e, Expression::Derivative { ctrl, .. } if *ctrl == wanted);
+        let mut expressions = all.clone().filter_map(|id| expression(&values, id));
+        expressions.any(|(e, _)| derives(e))
     };
-    let cube = implicit.clone().find(|(is_cube, _)| *is_cube);
     let is_linear = |input: &Io| {
         let linear = Some(naga::Interpolation::Linear);
         matches!(input.binding, Some(Binding::Location { interpolation, .. }) if interpolation == linear)
@@ -134,35 +113,26 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
         taken: Taken {
             derivatives: derives(DerivativeControl::None),
             coarse: derives(DerivativeControl::Coarse),
-            samples: implicit.clone().any(|(is_cube, _)| !is_cube),
+            samples: implicit().any(|s| !s.is_cube),
             cubes: cube.is_some(),
         },
         interpolated: inputs.iter().any(|i| matches!(kind(i), Kind::Interpolated)),
-        biased: expressions
-            .clone()
-            .find_map(|(e, span)| is_biased(e).then_some(span)),
-        cube: cube.map(|(_, span)| span),
+        biased: samples
+            .iter()
+            .find(|s| matches!(s.level, SampleLevel::Bias(_)))
+            .map(|s| s.sample.span),
+        cube: cube.map(|s| s.sample.span),
         linear: inputs.iter().any(is_linear),
         ..Reached::default()
     };
     let mut first: Option<ValueId> = None;
-    // A resolve makes gradients of its own of what an implicit level is of.
-    let implicit = |id: &ValueId| sample(&values, *id).is_some_and(|(_, level)| is_implicit(level));
-    let mut samples: Vec<ValueId> = (0..values.values.len()).filter(implicit).collect();
     while let Some(id) = work.pop() {
         if std::mem::replace(&mut is_rounded[id], true) {
             continue;
         }
         let of_position = is_position(id);
         for user in &users[id] {
-            let expression = match &values.values[*user].node {
-                Node::Expression(context, e, _) => {
-                    let expressions = &values.function(*context).function.expressions;
-                    Some((&expressions[*e], expressions.get_span(*e)))
-                }
-                _ => None,
-            };
-            let Some((expression, span)) = expression else {
+            let Some((expression, span)) = expression(&values, *user) else {
                 work.push(*user);
                 continue;
             };
@@ -171,7 +141,6 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             }
             // A depth, a w: made between the same corners.
             out.interpolated |= of_position;
-            samples.extend(sample(&values, *user).map(|_| *user));
             // Of several, the one that stands first among the values: always the same.
             if let Some(name) = jumps(expression)
                 && first.is_none_or(|f| *user < f)
@@ -182,21 +151,12 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             work.push(*user);
         }
     }
-    // In the order of the values, which is always the same; several operands of one may be rounded.
-    samples.sort_unstable();
-    samples.dedup();
-    let samples = samples.into_iter();
-    out.samples = samples
-        .filter_map(|id| Some(sample(&values, id)?.0))
-        .collect();
+    // A resolve makes gradients of its own of what an implicit level is of.
+    let differs = |s: &&Sampled<'_>| s.is_implicit() || is_rounded[s.id];
+    out.samples = samples.iter().filter(differs).map(|s| s.sample).collect();
     out.steep = steep::steep(&values, &is_rounded).map(|(id, name)| {
-        let span = match &values.values[id].node {
-            Node::Expression(context, e, _) => {
-                values.function(*context).function.expressions.get_span(*e)
-            }
-            _ => Span::UNDEFINED,
-        };
-        (name, span)
+        let span = expression(&values, id).map(|(_, span)| span);
+        (name, span.unwrap_or(Span::UNDEFINED))
     });
     Ok(out)
 }
@@ -221,25 +181,55 @@ fn kind(input: &Io) -> Kind {
     }
 }
 
-/// The sample that a value is, and its level.
-fn sample<'p>(values: &Values<'_, 'p>, id: ValueId) -> Option<(Sample, &'p SampleLevel)> {
+/// The expression that a value is, or is a part of, and its place.
+fn expression<'p>(values: &Values<'_, 'p>, id: ValueId) -> Option<(&'p Expression, Span)> {
     let Node::Expression(context, e, _) = values.values[id].node else {
         return None;
     };
     let expressions = &values.function(context).function.expressions;
-    let Expression::ImageSample { sampler, level, .. } = &expressions[e] else {
-        return None;
-    };
-    let sample = Sample {
-        sampler: binding(values, context, *sampler),
-        by_gradients: !matches!(level, SampleLevel::Zero | SampleLevel::Exact(_)),
-        span: expressions.get_span(e),
-    };
-    Some((sample, level))
+    Some((&expressions[e], expressions.get_span(e)))
 }
 
-fn is_implicit(level: &SampleLevel) -> bool {
-    matches!(level, SampleLevel::Auto | SampleLevel::Bias(_))
+/// A sample among the values of a stage.
+struct Sampled<'p> {
+    id: ValueId,
+    level: &'p SampleLevel,
+    is_cube: bool,
+    sample: Sample,
+}
+
+impl<'p> Sampled<'p> {
+    fn new(values: &Values<'_, 'p>, id: ValueId) -> Option<Self> {
+        let Node::Expression(context, ..) = values.values[id].node else {
+            return None;
+        };
+        let (expression, span) = expression(values, id)?;
+        let Expression::ImageSample {
+            image,
+            sampler,
+            level,
+            ..
+        } = expression
+        else {
+            return None;
+        };
+        let cube = ImageDimension::Cube;
+        let image = values.function(context).ty(values.graph.module(), *image);
+        Some(Self {
+            id,
+            level,
+            is_cube: matches!(image, TypeInner::Image { dim, .. } if *dim == cube),
+            sample: Sample {
+                sampler: binding(values, context, *sampler),
+                by_gradients: !matches!(level, SampleLevel::Zero | SampleLevel::Exact(_)),
+                span,
+            },
+        })
+    }
+
+    fn is_implicit(&self) -> bool {
+        matches!(self.level, SampleLevel::Auto | SampleLevel::Bias(_))
+    }
 }
 
 /// The binding that an expression of a fragment stage is; `None` where it is not known to be one.

@@ -422,7 +422,7 @@ fn integer(e: &ast::Expr) -> Option<i64> {
 }
 
 /// Whether naga made the name up, for a value that an expression has at one place: `_e9`. It ends no author's name in a digit.
-pub(super) fn is_baked(name: &str) -> bool {
+fn is_baked(name: &str) -> bool {
     let number = name.strip_prefix("_e");
     number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
 }

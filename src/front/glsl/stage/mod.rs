@@ -2,58 +2,23 @@
 
 use std::collections::{HashMap, HashSet};
 
-use glsl_lang::ast::{
-    self, ArraySpecifierDimensionData, DeclarationData, ExprData, ExternalDeclarationData,
-    InterpolationQualifierData, LayoutQualifierSpecData, NodeSpan, StorageQualifierData,
-    TypeQualifierSpecData, TypeSpecifierNonArray, TypeSpecifierNonArrayData,
-};
-use glsl_lang::transpiler::glsl::{FormattingState, show_type_specifier_non_array};
-use glsl_lang::visitor::{Host as _, Visit, Visitor};
+use glsl_lang::ast::{self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan};
 use naga::{ShaderStage, Span};
 
 use super::constant::{self, Constants};
 use super::syntax::Unit;
-use super::ty::{Member, Rules, Struct, Structs, Ty};
-use super::writes as writers;
+use super::ty::{Member, Rules, Structs, Ty};
 use crate::front::error::{Code, Error};
 
-/// Where a variable lives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Storage {
-    Const,
-    In,
-    Out,
-    InOut,
-    Uniform,
-    Buffer,
-}
+mod qualifiers;
+mod reach;
+mod types;
 
-/// What stands before a type.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Qualifiers {
-    pub storage: Option<Storage>,
-    pub layout: Vec<(String, Option<i64>)>,
-    /// `flat` or `noperspective`.
-    pub interpolation: Option<&'static str>,
-    /// `centroid` or `sample`.
-    pub sampling: Option<&'static str>,
-    pub invariant: bool,
-    pub precise: bool,
-    /// `readonly` and its like, as they are.
-    pub memory: Vec<&'static str>,
-}
+pub(super) use qualifiers::{Qualifiers, Storage};
+pub(super) use reach::FRAG_COORD_Y;
+pub(super) use types::spelled;
 
-impl Qualifiers {
-    /// The number that the layout gives to `key`.
-    pub(super) fn number(&self, key: &str) -> Option<u32> {
-        let found = self.layout.iter().find(|(k, _)| k == key)?;
-        found.1.and_then(|n| u32::try_from(n).ok())
-    }
-
-    pub(super) fn says(&self, key: &str) -> bool {
-        self.layout.iter().any(|(k, _)| k == key)
-    }
-}
+use types::APART;
 
 /// A variable of the stage's interface, or a loose uniform.
 #[derive(Clone, Debug)]
@@ -126,11 +91,6 @@ pub(super) struct Global<'u> {
     pub place: Option<Span>,
 }
 
-/// Most elements of what is told apart one by one: varyings, and what holds samplers.
-const APART: u64 = 1 << 10;
-/// Most members of a struct, those of structs in it counted with them.
-const MEMBERS: u64 = 1 << 12;
-
 /// What a call must know of a function.
 #[derive(Clone, Debug)]
 pub(super) struct Signature {
@@ -180,21 +140,6 @@ fn of_blocks(q: &Qualifiers) -> Option<usize> {
         Some(Storage::Uniform) => Some(0),
         Some(Storage::Buffer) => Some(1),
         _ => None,
-    }
-}
-
-/// A type's name as it is written, `struct` for one that is defined in place.
-pub(super) fn spelled(ty: &TypeSpecifierNonArray) -> String {
-    match &ty.content {
-        TypeSpecifierNonArrayData::TypeName(name) => name.as_str().to_owned(),
-        TypeSpecifierNonArrayData::Struct(_) => "struct".to_owned(),
-        _ => {
-            let mut name = String::new();
-            let shown =
-                show_type_specifier_non_array(&mut name, ty, &mut FormattingState::default());
-            debug_assert!(shown.is_ok());
-            name
-        }
     }
 }
 
@@ -557,340 +502,6 @@ impl<'u> Stage<'u> {
             parameters.push((storage, ty));
         }
         Ok(Signature { parameters, result })
-    }
-
-    /// The type that `spec` names, with the dimensions that stand at the variable's name.
-    pub(super) fn ty(
-        &mut self,
-        spec: &ast::TypeSpecifier,
-        at_name: Option<&ast::ArraySpecifier>,
-        place: Option<Span>,
-    ) -> Result<Ty, Error> {
-        let base = match &spec.ty.content {
-            TypeSpecifierNonArrayData::TypeName(name) => Ty::Struct(name.as_str().to_owned()),
-            TypeSpecifierNonArrayData::Struct(definition) => {
-                let name = match &definition.name {
-                    Some(name) => name.as_str().to_owned(),
-                    None => String::new(),
-                };
-                let mut members = Vec::new();
-                for field in &definition.fields {
-                    for (name, ty, place) in self.fields(field)? {
-                        members.push(Member {
-                            name,
-                            ty,
-                            row_major: false,
-                            place,
-                        });
-                    }
-                }
-                let name = match name.is_empty() {
-                    true => self.unnamed(&members),
-                    false => name,
-                };
-                let count = self.structs.count_of(members.iter().map(|m| &m.ty));
-                if count.members > MEMBERS || count.elements > self.unit.array_elements {
-                    return Err(Error::new(
-                        Code::TooDeep,
-                        format!(
-                            "`{name}` holds {} elements in {} members; at most {} in {MEMBERS} are read",
-                            count.elements, count.members, self.unit.array_elements
-                        ),
-                    )
-                    .label_if(place));
-                }
-                if let Some(old) = self.structs.get(&name) {
-                    let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
-                    let alike = old.members.len() == members.len()
-                        && old.members.iter().zip(&members).all(|(a, b)| same(a, b));
-                    if !alike {
-                        return Err(unsupported(
-                            format!("two structs are called `{name}`"),
-                            place,
-                        ));
-                    }
-                } else {
-                    self.structs.insert(Struct {
-                        name: name.clone(),
-                        members,
-                        hosted: false,
-                        tight: false,
-                    });
-                    self.structs.host_small();
-                }
-                Ty::Struct(name)
-            }
-            _ => Ty::named(&spelled(&spec.ty)),
-        };
-        let inner = self.dimensions(base, spec.array_specifier.as_ref(), place)?;
-        self.dimensions(inner, at_name, place)
-    }
-
-    /// A name for a struct without one, by what it holds: that of the other stage is another where it holds something else.
-    fn unnamed(&self, members: &[Member]) -> String {
-        let mut name = "Unnamed".to_owned();
-        for member in members {
-            let word = member.name.trim_matches('_');
-            if name.len() + word.len() < 60 && !word.contains("__") {
-                name += "_";
-                name += word;
-            }
-        }
-        let taken = |name: &str| {
-            let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
-            let old = self.structs.get(name);
-            old.is_some_and(|old| {
-                old.members.len() != members.len()
-                    || old.members.iter().zip(members).any(|(a, b)| !same(a, b))
-            })
-        };
-        let numbered = (2..).map(|i| format!("{name}_{i}"));
-        let mut all = std::iter::once(name.clone()).chain(numbered);
-        all.find(|n| !taken(n)).unwrap_or(name)
-    }
-
-    pub(super) fn dimensions(
-        &self,
-        of: Ty,
-        array: Option<&ast::ArraySpecifier>,
-        place: Option<Span>,
-    ) -> Result<Ty, Error> {
-        let Some(array) = array else {
-            return Ok(of);
-        };
-        let mut ty = of;
-        for dimension in array.dimensions.iter().rev() {
-            let length = match &dimension.content {
-                ArraySpecifierDimensionData::Unsized => None,
-                ArraySpecifierDimensionData::ExplicitlySized(e) => {
-                    let n = constant::evaluate(e, &self.constants);
-                    let n = n.and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0);
-                    let n = n.ok_or_else(|| {
-                        unsupported("the length of this array is not an integer constant above 0 that is known here", place)
-                    })?;
-                    Some(n)
-                }
-            };
-            ty = Ty::Array(Box::new(ty), length);
-            // Samplers are told apart one by one, and others may have to be.
-            let most = match ty.innermost() {
-                Ty::Combined(_) | Ty::Opaque(_) => APART,
-                _ => self.unit.array_elements,
-            };
-            self.check_elements(&ty, most, place)?;
-        }
-        Ok(ty)
-    }
-
-    /// Refuses a type of more elements than `most`.
-    fn check_elements(&self, ty: &Ty, most: u64, place: Option<Span>) -> Result<(), Error> {
-        let n = self.structs.count(ty).elements;
-        match n > most {
-            false => Ok(()),
-            true => Err(Error::new(
-                Code::TooDeep,
-                format!("an array of {n} elements, more than {most}, is not read"),
-            )
-            .label_if(place)),
-        }
-    }
-
-    pub(super) fn qualifiers(
-        &self,
-        qualifier: Option<&ast::TypeQualifier>,
-    ) -> Result<Qualifiers, Error> {
-        use StorageQualifierData as S;
-        let mut out = Qualifiers::default();
-        let vertex = self.kind == ShaderStage::Vertex;
-        for spec in qualifier.iter().flat_map(|q| &q.qualifiers) {
-            let place = self.place(spec.span);
-            match &spec.content {
-                TypeQualifierSpecData::Storage(s) => match &s.content {
-                    S::Const => {
-                        out.storage = out.storage.or(Some(Storage::Const));
-                    }
-                    S::InOut => out.storage = Some(Storage::InOut),
-                    S::In | S::Attribute => out.storage = Some(Storage::In),
-                    S::Out => out.storage = Some(Storage::Out),
-                    S::Varying if vertex => out.storage = Some(Storage::Out),
-                    S::Varying => out.storage = Some(Storage::In),
-                    S::Uniform => out.storage = Some(Storage::Uniform),
-                    S::Buffer => out.storage = Some(Storage::Buffer),
-                    S::Centroid => out.sampling = Some("centroid"),
-                    S::Sample => out.sampling = Some("sample"),
-                    S::ReadOnly => out.memory.push("readonly"),
-                    S::WriteOnly => out.memory.push("writeonly"),
-                    // Hints that WebGPU has no words for, and that change no value.
-                    S::Coherent | S::Volatile | S::Restrict => {}
-                    S::Shared => {
-                        return Err(unsupported(
-                            "`shared` variables belong to compute shaders",
-                            place,
-                        ));
-                    }
-                    S::Patch => {
-                        return Err(unsupported(
-                            "`patch` variables belong to tessellation shaders",
-                            place,
-                        ));
-                    }
-                    S::Subroutine(_) => {
-                        return Err(unsupported(
-                            "subroutines are not read: WebGPU has none",
-                            place,
-                        ));
-                    }
-                },
-                TypeQualifierSpecData::Layout(layout) => {
-                    for id in &layout.ids {
-                        if let LayoutQualifierSpecData::Identifier(name, value) = &id.content {
-                            let value = match value {
-                                Some(e) => {
-                                    let n = constant::evaluate(e, &self.constants);
-                                    if n.is_none() {
-                                        return Err(unsupported(
-                                            "a layout's number must be an integer constant",
-                                            place,
-                                        ));
-                                    }
-                                    n
-                                }
-                                None => None,
-                            };
-                            if name.as_str() == "component" && value != Some(0) {
-                                return Err(unsupported(
-                                    "`component` packs two variables into one location, which WebGPU cannot",
-                                    place,
-                                ));
-                            }
-                            out.layout.push((name.as_str().to_owned(), value));
-                        }
-                    }
-                }
-                TypeQualifierSpecData::Interpolation(i) => match i.content {
-                    InterpolationQualifierData::Smooth => {}
-                    InterpolationQualifierData::Flat => out.interpolation = Some("flat"),
-                    InterpolationQualifierData::NoPerspective => {
-                        out.interpolation = Some("noperspective");
-                    }
-                },
-                TypeQualifierSpecData::Invariant => out.invariant = true,
-                TypeQualifierSpecData::Precise => out.precise = true,
-                TypeQualifierSpecData::Precision(_) => {}
-            }
-        }
-        Ok(out)
-    }
-
-    /// Orders the functions that `main` reaches, each after what it calls, and notes what they name.
-    fn reach(&mut self, definitions: &[&'u ast::FunctionDefinition]) -> Result<(), Error> {
-        let names: Vec<HashSet<String>> = definitions.iter().map(|f| words(f)).collect();
-        let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
-        for (i, f) in definitions.iter().enumerate() {
-            by_name
-                .entry(f.prototype.name.as_str())
-                .or_default()
-                .push(i);
-        }
-        let Some(main) = by_name.get("main").map(|all| all[0]) else {
-            return Err(Error::new(
-                Code::NoEntryPoint,
-                "there is no function `main`",
-            ));
-        };
-        let mut done = vec![false; definitions.len()];
-        let mut order = Vec::new();
-        visit(main, &names, &by_name, &mut done, &mut order);
-        // A global's initial value may call functions too.
-        for global in &self.globals {
-            let mut found = Words::default();
-            if let Some(init) = global.init {
-                init.visit(&mut found);
-            }
-            for i in found
-                .0
-                .iter()
-                .flat_map(|w| by_name.get(w.as_str()).into_iter().flatten())
-            {
-                visit(*i, &names, &by_name, &mut done, &mut order);
-            }
-            self.used.extend(found.0);
-        }
-        // `main` last, whatever the globals reached.
-        order.retain(|i| *i != main);
-        order.push(main);
-        for i in &order {
-            self.used.extend(names[*i].iter().cloned());
-        }
-        self.functions = order.into_iter().map(|i| definitions[i]).collect();
-        self.writers = writers::writers(&self.functions, &self.signatures);
-        Ok(())
-    }
-}
-
-/// Depth first, what is called before what calls it.
-fn visit(
-    at: usize,
-    names: &[HashSet<String>],
-    by_name: &HashMap<&str, Vec<usize>>,
-    done: &mut [bool],
-    order: &mut Vec<usize>,
-) {
-    if std::mem::replace(&mut done[at], true) {
-        return;
-    }
-    // In the order of the text, not of the set.
-    let mut callees: Vec<usize> = names[at]
-        .iter()
-        .flat_map(|w| by_name.get(w.as_str()).into_iter().flatten().copied())
-        .collect();
-    callees.sort_unstable();
-    for callee in callees {
-        visit(callee, names, by_name, done, order);
-    }
-    order.push(at);
-}
-
-/// Among the words that a stage uses: the second component of `gl_FragCoord`.
-pub(super) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
-
-/// The variables and functions that a function names, and [`FRAG_COORD_Y`].
-fn words(function: &ast::FunctionDefinition) -> HashSet<String> {
-    let mut found = Words::default();
-    function.statement.visit(&mut found);
-    found.0
-}
-
-#[derive(Default)]
-struct Words(HashSet<String>);
-
-impl Visitor for Words {
-    fn visit_expr(&mut self, expr: &ast::Expr) -> Visit {
-        let is_coord = |name: &ast::Identifier| name.as_str() == "gl_FragCoord";
-        match &expr.content {
-            // Which components are read is known here alone.
-            ExprData::Dot(of, components) if matches!(&of.content, ExprData::Variable(name) if is_coord(name)) =>
-            {
-                self.0.insert("gl_FragCoord".to_owned());
-                if components.as_str().contains(['y', 'g', 't']) {
-                    self.0.insert(FRAG_COORD_Y.to_owned());
-                }
-                return Visit::Parent;
-            }
-            ExprData::Variable(name) => {
-                if is_coord(name) {
-                    self.0.insert(FRAG_COORD_Y.to_owned());
-                }
-                self.0.insert(name.as_str().to_owned());
-            }
-            ExprData::FunCall(name, _) => {
-                if let Some(name) = name.as_ident() {
-                    self.0.insert(name.as_str().to_owned());
-                }
-            }
-            _ => {}
-        }
-        Visit::Children
     }
 }
 

@@ -1,0 +1,359 @@
+//! What an expression's value is.
+
+use naga::{Expression, Function, GlobalVariable, Handle, SampleLevel};
+
+use super::machine::{Frame, Machine, part};
+use super::number::Number;
+use super::value::{self, Scalar, Value};
+use super::{Derivative, Lookup, Sampling, Stuck, flips, layout, math};
+
+impl<'a, F: Number> Machine<'a, F> {
+    /// The value of an operand.
+    pub(super) fn get(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        e: Handle<Expression>,
+    ) -> Result<Value<F>, Stuck> {
+        self.need(frame, e)?;
+        let value = known(frame, e)?;
+        self.work(value.scalars())?;
+        Ok(value.clone())
+    }
+
+    /// Evaluates an operand that no `Emit` does, where that was not done yet.
+    fn need(&mut self, frame: &mut Frame<'a, F>, e: Handle<Expression>) -> Result<(), Stuck> {
+        if frame.values[e.index()].is_some() {
+            return Ok(());
+        }
+        if !frame.function.expressions[e].needs_pre_emit() {
+            return Err(Stuck::Unevaluated(e.index()));
+        }
+        let value = self.evaluate(frame, e)?;
+        self.keep(frame, e, value)
+    }
+
+    /// Fails where a value of this type is too much, ahead of it.
+    fn room_for(&self, ty: Handle<naga::Type>) -> Result<(), Stuck> {
+        self.room(layout::scalars(self.module, ty) as usize)
+    }
+
+    pub(super) fn evaluate(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        e: Handle<Expression>,
+    ) -> Result<Value<F>, Stuck> {
+        let function = frame.function;
+        Ok(match &function.expressions[e] {
+            Expression::Literal(l) => Value::literal(l)?,
+            Expression::Constant(c) => {
+                let constant = &self.module.constants[*c];
+                self.room_for(constant.ty)?;
+                value::default_constant(self.module, constant.init)?
+            }
+            Expression::Override(o) => match self.module.overrides[*o].init {
+                Some(init) => value::default_constant(self.module, init)?,
+                None => return Err(Stuck::Unsupported("an override without a value".to_owned())),
+            },
+            Expression::ZeroValue(ty) => {
+                self.room_for(*ty)?;
+                Value::zero(self.module, *ty)?
+            }
+            Expression::Compose { ty, components } => {
+                self.room_for(*ty)?;
+                let parts = components
+                    .iter()
+                    .map(|c| self.get(frame, *c))
+                    .collect::<Result<_, _>>()?;
+                value::compose(self.module, *ty, parts)
+            }
+            Expression::Access { base, index } => {
+                let index = self.get(frame, *index)?.index()?;
+                self.need(frame, *base)?;
+                access(known(frame, *base)?, index)?
+            }
+            Expression::AccessIndex { base, index } => {
+                self.need(frame, *base)?;
+                access(known(frame, *base)?, *index as usize)?
+            }
+            Expression::Splat { size, value } => {
+                Value::Composite(vec![self.get(frame, *value)?; *size as usize])
+            }
+            Expression::Swizzle {
+                size,
+                vector,
+                pattern,
+            } => {
+                let vector = self.get(frame, *vector)?;
+                let parts = vector.parts()?;
+                Value::Composite(
+                    pattern[..*size as usize]
+                        .iter()
+                        .map(|c| parts[*c as usize].clone())
+                        .collect(),
+                )
+            }
+            Expression::FunctionArgument(i) => frame.arguments[*i as usize].clone(),
+            Expression::GlobalVariable(g) => self.global(*g)?,
+            Expression::LocalVariable(v) => Value::Pointer {
+                address: frame.locals + v.index(),
+                path: Vec::new(),
+            },
+            Expression::Load { pointer } => {
+                let pointer = self.get(frame, *pointer)?;
+                let place = self.read(&pointer)?;
+                self.room(place.scalars())?;
+                place.clone()
+            }
+            Expression::Unary { op, expr } => math::unary(*op, &self.get(frame, *expr)?)?,
+            expression @ Expression::Binary { op, left, right } => {
+                let (left, right) = (self.get(frame, *left)?, self.get(frame, *right)?);
+                let value = math::binary(*op, &left, &right)?;
+                self.flips += flips::of(expression, &[&left, &right], &value);
+                value
+            }
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => {
+                let condition = self.get(frame, *condition)?;
+                let (accept, reject) = (self.get(frame, *accept)?, self.get(frame, *reject)?);
+                match condition {
+                    Value::Scalar(_) if condition.truth()? => accept,
+                    Value::Scalar(_) => reject,
+                    _ => Value::zip(&[&condition, &accept, &reject], &mut |s| match s {
+                        [Scalar::Bool(true), a, _] => Ok(*a),
+                        [Scalar::Bool(false), _, r] => Ok(*r),
+                        other => Err(Stuck::Type(format!("select of {other:?}"))),
+                    })?,
+                }
+            }
+            expression @ Expression::Relational { fun, argument } => {
+                let argument = self.get(frame, *argument)?;
+                let value = math::relational(*fun, &argument)?;
+                self.flips += flips::of(expression, &[&argument], &value);
+                value
+            }
+            Expression::Derivative {
+                axis,
+                ctrl,
+                expr: of,
+            } => {
+                let Some(derivative) = self.environment.derivative else {
+                    return Err(Stuck::Unsupported(format!("Derivative of {axis:?}")));
+                };
+                self.get(frame, *of)?.map(&mut |of| match of {
+                    Scalar::F32(of) => Ok(Scalar::F32(derivative(Derivative {
+                        axis: *axis,
+                        control: *ctrl,
+                        of,
+                    }))),
+                    other => Err(Stuck::Type(format!("a derivative of {other:?}"))),
+                })?
+            }
+            expression @ Expression::Math {
+                fun,
+                arg,
+                arg1,
+                arg2,
+                arg3,
+            } => {
+                let arguments = [Some(*arg), *arg1, *arg2, *arg3]
+                    .into_iter()
+                    .flatten()
+                    .map(|a| self.get(frame, a))
+                    .collect::<Result<Vec<_>, _>>()?;
+                let arguments: Vec<&Value<F>> = arguments.iter().collect();
+                let value = math::call(*fun, &arguments)?;
+                self.flips += flips::of(expression, &arguments, &value);
+                value
+            }
+            expression @ Expression::As {
+                expr,
+                kind,
+                convert,
+            } => {
+                let of = self.get(frame, *expr)?;
+                let value = math::cast(*kind, *convert, &of)?;
+                self.flips += flips::of(expression, &[&of], &value);
+                value
+            }
+            Expression::ImageSample {
+                image,
+                sampler,
+                coordinate,
+                array_index,
+                offset,
+                level,
+                depth_ref,
+                gather: None,
+                clamp_to_edge,
+            } => {
+                let mut sampling = Sampling {
+                    implicit: matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)),
+                    clamped: *clamp_to_edge,
+                    ..Sampling::default()
+                };
+                if let Value::Resource(sampler) = self.get(frame, *sampler)? {
+                    sampling.sampler = self.binding(sampler);
+                }
+                if let Some(offset) = offset {
+                    let offset = self.constant(frame, *offset)?;
+                    let parts = match &offset {
+                        Value::Composite(parts) => &parts[..],
+                        one => std::slice::from_ref(one),
+                    };
+                    for (to, part) in sampling.offset.iter_mut().zip(parts) {
+                        if let Value::Scalar(Scalar::I32(texels)) = part {
+                            *to = *texels;
+                        }
+                    }
+                }
+                let mut operands = vec![*coordinate];
+                operands.extend(array_index);
+                let mut footprint = Vec::new();
+                match level {
+                    SampleLevel::Auto | SampleLevel::Zero => {}
+                    SampleLevel::Exact(l) => operands.push(*l),
+                    SampleLevel::Bias(l) => footprint.push(*l),
+                    SampleLevel::Gradient { x, y } => footprint.extend([*x, *y]),
+                }
+                operands.extend(depth_ref);
+                let texel = self.lookup(frame, *image, &operands, (&footprint, sampling))?;
+                match depth_ref {
+                    Some(_) => Value::number(texel[0]),
+                    None => self.texel(*image, function, texel)?,
+                }
+            }
+            Expression::ImageLoad {
+                image,
+                coordinate,
+                array_index,
+                sample,
+                level,
+            } => {
+                let mut operands = vec![*coordinate];
+                operands.extend([array_index, sample, level].into_iter().flatten());
+                let how = (&[][..], Sampling::default());
+                let texel = self.lookup(frame, *image, &operands, how)?;
+                self.texel(*image, function, texel)?
+            }
+            Expression::ArrayLength(array) => {
+                let pointer = self.get(frame, *array)?;
+                Value::u32(self.read(&pointer)?.parts()?.len() as u32)
+            }
+            other => return Err(Stuck::Unsupported(kind(other).to_owned())),
+        })
+    }
+
+    /// A texel as the texture's class gives it: depth as one float, integers as the whole part of what the caller gave.
+    fn texel(
+        &self,
+        image: Handle<Expression>,
+        function: &Function,
+        texel: [F; 4],
+    ) -> Result<Value<F>, Stuck> {
+        use naga::{ImageClass, ScalarKind};
+        let class = match function.expressions[image] {
+            Expression::GlobalVariable(g) => {
+                match self.module.types[self.module.global_variables[g].ty].inner {
+                    naga::TypeInner::Image { class, .. } => Some(class),
+                    _ => None,
+                }
+            }
+            _ => None,
+        };
+        let kind = match class {
+            Some(ImageClass::Depth { .. }) => return Ok(Value::number(texel[0])),
+            Some(ImageClass::Sampled { kind, .. }) => kind,
+            Some(ImageClass::Storage { format, .. }) => naga::Scalar::from(format).kind,
+            _ => ScalarKind::Float,
+        };
+        let texel = Value::composite(&texel);
+        match kind {
+            ScalarKind::Sint | ScalarKind::Uint => math::cast(kind, Some(4), &texel),
+            _ => Ok(texel),
+        }
+    }
+
+    fn lookup(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        image: Handle<Expression>,
+        operands: &[Handle<Expression>],
+        (footprint, sampling): (&[Handle<Expression>], Sampling),
+    ) -> Result<[F; 4], Stuck> {
+        let Value::Resource(texture) = self.get(frame, image)? else {
+            return Err(Stuck::Type("a lookup in no texture".to_owned()));
+        };
+        let coordinates = self.numbers(frame, operands)?;
+        let footprint = self.numbers(frame, footprint)?;
+        Ok((self.environment.texture)(&Lookup {
+            binding: self.binding(texture),
+            coordinates: &coordinates,
+            footprint: &footprint,
+            sampling,
+        }))
+    }
+
+    fn binding(&self, global: Handle<GlobalVariable>) -> Option<(u32, u32)> {
+        let binding = self.module.global_variables[global].binding.as_ref();
+        binding.map(|b| (b.group, b.binding))
+    }
+
+    /// The components of operands as floats, one after the other.
+    fn numbers(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        operands: &[Handle<Expression>],
+    ) -> Result<Vec<F>, Stuck> {
+        let mut numbers = Vec::new();
+        for operand in operands {
+            let value = self.get(frame, *operand)?;
+            let floats = math::cast(naga::ScalarKind::Float, Some(4), &value)?;
+            numbers.extend(floats.floats()?);
+        }
+        Ok(numbers)
+    }
+}
+
+/// The name of an expression's kind.
+pub(super) fn kind(expression: &Expression) -> &'static str {
+    match expression {
+        Expression::Compose { .. } => "Compose",
+        Expression::Access { .. } => "Access",
+        Expression::AccessIndex { .. } => "AccessIndex",
+        Expression::Splat { .. } => "Splat",
+        Expression::Swizzle { .. } => "Swizzle",
+        Expression::Load { .. } => "Load",
+        Expression::ImageSample { .. } => "ImageSample",
+        Expression::ImageLoad { .. } => "ImageLoad",
+        Expression::Unary { .. } => "Unary",
+        Expression::Binary { .. } => "Binary",
+        Expression::Select { .. } => "Select",
+        Expression::Derivative { .. } => "Derivative",
+        Expression::Relational { .. } => "Relational",
+        Expression::Math { .. } => "Math",
+        Expression::As { .. } => "As",
+        Expression::ImageQuery { .. } => "the size of a texture (ImageQuery)",
+        Expression::AtomicResult { .. } => "AtomicResult",
+        _ => "expression",
+    }
+}
+
+/// The value of an expression that was evaluated.
+fn known<'v, F>(frame: &'v Frame<'_, F>, e: Handle<Expression>) -> Result<&'v Value<F>, Stuck> {
+    let value = frame.values[e.index()].as_ref();
+    value.ok_or(Stuck::Unevaluated(e.index()))
+}
+
+fn access<F: Number>(base: &Value<F>, index: usize) -> Result<Value<F>, Stuck> {
+    match base {
+        Value::Pointer { address, path } => Ok(Value::Pointer {
+            address: *address,
+            path: path.iter().copied().chain([index]).collect(),
+        }),
+        Value::Composite(_) => part(base, index).cloned(),
+        other => Err(Stuck::Type(format!("an access into {other:?}"))),
+    }
+}

@@ -1,0 +1,439 @@
+//! What runs: variables, statements and calls, each within the limits of steps and of memory.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use naga::{
+    AddressSpace, Block, Expression, Function, GlobalVariable, Handle, Module, Statement,
+    SwitchValue,
+};
+
+use super::expression::kind;
+use super::number::Number;
+use super::value::{self, Scalar, Value};
+use super::{Environment, Outcome, Stuck, Traced, layout};
+
+/// Scalars of private and of local memory that a run may have: each takes many bytes here, and is copied with what holds it.
+const MOST_SCALARS: u32 = 1 << 16;
+
+/// Scalars of all values that a run may hold at a time, arguments among them.
+const MOST_VALUES: usize = 1 << 20;
+
+/// Scalars that a value may have for one step: those of a matrix.
+const FREE: usize = 16;
+
+/// What runs.
+pub(super) struct Machine<'a, F: Number> {
+    pub(super) module: &'a Module,
+    pub(super) environment: &'a Environment<'a, F>,
+    /// Variables: the module's by their index, then those of the functions that run.
+    memory: Vec<Cow<'a, Value<F>>>,
+    /// Whether each of the module's variables has a value; `None`: nothing has asked for it yet.
+    globals: Vec<Option<bool>>,
+    discarded: bool,
+    pub(super) flips: u64,
+    steps: u64,
+    /// Scalars of the module's variables so far, and of those of the functions that run.
+    of_globals: u32,
+    of_locals: u32,
+    /// Scalars of the values that there are now.
+    held: usize,
+}
+
+pub(super) struct Frame<'f, F> {
+    pub(super) function: &'f Function,
+    pub(super) arguments: Vec<Value<F>>,
+    /// Address of the first local variable.
+    pub(super) locals: usize,
+    pub(super) values: Vec<Option<Value<F>>>,
+    /// Scalars of the values and arguments.
+    held: usize,
+}
+
+enum Flow<F> {
+    Next,
+    Break,
+    Continue,
+    Return(Option<Value<F>>),
+}
+
+impl<'a, F: Number> Machine<'a, F> {
+    /// One that has run nothing, with globals as they are at the beginning.
+    pub(super) fn new(module: &'a Module, environment: &'a Environment<'a, F>) -> Self {
+        let globals = module.global_variables.len();
+        Self {
+            module,
+            environment,
+            memory: vec![Cow::Owned(Value::Composite(Vec::new())); globals],
+            globals: vec![None; globals],
+            discarded: false,
+            flips: 0,
+            steps: 0,
+            of_globals: 0,
+            of_locals: 0,
+            held: 0,
+        }
+    }
+
+    /// Runs a function, and is used up by it.
+    pub(super) fn run(
+        mut self,
+        function: &'a Function,
+        arguments: &[Value<F>],
+    ) -> Result<Outcome<F>, Stuck> {
+        let result = self.call(function, arguments.to_vec())?;
+        Ok(Outcome {
+            stored: self.stored(),
+            result,
+            discarded: self.discarded,
+            flips: self.flips,
+            steps: self.steps,
+        })
+    }
+
+    /// What storage buffers that it may write hold now.
+    fn stored(&mut self) -> BTreeMap<(u32, u32), Value<F>> {
+        let mut stored = BTreeMap::new();
+        for (handle, global) in self.module.global_variables.iter() {
+            let (Some(at), AddressSpace::Storage { access }) = (&global.binding, global.space)
+            else {
+                continue;
+            };
+            if !access.contains(naga::StorageAccess::STORE) {
+                continue;
+            }
+            // One that was not touched holds what it held.
+            let value = match self.globals[handle.index()] {
+                Some(there) => there.then(|| self.memory[handle.index()].clone()),
+                None => self.initial(handle).ok().flatten(),
+            };
+            stored.extend(value.map(|v| ((at.group, at.binding), v.into_owned())));
+        }
+        stored
+    }
+
+    /// The scalars of a variable of this type, ahead of what they take.
+    fn take(&self, ty: Handle<naga::Type>) -> Result<u32, Stuck> {
+        let more = layout::scalars(self.module, ty);
+        let all = self.of_globals.saturating_add(self.of_locals);
+        match all.saturating_add(more) <= MOST_SCALARS {
+            true => Ok(more),
+            false => Err(Stuck::Unsupported(format!(
+                "more than {MOST_SCALARS} numbers in private and local memory"
+            ))),
+        }
+    }
+
+    /// Fails where so many scalars more are too many, ahead of what they take.
+    pub(super) fn room(&self, scalars: usize) -> Result<(), Stuck> {
+        match self.held.saturating_add(scalars) <= MOST_VALUES {
+            true => Ok(()),
+            false => Err(Stuck::Unsupported(format!(
+                "values of more than {MOST_VALUES} numbers"
+            ))),
+        }
+    }
+
+    /// Counts what a value of so many scalars costs to make or copy.
+    pub(super) fn work(&mut self, scalars: usize) -> Result<(), Stuck> {
+        self.steps = self
+            .steps
+            .saturating_add(scalars.saturating_sub(FREE) as u64);
+        match self.steps > self.environment.steps {
+            true => Err(Stuck::Steps),
+            false => Ok(()),
+        }
+    }
+
+    /// Keeps the value of an expression.
+    pub(super) fn keep(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        e: Handle<Expression>,
+        value: Value<F>,
+    ) -> Result<(), Stuck> {
+        let scalars = value.scalars();
+        self.room(scalars)?;
+        self.work(scalars)?;
+        let before = frame.values[e.index()].replace(value);
+        let before = before.map_or(0, |v| v.scalars());
+        frame.held = frame.held + scalars - before;
+        self.held = self.held + scalars - before;
+        Ok(())
+    }
+
+    /// What a variable of the module begins with; `None` where it has no value here. What is bound is not copied.
+    fn initial(
+        &mut self,
+        handle: Handle<GlobalVariable>,
+    ) -> Result<Option<Cow<'a, Value<F>>>, Stuck> {
+        let (module, environment) = (self.module, self.environment);
+        let global = &module.global_variables[handle];
+        if global.space == AddressSpace::Handle {
+            return Ok(None);
+        }
+        let given = global.binding.as_ref();
+        let given = given.and_then(|at| environment.resources.get(&(at.group, at.binding)));
+        if let Some(given) = given {
+            return Ok(Some(Cow::Borrowed(given)));
+        }
+        match &global.binding {
+            None => self.of_globals += self.take(global.ty)?,
+            Some(_) => {
+                let scalars = layout::scalars(module, global.ty) as usize;
+                self.room(scalars)?;
+                self.held += scalars;
+            }
+        }
+        match global.init.filter(|_| global.binding.is_none()) {
+            Some(init) => Ok(Some(Cow::Owned(value::default_constant(module, init)?))),
+            // A type that has none, say.
+            None => Ok(Value::zero(module, global.ty).ok().map(Cow::Owned)),
+        }
+    }
+
+    /// A variable of the module, made when it is first asked for.
+    pub(super) fn global(&mut self, handle: Handle<GlobalVariable>) -> Result<Value<F>, Stuck> {
+        let address = handle.index();
+        let there = match self.globals[address] {
+            Some(there) => there,
+            None => {
+                let value = self.initial(handle)?;
+                let there = value.is_some();
+                self.globals[address] = Some(there);
+                if let Some(value) = value {
+                    self.memory[address] = value;
+                }
+                there
+            }
+        };
+        Ok(match there {
+            true => Value::Pointer {
+                address,
+                path: Vec::new(),
+            },
+            false => Value::Resource(handle),
+        })
+    }
+
+    fn step(&mut self) -> Result<(), Stuck> {
+        self.steps += 1;
+        if self.steps > self.environment.steps {
+            return Err(Stuck::Steps);
+        }
+        Ok(())
+    }
+
+    fn call(
+        &mut self,
+        function: &'a Function,
+        arguments: Vec<Value<F>>,
+    ) -> Result<Option<Value<F>>, Stuck> {
+        let (locals, of_locals) = (self.memory.len(), self.of_locals);
+        for (_, variable) in function.local_variables.iter() {
+            self.of_locals += self.take(variable.ty)?;
+        }
+        let held = arguments.iter().map(Value::scalars).sum();
+        self.room(held)?;
+        self.work(held)?;
+        self.held += held;
+        let mut frame = Frame {
+            function,
+            arguments,
+            locals,
+            values: vec![None; function.expressions.len()],
+            held,
+        };
+        for (_, variable) in function.local_variables.iter() {
+            let value = match variable.init {
+                Some(init) => self.constant(&mut frame, init)?,
+                None => Value::zero(self.module, variable.ty)?,
+            };
+            self.memory.push(Cow::Owned(value));
+        }
+        let flow = self.block(&function.body, &mut frame)?;
+        self.memory.truncate(locals);
+        self.of_locals = of_locals;
+        self.held -= frame.held;
+        match flow {
+            Flow::Return(value) => Ok(value),
+            _ => Ok(None),
+        }
+    }
+
+    /// An initialiser: a constant expression outside any `Emit`.
+    pub(super) fn constant(
+        &mut self,
+        frame: &mut Frame<'a, F>,
+        e: Handle<Expression>,
+    ) -> Result<Value<F>, Stuck> {
+        for operand in crate::graph::operands::of_expression(&frame.function.expressions[e]) {
+            let value = self.constant(frame, operand)?;
+            self.keep(frame, operand, value)?;
+        }
+        self.evaluate(frame, e)
+    }
+
+    fn block(&mut self, block: &'a Block, frame: &mut Frame<'a, F>) -> Result<Flow<F>, Stuck> {
+        for statement in block {
+            self.step()?;
+            match self.statement(statement, frame)? {
+                Flow::Next => {}
+                flow => return Ok(flow),
+            }
+        }
+        Ok(Flow::Next)
+    }
+
+    fn statement(
+        &mut self,
+        statement: &'a Statement,
+        frame: &mut Frame<'a, F>,
+    ) -> Result<Flow<F>, Stuck> {
+        match statement {
+            Statement::Emit(range) => {
+                for e in range.clone() {
+                    self.step()?;
+                    let value = self.evaluate(frame, e)?;
+                    if let Some(trace) = self.environment.trace {
+                        trace.borrow_mut().push(Traced {
+                            span: frame.function.expressions.get_span(e),
+                            kind: kind(&frame.function.expressions[e]),
+                            value: value.clone(),
+                        });
+                    }
+                    self.keep(frame, e, value)?;
+                }
+            }
+            Statement::Block(block) => return self.block(block, frame),
+            Statement::If {
+                condition,
+                accept,
+                reject,
+            } => {
+                let taken = self.get(frame, *condition)?.truth()?;
+                return self.block(if taken { accept } else { reject }, frame);
+            }
+            Statement::Switch { selector, cases } => {
+                let selector = self.get(frame, *selector)?.scalar()?;
+                let matches = |value: &SwitchValue| match (value, selector) {
+                    (SwitchValue::I32(a), Scalar::I32(b)) => *a == b,
+                    (SwitchValue::U32(a), Scalar::U32(b)) => *a == b,
+                    _ => false,
+                };
+                let start = cases
+                    .iter()
+                    .position(|c| matches(&c.value))
+                    .or_else(|| cases.iter().position(|c| c.value == SwitchValue::Default));
+                let Some(start) = start else {
+                    return Ok(Flow::Next);
+                };
+                for case in &cases[start..] {
+                    match self.block(&case.body, frame)? {
+                        Flow::Next if case.fall_through => {}
+                        Flow::Next | Flow::Break => break,
+                        flow => return Ok(flow),
+                    }
+                }
+            }
+            Statement::Loop {
+                body,
+                continuing,
+                break_if,
+            } => loop {
+                self.step()?;
+                match self.block(body, frame)? {
+                    Flow::Next | Flow::Continue => {}
+                    Flow::Break => break,
+                    flow @ Flow::Return(_) => return Ok(flow),
+                }
+                self.block(continuing, frame)?;
+                if let Some(condition) = break_if
+                    && self.get(frame, *condition)?.truth()?
+                {
+                    break;
+                }
+            },
+            Statement::Break => return Ok(Flow::Break),
+            Statement::Continue => return Ok(Flow::Continue),
+            Statement::Return { value } => {
+                let value = value.map(|v| self.get(frame, v)).transpose()?;
+                return Ok(Flow::Return(value));
+            }
+            Statement::Kill => self.discarded = true,
+            Statement::Store { pointer, value } => {
+                let value = self.get(frame, *value)?;
+                let pointer = self.get(frame, *pointer)?;
+                *self.place(&pointer)? = value;
+            }
+            Statement::Call {
+                function,
+                arguments,
+                result,
+            } => {
+                let arguments = arguments
+                    .iter()
+                    .map(|a| self.get(frame, *a))
+                    .collect::<Result<_, _>>()?;
+                let returned = self.call(&self.module.functions[*function], arguments)?;
+                if let (Some(result), Some(returned)) = (result, returned) {
+                    self.keep(frame, *result, returned)?;
+                }
+            }
+            other => return Err(Stuck::Unsupported(format!("{other:?}"))),
+        }
+        Ok(Flow::Next)
+    }
+
+    /// What a pointer leads to, to be read.
+    pub(super) fn read(&self, pointer: &Value<F>) -> Result<&Value<F>, Stuck> {
+        let (address, path) = target(pointer)?;
+        let mut at = self.memory.get(address).ok_or_else(nowhere)?.as_ref();
+        for step in path {
+            at = part(at, *step)?;
+        }
+        Ok(at)
+    }
+
+    /// What a pointer leads to, to be written: a run's own from now on.
+    fn place(&mut self, pointer: &Value<F>) -> Result<&mut Value<F>, Stuck> {
+        let (address, path) = target(pointer)?;
+        let variable = self.memory.get(address).ok_or_else(nowhere)?;
+        if matches!(variable, Cow::Borrowed(_)) {
+            self.work(variable.scalars())?;
+        }
+        let mut at = self.memory.get_mut(address).ok_or_else(nowhere)?.to_mut();
+        for step in path {
+            let Value::Composite(parts) = at else {
+                return Err(Stuck::Type("a path into a scalar".to_owned()));
+            };
+            let last = parts.len().saturating_sub(1);
+            at = parts
+                .get_mut((*step).min(last))
+                .ok_or_else(|| Stuck::Type("a path into nothing".to_owned()))?;
+        }
+        Ok(at)
+    }
+}
+
+fn nowhere() -> Stuck {
+    Stuck::Type("a pointer to nothing".to_owned())
+}
+
+/// The variable that a pointer is to, and where in it.
+fn target<F: Number>(pointer: &Value<F>) -> Result<(usize, &[usize]), Stuck> {
+    match pointer {
+        Value::Pointer { address, path } => Ok((*address, path)),
+        other => Err(Stuck::Type(format!("{other:?} where a pointer belongs"))),
+    }
+}
+
+/// A part of a composite; the last one past its end.
+pub(super) fn part<F: Number>(of: &Value<F>, index: usize) -> Result<&Value<F>, Stuck> {
+    let Value::Composite(parts) = of else {
+        return Err(Stuck::Type("a path into a scalar".to_owned()));
+    };
+    let last = parts.len().saturating_sub(1);
+    let part = parts.get(index.min(last));
+    part.ok_or_else(|| Stuck::Type("a path into nothing".to_owned()))
+}

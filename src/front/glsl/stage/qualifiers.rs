@@ -1,0 +1,138 @@
+//! What stands before a type: storage, layout, interpolation.
+
+use glsl_lang::ast::{
+    self, InterpolationQualifierData, LayoutQualifierSpecData, StorageQualifierData,
+    TypeQualifierSpecData,
+};
+use naga::ShaderStage;
+
+use super::{Stage, unsupported};
+use crate::front::error::Error;
+use crate::front::glsl::constant;
+
+/// Where a variable lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::front::glsl) enum Storage {
+    Const,
+    In,
+    Out,
+    InOut,
+    Uniform,
+    Buffer,
+}
+
+/// What stands before a type.
+#[derive(Clone, Debug, Default)]
+pub(in crate::front::glsl) struct Qualifiers {
+    pub storage: Option<Storage>,
+    pub layout: Vec<(String, Option<i64>)>,
+    /// `flat` or `noperspective`.
+    pub interpolation: Option<&'static str>,
+    /// `centroid` or `sample`.
+    pub sampling: Option<&'static str>,
+    pub invariant: bool,
+    pub precise: bool,
+    /// `readonly` and its like, as they are.
+    pub memory: Vec<&'static str>,
+}
+
+impl Qualifiers {
+    /// The number that the layout gives to `key`.
+    pub(in crate::front::glsl) fn number(&self, key: &str) -> Option<u32> {
+        let found = self.layout.iter().find(|(k, _)| k == key)?;
+        found.1.and_then(|n| u32::try_from(n).ok())
+    }
+
+    pub(in crate::front::glsl) fn says(&self, key: &str) -> bool {
+        self.layout.iter().any(|(k, _)| k == key)
+    }
+}
+
+impl Stage<'_> {
+    pub(in crate::front::glsl) fn qualifiers(
+        &self,
+        qualifier: Option<&ast::TypeQualifier>,
+    ) -> Result<Qualifiers, Error> {
+        use StorageQualifierData as S;
+        let mut out = Qualifiers::default();
+        let vertex = self.kind == ShaderStage::Vertex;
+        for spec in qualifier.iter().flat_map(|q| &q.qualifiers) {
+            let place = self.place(spec.span);
+            match &spec.content {
+                TypeQualifierSpecData::Storage(s) => match &s.content {
+                    S::Const => {
+                        out.storage = out.storage.or(Some(Storage::Const));
+                    }
+                    S::InOut => out.storage = Some(Storage::InOut),
+                    S::In | S::Attribute => out.storage = Some(Storage::In),
+                    S::Out => out.storage = Some(Storage::Out),
+                    S::Varying if vertex => out.storage = Some(Storage::Out),
+                    S::Varying => out.storage = Some(Storage::In),
+                    S::Uniform => out.storage = Some(Storage::Uniform),
+                    S::Buffer => out.storage = Some(Storage::Buffer),
+                    S::Centroid => out.sampling = Some("centroid"),
+                    S::Sample => out.sampling = Some("sample"),
+                    S::ReadOnly => out.memory.push("readonly"),
+                    S::WriteOnly => out.memory.push("writeonly"),
+                    // Hints that WebGPU has no words for, and that change no value.
+                    S::Coherent | S::Volatile | S::Restrict => {}
+                    S::Shared => {
+                        return Err(unsupported(
+                            "`shared` variables belong to compute shaders",
+                            place,
+                        ));
+                    }
+                    S::Patch => {
+                        return Err(unsupported(
+                            "`patch` variables belong to tessellation shaders",
+                            place,
+                        ));
+                    }
+                    S::Subroutine(_) => {
+                        return Err(unsupported(
+                            "subroutines are not read: WebGPU has none",
+                            place,
+                        ));
+                    }
+                },
+                TypeQualifierSpecData::Layout(layout) => {
+                    for id in &layout.ids {
+                        if let LayoutQualifierSpecData::Identifier(name, value) = &id.content {
+                            let value = match value {
+                                Some(e) => {
+                                    let n = constant::evaluate(e, &self.constants);
+                                    if n.is_none() {
+                                        return Err(unsupported(
+                                            "a layout's number must be an integer constant",
+                                            place,
+                                        ));
+                                    }
+                                    n
+                                }
+                                None => None,
+                            };
+                            if name.as_str() == "component" && value != Some(0) {
+                                return Err(unsupported(
+                                    "`component` packs two variables into one location, which WebGPU cannot",
+                                    place,
+                                ));
+                            }
+                            out.layout.push((name.as_str().to_owned(), value));
+                        }
+                    }
+                }
+                TypeQualifierSpecData::Interpolation(i) => match i.content {
+                    InterpolationQualifierData::Smooth => {}
+                    InterpolationQualifierData::Flat => out.interpolation = Some("flat"),
+                    InterpolationQualifierData::NoPerspective => {
+                        out.interpolation = Some("noperspective");
+                    }
+                },
+                TypeQualifierSpecData::Invariant => out.invariant = true,
+                TypeQualifierSpecData::Precise => out.precise = true,
+                TypeQualifierSpecData::Precision(_) => {}
+            }
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,175 @@
+//! Which type a declaration names.
+
+use glsl_lang::ast::{
+    self, ArraySpecifierDimensionData, TypeSpecifierNonArray, TypeSpecifierNonArrayData,
+};
+use glsl_lang::transpiler::glsl::{FormattingState, show_type_specifier_non_array};
+use naga::Span;
+
+use super::{Stage, unsupported};
+use crate::front::error::{Code, Error};
+use crate::front::glsl::constant;
+use crate::front::glsl::ty::{Member, Struct, Ty};
+
+/// Most elements of what is told apart one by one: varyings, and what holds samplers.
+pub(super) const APART: u64 = 1 << 10;
+/// Most members of a struct, those of structs in it counted with them.
+const MEMBERS: u64 = 1 << 12;
+
+impl Stage<'_> {
+    /// The type that `spec` names, with the dimensions that stand at the variable's name.
+    pub(in crate::front::glsl) fn ty(
+        &mut self,
+        spec: &ast::TypeSpecifier,
+        at_name: Option<&ast::ArraySpecifier>,
+        place: Option<Span>,
+    ) -> Result<Ty, Error> {
+        let base = match &spec.ty.content {
+            TypeSpecifierNonArrayData::TypeName(name) => Ty::Struct(name.as_str().to_owned()),
+            TypeSpecifierNonArrayData::Struct(definition) => {
+                let name = match &definition.name {
+                    Some(name) => name.as_str().to_owned(),
+                    None => String::new(),
+                };
+                let mut members = Vec::new();
+                for field in &definition.fields {
+                    for (name, ty, place) in self.fields(field)? {
+                        members.push(Member {
+                            name,
+                            ty,
+                            row_major: false,
+                            place,
+                        });
+                    }
+                }
+                let name = match name.is_empty() {
+                    true => self.unnamed(&members),
+                    false => name,
+                };
+                let count = self.structs.count_of(members.iter().map(|m| &m.ty));
+                if count.members > MEMBERS || count.elements > self.unit.array_elements {
+                    return Err(Error::new(
+                        Code::TooDeep,
+                        format!(
+                            "`{name}` holds {} elements in {} members; at most {} in {MEMBERS} are read",
+                            count.elements, count.members, self.unit.array_elements
+                        ),
+                    )
+                    .label_if(place));
+                }
+                if let Some(old) = self.structs.get(&name) {
+                    let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
+                    let alike = old.members.len() == members.len()
+                        && old.members.iter().zip(&members).all(|(a, b)| same(a, b));
+                    if !alike {
+                        return Err(unsupported(
+                            format!("two structs are called `{name}`"),
+                            place,
+                        ));
+                    }
+                } else {
+                    self.structs.insert(Struct {
+                        name: name.clone(),
+                        members,
+                        hosted: false,
+                        tight: false,
+                    });
+                    self.structs.host_small();
+                }
+                Ty::Struct(name)
+            }
+            _ => Ty::named(&spelled(&spec.ty)),
+        };
+        let inner = self.dimensions(base, spec.array_specifier.as_ref(), place)?;
+        self.dimensions(inner, at_name, place)
+    }
+
+    /// A name for a struct without one, by what it holds: that of the other stage is another where it holds something else.
+    fn unnamed(&self, members: &[Member]) -> String {
+        let mut name = "Unnamed".to_owned();
+        for member in members {
+            let word = member.name.trim_matches('_');
+            if name.len() + word.len() < 60 && !word.contains("__") {
+                name += "_";
+                name += word;
+            }
+        }
+        let taken = |name: &str| {
+            let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
+            let old = self.structs.get(name);
+            old.is_some_and(|old| {
+                old.members.len() != members.len()
+                    || old.members.iter().zip(members).any(|(a, b)| !same(a, b))
+            })
+        };
+        let numbered = (2..).map(|i| format!("{name}_{i}"));
+        let mut all = std::iter::once(name.clone()).chain(numbered);
+        all.find(|n| !taken(n)).unwrap_or(name)
+    }
+
+    pub(in crate::front::glsl) fn dimensions(
+        &self,
+        of: Ty,
+        array: Option<&ast::ArraySpecifier>,
+        place: Option<Span>,
+    ) -> Result<Ty, Error> {
+        let Some(array) = array else {
+            return Ok(of);
+        };
+        let mut ty = of;
+        for dimension in array.dimensions.iter().rev() {
+            let length = match &dimension.content {
+                ArraySpecifierDimensionData::Unsized => None,
+                ArraySpecifierDimensionData::ExplicitlySized(e) => {
+                    let n = constant::evaluate(e, &self.constants);
+                    let n = n.and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0);
+                    let n = n.ok_or_else(|| {
+                        unsupported("the length of this array is not an integer constant above 0 that is known here", place)
+                    })?;
+                    Some(n)
+                }
+            };
+            ty = Ty::Array(Box::new(ty), length);
+            // Samplers are told apart one by one, and others may have to be.
+            let most = match ty.innermost() {
+                Ty::Combined(_) | Ty::Opaque(_) => APART,
+                _ => self.unit.array_elements,
+            };
+            self.check_elements(&ty, most, place)?;
+        }
+        Ok(ty)
+    }
+
+    /// Refuses a type of more elements than `most`.
+    pub(super) fn check_elements(
+        &self,
+        ty: &Ty,
+        most: u64,
+        place: Option<Span>,
+    ) -> Result<(), Error> {
+        let n = self.structs.count(ty).elements;
+        match n > most {
+            false => Ok(()),
+            true => Err(Error::new(
+                Code::TooDeep,
+                format!("an array of {n} elements, more than {most}, is not read"),
+            )
+            .label_if(place)),
+        }
+    }
+}
+
+/// A type's name as it is written, `struct` for one that is defined in place.
+pub(in crate::front::glsl) fn spelled(ty: &TypeSpecifierNonArray) -> String {
+    match &ty.content {
+        TypeSpecifierNonArrayData::TypeName(name) => name.as_str().to_owned(),
+        TypeSpecifierNonArrayData::Struct(_) => "struct".to_owned(),
+        _ => {
+            let mut name = String::new();
+            let shown =
+                show_type_specifier_non_array(&mut name, ty, &mut FormattingState::default());
+            debug_assert!(shown.is_ok());
+            name
+        }
+    }
+}
