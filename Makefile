@@ -12,7 +12,7 @@ test:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --quiet
-	cargo test --workspace --all-features --no-fail-fast
+	scripts/test.sh
 
 # The frozen hand-written shaders beside what preshade makes of the same forward entry points, in one process.
 bench:

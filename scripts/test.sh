@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+# All tests, in two halves at once: what draws waits for its adapter, and what is drawn in a browser for that, a third of the time. The second half is printed when the first has ended.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+of() { cargo test --workspace --all-features --no-fail-fast "$@"; }
+
+of --no-run --lib --bins --tests || exit
+said=$(mktemp)
+trap 'rm -f "$said"' EXIT
+of --test '[p-z]*' >"$said" 2>&1 &
+failed=0
+of --lib --bins --test '[a-o]*' || failed=1
+of --doc || failed=1
+wait $! || failed=1
+cat "$said"
+exit $failed
