@@ -8,9 +8,11 @@ of --no-run --lib --bins --tests || exit
 said=$(mktemp)
 trap 'rm -f "$said"' EXIT
 of --test '[p-z]*' >"$said" 2>&1 &
+second=$!
+trap 'kill $second; exit 130' INT TERM
 failed=0
 of --lib --bins --test '[a-o]*' || failed=1
 of --doc || failed=1
-wait $! || failed=1
+wait $second || failed=1
 cat "$said"
 exit $failed
