@@ -502,3 +502,28 @@ fn numbers_that_mean_nothing_are_told_where_they_stand() {
         assert!(scene.is_ok(), "{to}: {:?}", scene.err());
     }
 }
+
+#[test]
+fn immediate_data_is_told_where_it_would_be_drawn() {
+    let case = folder("immediate");
+    let shader = case.join("shaders/tiles.wgsl");
+    let text = std::fs::read_to_string(&shader).unwrap();
+    let pushed = "var<immediate> push: vec4<f32>;\n".to_owned()
+        + &text.replace("let lit = ", "let lit = push.rgb + ");
+    let path = case.join("scenes/immediate.toml");
+    std::fs::write(&path, GOOD).unwrap();
+    let draw = || {
+        let scene = scene::load(&path).unwrap();
+        let plan = &preshade::measure::originals(&scene)[0];
+        let (_, frame) = scene.frames().next().unwrap();
+        let pass = plan.main().unwrap();
+        scene::bind::draw(&scene, &scene.materials[0], pass, &scene.draws[0], frame).map(drop)
+    };
+    draw().unwrap();
+    std::fs::write(&shader, pushed).unwrap();
+    let error = draw().unwrap_err().to_string();
+    assert!(
+        error.contains("`push` is immediate data (push constants)"),
+        "{error}"
+    );
+}

@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 
-use naga::{ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
+use naga::{AddressSpace, ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
 use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
 use preshade_passes::state::CompareFunction;
 
@@ -197,7 +197,7 @@ pub struct Call {
 ///
 /// # Errors
 /// When a value does not fit its variable, a semantic is unknown, or a binding is of a kind a scene cannot fill (acceleration structures,
-/// binding arrays).
+/// binding arrays, immediate data).
 pub fn draw(
     scene: &Scene,
     material: &Material,
@@ -210,6 +210,7 @@ pub fn draw(
     }
     let streams = Streams::new(scene, material, draw)?;
     let module = material.program.module();
+    refuse_immediates(material)?;
     let mut out = DrawBindings {
         buffers: Vec::new(),
         textures: Vec::new(),
@@ -248,6 +249,22 @@ pub fn draw(
         }
     }
     Ok(out)
+}
+
+/// An adapter takes a module with immediate data only where its host asked for so many bytes of it, and nothing of a pass's bindings tells of them.
+fn refuse_immediates(material: &Material) -> Result<(), Error> {
+    let mut globals = material.program.module().global_variables.iter();
+    match globals.find(|(_, g)| g.space == AddressSpace::Immediate) {
+        None => Ok(()),
+        Some((_, global)) => Err(Error::new(format!(
+            "material `{}`: `{}` is immediate data (push constants), which a scene cannot fill: to see it drawn, make it a uniform block in a copy; `rewrite` takes it as it is",
+            material.name,
+            global
+                .name
+                .as_deref()
+                .unwrap_or("a variable without a name"),
+        ))),
+    }
 }
 
 /// The buffers of [`draw`] whose [`Rate`] is [`Rate::Frame`], for another frame: all that a renderer must write anew when the camera moves.
