@@ -13,7 +13,7 @@ fn the_page_says_what_the_files_say() {
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
     let files = read(&docs.join("results")).unwrap_or_else(|e| panic!("{e}"));
     let made = page(&files);
-    let path = docs.join("visibility-buffer-results.md");
+    let path = docs.join("results/visibility-buffer.md");
     if std::env::var_os("UPDATE_PAGES").is_some() {
         std::fs::write(&path, &made).unwrap();
     }
@@ -22,7 +22,7 @@ fn the_page_says_what_the_files_say() {
         .replace("\r\n", "\n");
     if let Some(line) = first_difference(&there, &made) {
         panic!(
-            "docs/visibility-buffer-results.md is not what docs/results says, from line {line} on: `{COMMAND}` writes it"
+            "docs/results/visibility-buffer.md is not what docs/results says, from line {line} on: `{COMMAND}` writes it"
         );
     }
 }

@@ -22,12 +22,12 @@ fn load(path: &Path) -> scene::Scene {
     scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()))
 }
 
-/// The scene that `docs/scenes.md` shows is a shipped one, which every test of all scenes draws.
+/// The scene that `docs/reference/scenes.md` shows is a shipped one, which every test of all scenes draws.
 #[test]
 fn the_scene_of_the_documentation_is_shipped() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let read = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
-    let page = read("docs/scenes.md");
+    let page = read("docs/reference/scenes.md");
     let shown = page.split("```toml\n").nth(1).unwrap();
     let shown = shown.split("```").next().unwrap();
     assert_eq!(shown, read("fixtures/scenes/first.toml"));

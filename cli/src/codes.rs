@@ -104,7 +104,7 @@ pub fn explain(code: &str) -> Result<String, Failure> {
     let assumptions = Assumption::all();
     if let Some((name, text)) = assumptions.iter().find(|(name, _)| name == bare) {
         return Ok(format!(
-            "{name} is something that a contract takes as given.\n\n{text}\n\ndocs/plan.md says what each asks of a host.\n"
+            "{name} is something that a contract takes as given.\n\n{text}\n\ndocs/reference/plan-json.md says what each asks of a host.\n"
         ));
     }
     let codes = all().map(|(code, _)| code);

@@ -7,7 +7,7 @@ use preshade::scene::{Access, Outside};
 #[derive(Clone, clap::Args)]
 pub struct LimitArgs {
     /// Refuse what is larger than this: default, strict (for what strangers wrote; each variant then gets a process of its own, and so many seconds) or none, and NAME=NUMBER
-    /// over them. docs/limits.md lists the names.
+    /// over them. docs/reference/limits.md lists the names.
     #[arg(long, value_name = "SET,NAME=N,..", value_parser = Limits::parse)]
     limits: Option<Limits>,
     /// Let a scene's files lie outside of its root folder.

@@ -46,7 +46,7 @@ Examples:
   preshade plan scenes/*.toml --exhaustive --out regret/
 
 A recipe is taken where it was measured to be faster than the original beyond noise, and by 1 % at
-least; where none is, nothing is, and the reasons are told. docs/deciding.md says how. With --out what is
+least; where none is, nothing is, and the reasons are told. docs/guides/plan.md says how. With --out what is
 measured is kept on the way, in plan.unfinished.json, until all of it is told.
 Of several scenes one that cannot be read or drawn is told, and the others are planned.
 Exit status 1: a plan broke its contract (it is not taken); 2: a scene came to no end.")]

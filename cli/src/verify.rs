@@ -592,7 +592,7 @@ pub fn guesses(scene: &Scene) -> Option<String> {
     let guessed = scene::bind::guessed(scene);
     let widest = guessed.iter().map(|g| g.name.len()).max()?;
     let mut lines = vec![format!(
-        "note: a scene was made up for `{}`, with these inputs guessed (a scene file says them: docs/scenes.md)",
+        "note: a scene was made up for `{}`, with these inputs guessed (a scene file says them: docs/reference/scenes.md)",
         scene.name
     )];
     lines.extend(

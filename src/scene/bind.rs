@@ -2,7 +2,7 @@
 //!
 //! What a pass lists (by group, binding and location) is looked up in the author's program by reflection, and each member is filled
 //! from, in this order: the draw's values, the material's values, what its name means by convention ([`Semantic`](super::Semantic), mesh streams), and a plausible
-//! number derived from its name. `docs/scenes.md` lists the names.
+//! number derived from its name. `docs/reference/scenes.md` lists the names.
 //!
 //! Nothing here depends on the plan: two variants of a material get the same bytes, and the same [`Data::id`]s, so a renderer uploads each once.
 

@@ -1,4 +1,4 @@
-//! The TOML of a scene, as data. `docs/scenes.md` documents it for users; a field's doc here says only what that page needs to stay true.
+//! The TOML of a scene, as data. `docs/reference/scenes.md` documents it for users; a field's doc here says only what that page needs to stay true.
 
 use std::collections::BTreeMap;
 use std::fmt;

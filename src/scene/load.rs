@@ -32,7 +32,7 @@ pub(super) const SCENE_BYTES: &str = "the bytes of vertex data, texels and draws
 /// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
 pub(super) const MAX_SIZE: u32 = 8192;
 
-/// Loads a scene file. `docs/scenes.md` documents the format, and which folders its paths may reach.
+/// Loads a scene file. `docs/reference/scenes.md` documents the format, and which folders its paths may reach.
 ///
 /// # Errors
 /// Anything wrong with the file, each with its place in it: TOML syntax, an unknown key (with the nearest known one), a size of 0, a missing

@@ -50,7 +50,7 @@ pub struct Access {
     pub limits: crate::limits::Limits,
 }
 
-/// Whether a scene's files may lie outside of its root folder (`docs/scenes.md`, "Paths").
+/// Whether a scene's files may lie outside of its root folder (`docs/reference/scenes.md`, "Paths").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outside {
     /// They may not.

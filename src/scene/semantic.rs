@@ -4,7 +4,7 @@ use glam::{Mat4, Vec3, Vec4};
 
 use super::{Draw, Frame, Scene};
 
-/// A value the renderer knows. The names that lead to it are listed in `docs/scenes.md`.
+/// A value the renderer knows. The names that lead to it are listed in `docs/reference/scenes.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum Semantic {

@@ -1,4 +1,4 @@
-//! `docs/visibility-buffer-results.md`: what the files of `docs/results` say of the visibility-buffer split.
+//! `docs/results/visibility-buffer.md`: what the files of `docs/results` say of the visibility-buffer split.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -20,8 +20,10 @@ const ARTICLE: [(u32, Option<[f64; 2]>); 3] = [
 const HEAD: &str = "\
 # The visibility buffer: results
 
-Made from the files of [`results`](results/README.md), whatever adapters are there; [how to add yours](results/README.md#send-in-yours). What the variants are, and what follows from the figures:
-[the visibility buffer](visibility-buffer.md). Do not edit: a test compares this page with the files, and `UPDATE_PAGES=1 cargo test --test results_page` writes it.
+<!-- Made from docs/results by `UPDATE_PAGES=1 cargo test --test results_page`; edits will be lost. -->
+
+These tables come from the JSON files in this folder. The [guide](../guides/visibility-buffer.md) explains
+the variants and draws the conclusions. To add your adapter, see [send in yours](README.md#send-in-yours).
 ";
 
 /// The scene as its author wrote it.
@@ -58,7 +60,7 @@ pub fn page(files: &[File]) -> String {
         out.push_str(&beside_the_article(&own));
         for file in own {
             let name = &file.name;
-            let _ = writeln!(out, "\n### [`{name}`](results/{name})\n");
+            let _ = writeln!(out, "\n### [`{name}`]({name})\n");
             out.push_str(&match &file.held {
                 Held::Series(series) => told_of_series(series),
                 Held::Report(report) => told_of_report(report),

@@ -141,7 +141,7 @@ fn base() -> Scene {
 
 pub const HOISTED: &str = "hoist:budget=0.05,finite=assumed,jumps=carried";
 
-/// The table of `docs/stability.md`.
+/// The table of `docs/results/stability.md`.
 pub fn table() -> String {
     let mut out = "| from the origin | positions | corners, pixels of 1920x1080 | original, steps | hoisted, steps |\n|--:|---|--:|--:|--:|\n".to_owned();
     let base = base();

@@ -1,4 +1,4 @@
-//! `docs/stability.md`, made of the cases and of the figures of each adapter.
+//! `docs/results/stability.md`, made of the cases and of the figures of each adapter.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -50,7 +50,7 @@ pub fn check(groups: &[(&str, &[Case])], measured: &dyn Fn() -> Results) {
         std::fs::write(path, measured().json()).unwrap();
         return;
     }
-    let folder = root().join("docs/stability");
+    let folder = root().join("docs/results/stability");
     let update = std::env::var("UPDATE_PAGES");
     // The page of the files alone, where one of them came from another machine.
     let is_of_files = update.as_ref().is_ok_and(|asked| asked == "text");
@@ -88,16 +88,20 @@ pub fn check(groups: &[(&str, &[Case])], measured: &dyn Fn() -> Results) {
             wrong.map(move |w| format!("{of}: {w}"))
         })
         .collect();
-    assert!(wrong.is_empty(), "docs/stability: {}", wrong.join("\n"));
+    assert!(
+        wrong.is_empty(),
+        "docs/results/stability: {}",
+        wrong.join("\n")
+    );
     let page = page(groups, &adapters);
-    let path = root().join("docs/stability.md");
+    let path = root().join("docs/results/stability.md");
     if update {
         std::fs::write(&path, &page).unwrap();
     }
     let have = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(
         have == page,
-        "docs/stability.md is not what its cases and files say: UPDATE_PAGES=1 cargo test --test stability"
+        "docs/results/stability.md is not what its cases and files say: UPDATE_PAGES=1 cargo test --test stability"
     );
 }
 
@@ -121,15 +125,17 @@ fn read(folder: &Path) -> Vec<Results> {
 }
 
 fn page(groups: &[(&str, &[Case])], adapters: &[Results]) -> String {
-    let mut out = "<!-- Made of tests/stability and docs/stability by `UPDATE_PAGES=1 cargo test --test stability`; edits will be lost. -->
+    let mut out = "<!-- Made of tests/stability and docs/results/stability by `UPDATE_PAGES=1 cargo test --test stability`; edits will be lost. -->
 # Hard cases
 
-Each case is a scene that a transform once broke, or could. It is drawn with the original and with each variant under every depth format and direction that matters, and the
-variant is held to its contract. Then the guard against the failure is taken away (*mutation*), in every set-up in which what is mutated is not refused, and the same judge, which found nothing before, has to find the failure: a case whose
-mutation is not seen proves nothing, and fails. A case that is not drawn in every depth format and direction says why.
+Each case is a scene that a transform once broke, or could break. The test draws it with the original and with
+each variant, under every depth format and direction that matters, and holds the variant to its contract. Then it
+removes the guard against the failure (the *mutation*), and the same judge must find the failure. A case whose
+mutation goes unnoticed proves nothing, so it fails. A case that skips a depth format or direction gives the reason.
 
-The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. A test binary that was built here runs on another machine as well
-(`STABILITY_OUT=FILE`, from the root of a checkout); its file, put into `docs/stability`, is another column.
+The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. To add a column for another machine,
+run the test binary there with `STABILITY_OUT=FILE` from the root of a checkout, and put the file into
+`docs/results/stability`.
 "
     .to_owned();
     let _ = writeln!(out, "\nDrawn on:\n");
@@ -187,9 +193,11 @@ The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. A
         "
 ## Far from the origin
 
-The scene of *positions relative to the eye*, moved along x and z, held against the truth of a host that keeps positions in `f64` (median / 99th percentile / largest over 500 points, of a machine that rounds each
-operation correctly; [truth.md](truth.md) has the method). *In the world* the host rounds positions to `f32` and multiplies view and projection in `f32`; *relative to the eye* it takes the eye's position off first.
-The shader is the same, for it takes differences of positions alone. Steps are of 1/255. *Hoisted* is `{}`.
+The scene of *positions relative to the eye*, moved along x and z. The reference is a host that keeps positions in
+`f64`. Figures are median / 99th percentile / largest over 500 points, on a machine that rounds each operation
+correctly ([method](../reference/validation.md#error-against-f64)). *In the world*, the host rounds positions to `f32`
+and multiplies view and projection in `f32`. *Relative to the eye*, it subtracts the eye's position first. Both run
+the same shader, which uses only differences of positions. Steps are 1/255. *Hoisted* is `{}`.
 
 {}",
         super::far::HOISTED,
