@@ -1,4 +1,5 @@
-//! The fragment stage of a pass that draws depth alone, in GLSL ES: WebGL links no program without one (OpenGL ES 3.0, section 2.12.3).
+//! The fragment stage of a depth-only pass in GLSL ES. WebGL links no program without one (OpenGL
+//! ES 3.0, 2.12.3).
 
 use naga::ShaderStage;
 use preshade_passes::plan::{Plan, Role};
@@ -6,13 +7,12 @@ use preshade_passes::plan::{Plan, Role};
 use super::plan_json::StageFile;
 use super::{File, Target, Written, written_key};
 
-/// A fragment stage that does nothing, after its first line.
+/// An empty fragment stage without its first line.
 const TEXT: &str = "precision highp float;
-// Depth alone is drawn.
 void main() {}
 ";
 
-/// The languages in which a program has one, with how a text begins and what its file's name ends with.
+/// Languages that need a fragment stage: first line and file extension.
 const LANGUAGES: [(Target, &str, &str); 2] = [
     (Target::GlslEs300, "#version 300 es", "es.frag"),
     (Target::GlslEs100, "#version 100", "es100.frag"),
@@ -20,12 +20,12 @@ const LANGUAGES: [(Target, &str, &str); 2] = [
 
 const WITH_MAIN: &str = "// The vertex stage is the main pass's own.\n";
 
-/// The key under which `plan.json` finds the stage of a pass that has none.
+/// The `plan.json` key of the empty stage.
 pub(super) fn key() -> Written {
     written_key(ShaderStage::Fragment, "")
 }
 
-/// Such a stage, with the program that it belongs to.
+/// The empty stage of a program.
 pub(super) struct Blank {
     pub program: String,
     pub target: Target,
@@ -33,7 +33,7 @@ pub(super) struct Blank {
     pub said: StageFile,
 }
 
-/// One file a pass that has no fragment stage, `MATERIAL.ROLE.es.frag`. Nothing where GLSL ES is not asked for.
+/// The file of each pass without a fragment stage, `MATERIAL.ROLE.es.frag`, if GLSL ES is a target.
 pub(super) fn files(plan: &Plan, targets: &[Target]) -> Vec<Blank> {
     let mut all = Vec::new();
     for (target, version, extension) in LANGUAGES {
@@ -43,7 +43,7 @@ pub(super) fn files(plan: &Plan, targets: &[Target]) -> Vec<Blank> {
         for pass in plan.passes.iter().filter(|pass| pass.fragment.is_none()) {
             let name = format!("{}.{}.{extension}", plan.material, pass.role.name());
             let said = StageFile::new(&name, "main");
-            // Without a program of its own it has no vertex stage of its own name beside it.
+            // A pass that shares the main program has no file named after itself.
             let vertex = match pass.role {
                 Role::Prepass if pass.program == Role::Main.name() => WITH_MAIN,
                 _ => "",

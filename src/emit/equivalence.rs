@@ -1,5 +1,6 @@
-//! Proof that `tidy` changes no program: the text before and after is parsed, and both must do the same things in the same order with the same
-//! values, where a load of a variable is a different value before and after anything that might change it.
+//! Tests that `tidy` preserves the program. The texts before and after must have the same effects
+//! in the same order with the same values. Two loads of a variable are equal only if nothing
+//! between them can change it.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::collections::HashMap;
@@ -11,7 +12,7 @@ use preshade_passes::program::Program;
 use super::{tidy, wgsl};
 use crate::front::{self, Color, Options, Source, operands};
 
-/// What the functions of a module do, in order: one line an effect or a turn of control flow.
+/// The effects of a module in order, one line per effect or control flow.
 fn effects(module: &Module) -> Vec<String> {
     let functions = module.functions.iter().map(|(_, f)| f);
     let entries = module.entry_points.iter().map(|e| &e.function);
@@ -24,7 +25,7 @@ fn effects(module: &Module) -> Vec<String> {
             values: HashMap::new(),
             lines: &mut lines,
         };
-        // What no statement evaluates is there from the start.
+        // Expressions without an `Emit` are available from the start.
         for (handle, _) in function.expressions.iter() {
             trace.evaluate(handle);
         }
@@ -41,14 +42,15 @@ struct Trace<'a> {
 }
 
 impl Trace<'_> {
-    /// Hashes an expression, of its operands' hashes and, for a load of what may change, the number of effects before it.
+    /// Hashes an expression from its operands' hashes. A load also hashes the number of preceding
+    /// effects.
     fn evaluate(&mut self, handle: Handle<Expression>) {
         let mut expression = self.function.expressions[handle].clone();
         let mut operand_values = Vec::new();
         let (first, _) = self.function.expressions.iter().next().unwrap();
         operands::of_expression(&mut expression, |e| {
             operand_values.push(self.values.get(e).copied());
-            // The handle itself differs between two texts.
+            // Handles differ between the texts.
             *e = first;
         });
         let mut hasher = DefaultHasher::new();
@@ -102,7 +104,7 @@ impl Trace<'_> {
             operands::of_statement(&mut statement, |e| values.push(self.values.get(e).copied()));
             let kind = format!("{statement:?}");
             let kind = kind.split([' ', '{', '(']).next().unwrap().to_owned();
-            // A loop's `break_if` is evaluated by its continuing block.
+            // The continuing block evaluates a loop's `break_if`.
             let before = if kind == "Loop" { Vec::new() } else { values };
             self.lines.push(format!("{kind} {before:?}"));
             if let Statement::Switch { cases, .. } = &statement {
@@ -147,7 +149,7 @@ fn prove(name: &str, text: &str) {
         naga::front::wgsl::parse_str(text)
             .unwrap_or_else(|e| panic!("{}\n{text}", e.emit_to_string(text)))
     };
-    // Locals are told apart by name, so those of the raw text get their numbers off as `tidy` does.
+    // Locals are compared by name, so remove the numbers that `tidy` removes.
     let names = |module: Module| {
         let mut module = module;
         let strip = |function: &mut Function| {

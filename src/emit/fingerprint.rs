@@ -1,5 +1,6 @@
-//! What an emitted module must have in common with the program it was written from: everything a pipeline, a bind group or a buffer layout
-//! sees. Function bodies are not compared; names of inputs, members and variables are the writer's to choose.
+//! The properties that emitted code must share with its program: everything that a pipeline, a bind
+//! group or a buffer layout depends on. It ignores function bodies and the names of inputs, members
+//! and variables.
 
 use naga::diagnostic_filter::DiagnosticFilterNode;
 use naga::{
@@ -10,7 +11,7 @@ use preshade_passes::reflect::{self, Io};
 
 use crate::front::varying::Varying;
 
-/// Lines of text, sorted: equal for two modules that a host cannot tell apart.
+/// Sorted lines. They are equal if a host cannot distinguish the modules.
 pub(super) fn of(module: &Module) -> Vec<String> {
     let mut lines = Vec::new();
     for entry in &module.entry_points {
@@ -20,7 +21,7 @@ pub(super) fn of(module: &Module) -> Vec<String> {
             "{at}: early depth test {:?}",
             entry.early_depth_test
         ));
-        // A function without a chain of its own, as passes make them, is under the module's directives.
+        // Functions that passes create have no filter of their own, so the module's apply.
         let leaf = entry.function.diagnostic_filter_leaf;
         let filters = filters(
             &module.diagnostic_filters,
@@ -57,7 +58,7 @@ pub(super) fn of(module: &Module) -> Vec<String> {
     lines
 }
 
-/// What a constant expression is computed of, without handles: overrides by name, constants by what they are.
+/// A constant expression without handles: overrides by name, constants by value.
 fn constant(module: &Module, e: Handle<Expression>) -> String {
     let expressions = &module.global_expressions;
     match &expressions[e] {
@@ -84,12 +85,12 @@ fn constant(module: &Module, e: Handle<Expression>) -> String {
         operands.push(constant(module, *operand));
         *operand = e;
     });
-    // The expression's own handle is no part of what it says.
+    // Remove the expression's own handle.
     let said = format!("{expression:?}").replace(&format!("{e:?}"), "_");
     format!("{said}{operands:?}")
 }
 
-/// The first line that only one of the two has.
+/// The first line that only one side has.
 pub(super) fn difference(wanted: &[String], found: &[String]) -> Option<String> {
     if wanted == found {
         return None;
@@ -104,7 +105,7 @@ pub(super) fn difference(wanted: &[String], found: &[String]) -> Option<String> 
     })
 }
 
-/// An input or output. `plain`: on the side of a stage where interpolation means nothing.
+/// An input or output. `plain`: interpolation has no meaning here.
 fn io(module: &Module, io: &Io, plain: bool) -> String {
     let ty = layout(module, io.ty);
     match (&io.binding, Varying::of(module, io)) {
@@ -116,7 +117,7 @@ fn io(module: &Module, io: &Io, plain: bool) -> String {
     }
 }
 
-/// A type by its layout: offsets, spans and strides, without names.
+/// A type's layout: offsets, sizes and strides without names.
 fn layout(module: &Module, ty: Handle<Type>) -> String {
     match &module.types[ty].inner {
         TypeInner::Struct { members, span } => {
@@ -173,8 +174,8 @@ pub(super) fn filters(
     chain
 }
 
-/// The stage interface alone, as SPIR-V carries it: inputs and outputs by location or builtin, and the resources used, by group and
-/// binding. Sorted lines.
+/// The stage interface that SPIR-V keeps, as sorted lines: inputs and outputs by location or
+/// builtin, resources by group and binding.
 #[cfg(feature = "spirv")]
 pub(super) fn interface(
     module: &Module,
@@ -191,7 +192,7 @@ pub(super) fn interface(
             Some(Binding::Location { location, .. }) => {
                 Some(format!("location {location}: {}", layout(module, io.ty)))
             }
-            // The reader adds builtins that glslang always declares; the ones it was given keep their meaning by validity.
+            // naga's reader adds the builtins that glslang always declares.
             Some(Binding::BuiltIn(naga::BuiltIn::Position { invariant })) => {
                 let invariant = *invariant && stage == ShaderStage::Vertex;
                 Some(format!("position, invariant {invariant}"))

@@ -1,4 +1,5 @@
-//! One entry point as GLSL 4.50, 4.00, GLSL ES 3.00 or 1.00, with what a host must know to bind its resources.
+//! Writes an entry point as GLSL 4.50, 4.00, GLSL ES 3.00 or 1.00, with the data that a host needs
+//! for its bindings.
 
 mod author;
 mod depth;
@@ -34,9 +35,9 @@ use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
 use super::text::Spelling;
 use super::{ClipSpace, Error, Options, Target, reduce};
 
-/// The program made ready to be written under its author's names.
+/// Prepares the program to be written with its author's names.
 pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, Error> {
-    // naga writes two brackets a level, and the front end takes no more than `limits::nesting` of them.
+    // naga writes two brackets per level, and our front end limits nesting.
     let named = super::prepare::prepare(program).and_then(|m| program.with_module(m).ok());
     let program = named.as_ref().unwrap_or(program);
     author::prepare(program).map_err(|failed| match failed {
@@ -57,19 +58,21 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
     })
 }
 
-/// What naga writes for a position where the host keeps WebGPU's matrices, and what is written where it keeps OpenGL's: the author's depth again, of that in the IR.
+/// naga's conversion of a position from WebGPU's clip space, and its replacement for a host with
+/// OpenGL's matrices, which restores the author's depth.
 const TURNED: &str = "gl_Position.yz = vec2(-gl_Position.y, gl_Position.z * 2.0 - gl_Position.w);";
 const OWN_DEPTH: &str = "gl_Position.z = gl_Position.z * 2.0 - gl_Position.w;";
 
-/// The text with the author's depth wherever naga turns a position; `None` where a position is turned in other words, or nowhere.
+/// Restores the author's depth at each conversion; `None` if there is none or naga's text differs.
 fn with_own_depth(text: &str) -> Option<String> {
     let turned = text.matches(TURNED).count();
-    // Once at each end of the entry point, and in no other words: else the picture would come out upside down.
+    // There must be one conversion per end of the entry point and no other assignment, or the image
+    // would be upside down.
     let written = text.matches("gl_Position.yz").count();
     (turned > 0 && turned == written).then(|| text.replace(TURNED, OWN_DEPTH))
 }
 
-/// As [`write`], with the author's names for whatever a host sees.
+/// As [`write`], with the author's names for everything that a host sees.
 pub(super) fn write_named(
     authored: &Authored,
     stage: ShaderStage,
@@ -85,7 +88,7 @@ pub(super) fn write_named(
     let authors_own = authors_own.flatten();
     let clip_space = options.glsl_clip_space;
     let program = authors_own.as_ref().unwrap_or(&authored.program);
-    // What cannot be left out is turned back, which costs the depth its last bits.
+    // Invert the depth conversion if it cannot be removed. This costs the last bits of precision.
     let turned = own_depth && authors_own.is_none();
     let options = match turned {
         true => Options {
@@ -149,8 +152,8 @@ pub(super) fn write_named(
     }
 }
 
-/// The text with `gl_FragCoord` declared to count from the top again, where it is read. What is drawn upside down, as for WebGPU's clip space, has its first row at the bottom, where
-/// OpenGL counts from.
+/// Redeclares `gl_FragCoord` with its origin at the top, if it is used. A target drawn upside down
+/// for WebGPU's clip space has its first row at the bottom, OpenGL's origin.
 fn with_own_origin(
     text: String,
     clip_space: ClipSpace,
@@ -180,7 +183,7 @@ fn with_own_origin(
     ))
 }
 
-/// What GLSL ES has from 3.10 on, and naga writes into 3.00 without a word.
+/// GLSL ES 3.10 functions that naga writes into 3.00.
 const LATER_FUNCTIONS: [&str; 14] = [
     "bitCount",
     "bitfieldExtract",
@@ -212,7 +215,8 @@ fn refuse_later_functions(text: &str, name: &str, target: Target) -> Result<(), 
     }
 }
 
-/// The text, and what `plan.json` says of it. `name` is the file's. Bindings are numbered as those of `numbered`, which has all stages of the program.
+/// Writes the text and its `plan.json` entry. `name` is the file's. Bindings are numbered as in
+/// `numbered`, which has all stages of the program.
 pub(super) fn write(
     program: &Program,
     numbered: &Program,
@@ -270,7 +274,8 @@ pub(super) fn write(
     .map_err(failed)?;
     text = super::text::exact_floats(&text, Spelling::Glsl);
 
-    // A struct shared by both stages marks the fragment's input invariant too, which WGSL lets pass; GLSL qualifies only outputs so.
+    // A struct shared by both stages makes the fragment input invariant too. WGSL allows that, GLSL
+    // does not.
     if stage == ShaderStage::Fragment {
         text = text.replace("invariant gl_FragCoord;\n", "");
     }
@@ -278,7 +283,7 @@ pub(super) fn write(
     let at = |handle: Handle<GlobalVariable>| module.global_variables[handle].binding;
     let slot = |binding: ResourceBinding| binding_map.get(&binding).map(|slot| u32::from(*slot));
     let pair = |b: ResourceBinding| [b.group, b.binding];
-    // GLSL has one name space of entry points: every stage is `main`.
+    // Each GLSL stage is called `main`.
     let mut said = StageFile {
         overrides: settled
             .as_ref()
@@ -311,11 +316,12 @@ pub(super) fn write(
     Ok((text, said))
 }
 
-/// GLSL ES 3.00 has one flavour of derivative, which may be coarse, and naga writes it for the fine ones without a word. The vote of `early-discard` rests on fine
-/// ones: with a coarse one three lanes of a quad may leave over the head of the fourth, whose derivatives are then undefined.
+/// GLSL ES 3.00 has a single kind of derivative, possibly coarse, and naga writes it for fine ones
+/// too. The quad vote of `early-discard` needs fine derivatives: with coarse ones, three lanes may
+/// exit although the fourth continues, and its derivatives are then undefined.
 pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
     early_discard::vote_shields_derivatives(plan).then(|| Form {
-        // Whatever the plan promises: a spoilt lane may be any colour.
+        // An affected lane can have any colour.
         contract: Contract::Approximate {
             metric: "max_abs".to_owned(),
             budget: 1.0,
@@ -327,8 +333,9 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
     })
 }
 
-/// Slots for `layout(binding = ..)`: OpenGL numbers uniform blocks, storage blocks, textures and images apart, each from 0. What the author has numbered keeps its number, the first where
-/// several have one (OpenGL has no sets); all else gets those that are free, in the order of group and binding. All stages of a program share them.
+/// Assigns `layout(binding = ..)`. OpenGL numbers uniform blocks, storage blocks, textures and
+/// images separately, each from 0. An author's number is kept, by the first resource that has it.
+/// Others get free numbers in the order of group and binding. All stages of a program share them.
 fn binding_map(program: &Program) -> BindingMap {
     let module = program.module();
     let said = &program.declared().numbers;
@@ -340,7 +347,7 @@ fn binding_map(program: &Program) -> BindingMap {
     let mut bound: Vec<(ResourceBinding, u8)> = module
         .global_variables
         .iter()
-        // Uniforms that are variables of their own are no block any more.
+        // Loose uniforms are not in a block.
         .filter(|(handle, g)| loose.is_none() || g.binding != loose || is_used(*handle))
         .filter_map(|(_, g)| {
             let kind = match (g.space, &module.types[g.ty].inner) {
@@ -354,7 +361,7 @@ fn binding_map(program: &Program) -> BindingMap {
                     },
                 ) => 3,
                 (_, TypeInner::Image { .. }) => 2,
-                // A sampler has no slot of its own: it is combined into its texture's.
+                // A sampler is combined into its texture's slot.
                 _ => return None,
             };
             Some((g.binding?, kind))
@@ -381,7 +388,8 @@ fn binding_map(program: &Program) -> BindingMap {
     map
 }
 
-/// Bindings of one descriptor set, in the order of group and binding. All stages of a program share them.
+/// Numbers the bindings of one descriptor set in the order of group and binding. All stages of a
+/// program share them.
 fn descriptor_map(module: &Module) -> BindingMap {
     let bound = module.global_variables.iter().filter_map(|(_, g)| {
         // A sampler is combined into its texture's binding.
@@ -394,8 +402,8 @@ fn descriptor_map(module: &Module) -> BindingMap {
     bound.into_iter().zip(slots).collect()
 }
 
-/// GLSL cannot fetch a texel of a depth texture without comparing it, and naga says so only as "WGSL `textureLoad` from depth textures is
-/// not supported".
+/// Rejects texel fetches of depth textures, which GLSL lacks. naga's own message is "WGSL
+/// `textureLoad` from depth textures is not supported".
 fn refuse_depth_loads(
     module: &Module,
     info: &ModuleInfo,
@@ -450,7 +458,7 @@ fn refuse_depth_loads(
     Ok(())
 }
 
-/// GLSL ES has `textureGather` from 3.10 on; naga writes it into 3.00 without a word, in every function there is.
+/// Rejects `textureGather` below GLSL ES 3.10, where naga writes it anyway.
 fn refuse_gathers(module: &Module, name: &str, target: Target) -> Result<(), Error> {
     let gathers = |function: &Function| {
         let mut all = function.expressions.iter();
@@ -520,7 +528,7 @@ fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
     }
 }
 
-/// What a language lacks, as an author would say it.
+/// Names missing features for messages.
 fn in_words(features: glsl::Features) -> String {
     use glsl::Features as F;
     let words = [

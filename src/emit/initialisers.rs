@@ -1,6 +1,8 @@
-//! Initialisers that naga's WGSL writer has no words for (it is `unreachable!()` there): those of overrides and of private variables that are computed of overrides.
+//! Handles initialisers that naga's WGSL writer cannot write (it is `unreachable!()`): those of
+//! overrides and private variables that depend on overrides.
 //!
-//! The writer has words for all of them within functions. So each is written as what a function of ours returns, and moved from there to where it belongs.
+//! The writer can write them inside of functions. So each becomes the result of a temporary
+//! function, and is moved from there into the declaration.
 
 use naga::{
     AddressSpace, Arena, Block, Expression, Function, FunctionResult, Handle, Module, Range, Span,
@@ -8,21 +10,21 @@ use naga::{
 };
 use preshade_passes::graph::operands;
 
-/// A module without such initialisers, and where they go.
+/// A module without such initialisers, and their targets.
 pub(super) struct Apart {
-    /// The module, with a function for each behind its own.
+    /// The module, with one temporary function per initialiser at the end.
     pub module: Module,
     places: Vec<Place>,
 }
 
-/// Whose initialiser it is: of the overrides, or of the private variables, which.
+/// The override or private variable of an initialiser.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
     Override(usize),
     Private(usize),
 }
 
-/// Sets the initialisers apart that the writer cannot write; `None` where it can write all.
+/// Removes initialisers that the writer cannot write; `None` if there are none.
 pub(super) fn set_apart(module: &Module) -> Option<Apart> {
     let amiss = |init: &Option<Handle<Expression>>| init.filter(|e| !is_writable(module, *e));
     let overrides = module.overrides.iter().enumerate();
@@ -62,7 +64,7 @@ pub(super) fn set_apart(module: &Module) -> Option<Apart> {
     })
 }
 
-/// What the writer can say of a constant expression.
+/// Whether the writer can write a constant expression.
 fn is_writable(module: &Module, e: Handle<Expression>) -> bool {
     let expression = &module.global_expressions[e];
     let has_words = matches!(
@@ -78,7 +80,7 @@ fn is_writable(module: &Module, e: Handle<Expression>) -> bool {
     has_words && operands.into_iter().all(|o| is_writable(module, o))
 }
 
-/// A function that returns what a constant expression of the module comes to.
+/// A function that returns a constant expression of the module.
 fn returning(module: &Module, init: Handle<Expression>, ty: Handle<Type>) -> Function {
     let mut expressions = Arena::new();
     let mut body = Block::new();
@@ -93,7 +95,8 @@ fn returning(module: &Module, init: Handle<Expression>, ty: Handle<Type>) -> Fun
     }
 }
 
-/// The expression with its operands, each as often as it is used: what is used once the writer gives no name.
+/// Copies the expression with its operands, once per use: the writer does not name values that are
+/// used once.
 fn copied(
     module: &Module,
     e: Handle<Expression>,
@@ -112,7 +115,7 @@ fn copied(
 }
 
 impl Apart {
-    /// What was written of the module, with the initialisers where they belong and without the functions.
+    /// Moves the initialisers from the functions to their declarations.
     pub(super) fn put_back(&self, text: &str) -> String {
         let own = self.module.functions.len() - self.places.len();
         let mut plain: Vec<&str> = Vec::new();
@@ -129,7 +132,7 @@ impl Apart {
                 plain.push(line);
                 continue;
             }
-            // One statement, and a blank line behind the function.
+            // One statement, and a blank line after the function.
             let mut whole = lines.by_ref().take_while(|l| *l != "}");
             let statement = whole.find_map(|l| l.trim().strip_prefix("return "));
             whole.for_each(drop);
@@ -162,7 +165,7 @@ impl Apart {
     }
 }
 
-/// Without the parentheses around all of it.
+/// Removes parentheses around the whole expression.
 fn without_parentheses(value: &str) -> &str {
     let inner = value.strip_prefix('(').and_then(|v| v.strip_suffix(')'));
     let closes = |inner: &&str| {

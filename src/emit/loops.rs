@@ -1,4 +1,4 @@
-//! naga knows one loop; its writer's form of an author's `for` and `while` is turned back into them.
+//! Restores `for` and `while` from naga's only loop:
 //!
 //! ```wgsl
 //! loop {                          for (; i < 4i; i = i + 1i) {
@@ -17,9 +17,9 @@
 
 const INDENT: &str = "    ";
 
-/// The lines of a function with every loop of that form rewritten. Lines are indented as naga's writer indents them.
+/// Rewrites every such loop in a function's lines, which must have naga's indentation.
 pub(super) fn structured(mut lines: Vec<String>) -> Vec<String> {
-    // From the last one: inner loops before those around them.
+    // Backwards: inner loops first.
     for at in (0..lines.len()).rev() {
         if lines[at].trim_start() == "loop {"
             && let Some(rewritten) = rewrite(&lines, at)
@@ -32,7 +32,7 @@ pub(super) fn structured(mut lines: Vec<String>) -> Vec<String> {
 
 struct Rewritten {
     lines: Vec<String>,
-    /// First line after the loop.
+    /// The first line after the loop.
     end: usize,
 }
 
@@ -87,7 +87,7 @@ fn rewrite(lines: &[String], at: usize) -> Option<Rewritten> {
     })
 }
 
-/// `(a < b)` without its parentheses, if they are one pair around all of it.
+/// Removes the parentheses of `(a < b)` if they enclose the whole text.
 fn bare(condition: &str) -> &str {
     let Some(inner) = condition
         .strip_prefix('(')

@@ -1,8 +1,9 @@
-//! A [`Plan`] becomes files: its programs as text (or SPIR-V) for each target asked for, and `MATERIAL.plan.json` beside them.
+//! Writes a [`Plan`] as files: its programs in each requested target, and `MATERIAL.plan.json`.
 //!
-//! Nothing a back end writes is shipped on faith. Each program is first reduced to the entry points its passes use; what is written of it
-//! is read again and its `fingerprint` compared: entry points with their attributes, inputs and outputs, bindings, struct offsets. What
-//! naga's writers are known to lose is put back; what cannot be put back is an [`Error`], never a silent difference.
+//! Every program is first reduced to the entry points that its passes use. We parse the written
+//! text again and compare `fingerprint`s: entry points with their attributes, inputs and outputs,
+//! bindings, struct offsets. We repair known losses of naga's writers. Any other difference is an
+//! [`Error`].
 //!
 //! | target | files |
 //! |---|---|
@@ -14,10 +15,11 @@
 //! | [`Target::GlslTess`] | `MATERIAL.ROLE.tess.vert`, `.tess.tesc`, `.tess.tese`, `.tess.frag`, of a hoisted plan |
 //! | [`Target::GlslVulkanTess`] | `MATERIAL.ROLE.vulkan.vert`, `.vulkan.tesc`, `.vulkan.tese`, `.vulkan.frag`, of a hoisted plan |
 //!
-//! `ROLE` is the program's key in [`Plan::programs`]. Where several passes draw one program with different entry points of a stage, the
-//! stage's files say the entry point too: `MATERIAL.ROLE.ENTRY.frag`. Compute stages end in `comp`. Which file a pass takes is written in `plan.json`.
-//! A pass that draws depth alone has no fragment file but in GLSL ES, where it has an empty one. A plan that falls back to the original ships that too, as
-//! `MATERIAL.original` where its main program is no longer the author's.
+//! `ROLE` is the program's key in [`Plan::programs`]. If several passes draw one program with
+//! different entry points, the file name includes the entry point: `MATERIAL.ROLE.ENTRY.frag`.
+//! Compute stages end in `comp`. `plan.json` lists the files of each pass. A depth-only pass has an
+//! empty fragment file in GLSL ES and none elsewhere. A plan with the original as its fallback also
+//! has `MATERIAL.original` files, unless its main program is the original.
 
 mod blank;
 #[cfg(test)]
@@ -61,7 +63,7 @@ pub use plan_json::{
     StageFile, TessellationFiles,
 };
 
-/// A form to write programs in.
+/// An output language.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -79,19 +81,21 @@ pub enum Target {
     /// GLSL ES 3.00 for WebGL 2: combined samplers, bindings by name.
     #[serde(rename = "glsl-es")]
     GlslEs300,
-    /// GLSL ES 1.00 for WebGL 1: uniforms, samplers and attributes by name. Of what the language says, which is less than the others.
+    /// GLSL ES 1.00 for WebGL 1: uniforms, samplers and attributes by name. It supports fewer
+    /// programs than the other targets.
     #[serde(rename = "glsl-es-100")]
     GlslEs100,
-    /// GLSL 4.00 for OpenGL, with tessellation stages that evaluate what was hoisted: combined samplers, bindings by name.
+    /// GLSL 4.00 for OpenGL with tessellation stages that evaluate hoisted values: combined
+    /// samplers, bindings by name.
     #[serde(rename = "glsl-tess")]
     GlslTess,
-    /// GLSL 4.50 for Vulkan, with the same stages: combined samplers, one descriptor set.
+    /// GLSL 4.50 for Vulkan with tessellation stages: combined samplers, one descriptor set.
     #[serde(rename = "glsl-vulkan-tess")]
     GlslVulkanTess,
 }
 
 impl Target {
-    /// Every target, in the order of the command line's help.
+    /// Every target, in the order of `--help`.
     pub const ALL: [Self; 7] = [
         Self::Wgsl,
         Self::Spirv,
@@ -102,10 +106,10 @@ impl Target {
         Self::GlslVulkanTess,
     ];
 
-    /// The targets for any plan: without those for hoisted ones alone, and without GLSL ES 1.00, in which few can be said.
+    /// The targets for any plan: no tessellation, no GLSL ES 1.00.
     pub const GENERAL: [Self; 4] = [Self::Wgsl, Self::Spirv, Self::Glsl450, Self::GlslEs300];
 
-    /// Its name on the command line and in `plan.json`.
+    /// The name on the command line and in `plan.json`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Wgsl => "wgsl",
@@ -130,17 +134,17 @@ impl std::fmt::Display for Target {
     }
 }
 
-/// Which clip space GLSL text writes its positions in.
+/// The clip space of GLSL output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClipSpace {
-    /// The author's own: `gl_Position` is what the source computes, and the host's matrices decide.
+    /// The author's: the host's matrices decide.
     #[default]
     AsWritten,
-    /// OpenGL's: y is flipped and z goes from 0..1 to -1..1, for a host that keeps WebGPU's matrices on OpenGL.
+    /// OpenGL's, for a host with WebGPU's matrices: flips y and maps z from 0..1 to -1..1.
     OpenGl,
 }
 
-/// Choices of emission.
+/// Options of [`emit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Options {
     /// Clip space of GLSL targets.
@@ -156,55 +160,55 @@ pub struct File {
     pub bytes: Vec<u8>,
 }
 
-/// A plan could not be emitted. The plan is untouched and nothing has been written.
+/// A plan could not be emitted. Nothing has been written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The target cannot say what the program does.
+    /// The target cannot express the program.
     #[error("{file}: {target} has no way to say this: {what}; {remedy}")]
     Inexpressible {
-        /// The file that would have been written.
+        /// The file.
         file: String,
         /// Target.
         target: Target,
-        /// What it is.
+        /// The unsupported feature.
         what: String,
-        /// What would help.
+        /// A remedy.
         remedy: String,
     },
-    /// naga's writer refused or panicked.
+    /// naga's writer failed or panicked.
     #[error("{file}: naga's {target} writer failed: {message}")]
     Writer {
-        /// The file that would have been written.
+        /// The file.
         file: String,
         /// Target.
         target: Target,
-        /// What it said.
+        /// naga's message.
         message: String,
     },
-    /// What was written does not read back as the program it was written from, and is not shipped.
+    /// The written text differs from its program when read back.
     #[error(
         "{file}: the emitted {target} does not read back as the program: {difference}; this is a bug, please report it with the shader"
     )]
     Differs {
-        /// The file that would have been written.
+        /// The file.
         file: String,
         /// Target.
         target: Target,
         /// The first difference.
         difference: String,
     },
-    /// The plan names a program or an entry point it does not have.
+    /// The plan names a missing program or entry point.
     #[error(
         "the plan of `{material}` is broken: {what}; this is a bug, please report it with the shader"
     )]
     BrokenPlan {
         /// Material.
         material: String,
-        /// What is missing.
+        /// The missing item.
         what: String,
     },
-    /// This build of preshade cannot write the target.
+    /// The Cargo feature for the target is off.
     #[error("this build cannot write {target}: build preshade with the feature `{feature}`")]
     NotBuilt {
         /// Target.
@@ -215,7 +219,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// What kind of error it is, as messages have it in brackets; stable.
+    /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Inexpressible { .. } => "inexpressible",
@@ -227,11 +231,11 @@ impl Error {
     }
 }
 
-/// Writes `plan` in every target asked for: the programs' files in the order of the plan's programs and of `targets`, then
-/// `MATERIAL.plan.json`. The same plan always gives the same bytes.
+/// Writes `plan` in every target: files in the order of the plan's programs and of `targets`, then
+/// `MATERIAL.plan.json`. Equal plans give equal bytes.
 ///
 /// # Errors
-/// The first file that cannot be written as it should be; see [`Error`]. Never panics: a panic of naga's is an [`Error::Writer`].
+/// The first file that cannot be written; see [`Error`]. A panic in naga becomes [`Error::Writer`].
 pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
     guard::run(|| emit_guarded(plan, targets, options)).unwrap_or_else(|panicked| {
         Err(Error::Writer {
@@ -244,7 +248,7 @@ pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<Fi
     })
 }
 
-/// The stage files a program is written to: which entry point under which name, without the target's extension.
+/// The stage files of a program: entry points and file names without extensions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Stage {
     stage: ShaderStage,
@@ -253,7 +257,7 @@ struct Stage {
     stem: String,
 }
 
-/// What `plan.json` says of each (program, entry point, target).
+/// The `plan.json` entry of each (program, entry point, target).
 type WrittenFiles = BTreeMap<(String, Written, Target), StageFile>;
 
 fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
@@ -265,7 +269,7 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
     let mut files = Vec::new();
     let written = write_programs(plan, targets, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
-        // What rests on a guard needs the original beside it, whatever a failed self-test calls for.
+        // A guarded plan always needs the original.
         Some(original) if plan.fallback.as_deref() == Some(ORIGINAL) || plan.guard.is_some() => {
             Some(write_original(
                 plan, original, &written, targets, options, &mut files,
@@ -277,7 +281,7 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
     Ok(files)
 }
 
-/// `texture_external` is WebGPU's alone: no other language has a word for it.
+/// Rejects `texture_external`, which only WebGPU has.
 fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
     let Some(target) = targets.iter().find(|t| **t != Target::Wgsl) else {
         return Ok(());
@@ -303,7 +307,8 @@ fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error
     })
 }
 
-/// What a pass reads of what another has drawn, it reads where `gl_FragCoord` says, which OpenGL's textures count from the bottom; under `layout(origin_upper_left)` it would be another row.
+/// Rejects OpenGL targets for passes that read an earlier pass's target at `gl_FragCoord` under
+/// `layout(origin_upper_left)`: OpenGL's textures start at the bottom, so the row would differ.
 fn refuse_rows_of_two_ways(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
     let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
     let Some(target) = targets.iter().find(is_glsl) else {
@@ -333,7 +338,7 @@ fn refuse_rows_of_two_ways(plan: &Plan, targets: &[Target]) -> Result<(), Error>
     }
 }
 
-/// A text for OpenGL without the author's `gl_PointSize` would draw points of another size, or of none that is defined.
+/// Rejects OpenGL targets that would lose the author's `gl_PointSize`.
 fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
     let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
     let Some(target) = targets.iter().find(is_glsl) else {
@@ -356,7 +361,7 @@ fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), Error>
     }
 }
 
-/// Adds the files of the programs that the passes of `plan` draw with.
+/// Writes the programs that the passes of `plan` use.
 fn write_programs(
     plan: &Plan,
     targets: &[Target],
@@ -394,7 +399,7 @@ fn write_programs(
         said,
     } in blank::files(plan, targets)
     {
-        // A main pass without a fragment stage and the original's have the same one.
+        // The main pass and the original can share an empty fragment stage.
         if !files.contains(&file) {
             files.push(file);
         }
@@ -403,8 +408,8 @@ fn write_programs(
     Ok(written)
 }
 
-/// The fallback to the author's own program: its passes, and its files, written as `MATERIAL.original` where those of `plan` are not the
-/// author's.
+/// Writes the fallback to the author's program: its passes, and `MATERIAL.original` files if the
+/// plan's own differ.
 fn write_original(
     plan: &Plan,
     original: &Plan,
@@ -441,7 +446,7 @@ fn write_original(
     Ok(Fallback::new(&named, &written))
 }
 
-/// An entry point by stage and name, ordered vertex first.
+/// An entry point by stage and name, vertex first.
 type Written = (u8, String);
 
 fn written_key(stage: ShaderStage, entry: &str) -> Written {
@@ -453,7 +458,7 @@ fn written_key(stage: ShaderStage, entry: &str) -> Written {
     (order, entry.to_owned())
 }
 
-/// A stage that naga has no name for.
+/// A stage, including those that naga lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum TessellationStage {
     Control,
@@ -461,7 +466,7 @@ enum TessellationStage {
 }
 
 impl TessellationStage {
-    /// Of the stage between a vertex entry point and its fragments.
+    /// The key of a tessellation stage after the vertex entry point.
     fn key(self, vertex: &str) -> Written {
         let order = match self {
             Self::Control => 3,
@@ -481,7 +486,7 @@ fn dedup(targets: &[Target]) -> Vec<Target> {
     all
 }
 
-/// The entry points that passes use of a program, vertex stages first and compute stages last, each once.
+/// The entry points of a program that passes use, vertex first and compute last.
 fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
     let passes = || plan.passes.iter().filter(|p| p.program == key);
     let mut all: Vec<Stage> = Vec::new();
@@ -509,7 +514,7 @@ fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
     all
 }
 
-/// What a target's files promise, where the language makes that less than the plan does.
+/// The contract of a target's files, if it is weaker than the plan's.
 fn weaker_form(plan: &Plan, target: Target) -> Option<Form> {
     match target {
         #[cfg(feature = "glsl")]

@@ -1,4 +1,4 @@
-//! Files onto the disk, each whole.
+//! Writes files to disk atomically.
 
 use std::fs;
 use std::io;
@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 
 use super::File;
 
-/// Writes `files` into `dir`, which is made if it is not there. Everything is first written to temporary files in `dir` and only then
-/// renamed into place, so that a failure to write (a full disk, a folder in the way) leaves what was there before. A file that already has these bytes is not touched: its time
-/// stays, and a build that watches it does not run again.
+/// Writes `files` into `dir` and creates it if necessary. All files are first written to temporary
+/// files and then renamed, so a failure leaves the old files in place. A file with the same bytes
+/// is not touched, so builds that watch it do not run again.
 ///
-/// Returns the paths of the files that changed.
+/// Returns the paths of the changed files.
 ///
 /// # Errors
-/// What the file system says, with the path. The temporary files are removed.
+/// The file system's error with the path. Temporary files are removed.
 pub fn write(dir: &Path, files: &[File]) -> io::Result<Vec<PathBuf>> {
-    // "File exists", the system would say.
+    // The system would only report "File exists".
     if let Some(file) = dir.ancestors().find(|a| a.is_file()) {
         let message = format!("{} is a file, not a folder", file.display());
         return Err(io::Error::new(io::ErrorKind::NotADirectory, message));
@@ -43,13 +43,13 @@ pub fn write(dir: &Path, files: &[File]) -> io::Result<Vec<PathBuf>> {
     Ok(changed)
 }
 
-/// Temporary files and where they are to go; those still here when it is dropped are removed.
+/// Temporary files and their destinations. Dropping it removes the remaining files.
 struct Staged(Vec<(PathBuf, PathBuf)>);
 
 impl Drop for Staged {
     fn drop(&mut self) {
         for (temporary, _) in &self.0 {
-            // Best effort: the write has failed already and says so.
+            // Best effort: the write has already failed.
             let _ = fs::remove_file(temporary);
         }
     }
@@ -59,7 +59,8 @@ fn at(path: &Path, error: &io::Error) -> io::Error {
     io::Error::new(error.kind(), format!("{}: {error}", path.display()))
 }
 
-/// Whether a material may be called so: its name begins those of its files and is a folder's, on any system, and none of them may be another's Rust module (`lit.rs`).
+/// Whether the name is a valid file and folder name on all systems and does not collide with
+/// generated Rust modules (`lit.rs`).
 pub fn is_material_name(name: &str) -> bool {
     let amiss = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
     !name.is_empty()

@@ -1,4 +1,4 @@
-//! Overrides for targets that have none: each takes its default, and the plan says which.
+//! Replaces overrides by their defaults for targets without overrides.
 
 use std::collections::BTreeMap;
 
@@ -10,13 +10,13 @@ use preshade_passes::program::Program;
 
 use super::{Error, Target};
 
-/// A module ready for a writer that knows no overrides.
+/// A module without overrides.
 pub(super) struct Settled {
     pub(super) module: Module,
     pub(super) info: ModuleInfo,
 }
 
-/// The program with every override replaced by its default; `None` where it has no override and can be written as it is.
+/// Replaces every override by its default; `None` if there is none.
 pub(super) fn settle(
     program: &Program,
     stage: ShaderStage,
@@ -49,7 +49,8 @@ pub(super) fn settle(
 }
 
 impl Settled {
-    /// The values that stand in the place of the overrides of `program` that the stage reads, as [`StageFile::overrides`](super::StageFile::overrides) has them.
+    /// The defaults of the overrides that the stage reads, for
+    /// [`StageFile::overrides`](super::StageFile::overrides).
     pub(super) fn values(&self, program: &Program) -> BTreeMap<String, f64> {
         let value = |name: &Option<String>| {
             let mut constants = self.module.constants.iter().map(|(_, c)| c);

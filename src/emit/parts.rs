@@ -1,11 +1,11 @@
-//! Pointers to parts of variables that are passed to functions: WGSL, and naga's own check, take them (`unrestricted_pointer_parameters`), and its SPIR-V writer
-//! panics at them, whoever calls it.
+//! Detects calls with a pointer to part of a variable. WGSL allows them
+//! (`unrestricted_pointer_parameters`), naga's validator too, but its SPIR-V writer panics.
 
 use naga::{Block, Expression, Function, Module, Span, Statement, TypeInner};
 use preshade_passes::graph::operands;
 use preshade_passes::program::Program;
 
-/// Where the program's text passes one, and what to do.
+/// The location of such a call in the program's text, with a remedy.
 pub(crate) fn passed(program: &Program) -> Option<String> {
     let module = program.module();
     let functions = module.functions.iter().map(|(_, f)| f);

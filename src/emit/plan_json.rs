@@ -1,4 +1,4 @@
-//! `MATERIAL.plan.json`: the plan's own data, and which file and entry point each pass takes in each target.
+//! `MATERIAL.plan.json`: the plan's data, and the file and entry point of each pass in each target.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,15 +13,15 @@ use super::{File, Target, TessellationStage, WrittenFiles, written_key};
 /// The content of `MATERIAL.plan.json`: a plan ([`preshade_passes::plan::SCHEMA`]) and its files.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct PlanFile {
-    /// The plan. Its programs are the files.
+    /// The plan. The files hold its programs.
     #[serde(flatten)]
     pub plan: Plan,
     /// Files by pass, in the order of the plan's passes.
     pub files: Vec<PassFiles>,
-    /// The compute stages' files, by target, in the order of the plan's compute passes.
+    /// Files of compute stages by target, in the order of the plan's compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub compute_files: Vec<BTreeMap<Target, StageFile>>,
-    /// Where `fallback` is `original`: the material as its author wrote it, to be drawn instead.
+    /// If `fallback` is `original`: the author's material, to draw instead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub original: Option<Fallback>,
     /// The forms that promise less than the plan's `contract`.
@@ -29,7 +29,7 @@ pub struct PlanFile {
     pub forms: BTreeMap<Target, Form>,
 }
 
-/// What a host falls back to: passes and files that take the place of the plan's.
+/// The fallback's passes and files, which replace the plan's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Fallback {
     /// Attachments.
@@ -51,7 +51,7 @@ impl Fallback {
 }
 
 impl PlanFile {
-    /// What to draw where the self-test fails, as a file of its own; `None` where the fallback is a recipe, or there is none.
+    /// The fallback's own file; `None` if the fallback is a recipe or absent.
     pub fn fallback(&self) -> Option<Self> {
         let original = self.original.clone()?;
         Some(Self {
@@ -77,34 +77,35 @@ impl PlanFile {
     }
 }
 
-/// What an emitted form promises, where that is less than its plan does.
+/// The promise of an emitted form that is weaker than its plan's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Form {
     /// The promise in this form.
     pub contract: Contract,
-    /// What the language cannot say, and what would help.
+    /// The limitation of the language, and a remedy.
     pub why: String,
 }
 
-/// Where a pass's stages are.
+/// The files of a pass's stages.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PassFiles {
     /// Name of the pass's role.
     pub role: String,
     /// Vertex stage, by target.
     pub vertex: BTreeMap<Target, StageFile>,
-    /// Fragment stage, by target; for a pass without one GLSL ES alone, which needs an empty stage.
+    /// Fragment stage, by target. A pass without one has an empty stage in GLSL ES only.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub fragment: BTreeMap<Target, StageFile>,
-    /// Tessellation stages, by target, where it has them.
+    /// Tessellation stages, by target.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub tessellation: BTreeMap<Target, TessellationFiles>,
 }
 
-/// The tessellation stages of a pass, which draws patches of three vertices.
+/// The tessellation stages of a pass. It draws patches of three vertices.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TessellationFiles {
-    /// Control stage. It sets all levels to one `float`: in OpenGL the uniform `tessellation_level`, in Vulkan the specialisation constant 0; 3 where the host sets none.
+    /// Control stage. It sets all levels to one `float`: in OpenGL the uniform
+    /// `tessellation_level`, in Vulkan the specialisation constant 0. The default is 3.
     pub control: StageFile,
     /// Evaluation stage.
     pub evaluation: StageFile,
@@ -117,8 +118,9 @@ pub struct StageFile {
     pub file: String,
     /// Entry point's name in that file.
     pub entry_point: String,
-    /// SPIR-V and GLSL, which have no overrides here: those that the stage reads with the values that its text has in their place, keyed and typed as WebGPU's pipeline constants are
-    /// (the id where there is one, else the name; a boolean is 0 or 1). Other values want another text.
+    /// SPIR-V and GLSL have no overrides here: the values that replace those that the stage reads.
+    /// Keys and types are those of WebGPU's pipeline constants: the id or else the name; a boolean
+    /// is 0 or 1. Other values need another text.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub overrides: BTreeMap<String, f64>,
     /// GLSL only: combined samplers, by uniform name.
@@ -127,7 +129,8 @@ pub struct StageFile {
     /// GLSL only: uniform and storage blocks.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub blocks: Vec<GlslBlock>,
-    /// GLSL only: uniforms outside of blocks, which an author's own text has; they are no block in that text, whatever the plan's binding is.
+    /// GLSL only: uniforms outside of blocks, as the author declared them. The plan has them in a
+    /// buffer.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uniforms: Vec<GlslUniform>,
     /// GLSL only: the attributes of a vertex stage.
@@ -152,13 +155,15 @@ pub struct GlslTexture {
     pub name: String,
     /// Group and binding of the texture.
     pub texture: [u32; 2],
-    /// Group and binding of the sampler; none where the texture is only fetched from.
+    /// Group and binding of the sampler; none if the texture is only fetched from.
     pub sampler: Option<[u32; 2]>,
-    /// `layout(binding = ..)` in the text, of an array's element the array's and the element's own: the author's number where there is one. None in GLSL ES 3.00, where the host sets the uniform.
+    /// `layout(binding = ..)` in the text: the author's number if there is one. An array element
+    /// has the array's number plus its index. None in GLSL ES 3.00, where the host sets the
+    /// uniform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<u32>,
-    /// In GLSL ES 1.00, which fetches no texel by its number: the uniform `vec2` that a host sets to the texture's width and height. The texture is then bound unfiltered (`NEAREST`),
-    /// without mip levels.
+    /// GLSL ES 1.00 only, which has no texel fetch: the uniform `vec2` for the texture's width and
+    /// height. Bind the texture unfiltered (`NEAREST`), without mip levels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<String>,
 }
@@ -170,7 +175,8 @@ pub struct GlslBlock {
     pub block: String,
     /// Group and binding.
     pub binding: [u32; 2],
-    /// `layout(binding = ..)` in the text, the author's number where there is one; none in GLSL ES 3.00, where the host sets it (`glUniformBlockBinding`).
+    /// `layout(binding = ..)` in the text: the author's number if there is one. None in GLSL ES
+    /// 3.00, where the host sets it (`glUniformBlockBinding`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slot: Option<u32>,
 }
@@ -178,13 +184,13 @@ pub struct GlslBlock {
 /// A uniform outside of blocks.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GlslUniform {
-    /// Its name, to be set by.
+    /// Its name.
     pub name: String,
     /// Group and binding of the plan's uniform buffer that has its value.
     pub binding: [u32; 2],
     /// Offset of the value in that buffer, in bytes.
     pub offset: u32,
-    /// `layout(location = ..)` in the text, where the author gave it; none in GLSL ES 3.00.
+    /// `layout(location = ..)` in the text, if the author gave it; none in GLSL ES 3.00.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub location: Option<u32>,
 }
@@ -192,15 +198,16 @@ pub struct GlslUniform {
 /// An input of the vertex stage.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GlslAttribute {
-    /// Its name. A matrix is one attribute here, and one for each column among the plan's.
+    /// Its name. A matrix is one attribute here, and one per column in the plan.
     pub name: String,
-    /// The plan's location, of a matrix that of its first column.
+    /// The plan's location; for a matrix, that of its first column.
     pub location: u32,
-    /// `layout(location = ..)` in the text; else the linker chooses, unless the host does by name (`glBindAttribLocation`).
+    /// Whether the text has `layout(location = ..)`. Otherwise the linker chooses, or the host by
+    /// name (`glBindAttribLocation`).
     pub explicit: bool,
 }
 
-/// The files of one stage by target, of what was written of each (program, entry point, target).
+/// One stage's files by target.
 fn stage_files(
     written: &WrittenFiles,
     program: &str,
@@ -215,7 +222,7 @@ fn stage_files(
         .collect()
 }
 
-/// The tessellation stages around a vertex stage, by target.
+/// A pass's tessellation stages by target.
 fn tessellation_files(
     written: &WrittenFiles,
     program: &str,
@@ -245,7 +252,7 @@ fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
         .map(|pass| PassFiles {
             role: pass.role.name().to_owned(),
             vertex: of(&pass.program, ShaderStage::Vertex, &pass.vertex),
-            // A pass without one has an empty stage where the target needs it.
+            // A pass without one has an empty stage if the target needs it.
             fragment: of(
                 &pass.program,
                 ShaderStage::Fragment,
@@ -273,7 +280,7 @@ pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallbac
         original,
         forms,
     };
-    // A plan is plain data: strings, numbers and lists, all with string keys. Serialising it cannot fail.
+    // A plan is plain data with string keys, so serialising it cannot fail.
     let mut bytes = serde_json::to_vec_pretty(&content).unwrap_or_default();
     bytes.push(b'\n');
     File {

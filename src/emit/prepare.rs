@@ -1,5 +1,5 @@
-//! A chain of unnamed expressions is broken by a name every 32 levels before it is written as WGSL or GLSL: naga's WGSL parser gives up at 200 brackets, and preshade's limit is 180. No
-//! value changes.
+//! Names an expression every 32 levels before a program is written as WGSL or GLSL, because naga's
+//! WGSL parser stops at 200 brackets and ours at 180. No value changes.
 
 use naga::proc::TypeResolution;
 use naga::{Expression, Function, Handle, Module, TypeInner};
@@ -7,10 +7,10 @@ use preshade_passes::program::Program;
 
 use crate::front::operands;
 
-/// Levels of unnamed expressions that are let stand.
+/// Maximum levels of unnamed expressions.
 const LEVELS: u32 = 32;
 
-/// The module to write, if it is not the program's own.
+/// The module with added names; `None` if none are needed.
 pub(super) fn prepare(program: &Program) -> Option<Module> {
     let module = program.module();
     let info = program.info();
@@ -50,7 +50,7 @@ fn name(function: &mut Function, handles: &[Handle<Expression>]) {
     }
 }
 
-/// The expressions to name so that no more than [`LEVELS`] are written inside one another.
+/// The expressions to name so that at most [`LEVELS`] nest.
 fn missing_names(
     module: &Module,
     function: &Function,
@@ -82,7 +82,7 @@ fn missing_names(
     names
 }
 
-/// Whether a `let` may hold it.
+/// Whether a `let` may hold the type.
 fn is_value(module: &Module, ty: &TypeResolution) -> bool {
     matches!(
         ty.inner_with(&module.types),

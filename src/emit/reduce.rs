@@ -1,4 +1,4 @@
-//! A program without what its passes do not use.
+//! Removes the parts of a program that its passes do not use.
 
 use naga::{Module, ShaderStage, compact};
 use preshade_passes::plan::Plan;
@@ -6,7 +6,7 @@ use preshade_passes::program::Program;
 
 use super::{Error, Stage};
 
-/// The plan's program `key` with the entry points of `stages` and what they need, no more.
+/// The plan's program `key` with only the entry points of `stages` and their dependencies.
 pub(super) fn reduce(plan: &Plan, key: &str, stages: &[Stage]) -> Result<Program, Error> {
     let broken = |what: String| Error::BrokenPlan {
         material: plan.material.clone(),
@@ -31,7 +31,7 @@ pub(super) fn reduce(plan: &Plan, key: &str, stages: &[Stage]) -> Result<Program
         .map_err(|invalid| broken(format!("its program `{key}` is invalid: {invalid}")))
 }
 
-/// The program with one entry point and what that needs, no more.
+/// The program with one entry point and its dependencies.
 #[cfg(feature = "glsl")]
 pub(super) fn to_stage(
     program: &Program,

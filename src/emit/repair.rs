@@ -1,8 +1,8 @@
-//! Puts back into WGSL text what naga's writer leaves out: `enable f16`, `diagnostic(..)`, `@early_depth_test(..)`, `@size(..)`, and the
-//! author's names that end in a digit.
+//! Restores parts of WGSL that naga's writer drops: `enable f16`, `diagnostic(..)`,
+//! `@early_depth_test(..)`, `@size(..)`, and author's names that end in a digit.
 //!
-//! The text is taken apart by what the writer promises of its own layout: structs in the order of the type arena, functions in the order of their
-//! arena and then entry points, each beginning a line. If a later naga breaks that promise the fingerprint comparison fails.
+//! This relies on the writer's order: structs, functions and entry points follow their arenas, and
+//! each begins a line. If a later naga changes that, the fingerprint comparison fails.
 
 use naga::proc::Layouter;
 use naga::{
@@ -12,10 +12,10 @@ use naga::{
 use super::fingerprint::filters;
 use super::text::{self, Kind, Words};
 
-/// The text with everything lost put back.
+/// Restores everything that the writer dropped.
 ///
 /// # Errors
-/// What cannot be said in WGSL.
+/// Anything that WGSL cannot express.
 pub(super) fn repair(module: &Module, text: &str) -> Result<String, String> {
     let sizes = member_sizes(module)?;
     let attributes = function_attributes(module);
@@ -36,7 +36,7 @@ pub(super) fn repair(module: &Module, text: &str) -> Result<String, String> {
             out.push_str(&format!("@size({size}) {member}\n"));
             continue;
         }
-        // Attributes go before the stage's own, on a line of theirs.
+        // Attributes precede the stage's, on their own line.
         let stage_line = line.starts_with('@') && lines.peek().is_some_and(|l| begins_function(l));
         if stage_line || begins_function(line) {
             if let Some(attributes) = functions.next() {
@@ -59,7 +59,8 @@ pub(super) fn repair(module: &Module, text: &str) -> Result<String, String> {
     Ok(authors_names(module, &out))
 }
 
-/// `enable f16;` if the writer missed it, and the module's diagnostic filters. Directives come first in a module, in any order.
+/// `enable f16;` if it is missing, and the module's diagnostic filters. Directives come first, in
+/// any order.
 fn directives(module: &Module, text: &str) -> String {
     let mut out = String::new();
     let half = text::tokens(text).any(|(kind, range)| match kind {
@@ -79,7 +80,7 @@ fn directives(module: &Module, text: &str) -> String {
     out
 }
 
-/// For each function and then each entry point, the attributes the writer does not write.
+/// The missing attributes of each function and then each entry point.
 fn function_attributes(module: &Module) -> Vec<Vec<String>> {
     let outer = module.diagnostic_filter_leaf;
     let diagnostics = |function: &naga::Function| -> Vec<String> {
@@ -109,8 +110,8 @@ fn function_attributes(module: &Module) -> Vec<Vec<String>> {
     functions.chain(entries).collect()
 }
 
-/// For each struct that the writer declares, the `@size` that each member needs for the next one, or the struct's end, to lie where it does
-/// (WGSL section 14.4.1, "Structure Layout Rules").
+/// For each declared struct, the `@size` of each member that places the next member or the struct's
+/// end (WGSL 14.4.1, "Structure Layout Rules").
 fn member_sizes(module: &Module) -> Result<Vec<Vec<Option<u32>>>, String> {
     let mut layouter = Layouter::default();
     layouter
@@ -142,7 +143,7 @@ fn member_sizes(module: &Module) -> Result<Vec<Vec<Option<u32>>>, String> {
                 }
             };
             sizes.push(match needed {
-                // Members of an interface struct overlap nothing: their offsets mean nothing to anyone.
+                // Offsets in an interface struct have no meaning.
                 Some(_) if member.binding.is_some() => None,
                 Some(needed) if needed >= end => Some(needed - member.offset),
                 Some(needed) => {
@@ -160,7 +161,7 @@ fn member_sizes(module: &Module) -> Result<Vec<Vec<Option<u32>>>, String> {
     Ok(all)
 }
 
-/// Whether the writer takes the struct as known to WGSL and does not declare it.
+/// Whether the struct is a WGSL builtin, which the writer does not declare.
 fn is_predeclared(module: &Module, ty: Handle<Type>) -> bool {
     let special = &module.special_types;
     special.predeclared_types.values().any(|t| *t == ty)
@@ -168,8 +169,8 @@ fn is_predeclared(module: &Module, ty: Handle<Type>) -> bool {
         || Some(ty) == special.external_texture_transfer_function
 }
 
-/// naga's writer appends `_` to every name that ends in a digit, to keep it apart from names it numbers itself. Where nothing is kept
-/// apart by it the author's name comes back.
+/// Removes the `_` that naga's writer appends to names ending in a digit, unless the name would
+/// conflict.
 fn authors_names(module: &Module, text: &str) -> String {
     let authors = names(module);
     let words: FastHashSet<&str> = text::tokens(text)
@@ -196,8 +197,8 @@ fn authors_names(module: &Module, text: &str) -> String {
     text::rename_words(text, Words::All, |word| renames.get(word).copied())
 }
 
-/// Names the host holds on to that the writer changed: entry points and overrides, as written and as they should be. The writer also drops
-/// trailing underscores and spells letters beyond ASCII out.
+/// Names that the host uses and the writer changed, entry points and overrides: written and
+/// original. The writer also drops trailing underscores and transliterates letters beyond ASCII.
 fn host_names<'a>(module: &'a Module, text: &'a str) -> impl Iterator<Item = (&'a str, &'a str)> {
     let entries = text
         .lines()

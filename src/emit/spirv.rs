@@ -1,8 +1,8 @@
-//! One entry point as a SPIR-V 1.3 module under Vulkan's rules.
+//! Writes an entry point as a SPIR-V 1.3 module for Vulkan.
 //!
-//! Positions are as the author computes them: y is not flipped, so a Vulkan host sets a viewport of negative height, as WebGPU does over
-//! Vulkan. Indices are not bounds-checked and loops not bounded: the module does what the source says. Integer division by zero is
-//! defined as WGSL defines it, and fragment depth is clamped to the viewport's range.
+//! Positions are not flipped, so a Vulkan host needs a viewport of negative height, as WebGPU uses
+//! on Vulkan. There are no bounds checks on indices or loops. Integer division by zero is defined
+//! as in WGSL, and fragment depth is clamped to the viewport's range.
 
 use std::collections::BTreeMap;
 
@@ -19,11 +19,11 @@ use super::overrides::{self, Settled};
 use super::parts;
 use super::{Error, Target};
 
-/// Words before the first instruction (SPIR-V section 2.3).
+/// Words before the first instruction (SPIR-V 2.3).
 const HEADER: usize = 5;
 const OP_DECORATE: u16 = 71;
 const OP_MEMBER_DECORATE: u16 = 72;
-/// First opcode of a type declaration (`OpTypeVoid`), and the last one.
+/// Opcodes of type declarations, from `OpTypeVoid`.
 const OP_TYPES: std::ops::RangeInclusive<u16> = 19..=39;
 const NO_CONTRACTION: u32 = 42;
 const OP_TYPE_VECTOR: u16 = 23;
@@ -34,7 +34,8 @@ const OP_LOGICAL_EQUAL: u16 = 164;
 const OP_LOGICAL_OR: u16 = 166;
 const OP_LOGICAL_AND: u16 = 167;
 
-/// The bytes, little-endian, and the values that stand in the place of overrides. `name` is the file's, for errors.
+/// The little-endian bytes, and the values that replace overrides. `name` is the file's, for
+/// errors.
 pub(super) fn write(
     program: &Program,
     stage: ShaderStage,
@@ -93,9 +94,9 @@ fn has_invariant_position(module: &Module, stage: ShaderStage, entry: &str) -> b
         .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::Position { invariant: true })))
 }
 
-/// Decorates the float arithmetic that may decide the position with `NoContraction`: two pipelines may fuse a multiply and an add differently, and
-/// `Invariant` alone does not stop them. Where it cannot be told what decides the position, all arithmetic is decorated: more than is needed,
-/// never less.
+/// Adds `NoContraction` to float arithmetic that may affect the position: otherwise two pipelines
+/// may fuse a multiply and an add differently, in spite of `Invariant`. If the analysis fails, all
+/// arithmetic is decorated.
 fn forbid_contraction(words: &[u32]) -> Vec<u32> {
     let slice = position::slice(words);
     let decides = |id: &u32| slice.as_ref().is_none_or(|slice| slice.contains(id));
@@ -130,13 +131,13 @@ fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u16, &[u32])> {
     })
 }
 
-/// `OpFNegate`, `OpFAdd`, `OpFSub`, `OpFMul`, `OpFDiv`, `OpFRem`, `OpFMod`, and the products of vectors and matrices from
+/// `OpFNegate`, `OpFAdd`, `OpFSub`, `OpFMul`, `OpFDiv`, `OpFRem`, `OpFMod`, and products from
 /// `OpVectorTimesScalar` to `OpDot`.
 fn is_float_arithmetic(opcode: u16) -> bool {
     matches!(opcode, 127 | 129 | 131 | 133 | 136 | 140 | 141 | 142..=148)
 }
 
-/// Reads the bytes back, validates them, and compares the stage's interface with what it should be.
+/// Reads the bytes back, validates them, and compares the stage's interface.
 fn check(
     program: &Program,
     wanted: &[String],
@@ -168,9 +169,10 @@ fn check(
     }
 }
 
-/// The module as naga's reader takes it, for its validity and its interface alone. Of the size of an arrayed image the reader leaves out the number of layers
-/// behind it (SPIR-V section 3.52.10, `OpImageQuerySizeLod`): the first component stands for it. And it reads `OpLogicalAnd` and `OpLogicalOr` of vectors as
-/// operators of scalars: `OpLogicalEqual` stands for them.
+/// Works around defects of naga's reader, for validation only. `OpImageQuerySizeLod` (SPIR-V
+/// 3.52.10) of an arrayed image drops the number of layers, so the first component replaces it.
+/// `OpLogicalAnd` and `OpLogicalOr` are read as scalar operators, so `OpLogicalEqual` replaces them
+/// for vectors.
 fn for_the_reader(bytes: &[u8]) -> Vec<u8> {
     let mut words: Vec<u32> = bytes
         .chunks_exact(4)

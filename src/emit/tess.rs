@@ -1,19 +1,22 @@
-//! A hoisted program with tessellation stages, as GLSL 4.00 for OpenGL and GLSL 4.50 for Vulkan (GLSL 4.50, sections 4.4.1.1, 4.4.2.1 and 7.1).
+//! Writes a hoisted program with tessellation stages: GLSL 4.00 for OpenGL and GLSL 4.50 for Vulkan
+//! (GLSL 4.50, 4.4.1.1, 4.4.2.1 and 7.1).
 //!
 //! ```text
 //! .vert   the author's vertex stage                      _vs2fs_locationN
 //! .tesc   passes three corners on, sets the levels       _tc2te_locationN
-//! .tese   interpolates, runs what hoist put behind       _vs2fs_locationN
-//! .frag   what hoist left
+//! .tese   interpolates, runs the hoisted code            _vs2fs_locationN
+//! .frag   the remaining fragment stage
 //! ```
 //!
-//! naga writes no tessellation stages. It writes the evaluation stage as the vertex stage that it is but for its inputs ([`native::Native::evaluation`]); each input's
-//! declaration, one line whose every word is known, then becomes a patch input and a global variable, and a `main` of ours fills the globals and calls naga's. Two things
-//! are renamed, identifier by identifier: naga's `main`, and what naga named after the vertex stage, so that no block or sampler has the name of another one's of the
+//! naga writes no tessellation stages. We have it write the evaluation stage as a vertex stage
+//! ([`native::Native::evaluation`]), and then turn each input's declaration into a patch input and
+//! a global variable. A new `main` sets the globals and calls naga's. Two kinds of names change:
+//! naga's `main`, and names with the vertex stage's suffix, which would clash with those of the
 //! real vertex stage.
 //!
-//! No cracks: corners keep their bits, and a point of a shared edge is the sum of two products, `precise` and so the same in either order, of coordinates that are the same
-//! seen from both sides (OpenGL 4.0, appendix A.4, rules 3 and 5).
+//! There are no cracks: corners keep their bits, and a point on a shared edge is the `precise` sum
+//! of two products of coordinates that are equal on both sides (OpenGL 4.0, appendix A.4, rules 3
+//! and 5).
 
 use std::collections::BTreeMap;
 
@@ -29,10 +32,10 @@ use super::{
     glsl, written_key,
 };
 
-/// Level of all edges where the host sets none: the one that the article recommends.
+/// The article's recommended level, for hosts that set none.
 const LEVEL: &str = "3.0";
 
-/// Refuses targets with tessellation stages for plans that cannot have them.
+/// Rejects tessellation targets for plans without tessellation.
 pub(super) fn check(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
     let tessellated = [Target::GlslTess, Target::GlslVulkanTess];
     for target in dedup(targets) {
@@ -50,7 +53,7 @@ pub(super) fn check(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
     Ok(())
 }
 
-/// What stands before the extension of a target's files.
+/// The part of file names before the target's extension.
 fn infix(target: Target) -> &'static str {
     match target {
         Target::GlslVulkanTess => "vulkan.",
@@ -58,7 +61,7 @@ fn infix(target: Target) -> &'static str {
     }
 }
 
-/// The files of a program. A plan's fallback to the original is not hoisted, and has no tessellation stages.
+/// The files of a program. The fallback to the original has no tessellation stages.
 pub(super) fn write(
     plan: &Plan,
     program: &Program,
@@ -66,7 +69,7 @@ pub(super) fn write(
     target: Target,
     options: &Options,
 ) -> Result<Vec<Emitted>, Error> {
-    // Vulkan's clip space is the author's but for y, which the host's viewport turns, as for SPIR-V.
+    // Vulkan's clip space is the author's with y flipped by the viewport, as for SPIR-V.
     let options = match target {
         Target::GlslVulkanTess => &Options {
             glsl_clip_space: ClipSpace::AsWritten,
@@ -74,7 +77,7 @@ pub(super) fn write(
         _ => options,
     };
     let hoisted = native::native(plan).ok();
-    // Of which the author's vertex stage alone has no more than a part.
+    // The author's vertex stage only has some of the resources.
     let all = program;
     let mut files = Vec::new();
     for stage in stages {
@@ -83,7 +86,7 @@ pub(super) fn write(
         match &hoisted {
             Some(hoisted) if stage.stage == ShaderStage::Vertex => {
                 let corner = Options {
-                    // Positions are interpolated as the author has them; the last stage turns them.
+                    // Interpolate the author's positions; the last stage converts them.
                     glsl_clip_space: ClipSpace::AsWritten,
                 };
                 files.push(plain(&hoisted.corner, all, stage, &own, target, &corner)?);
@@ -133,8 +136,8 @@ fn plain(
     Ok((file(name.to_owned(), text), said))
 }
 
-/// Refuses what a target's version has no words for, though naga writes it: storage buffers in GLSL 4.00, and in Vulkan's GLSL `gl_VertexID`, `gl_InstanceID` and uniforms
-/// outside of blocks.
+/// Rejects features that naga writes although the version lacks them: storage buffers in GLSL 4.00;
+/// `gl_VertexID`, `gl_InstanceID` and loose uniforms in Vulkan's GLSL.
 fn refuse(
     program: &Program,
     stage: ShaderStage,
@@ -210,7 +213,7 @@ fn type_name(ty: &TypeInner, target: Target, file: &str) -> Result<String, Error
     })
 }
 
-/// GLSL 4.00 has no locations between stages: variables meet by name.
+/// GLSL 4.00 matches varyings by name and has no locations for them.
 fn location(target: Target, location: u32) -> String {
     match target {
         Target::GlslVulkanTess => format!("layout(location = {location}) "),
@@ -225,7 +228,7 @@ fn version(target: Target) -> &'static str {
     }
 }
 
-/// The varying of a corner, as the vertex stage gives it and as the evaluation stage takes it.
+/// A corner's varying, in the vertex and in the evaluation stage.
 fn corner_name(varying: &PatchVarying) -> (String, String) {
     let at = varying.location;
     (
@@ -234,7 +237,8 @@ fn corner_name(varying: &PatchVarying) -> (String, String) {
     )
 }
 
-/// As naga qualifies the vertex stage's output: drivers of GLSL 4.00 want both sides alike, though neither is interpolated.
+/// The qualifier that naga gives the vertex output. GLSL 4.00 drivers require the same on both
+/// sides, although neither is interpolated.
 fn qualifier(varying: &PatchVarying) -> String {
     let interpolation = match varying.blend {
         Blend::Interpolated => "smooth ",
@@ -248,7 +252,7 @@ fn qualifier(varying: &PatchVarying) -> String {
     format!("{interpolation}{sampling}")
 }
 
-/// The control stage: three corners passed on, and one level for all edges.
+/// The control stage: passes on three corners and sets one level for all edges.
 fn control_text(patch: &Patch, target: Target, file: &str) -> Result<String, Error> {
     let mut text = version(target).to_owned();
     text += "layout(vertices = 3) out;\n\n";
@@ -285,7 +289,7 @@ void main() {
     Ok(text)
 }
 
-/// The evaluation stage, made of what naga writes for a vertex stage.
+/// Converts naga's vertex stage to the evaluation stage.
 fn evaluation_text(
     hoisted: &Native,
     numbered: &Program,
@@ -310,7 +314,7 @@ fn evaluation_text(
         target,
         message: format!("{what} is not written as it was expected to be"),
     };
-    // A name of ours that is none of naga's.
+    // A name that naga did not use.
     let free = |base: &str| {
         let mut name = base.to_owned();
         while identifiers(&text).any(|word| word == name) {
@@ -343,7 +347,7 @@ fn evaluation_text(
         .strip_prefix(version(target))
         .ok_or_else(|| written_otherwise("the version"))?;
     let mut lines: Vec<String> = rest.lines().map(|line| renamed(line, &names)).collect();
-    // Our own `main`: each input of naga's, from the corners.
+    // The new `main` sets each of naga's inputs from the corners.
     let mut main = "\nvoid main() {\n".to_owned();
     let position = PatchVarying {
         location: hoisted.patch.position,
@@ -404,7 +408,8 @@ fn evaluation_text(
     Ok((out + &main, said))
 }
 
-/// The order in which a new triangle turns as the one it lies in: in OpenGL's domain (its origin is the lower left) and in Vulkan's (the upper left, by default).
+/// The winding that keeps the patch's orientation. OpenGL's domain has its origin at the lower
+/// left, Vulkan's at the upper left.
 fn winding(target: Target) -> &'static str {
     match target {
         Target::GlslVulkanTess => "cw",
@@ -416,12 +421,12 @@ fn in_identifier(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_'
 }
 
-/// Words of a text that has neither comments nor strings; numbers are among them.
+/// The words and numbers of a text without comments or strings.
 fn identifiers(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c| !in_identifier(c)).filter(|w| !w.is_empty())
 }
 
-/// The text with whole identifiers replaced.
+/// Replaces whole identifiers.
 fn renamed(text: &str, names: &BTreeMap<String, String>) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;

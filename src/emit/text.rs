@@ -1,19 +1,19 @@
-//! The tokens of WGSL text as naga writes it: no comments, no templates to tell from comparisons.
+//! Tokenises naga's WGSL, which has no comments and no templates that look like comparisons.
 
 use std::ops::Range;
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// An identifier or a keyword.
+    /// An identifier or keyword.
     Word,
     /// A number with its suffix.
     Number,
-    /// One other character that is not white space.
+    /// Any other character except white space.
     Mark,
 }
 
-/// The tokens of `text`, in order.
+/// The tokens of `text`.
 pub(super) fn tokens(text: &str) -> impl Iterator<Item = (Kind, Range<usize>)> + '_ {
     let bytes = text.as_bytes();
     let mut at = 0;
@@ -26,7 +26,7 @@ pub(super) fn tokens(text: &str) -> impl Iterator<Item = (Kind, Range<usize>)> +
         let word = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || !b.is_ascii();
         at += 1;
         let kind = if first.is_ascii_digit() {
-            // 0x1f, 1.5f, 1e-5: a sign belongs to the number only after its exponent mark.
+            // 0x1f, 1.5f, 1e-5: a sign belongs to a number only after its exponent letter.
             let hex = bytes.get(at).is_some_and(|b| matches!(b, b'x' | b'X'));
             while let Some(b) = bytes.get(at) {
                 let exponent = matches!(bytes[at - 1], b'e' | b'E') && !hex;
@@ -48,16 +48,16 @@ pub(super) fn tokens(text: &str) -> impl Iterator<Item = (Kind, Range<usize>)> +
     })
 }
 
-/// Which words to look at.
+/// Which words to visit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Words {
-    /// All of them.
+    /// All words.
     All,
-    /// Those that are not the name of a member: that no dot precedes.
+    /// Words that are not members, so no dot precedes them.
     Free,
 }
 
-/// `text` with each word that `rename` has an answer for replaced.
+/// Replaces each word for which `rename` returns a name.
 pub(super) fn rename_words<'a>(
     text: &'a str,
     words: Words,
@@ -80,7 +80,7 @@ pub(super) fn rename_words<'a>(
     out
 }
 
-/// How a language spells a float of 32 bits.
+/// The syntax of 32-bit float literals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Spelling {
     /// `1.5f`.
@@ -93,8 +93,9 @@ pub(super) enum Spelling {
     Glsl,
 }
 
-/// `text` with each float so that any compiler reads the bits that naga wrote: the shortest digits that come back to the largest float are above it, which Tint refuses and ANGLE takes for infinity. In
-/// WGSL naga writes no exponents; here those numbers have one that Rust gives one to.
+/// Rewrites floats so that every compiler reads naga's bits. The shortest digits of the largest
+/// float exceed it, which Tint rejects and ANGLE reads as infinity. In WGSL, numbers get the
+/// exponents that Rust prints and naga omits.
 pub(super) fn exact_floats(text: &str, spelling: Spelling) -> String {
     let mut out = String::with_capacity(text.len());
     let mut copied = 0;
@@ -174,7 +175,7 @@ mod tests {
             ] {
                 let text = exact_floats(&written, spelling);
                 let number = text.trim_start_matches("x = ").trim_end_matches(['f', ';']);
-                // As a compiler may: by way of a double, whose magnitude must not pass the largest float.
+                // A compiler may read a double first, which must not exceed the largest float.
                 let read: f64 = number.parse().unwrap_or(f64::NAN);
                 assert!(read.abs() <= f64::from(f32::MAX), "{text}");
                 assert_eq!((read as f32).to_bits(), value.to_bits(), "{text}");

@@ -1,11 +1,14 @@
-//! Makes naga's WGSL read like an author's, by rewriting its text and nothing else.
+//! Makes naga's WGSL text readable, without changing the program.
 //!
-//! naga's writer gives every load, call result and texture sample a `let _e12 = ..;`. Here, function by function:
+//! naga's writer gives every load, call result and texture sample a `let _e12 = ..;`. In each
+//! function:
 //!
-//! - a load or a texture read that is used once is written where it is used, if nothing in between could change what it reads;
-//! - a call's result gets the author's `let` name back, which the writer drops; other results are named after what they read or call;
-//! - names that the writer numbered because another function has them too lose their number;
-//! - the parentheses around a whole right-hand side or argument go, and loops become `for` and `while` again.
+//! - A load or texture read that is used once moves to its use, if nothing between can change the
+//!   value.
+//! - A call's result gets the author's `let` name, which the writer drops. Other results are named
+//!   after their source.
+//! - Names numbered only because of other functions lose the number.
+//! - Parentheses around a whole right-hand side or argument go, and loops become `for` and `while`.
 //!
 //! before
 //! ```wgsl
@@ -27,7 +30,7 @@ use naga::{
 use super::loops;
 use super::text::{self, Kind, Words};
 
-/// The text of `module` as the writer (and `repair`) left it, tidied.
+/// Tidies the text of `module` after the writer and `repair`.
 pub(super) fn tidy(module: &Module, text: &str) -> String {
     let module_words = module_words(text);
     let impure = declared_functions(module, text);
@@ -40,7 +43,7 @@ pub(super) fn tidy(module: &Module, text: &str) -> String {
     let mut lines = text.lines();
     while let Some(line) = lines.next() {
         if line.starts_with("@group(") {
-            // The variable follows on a line of its own.
+            // The variable is on the next line.
             out.push_str(line.trim_end());
             out.push(' ');
             continue;
@@ -54,7 +57,7 @@ pub(super) fn tidy(module: &Module, text: &str) -> String {
         whole.extend(lines.by_ref().take_while(|l| *l != "}"));
         let tidied = match functions.next() {
             Some(function) => Body::new(module, function, &impure).tidy(&whole, &module_words),
-            // A polyfill of the writer's own.
+            // A polyfill of the writer's.
             None => whole.iter().map(|l| (*l).to_owned()).collect(),
         };
         for line in tidied {
@@ -66,7 +69,7 @@ pub(super) fn tidy(module: &Module, text: &str) -> String {
     out
 }
 
-/// Names of the functions the text declares: a call of one may store to anything.
+/// Names of declared functions. A call of one may store to anything.
 fn declared_functions(module: &Module, text: &str) -> FastHashSet<String> {
     let count = module.functions.len() + module.entry_points.len();
     text.lines()
@@ -76,7 +79,7 @@ fn declared_functions(module: &Module, text: &str) -> FastHashSet<String> {
         .collect()
 }
 
-/// Words of declarations at module scope, struct members and parameters of functions excepted.
+/// The words of global declarations, except for struct members and parameters.
 fn module_words(text: &str) -> FastHashSet<&str> {
     text.lines()
         .filter(|l| !l.starts_with([' ', '}', '/']))
@@ -87,7 +90,7 @@ fn module_words(text: &str) -> FastHashSet<&str> {
         .collect()
 }
 
-/// Words that are not the name of a member.
+/// Words that are not members.
 fn free_words(line: &str) -> impl Iterator<Item = &str> {
     let mut after_dot = false;
     text::tokens(line).filter_map(move |(kind, range)| {
@@ -105,7 +108,7 @@ struct Body<'a> {
     impure: &'a FastHashSet<String>,
 }
 
-/// Whether the text is a name with members and indices; whatever stands in an index is bracketed already.
+/// Whether the text is a name with members and indices. Indices are always bracketed.
 fn is_place(text: &str) -> bool {
     let mut depth = 0usize;
     text::tokens(text).all(|(kind, range)| {
@@ -119,18 +122,18 @@ fn is_place(text: &str) -> bool {
     })
 }
 
-/// What a value depends on that statements may change.
+/// What can change a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reads {
-    /// Nothing: it may move anywhere in its scope.
+    /// Nothing: it may move within its scope.
     Constant,
-    /// A texture: it may move where control flow is the same.
+    /// A texture: it may move within the same control flow.
     Texture,
     /// A variable.
     Variable,
 }
 
-/// The right-hand side of a `let` that may be written where it is used.
+/// A right-hand side that may move to its use.
 struct Value {
     text: String,
     reads: Reads,
@@ -146,7 +149,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// A whole function's lines but for its last brace.
+    /// A function's lines without the last brace.
     fn tidy(&self, whole: &[&str], module_words: &FastHashSet<&str>) -> Vec<String> {
         let mut lines = self.write_where_used(whole);
         let mut words: FastHashSet<&str> = whole.iter().flat_map(|l| free_words(l)).collect();
@@ -161,12 +164,12 @@ impl<'a> Body<'a> {
         loops::structured(lines)
     }
 
-    /// The lines with what is used once written where it is used, as far as that changes nothing.
+    /// Moves values that are used once to their use, where that is safe.
     fn write_where_used(&self, whole: &[&str]) -> Vec<String> {
         let mut lines: Vec<Option<String>> = whole.iter().map(|l| Some((*l).to_owned())).collect();
         let uses = uses(whole);
         let barriers = self.barriers(whole);
-        // Lines that now read a variable themselves.
+        // Lines that now read a variable.
         let mut reading: FastHashSet<usize> = FastHashSet::default();
         for line in 0..lines.len() {
             let Some(expression) = lines[line].as_deref().and_then(baked) else {
@@ -196,8 +199,8 @@ impl<'a> Body<'a> {
         lines.into_iter().flatten().collect()
     }
 
-    /// What a `let` holds, if it can stand as an operand: a load written with names, members and indices alone, or a texture read. Both bind
-    /// tighter than any operator.
+    /// The movable value of a `let`: a load written with names, members and indices, or a texture
+    /// read. Both bind tighter than any operator.
     fn movable(&self, expression: usize, line: Option<&str>) -> Option<Value> {
         let handle = self.handle(expression)?;
         let (_, right) = line?.split_once(" = ")?;
@@ -239,7 +242,8 @@ impl<'a> Body<'a> {
         self.handles.get(index).copied()
     }
 
-    /// Whether a pointer points into memory that no shader of the draw writes: a uniform, or a read-only buffer.
+    /// Whether a pointer points to memory that no shader of the draw writes: a uniform or read-only
+    /// buffer.
     fn is_constant_memory(&self, pointer: Handle<Expression>) -> bool {
         let Expression::GlobalVariable(global) = *self.root(pointer) else {
             return false;
@@ -251,7 +255,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// The variable an access chain begins at.
+    /// The base variable of an access chain.
     fn root(&self, mut at: Handle<Expression>) -> &Expression {
         loop {
             match &self.function.expressions[at] {
@@ -263,8 +267,8 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// For each line, and past the last one, how many lines before it may change a variable or begin or end a block: all but `let`s without
-    /// calls of the module's own functions or of built-in functions that write.
+    /// For each line and the end: how many preceding lines may change a variable or begin or end a
+    /// block. Only `let`s without calls that write are harmless.
     fn barriers(&self, lines: &[&str]) -> Vec<usize> {
         let pure = |line: &str| {
             line.trim_start().starts_with("let ")
@@ -286,7 +290,7 @@ impl<'a> Body<'a> {
         counts
     }
 
-    /// New names for the `_e12`s that stay.
+    /// New names for the remaining `_e12`s.
     fn result_names(
         &self,
         lines: &[String],
@@ -305,7 +309,8 @@ impl<'a> Body<'a> {
         names
     }
 
-    /// naga's writer numbers names that repeat anywhere in the module: `uv_1`. Within a function the author's `uv` comes back where it is free.
+    /// Removes numbers that naga adds to names used anywhere else in the module (`uv_1`), if the
+    /// name is free in this function.
     fn shorten(
         &self,
         whole: &[&str],
@@ -336,7 +341,7 @@ impl<'a> Body<'a> {
                 && !module_words.contains(base)
                 && !given.contains(base)
                 && !is_known(base);
-            // A function that declares a local of its own name: the number may be the function's.
+            // If the function declares a local of its own name, the number may be the function's.
             let module_level = module_words.contains(word);
             if numbered && own.contains(base) && !own.contains(word) && !module_level && free {
                 given.insert(base.to_owned());
@@ -367,7 +372,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// The name of what a pointer points at.
+    /// The name of a pointer's target.
     fn member(&self, pointer: Handle<Expression>) -> Option<String> {
         let named = match &self.function.expressions[pointer] {
             Expression::LocalVariable(l) => self.function.local_variables[*l].name.clone(),
@@ -381,13 +386,13 @@ impl<'a> Body<'a> {
     }
 }
 
-/// `name`, or the name with a number that no word of the text has.
+/// `name`, or with a number if the text already has it.
 fn unique(name: &str, used: impl Fn(&str) -> bool) -> String {
     let plain: String = name
         .chars()
         .filter(|c| c.is_ascii_alphanumeric() || *c == '_')
         .collect();
-    // naga and WGSL refuse two underscores in front; `_` alone is no name.
+    // naga and WGSL reject two leading underscores, and `_` alone is not a name.
     let plain = plain.trim_start_matches(|c: char| c == '_' || c.is_ascii_digit());
     let plain = if plain.is_empty() { "value" } else { plain };
     let taken = |n: &str| used(n) || is_known(n);
@@ -400,7 +405,7 @@ fn unique(name: &str, used: impl Fn(&str) -> bool) -> String {
         .unwrap_or_default()
 }
 
-/// Whether WGSL knows the word already.
+/// Whether the word is reserved or predeclared in WGSL.
 fn is_known(word: &str) -> bool {
     naga::keywords::wgsl::RESERVED_SET.contains(word)
         || naga::keywords::wgsl::BUILTIN_IDENTIFIER_SET.contains(word)
@@ -413,7 +418,7 @@ fn baked(line: &str) -> Option<usize> {
     rest[..digits].parse().ok()
 }
 
-/// The lines each `_e12` is in, once for each time, its `let` first.
+/// For each `_e12`, the lines that mention it, once per mention, its `let` first.
 fn uses(body: &[&str]) -> FastHashMap<usize, Vec<usize>> {
     let mut uses: FastHashMap<usize, Vec<usize>> = FastHashMap::default();
     for (line, text) in body.iter().enumerate() {
@@ -429,7 +434,8 @@ fn uses(body: &[&str]) -> FastHashMap<usize, Vec<usize>> {
     uses
 }
 
-/// `a = (b + c);` without the parentheses, if they enclose the whole right-hand side of a `let`, an assignment or a return.
+/// `a = (b + c);` without parentheses that enclose the whole right-hand side of a `let`, an
+/// assignment or a return.
 fn without_outer_parentheses(line: &str) -> String {
     let strip = |start: usize| -> Option<String> {
         let inner = line[start..].strip_prefix('(')?.strip_suffix(");")?;
@@ -456,8 +462,8 @@ fn without_outer_parentheses(line: &str) -> String {
     strip(start).unwrap_or_else(|| line.to_owned())
 }
 
-/// `f((a + b), (c))` without the parentheses around whole arguments and indices. Those around a comparison stay: `f((a < b), (c > d))` would else
-/// be read as a template.
+/// `f((a + b), (c))` without parentheses around whole arguments and indices. Comparisons keep
+/// theirs: `f((a < b), (c > d))` could otherwise be read as a template.
 fn without_argument_parentheses(line: &str) -> String {
     let tokens: Vec<_> = text::tokens(line).map(|(_, range)| range).collect();
     let word = |i: usize| tokens.get(i).map_or("", |r| &line[r.clone()]);

@@ -1,4 +1,4 @@
-//! A program as WGSL text that naga, Tint and a reader can take.
+//! Writes a program as readable WGSL that naga and Tint accept.
 
 use naga::back::wgsl::{Writer, WriterFlags};
 use preshade_passes::contract::{Budget, Contract};
@@ -7,7 +7,7 @@ use preshade_passes::program::{Language, Program};
 
 use super::{Error, Target, fingerprint, initialisers, prepare, repair, text, tidy};
 
-/// Writes a reduced program; `name` is the file's, for errors, and `header` its first lines.
+/// Writes a reduced program. `name` is the file's, for errors, and `header` its first lines.
 pub(crate) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
     let (prepared, repaired) = written(program, name)?;
     let tidied = tidy::tidy(prepared.module(), &repaired);
@@ -16,7 +16,7 @@ pub(crate) fn write(program: &Program, name: &str, header: &str) -> Result<Strin
     Ok(text)
 }
 
-/// The program as it is written, and what naga's writer makes of it with everything lost put back.
+/// The program and naga's repaired text for it.
 pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String), Error> {
     let failed = |message: String| Error::Writer {
         file: name.to_owned(),
@@ -55,7 +55,7 @@ pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String)
     Ok((prepared, repaired))
 }
 
-/// The text of a program that no transform has touched: the author's, to the byte. `None` for any other program.
+/// The author's own text of an unchanged program; `None` for any other program.
 pub(super) fn author_text(plan: &Plan, key: &str) -> Option<String> {
     let program = plan
         .programs
@@ -64,7 +64,7 @@ pub(super) fn author_text(plan: &Plan, key: &str) -> Option<String> {
     program.author_text().map(str::to_owned)
 }
 
-/// Reads `text` back and compares it with the program.
+/// Parses `text` and compares it with the program.
 fn check(program: &Program, text: &str, name: &str) -> Result<(), Error> {
     let differs = |difference: String| Error::Differs {
         file: name.to_owned(),
@@ -88,8 +88,8 @@ fn check(program: &Program, text: &str, name: &str) -> Result<(), Error> {
     Ok(())
 }
 
-/// Comment lines that say where the text comes from: the author's files, the recipe, the contract. No date and no folder, so that the same
-/// input gives the same bytes anywhere.
+/// Comment lines with the source files, the recipe and the contract. No date and no folder, so that
+/// output is reproducible.
 pub(super) fn header(plan: &Plan, program: &Program) -> String {
     let files: Vec<&str> = program
         .sources()
@@ -131,7 +131,7 @@ fn contract(contract: &Contract) -> String {
         .given()
         .iter()
         .map(|a| {
-            // The name it has in plan.json.
+            // The name in plan.json.
             serde_json::to_value(a)
                 .ok()
                 .and_then(|v| v.as_str().map(str::to_owned))

@@ -1,4 +1,5 @@
-//! What GLSL allows and WGSL does not: derivatives where the invocations of a quad may have parted, and constants under names that WGSL reserves.
+//! Settles two things that GLSL allows and WGSL does not: derivatives in non-uniform control flow,
+//! and names that WGSL reserves.
 
 use naga::diagnostic_filter::{
     DiagnosticFilter, DiagnosticFilterNode, FilterableTriggeringRule, Severity,
@@ -7,8 +8,8 @@ use naga::diagnostic_filter::{
 use naga::keywords::wgsl::RESERVED;
 use naga::{Expression, Function, Handle, Module, Override, SampleLevel, Span};
 
-/// Turns WGSL's `derivative_uniformity` off (WGSL section 2.3) for a module of another language that takes derivatives. WGSL rejects them under
-/// control flow that it cannot see to be uniform; GLSL leaves their values undefined there, and its authors know where that does not matter.
+/// Turns `derivative_uniformity` off (WGSL 2.3) for a GLSL module that takes derivatives. WGSL
+/// rejects derivatives in non-uniform control flow; GLSL leaves their values undefined there.
 pub(super) fn leave_uniformity_to_the_author(module: &mut Module) {
     let functions = module.functions.iter().map(|(_, f)| f);
     let entries = module.entry_points.iter().map(|e| &e.function);
@@ -26,7 +27,7 @@ pub(super) fn leave_uniformity_to_the_author(module: &mut Module) {
     module.diagnostic_filter_leaf = Some(module.diagnostic_filters.append(node, Span::UNDEFINED));
 }
 
-/// Names constants that a host sets anew where WGSL reserves their names; they keep the numbers that a host sets them by.
+/// Renames overrides whose names WGSL reserves. Their ids stay.
 pub(super) fn rename_constants(module: &mut Module) {
     let taken: Vec<String> = module
         .overrides
@@ -47,7 +48,7 @@ pub(super) fn rename_constants(module: &mut Module) {
     }
 }
 
-/// Whether a function takes a derivative, by name or for the level of a sample.
+/// Whether a function takes a derivative, explicitly or to choose a mip level.
 fn differentiates(function: &Function) -> bool {
     function.expressions.iter().any(|(_, e)| {
         matches!(

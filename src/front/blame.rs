@@ -1,14 +1,18 @@
-//! Which statement of a WGSL text naga panics at: it says nothing but a place in its own source.
+//! Finds the WGSL statement at which naga panics. naga's panic only gives a place in naga's own
+//! source.
 //!
-//! The text is read again with parts of it blank. naga lowers a function's statements in their order, so the first at which a body, cut off behind it, still panics is the one.
+//! We parse the text again with parts of it blanked. naga lowers statements in order, so the
+//! culprit is the first statement at which a truncated body still panics.
 
 use std::ops::Range;
 
-/// Longer texts, and texts of more functions, are not looked through: each look reads the whole.
+/// Longer texts, and texts with more functions, are not searched: each attempt parses the whole
+/// text.
 const MOST_BYTES: usize = 256 << 10;
 const MOST_FUNCTIONS: usize = 400;
 
-/// The innermost statement, or else the function's body, without which `panics` is not so; `None` where no one function is to blame.
+/// The innermost statement that makes `panics` true, or else the function's body. `None` if no
+/// single function is the cause.
 pub(super) fn statement(text: &str, panics: &dyn Fn(&str) -> bool) -> Option<Range<usize>> {
     if text.len() > MOST_BYTES || !panics(text) {
         return None;
@@ -22,7 +26,8 @@ pub(super) fn statement(text: &str, panics: &dyn Fn(&str) -> bool) -> Option<Ran
     Some(narrowed(text, body, panics))
 }
 
-/// The first statement of a block at which a text still panics that has nothing behind it in the block, or one within it.
+/// The first statement of a block after which the truncated text still panics, or a statement
+/// nested in it.
 fn narrowed(text: &str, body: Range<usize>, panics: &dyn Fn(&str) -> bool) -> Range<usize> {
     let statements = statements(text, body.clone());
     let cut = |end: usize| blank(text, &(end..body.end));
@@ -38,14 +43,14 @@ fn narrowed(text: &str, body: Range<usize>, panics: &dyn Fn(&str) -> bool) -> Ra
     match inner {
         Some(block) => {
             let least = narrowed(&shorter, block.clone(), panics);
-            // A block to blame as a whole says less than its statement.
+            // A statement is more precise than a whole block.
             if least == block { found } else { least }
         }
         None => found,
     }
 }
 
-/// A text with a part of it made blank; lines stay where they are.
+/// Blanks a part of the text and keeps its line breaks.
 fn blank(text: &str, range: &Range<usize>) -> String {
     let mut bytes = text.as_bytes().to_vec();
     for byte in &mut bytes[range.clone()] {
@@ -53,11 +58,10 @@ fn blank(text: &str, range: &Range<usize>) -> String {
             *byte = b' ';
         }
     }
-    // Ranges begin and end beside ASCII.
     String::from_utf8(bytes).unwrap_or_default()
 }
 
-/// What stands between the outermost braces of a part.
+/// The ranges between a part's outermost braces.
 fn blocks(text: &str, part: Range<usize>) -> Vec<Range<usize>> {
     let mut out = Vec::new();
     let mut open = Vec::new();
@@ -75,7 +79,7 @@ fn blocks(text: &str, part: Range<usize>) -> Vec<Range<usize>> {
     out
 }
 
-/// The statements right within a block.
+/// The direct statements of a block.
 fn statements(text: &str, body: Range<usize>) -> Vec<Range<usize>> {
     let mut out = Vec::new();
     let (mut depth, mut start) = (0_u32, None);
@@ -88,7 +92,8 @@ fn statements(text: &str, body: Range<usize>) -> Vec<Range<usize>> {
             b'}' | b')' | b']' => depth = depth.saturating_sub(1),
             _ => {}
         }
-        // What follows an `if`'s block may be its `else`, which is then a piece of its own: no text that ends ahead of it is wrong.
+        // An `else` after an `if` block is a piece of its own. A text that ends before it is still
+        // valid.
         if depth == 0 && matches!(byte, b';' | b'}') {
             out.extend(start.take().map(|start| start..at + 1));
         }
@@ -96,7 +101,7 @@ fn statements(text: &str, body: Range<usize>) -> Vec<Range<usize>> {
     out
 }
 
-/// The bytes of a part that stand in no comment.
+/// The bytes of a part that are outside of comments.
 fn code(text: &str, part: Range<usize>) -> Vec<(usize, u8)> {
     let bytes = text.as_bytes();
     let mut out = Vec::new();
@@ -106,7 +111,7 @@ fn code(text: &str, part: Range<usize>) -> Vec<(usize, u8)> {
         if rest.starts_with(b"//") {
             at += rest.iter().position(|b| *b == b'\n').unwrap_or(rest.len());
         } else if rest.starts_with(b"/*") {
-            // They nest (WGSL, section 3.4).
+            // Comments nest (WGSL 3.4).
             let mut depth = 0;
             while at < part.end {
                 let rest = &bytes[at..part.end];
@@ -154,7 +159,7 @@ fn three() {}
         let found = statement(text, &panics).unwrap();
         assert_eq!(&text[found], "PANIC;");
         assert_eq!(statement(&text.replace("PANIC", "fine"), &panics), None);
-        // Of a declaration no function is to blame.
+        // A panic in a declaration has no culprit function.
         assert_eq!(
             statement(&text.replace("a = 1", "a = PANIC"), &panics),
             None

@@ -1,6 +1,7 @@
-//! Where a member, an argument or a varying stands in the author's text: naga's IR has spans for whole types and variables only.
+//! Finds a member, an argument or a varying in the author's text. naga's IR has spans only for
+//! whole types and variables.
 //!
-//! A reading of tokens, not a parser: it runs on text that has been parsed, only to point at it, and finds nothing rather than the wrong place.
+//! This reads tokens of text that has already been parsed. If in doubt it finds nothing.
 
 use std::ops::Range;
 
@@ -9,7 +10,7 @@ use preshade_passes::program::{SourceFile, SourceMap};
 
 use super::entry;
 
-/// A word, a number or one sign, comments and preprocessor lines left out.
+/// A word, a number or one sign. Comments and preprocessor lines are skipped.
 #[derive(Clone, Copy)]
 struct Token<'a> {
     text: &'a str,
@@ -50,8 +51,8 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
     out
 }
 
-/// The declarations between brackets: what stands between commas or semicolons outside any further bracket. `inside` begins after the
-/// opening bracket and ends at the closing one, or at the end of the tokens.
+/// The declarations in a bracket, separated by commas or semicolons. `inside` begins after the
+/// opening bracket.
 fn declarations<'t, 'a>(inside: &'t [Token<'a>]) -> Vec<&'t [Token<'a>]> {
     let mut depth = 0_i32;
     let mut start = 0;
@@ -84,11 +85,11 @@ fn span(file: &SourceFile, offset: usize, range: Range<usize>) -> Span {
     Span::new(at(range.start), at(range.end))
 }
 
-/// The member `name` of the struct or block whose whole declaration is `of`.
+/// The member `name` of the struct or block declared at `of`.
 pub(super) fn member(sources: &SourceMap, of: Span, name: &str) -> Option<Span> {
     let file = sources.file_of(of)?;
     let start = of.to_range()?.start - file.base as usize;
-    // Some spans end with the name: what matters is the bracket that opens next.
+    // Some spans end at the name, so search for the next opening bracket.
     let tokens = tokens(file.text.get(start..)?);
     let open = tokens.iter().position(|t| matches!(t.text, "{" | ";"))?;
     let inside = tokens
@@ -101,7 +102,7 @@ pub(super) fn member(sources: &SourceMap, of: Span, name: &str) -> Option<Span> 
         .map(|r| span(file, start, r))
 }
 
-/// The input or output of an entry point at a location: an argument, a result, or a member of a struct that either is.
+/// The input or output of an entry point at a location: an argument, a result, or a struct member.
 pub(super) fn varying(
     sources: &SourceMap,
     stage: ShaderStage,
@@ -115,7 +116,6 @@ pub(super) fn varying(
     }
 }
 
-/// Into a stage or out of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Direction {
     In,
@@ -157,7 +157,7 @@ fn wgsl_varying(
         .map(|r| span(file, 0, r))
 }
 
-/// GLSL has one stage a file, and varyings outside of all functions.
+/// A GLSL file holds one stage, and its varyings are global.
 fn glsl_varying(
     sources: &SourceMap,
     stage: ShaderStage,
@@ -181,7 +181,7 @@ fn glsl_varying(
     })
 }
 
-/// Whether a declaration says `@location(N)` or `location = N`.
+/// Whether a declaration has `@location(N)` or `location = N`.
 fn is_at(declaration: &[Token<'_>], location: u32) -> bool {
     let number = |t: &Token<'_>| t.text.trim_end_matches(['u', 'i']).parse() == Ok(location);
     declaration

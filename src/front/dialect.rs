@@ -1,4 +1,4 @@
-//! Which WGSL a file is: plain, naga_oil's with `#import` and `#ifdef`, or WESL.
+//! Detects a file's WGSL dialect: plain WGSL, naga_oil (`#import`, `#ifdef`) or WESL.
 
 use std::path::Path;
 
@@ -11,19 +11,19 @@ use super::Options;
 use super::Source;
 use super::error::{Code, Error};
 
-/// A language that is WGSL and more.
+/// A dialect of WGSL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Dialect {
     /// WGSL.
     Plain,
-    /// Modules put together by the crate `naga_oil`.
+    /// Modules composed by the crate `naga_oil`.
     NagaOil,
-    /// WESL: `import` and `@if`, by the crate `wesl`.
+    /// WESL (`import`, `@if`), compiled by the crate `wesl`.
     Wesl,
 }
 
 impl Dialect {
-    /// By the file's ending, and by what no plain WGSL has in it.
+    /// Decides by the file's extension and by directives that plain WGSL does not have.
     pub(super) fn of(source: &Source) -> Self {
         if Path::new(&source.name)
             .extension()
@@ -50,7 +50,7 @@ impl Dialect {
     }
 }
 
-/// The WGSL that a file comes to, and what it came of.
+/// A file compiled to WGSL.
 #[cfg_attr(
     not(any(feature = "naga-oil", feature = "wesl")),
     allow(dead_code, reason = "a build with neither makes none")
@@ -58,22 +58,21 @@ impl Dialect {
 pub(super) struct Compiled {
     /// WGSL.
     pub text: String,
-    /// What it came of.
     pub origin: Origin,
 }
 
-/// What a text came of beside the file itself.
+/// The inputs of a compilation besides the file itself.
 #[derive(Default)]
 pub(super) struct Origin {
-    /// The other files that it was made of, each with its path and its text.
+    /// Imported files: path and text.
     pub imported: Vec<(String, String)>,
-    /// Files that were looked for in vain before another was found.
+    /// Paths that did not exist when they were tried.
     pub absent: Vec<String>,
-    /// Searches for them.
+    /// Folder searches and their results.
     pub searched: Vec<Searched>,
 }
 
-/// Whether a search would come to the same now.
+/// Whether a search has the same result now.
 pub(crate) fn still_finds(searched: &Searched) -> bool {
     let Searched {
         folders,
@@ -93,7 +92,7 @@ pub(crate) fn still_finds(searched: &Searched) -> bool {
     }
 }
 
-/// What a build without a dialect's feature says.
+/// The error for a dialect whose Cargo feature is off.
 #[cfg_attr(
     all(feature = "naga-oil", feature = "wesl"),
     allow(dead_code, reason = "a build with both reads everything")
@@ -109,7 +108,7 @@ pub(super) fn not_built(source: &Source, language: &str, feature: &str) -> Error
     .note(format!("build preshade with the feature `{feature}`"))
 }
 
-/// A folder that holds what tools made: cargo's and others' caches, which say so by a file (the Cache Directory Tagging Specification), and a build script's folder for output.
+/// Whether tools generated the folder: a cache (`CACHEDIR.TAG`) or a build script's `OUT_DIR`.
 #[cfg(feature = "naga-oil")]
 fn is_made(folder: &Path) -> bool {
     let is_out = || {
@@ -119,7 +118,8 @@ fn is_made(folder: &Path) -> bool {
     folder.join("CACHEDIR.TAG").is_file() || is_out()
 }
 
-/// Files below the folders given, with one of the endings, each once and with its path; the same order each time. Folders below them that tools made are left out.
+/// Files with the extension `ending` below `folders`: path and text, each once, in a stable order.
+/// Generated folders are skipped.
 #[cfg(feature = "naga-oil")]
 pub(super) fn files_below(
     folders: &[&Path],
@@ -137,9 +137,9 @@ pub(super) fn files_below(
         let entries = std::fs::read_dir(folder).into_iter().flatten();
         let mut paths: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
         paths.sort();
-        // What lies in a folder goes before what lies below it.
+        // A folder's own files come before those of its subfolders.
         let (below, files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.is_dir());
-        // A link may lead back, and one folder given may lie in another.
+        // Links can form a cycle, and one folder can lie in another.
         let mut is_new = |path: &Path| path.canonicalize().is_ok_and(|whole| seen.insert(whole));
         for path in files {
             if path.extension().is_some_and(|e| e == ending)
@@ -162,7 +162,8 @@ pub(super) fn files_below(
     out
 }
 
-/// The text of a file that a shader may import: one that lies in [`Options::root`], links followed, is a file, and no larger than a source may be.
+/// Reads a file that a shader may import: a regular file inside of [`Options::root`] (after
+/// following links) within the size limit.
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 pub(super) fn text_within(path: &Path, options: &Options) -> Option<String> {
     let real = path.canonicalize().ok()?;
@@ -175,14 +176,14 @@ pub(super) fn text_within(path: &Path, options: &Options) -> Option<String> {
     within.then(text).flatten()
 }
 
-/// Where a file lies: names are relative to [`Options::root`], where there is one.
+/// The path of a source. Names are relative to [`Options::root`].
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 pub(super) fn path_of(source: &Source, options: &Options) -> std::path::PathBuf {
     let root = options.root.as_deref().unwrap_or(Path::new(""));
     root.join(&source.name)
 }
 
-/// The folder that a file is in.
+/// The folder of a file.
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 pub(super) fn beside(path: &Path) -> &Path {
     match path.parent() {
@@ -191,7 +192,7 @@ pub(super) fn beside(path: &Path) -> &Path {
     }
 }
 
-/// A definition as a dialect has it.
+/// The value of a preprocessor definition.
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Defined {
@@ -204,7 +205,7 @@ pub(super) enum Defined {
     Uint(u32),
 }
 
-/// The definitions of [`Options::defines`]: `true`, `false`, `3` or `3u`.
+/// Parses [`Options::defines`]: `true`, `false`, `3` or `3u`.
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 pub(super) fn definitions(options: &Options) -> Result<Vec<(String, Defined)>, Error> {
     let value = |text: &str| match text {

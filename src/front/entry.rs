@@ -1,4 +1,4 @@
-//! Which entry points draw the material, and whether the two stages fit.
+//! Chooses the entry points and checks that the stages fit together.
 
 use naga::{Binding, Module, ShaderStage, Span, compact};
 use preshade_passes::program::SourceMap;
@@ -9,7 +9,6 @@ use super::declaration::{self, Direction};
 use super::error::{Code, Error};
 use super::varying::Varying;
 
-/// The entry points that draw a material.
 pub(super) struct Entries {
     pub vertex: String,
     pub fragment: Option<String>,
@@ -24,10 +23,10 @@ pub(super) fn stage_name(stage: ShaderStage) -> &'static str {
     }
 }
 
-/// Where an entry point's name stands in the author's WGSL: naga's IR has no span for it. `None` for GLSL, whose `main` needs no pointing at.
+/// The span of an entry point's name in WGSL text, which naga's IR lacks. `None` for GLSL.
 pub(super) fn place(sources: &SourceMap, stage: ShaderStage, name: &str) -> Option<Span> {
     let attribute = format!("@{}", stage_name(stage));
-    // Linking may have added the stage to the name.
+    // Linking may have appended the stage.
     let authors = name.strip_suffix(&format!("_{}", stage_name(stage)));
     for name in [Some(name), authors].into_iter().flatten() {
         for file in sources.files() {
@@ -37,7 +36,7 @@ pub(super) fn place(sources: &SourceMap, stage: ShaderStage, name: &str) -> Opti
                 let is_name = rest
                     .strip_prefix(name)
                     .is_some_and(|r| r.trim_start().starts_with('('));
-                // The attributes of this function begin after the item before it.
+                // The function's attributes begin after the previous item.
                 let before = &file.text[..at];
                 let item = before.rfind(['}', ';']).map_or(before, |i| &before[i..]);
                 if is_name && item.contains(&attribute) {
@@ -50,7 +49,7 @@ pub(super) fn place(sources: &SourceMap, stage: ShaderStage, name: &str) -> Opti
     None
 }
 
-/// Takes the only entry point of each stage, or the one `options` names.
+/// Takes the only entry point of each stage, or the one that `options` names.
 pub(super) fn choose(
     module: &Module,
     options: &Options,
@@ -106,7 +105,7 @@ fn one(
             if let Some(name) = names.iter().find(|n| **n == wanted) {
                 return Ok(Some((*name).to_owned()));
             }
-            // In GLSL every entry point is `main`, and only here it has another name.
+            // GLSL's `main` has another name here.
             if let ("main", [only]) = (wanted, names.as_slice())
                 && *only == format!("{stage}_main")
             {
@@ -144,8 +143,8 @@ fn one(
     }
 }
 
-/// Of two files the one that has nothing but a fragment stage, or nothing but a vertex stage, was named for it: the other's entry points of that stage are left out, with what they alone need.
-/// Bevy's `mesh.wgsl` has a fragment stage that paints meshes pink.
+/// If one of two files has only a fragment (or only a vertex) stage, drops the other file's entry
+/// points of that stage. Bevy's `mesh.wgsl` has a fragment stage that paints meshes pink.
 pub(super) fn give_up_the_others_stage(first: &mut Module, second: &mut Module) {
     let only = |module: &Module, stage: ShaderStage| {
         let mut stages = module.entry_points.iter().map(|e| e.stage).peekable();
@@ -172,7 +171,7 @@ fn list(names: &[&str]) -> String {
         .join(", ")
 }
 
-/// The name that differs from `wanted` by the fewest edits, if by no more than a third of its letters.
+/// The name with the fewest edits from `wanted`, if at most a third of its letters differ.
 fn nearest<'a>(wanted: &str, names: &[&'a str]) -> Option<&'a str> {
     names
         .iter()
@@ -198,13 +197,12 @@ fn distance(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
-/// The entry points by stage and name.
 pub(super) fn names(module: &Module) -> Vec<(ShaderStage, String)> {
     let entries = module.entry_points.iter();
     entries.map(|e| (e.stage, e.name.clone())).collect()
 }
 
-/// Points a validator's error that names an entry point but no place at that entry point.
+/// Labels a validation error that names an entry point without a span.
 pub(super) fn locate_invalid(
     error: Error,
     names: &[(ShaderStage, String)],
@@ -222,8 +220,8 @@ pub(super) fn locate_invalid(
     error.label_if(at)
 }
 
-/// Checks what WebGPU checks when a pipeline is made (WebGPU section 10.3.2, "validating inter-stage interfaces"): each fragment input
-/// has a vertex output of its location, type and interpolation.
+/// Checks the inter-stage interface as WebGPU does (10.3.2): each fragment input needs a vertex
+/// output of the same location, type and interpolation.
 pub(super) fn check_interface(
     module: &Module,
     entries: &Entries,

@@ -1,4 +1,4 @@
-//! What went wrong in the author's source, as data, and as a frame on the author's own text.
+//! Errors in the author's source: codes, labels and notes, rendered as a frame on the text.
 
 use std::sync::Arc;
 
@@ -7,34 +7,34 @@ use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term::{self, Config, Styles, StylesWriter, termcolor::Ansi};
 use preshade_passes::program::{Invalid, Location, SourceMap};
 
-/// What kind of error it is. [`Code::name`] is stable and may be matched on by scripts.
+/// The kind of an error. Scripts may match on [`Code::name`]: it is stable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Code {
-    /// No source, or one without a single token.
+    /// No source, or one without a token.
     Empty,
-    /// Neither the file's extension nor the caller names the language.
+    /// The language is unknown.
     UnknownLanguage,
-    /// A GLSL source whose stage neither the extension nor the caller names.
+    /// A GLSL source of unknown stage.
     UnknownStage,
-    /// The sources do not make one material: two fragment files, say.
+    /// The sources do not make one material, such as two fragment files.
     Sources,
-    /// The language needs a feature this build of preshade lacks.
+    /// The language needs a feature that this build lacks.
     Unsupported,
-    /// The parser refused the text.
+    /// The parser rejected the text.
     Parse,
-    /// The text parses, but the validator refused what it means.
+    /// The validator rejected the module.
     Invalid,
-    /// naga, the parser preshade uses, panicked.
+    /// naga panicked.
     Panic,
-    /// Nested too deeply, or too long, to be worked on.
+    /// The text is nested too deeply or too long.
     TooDeep,
-    /// No entry point of the stage that is needed.
+    /// A required stage has no entry point.
     NoEntryPoint,
-    /// The entry point asked for does not exist.
+    /// The requested entry point does not exist.
     UnknownEntryPoint,
-    /// Several entry points of one stage, and none was chosen.
+    /// A stage has several entry points and none was chosen.
     AmbiguousEntryPoint,
-    /// The vertex stage's outputs do not fit the fragment stage's inputs.
+    /// The vertex outputs do not match the fragment inputs.
     Interface,
     /// Two files declare one thing differently.
     Link,
@@ -62,7 +62,7 @@ impl Code {
     }
 }
 
-/// Whether a rendered error carries terminal colours.
+/// Whether a rendered error has terminal colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Color {
     /// ANSI escape sequences.
@@ -72,16 +72,16 @@ pub enum Color {
     Never,
 }
 
-/// A place an error points at. The first of an error is the place itself, others explain it.
+/// A span that an error points at. The first label is the error's location.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
     /// Where, in the address space of the error's [`SourceMap`].
     pub span: naga::Span,
-    /// What is there; may be empty.
+    /// An explanation; may be empty.
     pub text: String,
 }
 
-/// The source could not be made a program. Always the author's to mend, except [`Code::Panic`].
+/// The source is not a valid program. The author must fix it, except for [`Code::Panic`].
 #[derive(Clone, Debug)]
 pub struct Error(Box<Diagnosis>);
 
@@ -130,11 +130,12 @@ impl Error {
         self
     }
 
-    /// What naga's validator says of the author's module.
+    /// Converts naga's validation error.
     pub(crate) fn invalid(invalid: &Invalid) -> Self {
         let mut error = Self::new(Code::Invalid, without_handles(&invalid.message));
         for (span, text) in &invalid.labels {
-            // naga says `naga::ir::Expression [12]`: a handle tells an author nothing.
+            // naga labels spans with handles (`naga::ir::Expression [12]`), which mean nothing to
+            // an author.
             let text = if text.starts_with("naga::") { "" } else { text };
             if !error.0.labels.iter().any(|l| l.span == *span) {
                 error = error.label(*span, text);
@@ -143,27 +144,27 @@ impl Error {
         error
     }
 
-    /// What kind of error it is.
+    /// The error's code.
     pub fn code(&self) -> Code {
         self.0.code
     }
 
-    /// The message, one line as a rule, without a place.
+    /// The message without a location, usually one line.
     pub fn message(&self) -> &str {
         &self.0.message
     }
 
-    /// The places it points at.
+    /// The error's labels.
     pub fn labels(&self) -> &[Label] {
         &self.0.labels
     }
 
-    /// Hints, the remedy among them.
+    /// Hints and remedies.
     pub fn notes(&self) -> &[String] {
         &self.0.notes
     }
 
-    /// Line and column of the first place.
+    /// Line and column of the first label.
     pub fn location(&self) -> Option<Location> {
         self.0
             .labels
@@ -171,7 +172,7 @@ impl Error {
             .find_map(|l| self.0.sources.locate(l.span))
     }
 
-    /// The error as a frame on the author's source, ending in a newline.
+    /// Renders the error as a frame on the source, ending in a newline.
     pub fn render(&self, color: Color) -> String {
         let mut files = SimpleFiles::new();
         let mut bases = Vec::new();
@@ -213,7 +214,7 @@ impl Error {
         };
         match done {
             Ok(()) => String::from_utf8_lossy(&bytes).into_owned(),
-            // A label that does not fit its file: the message still must come through.
+            // If a label does not fit its file, the message must still appear.
             Err(_) => format!("error[{}]: {}\n", self.0.code.name(), self.0.message),
         }
     }
@@ -234,7 +235,7 @@ impl std::fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
-/// naga's message without the numbers that it gives to expressions and types: ` [43]`.
+/// Removes naga's handle numbers from a message: ` [43]`.
 fn without_handles(message: &str) -> String {
     let mut out = String::with_capacity(message.len());
     let mut rest = message;
@@ -252,7 +253,7 @@ fn without_handles(message: &str) -> String {
     out + rest
 }
 
-/// `text` without control characters that could drive the reader's terminal, byte for byte as long, so that ranges still fit.
+/// Replaces control characters that could drive a terminal, byte for byte.
 fn printable(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,29 +1,30 @@
-//! Runs naga where neither its recursion nor its panics can take the process down.
+//! Runs naga so that neither its recursion nor its panics abort the process.
 
 use std::cell::RefCell;
 use std::panic;
 use std::sync::Once;
 
-/// Stack that naga runs on. Its front and back ends recurse once a nesting level; [`super::nesting`] bounds the levels, this
-/// bounds what a level may cost. Only touched pages are ever backed by memory.
+/// Stack size for naga, which recurses once per nesting level. [`super::nesting`] bounds the
+/// levels. The system only commits pages that are used.
 const STACK: usize = 256 << 20;
 
-/// naga panicked; the message and where.
+/// naga panicked: its message and location.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct Panicked(pub String);
 
 thread_local! {
-    /// While guarded: the panic's message, once there is one. `None` leaves panics to the process's own hook.
+    /// The message of a caught panic. `None` outside of a guard.
     static CAUGHT: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// Calls `work` on a large stack and turns a panic into a value, printing nothing. It stays on the caller's thread: a small shader is read in less time than a thread takes to start.
+/// Runs `work` on a large stack and converts a panic to an error without printing it. It stays on
+/// the caller's thread, because starting a thread takes longer than reading a small shader.
 pub(crate) fn run<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     stacker::grow(STACK, || caught(work))
 }
 
-/// Turns a panic of `work` into a value, printing nothing.
+/// Converts a panic of `work` to an error without printing it.
 pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     install_hook();
     let outer = CAUGHT.replace(Some(String::new()));
@@ -32,8 +33,8 @@ pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     result.map_err(|_| Panicked(message))
 }
 
-/// A panic hook that is silent where a panic is caught and passes every other panic on to the hook it found. It is installed once and stays:
-/// taking it out again would race with other threads that set theirs.
+/// Installs a panic hook once. It is silent inside of a guard and calls the previous hook
+/// elsewhere. Removing it would race with other threads.
 fn install_hook() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {

@@ -1,7 +1,7 @@
-//! GLSL's inputs and globals, handed to the functions that only read them.
+//! Passes GLSL inputs and globals as parameters to the functions that only read them.
 //!
-//! In GLSL every function sees the stage's inputs, and whatever global `main` has filled in. In the IR both are variables of the whole invocation, and a
-//! pass that runs part of a stage elsewhere, or several times, cannot tell such a variable from state:
+//! In the IR, GLSL inputs and globals are variables of the whole invocation. A pass that runs part
+//! of a stage separately cannot distinguish them from state:
 //!
 //! ```wgsl
 //! var<private> uv: vec2f;
@@ -9,8 +9,8 @@
 //! fn main() { color = vec4f(wave()); }           ->      fn main() { color = vec4f(wave(uv)); }
 //! ```
 //!
-//! A variable that nothing but `main` and its wrapper writes does not change while a function that `main` calls runs: its value at the call is its value within.
-//! What is left to `main` and the wrapper alone is then for [`super::promote`].
+//! If only `main` and its wrapper write a variable, it is constant during each call that `main`
+//! makes. [`super::promote`] then turns the variable into a local.
 
 use std::collections::{HashMap, HashSet};
 
@@ -22,20 +22,22 @@ use naga::{
 use super::operands;
 use super::promote::{for_each_statement, global_of, wrapped};
 
-/// Most bytes of one variable that are handed on: a larger one, a table as a rule, costs more to copy at each call than it is worth.
+/// Larger variables, in bytes, are not passed: copying a table at each call costs too much.
 const MOST_BYTES: u32 = 256;
 
-/// Most parameters of a function (WGSL, 15.3).
+/// Maximum number of parameters (WGSL 15.3).
 const MOST_PARAMETERS: usize = 255;
 
-/// The variables that each function is to be given, in the order of their declaration.
+/// The variables that become parameters of each function, in declaration order.
 type Lent = HashMap<Handle<Function>, Vec<Handle<GlobalVariable>>>;
 
-/// Gives the functions below a stage's `main` as parameters what they only read. `module` must be valid, and stays so.
+/// Passes variables as parameters to the functions that `main` calls. `module` must be valid and
+/// stays valid.
 pub(super) fn lend(module: &mut Module) {
-    // The front end gives every function an expression for every global; without the unused ones it shows who uses what.
+    // naga's front end gives every function an expression for every global. Compaction leaves those
+    // in use.
     naga::compact::compact(module, naga::compact::KeepUnused::Yes);
-    // Several stages would share their functions.
+    // Several stages would share functions.
     let [_] = module.entry_points.as_slice() else {
         return;
     };
@@ -56,7 +58,7 @@ pub(super) fn lend(module: &mut Module) {
     lender(&mut module.functions[main], &lent);
 }
 
-/// Private variables that `main` or its wrapper writes and all others only load.
+/// Private variables that only `main` or its wrapper writes and all other functions only load.
 fn lendable(module: &Module, main: Handle<Function>) -> HashSet<Handle<GlobalVariable>> {
     let mut layouter = naga::proc::Layouter::default();
     if layouter.update(module.to_ctx()).is_err() {
@@ -87,12 +89,12 @@ fn lendable(module: &Module, main: Handle<Function>) -> HashSet<Handle<GlobalVar
     written
 }
 
-/// What a function does with a variable besides loading of it.
+/// How a function uses a variable besides loading it.
 #[derive(Clone, Copy)]
 enum Use {
-    /// Stores to it, or to a part.
+    /// Stores to all or part of it.
     Written,
-    /// Hands its address to something that is not looked into.
+    /// Passes a pointer to it to something that we do not analyse.
     Escapes,
 }
 
@@ -122,14 +124,14 @@ fn uses(function: &Function) -> Vec<(Handle<GlobalVariable>, Use)> {
     found
 }
 
-/// What each function but `main` loads of `variables`, be it in those that it calls.
+/// The `variables` that each function except `main` loads, directly or through calls.
 fn lent(
     module: &Module,
     main: Handle<Function>,
     variables: &HashSet<Handle<GlobalVariable>>,
 ) -> Lent {
     let mut lent = Lent::new();
-    // A function comes after all that it calls.
+    // Callees come before their callers in the arena.
     for (handle, function) in module.functions.iter().filter(|(h, _)| *h != main) {
         let mut needed: Vec<Handle<GlobalVariable>> = Vec::new();
         for (_, expression) in function.expressions.iter() {
@@ -151,7 +153,7 @@ fn lent(
     lent
 }
 
-/// The function with parameters in place of `variables`.
+/// Rebuilds a function with parameters for `variables`.
 fn borrower(
     module: &Module,
     from: &Function,
@@ -166,7 +168,7 @@ fn borrower(
         diagnostic_filter_leaf: from.diagnostic_filter_leaf,
         ..Function::default()
     };
-    // A dynamic index needs memory to point into.
+    // A dynamic index needs a local to point into.
     let indexed: HashSet<Handle<GlobalVariable>> = from
         .expressions
         .iter()
@@ -215,7 +217,6 @@ fn borrower(
     for (handle, expression) in from.expressions.iter() {
         let new = match expression {
             Expression::GlobalVariable(global) if places.contains_key(global) => places[global],
-            // The value itself stands where the pointer stood.
             Expression::Load { pointer }
                 if global_of(&from.expressions, *pointer)
                     .is_some_and(|g| places.contains_key(&g) && !indexed.contains(&g)) =>
@@ -251,7 +252,7 @@ fn borrower(
     to
 }
 
-/// How the statements of a function are written anew.
+/// Maps statements of the old function to the new one.
 struct Made<'a> {
     from: &'a Function,
     copies: &'a HashMap<Handle<Expression>, Handle<Expression>>,
@@ -265,7 +266,7 @@ impl Made<'_> {
         for (statement, span) in block.span_iter() {
             match statement {
                 Statement::Emit(range) => {
-                    // Expressions keep their order, so what is left of a range is one.
+                    // Order is unchanged, so the remaining expressions form one range.
                     let mut left = range.clone().filter(|e| !self.is_value(*e));
                     let first = left.next();
                     let last = left.last().or(first);
@@ -296,7 +297,7 @@ impl Made<'_> {
         out
     }
 
-    /// Whether an expression is a load that has become the value that was there to load.
+    /// Whether the expression is a load that a value replaced.
     fn is_value(&self, handle: Handle<Expression>) -> bool {
         match self.from.expressions[handle] {
             Expression::Load { pointer } => self.copies[&pointer] == self.copies[&handle],
@@ -305,7 +306,7 @@ impl Made<'_> {
     }
 }
 
-/// Loads in `main`, ahead of each call, what the called function is to be given.
+/// In `main`, loads the variables before each call that takes them as arguments.
 fn lender(main: &mut Function, lent: &Lent) {
     let mut body = std::mem::take(&mut main.body);
     lender_block(main, &mut body, lent);

@@ -1,10 +1,11 @@
-//! The author's text becomes a [`Program`]: the only place that knows a source language.
+//! Parses a material's source text into a [`Program`]. No other module knows a source language.
 //!
-//! [`parse`] takes a material as one WGSL file with both entry points, as two WGSL files, or as a GLSL vertex and a GLSL fragment file. Two
-//! files are linked into one naga module, so that everything after this sees one program whatever it came from.
+//! [`parse`] takes one WGSL file with both entry points, two WGSL files, or a GLSL vertex and a
+//! GLSL fragment file. It links two files into one naga module.
 //!
-//! In data-flow order: `nesting` refuses what would exhaust the stack, `guard` runs naga, `glsl` and `wgsl` parse one file, `link` joins
-//! two modules, `entry` chooses entry points and checks that the stages fit. Every error is an [`Error`] that points at the author's text.
+//! In data-flow order: `nesting` rejects text that would overflow the stack, `guard` runs naga,
+//! `glsl` and `wgsl` parse one file, `link` joins two modules, and `entry` chooses entry points and
+//! checks that the stages fit. Every [`Error`] points at the author's text.
 
 mod beyond_wgsl;
 mod blame;
@@ -50,19 +51,20 @@ use crate::limits::Limits;
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
-    /// Name to print in messages: a path as the user gave it, or `<stdin>`.
+    /// The name in messages: a path or `<stdin>`.
     pub name: String,
     /// The whole text.
     pub text: String,
-    /// Language; `None` goes by the name's extension.
+    /// Language; `None`: by the name's extension.
     pub language: Option<Language>,
-    /// Stage of a GLSL file; `None` goes by the name's extension. Ignored for WGSL, whose entry points say it.
+    /// Stage of a GLSL file; `None`: by the name's extension. Ignored for WGSL.
     pub stage: Option<ShaderStage>,
 }
 
 impl Source {
-    /// A source whose language and stage go by the name's extension: `.wgsl`; `.vert` and `.vs`; `.frag`, `.fs` and, as most fragment
-    /// shaders on the web are named so, `.glsl`. A last extension `.glsl` may follow one that names the stage (`a.vert.glsl`).
+    /// A source whose extension gives language and stage: `.wgsl`; `.vert`, `.vs`; `.frag`, `.fs`,
+    /// `.glsl`. Most fragment shaders on the web end in `.glsl`. The stage may also precede it
+    /// (`a.vert.glsl`).
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self {
             name: name.into(),
@@ -72,14 +74,14 @@ impl Source {
         }
     }
 
-    /// The same source with its language given.
+    /// Sets the language.
     #[must_use]
     pub fn with_language(mut self, language: Language) -> Self {
         self.language = Some(language);
         self
     }
 
-    /// The same source with its stage given.
+    /// Sets the stage.
     #[must_use]
     pub fn with_stage(mut self, stage: ShaderStage) -> Self {
         self.stage = Some(stage);
@@ -115,51 +117,53 @@ fn extension(name: &str) -> Option<&str> {
     Path::new(name).extension()?.to_str()
 }
 
-/// Choices a source may leave open.
+/// Options of [`parse`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Options {
-    /// Vertex entry point; needed where there are several.
+    /// Vertex entry point. Required if there are several.
     pub vertex: Option<String>,
-    /// Fragment entry point; needed where there are several.
+    /// Fragment entry point. Required if there are several.
     pub fragment: Option<String>,
-    /// GLSL preprocessor definitions, name and value.
+    /// GLSL preprocessor definitions: name and value.
     pub defines: Vec<(String, String)>,
-    /// Folders in which GLSL's `#include` is looked up, after the including file's own.
+    /// Folders to search for GLSL's `#include`, after the including file's own.
     pub include: Vec<PathBuf>,
-    /// The folder that included files may not leave, and that the sources' names are relative to; `None`: any file may be included.
+    /// Included files must be inside of this folder, and source names are relative to it. `None`
+    /// allows any file.
     pub root: Option<PathBuf>,
-    /// The clip space that GLSL positions are written for; `None` goes by the dialect: OpenGL's, but for Vulkan's GLSL.
+    /// The clip space of GLSL positions. `None`: OpenGL's, except for Vulkan's GLSL.
     pub clip_space: Option<ClipSpace>,
-    /// What is refused for its size.
+    /// Size limits.
     pub limits: Limits,
 }
 
-/// The clip space that a GLSL text is written for.
+/// The clip space that GLSL text is written for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum ClipSpace {
-    /// WebGPU's and Vulkan's depth, 0 to 1: positions stay as they are written.
+    /// Depth from 0 to 1, as in WebGPU and Vulkan. Positions do not change.
     #[serde(rename = "zero-to-one")]
     AsWritten,
-    /// OpenGL's depth, -1 to 1: `gl_Position.z` becomes `(z + w) / 2` where the vertex stage ends.
+    /// Depth from -1 to 1, as in OpenGL. The vertex stage ends by setting `gl_Position.z` to `(z +
+    /// w) / 2`.
     #[serde(rename = "minus-one-to-one")]
     OpenGl,
 }
 
-/// A material's program and the entry points that draw it.
+/// A material's program and its entry points.
 #[derive(Clone, Debug)]
 pub struct Parsed {
     /// Validated module of both stages, with the author's text.
     pub program: Program,
-    /// Vertex entry point. GLSL's `main` is renamed to `vertex_main`.
+    /// Vertex entry point; `vertex_main` for GLSL.
     pub vertex: String,
-    /// Fragment entry point, `fragment_main` from GLSL; `None` if the material has none and draws depth alone.
+    /// Fragment entry point; `fragment_main` for GLSL. `None` for a depth-only material.
     pub fragment: Option<String>,
 }
 
 /// Parses a material of one or two files, links and validates it, and chooses its entry points.
 ///
 /// # Errors
-/// Whatever is wrong with the text, as a frame on it; see [`Code`] for the kinds. naga's own panics come back as [`Code::Panic`].
+/// Any error in the text, with labels on it; see [`Code`]. A panic in naga becomes [`Code::Panic`].
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
     let translated = sources.iter().map(|source| translated(source, options));
     let translated = translated.collect::<Result<Vec<_>, _>>()?;
@@ -180,7 +184,7 @@ pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
     parsed.map_err(|e| e.with_sources(&map))
 }
 
-/// The source in a language that is read here: of naga_oil's dialect and of WESL, the WGSL that they come to, and what it came of.
+/// Compiles naga_oil's dialect or WESL to WGSL. Other sources are returned unchanged.
 fn translated<'a>(
     source: &'a Source,
     options: &Options,
@@ -236,7 +240,7 @@ fn parse_mapped(
         Ok(language) => language,
         Err(error) => return (Err(error), Arc::new(map)),
     };
-    // Included files come into the map while the text is read.
+    // Parsing adds included files to the map.
     let read = guard::run(|| match language {
         Language::Wgsl => sources
             .iter()
@@ -253,7 +257,7 @@ fn parse_mapped(
     (parsed, map)
 }
 
-/// [`bug`], at the statement that it is about, where that is found.
+/// [`bug`], with a label on the statement if it can be found.
 fn bug_at(
     sources: &[Source],
     bases: &[u32],
@@ -302,7 +306,7 @@ fn bug(sources: &[Source], panicked: &guard::Panicked) -> Error {
     .note("this is a bug in naga or in preshade; please report it with the file")
 }
 
-/// The files' modules as one program, with its entry points.
+/// Links, validates and checks the modules, and chooses the entry points.
 fn assemble(
     (modules, declared): (Vec<naga::Module>, Declared),
     bases: &[u32],
@@ -316,7 +320,7 @@ fn assemble(
     };
     if let Some(mut second) = modules.next() {
         entry::give_up_the_others_stage(&mut module, &mut second);
-        // GLSL's spans are the map's already.
+        // GLSL spans are already offset.
         let base = match language {
             Language::Wgsl => bases.get(1).copied().unwrap_or(0),
             Language::Glsl => 0,
@@ -340,7 +344,7 @@ fn assemble(
     })
 }
 
-/// Two files' modules as one.
+/// Links two files' modules into one.
 fn link(
     first: naga::Module,
     second: &naga::Module,
@@ -352,7 +356,7 @@ fn link(
         .first()
         .map_or("second", |e| entry::stage_name(e.stage));
     let linked = preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
-        // The members that differ, where the text shows them; else the variables.
+        // Label the members that differ if the text shows them, else the variables.
         let members = e
             .members
             .iter()
@@ -371,7 +375,7 @@ fn link(
     Ok(linked.module)
 }
 
-/// The text with a byte order mark, which neither parser knows, made as many spaces.
+/// Replaces a byte order mark by spaces, because neither parser accepts one.
 fn without_mark(text: &str) -> Cow<'_, str> {
     match text.strip_prefix('\u{feff}') {
         Some(rest) => Cow::Owned(format!("   {rest}")),
@@ -379,7 +383,7 @@ fn without_mark(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// Checks that the sources make one material, and says in which language.
+/// Checks that the sources make one material, and returns its language.
 fn check_sources(sources: &[Source]) -> Result<Language, Error> {
     let Some(first) = sources.first() else {
         return Err(Error::new(Code::Empty, "no source is given"));
@@ -483,13 +487,13 @@ fn parse_glsl(
     glsl::parse(&texts, options, map)
 }
 
-/// Whether one file holds the vertex and the fragment stage, as RetroArch's do, be it in what they include.
+/// Whether one file, with its includes, holds both stages, as RetroArch's do.
 #[cfg(feature = "glsl")]
 fn has_both_stages(source: &Source) -> bool {
     extension(&source.name) == Some("slang") || glsl::has_stages(&source.text)
 }
 
-/// One stage of GLSL, from a file of its own or one that both share.
+/// One GLSL stage, from its own file or a shared one.
 #[cfg(feature = "glsl")]
 struct GlslStage<'a> {
     name: &'a str,
@@ -510,7 +514,7 @@ impl GlslStage<'_> {
     }
 }
 
-/// The stages of the sources; of one file with `#pragma stage` lines, each with the other's lines blank.
+/// The sources' stages. In a file with `#pragma stage` lines, the other stage's lines are blanked.
 #[cfg(feature = "glsl")]
 fn glsl_stages<'a>(sources: &'a [Source], bases: &[u32]) -> Vec<GlslStage<'a>> {
     let mut out = Vec::new();
@@ -549,7 +553,7 @@ fn parse_glsl(
     ))
 }
 
-/// A stage of ours read again, with what it declares: as OpenGL's, so that nothing is taken as it is.
+/// Parses an emitted stage as OpenGL's GLSL, with its declarations.
 #[cfg(feature = "glsl")]
 pub(crate) fn glsl_stage(
     name: &str,
@@ -575,7 +579,7 @@ pub(crate) fn glsl_stage(
     Ok((module, declared))
 }
 
-/// The syntax tree of a stage of ours.
+/// The syntax tree of an emitted stage.
 #[cfg(feature = "glsl")]
 pub(crate) fn glsl_tree(
     text: &str,
@@ -592,10 +596,10 @@ pub(crate) fn glsl_tree(
     glsl::tree(&text, &mut map)
 }
 
-/// One stage as the GLSL that naga reads, for people to look at and tests to compare.
+/// One stage rewritten to the GLSL that naga reads, for debugging and tests.
 ///
 /// # Errors
-/// As [`parse`]'s, without those of naga.
+/// As [`parse`], except for errors from naga.
 #[cfg(feature = "glsl")]
 pub fn normalised_glsl(
     sources: &[Source],
@@ -616,10 +620,10 @@ pub fn normalised_glsl(
         .collect())
 }
 
-/// Preprocesses and parses GLSL and makes nothing of it: what of [`parse`]'s time is the parser's.
+/// Preprocesses and parses GLSL without lowering it, to time the parser alone.
 ///
 /// # Errors
-/// As [`parse`]'s, of the syntax alone.
+/// Syntax errors, as in [`parse`].
 #[cfg(feature = "glsl")]
 pub fn glsl_syntax(sources: &[Source], options: &Options) -> Result<(), Error> {
     let mut map = SourceMap::new();
@@ -631,10 +635,11 @@ pub fn glsl_syntax(sources: &[Source], options: &Options) -> Result<(), Error> {
     read.map_err(|e| e.with_sources(&Arc::new(map)))
 }
 
-/// A GLSL vertex stage that gives `fragment` whatever it reads, all zero, and passes `position` on: for looking at a fragment shader without its other half.
+/// A GLSL vertex stage that provides zeros for all inputs of `fragment`, to inspect a fragment
+/// shader alone.
 ///
 /// # Errors
-/// As [`parse`]'s, without those of naga.
+/// As [`parse`], except for errors from naga.
 #[cfg(feature = "glsl")]
 pub fn vertex_stage_for(fragment: &Source, options: &Options) -> Result<String, Error> {
     let mut map = SourceMap::new();

@@ -1,8 +1,14 @@
-//! naga_oil's dialect, Bevy's until 0.19: modules that name themselves by `#define_import_path`, put together by the crate [`naga_oil`](https://docs.rs/naga_oil).
+//! Compiles naga_oil's dialect (Bevy's until 0.19) with the crate
+//! [`naga_oil`](https://docs.rs/naga_oil). A file becomes an importable module with
+//! `#define_import_path`.
 //!
-//! Modules are looked for in the WGSL files beside the file, then below its folder, then below the folders of `Options::include`. What the composer makes is a module, which is written as WGSL and read
-//! as any other: places are those of that text. The composer's own errors have the author's. What the file's entry points do not reach is left out: the composer brings each imported
-//! module whole, and a file's imports are not all of one pipeline (Bevy's `mesh.wgsl` imports bindings of the pre-pass and of the main pass, which have the same numbers).
+//! Modules are searched in WGSL files beside the file, then in its subfolders, then in
+//! `Options::include`. The composed module is written as WGSL and parsed again, so labels point at
+//! that text. Only the composer's own errors point at the author's.
+//!
+//! Anything that the file's entry points do not reach is dropped. The composer imports whole
+//! modules, and these can conflict: Bevy's `mesh.wgsl` imports pre-pass and main-pass bindings with
+//! the same numbers.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -21,7 +27,7 @@ use super::error::{Code, Error};
 use super::{Options, Source};
 use crate::emit::wgsl;
 
-/// The WGSL that a file and all that it imports come to.
+/// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
     let (module, origin) = compose(source, options)?;
     let program = Program::new(module, Arc::default(), Language::Wgsl)
@@ -31,7 +37,7 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
     Ok(Compiled { text, origin })
 }
 
-/// A file that names itself a module.
+/// A file with a `#define_import_path`.
 struct Named {
     name: String,
     path: PathBuf,
@@ -39,7 +45,7 @@ struct Named {
     imports: Vec<String>,
 }
 
-/// The files in folders, and below them, that name themselves modules.
+/// The files below `folders` that have a `#define_import_path`.
 fn named(folders: &[&Path], options: &Options) -> Vec<Named> {
     let all = files_below(folders, "wgsl", options).into_iter();
     all.filter_map(|(path, text)| {
@@ -54,7 +60,7 @@ fn named(folders: &[&Path], options: &Options) -> Vec<Named> {
     .collect()
 }
 
-/// Each of them in a word: its path, what it is called and, where others are called so, what it says.
+/// A line for each module, to compare searches: path, module name and, for duplicates, the text.
 fn told(all: &[Named]) -> Vec<String> {
     let mut called: HashMap<&str, usize> = HashMap::new();
     for one in all {
@@ -70,13 +76,13 @@ fn told(all: &[Named]) -> Vec<String> {
     all.iter().map(word).collect()
 }
 
-/// What a search of these folders for modules finds now.
+/// The result of searching these folders now.
 pub(super) fn found(folders: &[String]) -> Vec<String> {
     let folders: Vec<&Path> = folders.iter().map(Path::new).collect();
     told(&named(&folders, &Options::default()))
 }
 
-/// The module, and what it came of.
+/// Composes the module and records its inputs.
 fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error> {
     let defines: HashMap<String, ShaderDefValue> = definitions(options)?
         .into_iter()
@@ -107,7 +113,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error
         found: told(&all),
     };
     for one in all {
-        // The file itself goes by what it was given as, which need not be what is on the disk.
+        // The given text of the main file takes precedence over the file on disk.
         if own_file.is_some() && own_file == one.path.canonicalize().ok() {
             continue;
         }
@@ -140,14 +146,14 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error
     Ok((module, origin))
 }
 
-/// Where a file lies that names itself a module: what is nearer to the shader goes before what is farther.
+/// Where a module's file is, nearest first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
-    /// In the shader's own folder.
+    /// In the shader's folder.
     Own,
-    /// Below it.
+    /// In one of its subfolders.
     Below,
-    /// In a folder that the user includes.
+    /// In a folder of `Options::include`.
     Included,
 }
 
@@ -169,7 +175,8 @@ struct File {
 }
 
 impl File {
-    /// Whether both are a package's choices for one module, of which the first goes: files of other names in one of its folders (Bevy has one for want of meshlets).
+    /// Whether a package has both files as alternatives for one module: different names in one
+    /// folder. The first is used. (Bevy has one for builds without meshlets.)
     fn is_choice_beside(&self, other: &Self) -> bool {
         let (a, b) = (Path::new(&self.path), Path::new(&other.path));
         self.place == Place::Included && a.parent() == b.parent() && a.file_name() != b.file_name()
@@ -177,17 +184,18 @@ impl File {
 }
 
 struct Library {
-    /// By the name that a module gives itself.
+    /// Keyed by module name.
     files: HashMap<String, File>,
-    /// Another file with the same name for a module and another text, as two versions of a package have it.
+    /// Files with the same module name but another text, as in two versions of a package.
     twice: HashMap<String, String>,
-    /// Files whose modules were added, each with its text.
+    /// Added modules: path and text.
     imported: Vec<(String, String)>,
     composer: Composer,
 }
 
 impl Library {
-    /// Takes a file as the module `name`, where none that is nearer is that already. Files are told from near to far.
+    /// Registers a file as module `name`, unless a nearer file has that name. Call it from near to
+    /// far.
     fn know(&mut self, name: String, file: File) {
         match self.files.get(&name) {
             None => drop(self.files.insert(name, file)),
@@ -197,7 +205,8 @@ impl Library {
         }
     }
 
-    /// Adds a module behind those that it imports. One that is not found is left for the composer to name, should it be needed.
+    /// Adds a module after its imports. If a module is missing, the composer reports it when it is
+    /// used.
     fn add(&mut self, name: &str) -> Result<(), Error> {
         let Some(file) = self.files.remove(name) else {
             return Ok(());
@@ -236,7 +245,7 @@ impl Library {
     }
 }
 
-/// Names without the mark of the module that they are from; those of variables that a host binds stay whatever else is called so.
+/// Removes naga_oil's module suffix from names. Bound variables keep theirs in case of a conflict.
 fn plain_names(module: &mut Module) {
     fn plain(name: &mut Option<String>) {
         if let Some(name) = name
@@ -248,7 +257,7 @@ fn plain_names(module: &mut Module) {
     let handles: Vec<_> = module.types.iter().map(|(h, _)| h).collect();
     for handle in handles {
         let mut ty = module.types[handle].clone();
-        // Types without a name are told apart by what they are.
+        // Unnamed types are identified by their content.
         if ty.name.is_none() {
             continue;
         }
@@ -256,7 +265,6 @@ fn plain_names(module: &mut Module) {
         if let TypeInner::Struct { members, .. } = &mut ty.inner {
             members.iter_mut().for_each(|m| plain(&mut m.name));
         }
-        // Nothing to do, or the name of another one just like it.
         if module.types.get(&ty).is_none() {
             module.types.replace(handle, ty);
         }
@@ -272,7 +280,8 @@ fn plain_names(module: &mut Module) {
     for (_, function) in module.functions.iter_mut() {
         plain(&mut function.name);
     }
-    // Modules have names apart, what comes of them has not, and naga's writer names variables of the module last: what a host sees keeps its name.
+    // Without suffixes, names can conflict, and naga's writer renames global variables last. Rename
+    // everything else so that the host's names stay.
     let globals = module.global_variables.iter();
     let taken: HashSet<String> = globals.filter_map(|(_, g)| g.name.clone()).collect();
     let give_way = |name: &mut String, ending: &str| {

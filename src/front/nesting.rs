@@ -1,4 +1,5 @@
-//! Refuses text nested so deeply that a recursive parser, or any analysis after it, would run out of stack: quickly, and with a place.
+//! Rejects text whose nesting would overflow the stack of a recursive parser or analysis. It is
+//! fast and reports a location.
 
 use naga::Span;
 
@@ -6,25 +7,26 @@ use super::Language;
 use super::error::{Code, Error};
 use crate::limits::Limits;
 
-/// Most operators in one expression outside any further bracket: a chain of `+` is a tree as deep as it is long. As many brackets may be closed there: `a[0][0]` nests as well.
+/// Maximum operators per expression outside of brackets: a chain of `+` is a tree as deep as it is
+/// long. The same limit holds for closed brackets, because `a[0][0]` nests too.
 const OPERATORS: usize = 1_500;
-/// Most `else if`s in one chain: each nests in the one before.
+/// Maximum `else if`s in a chain: each one nests in the previous.
 const ELSES: usize = 500;
-/// Most commas between expressions that are no arguments: GLSL's operator.
+/// Maximum comma operators (GLSL).
 const COMMAS: usize = 1_500;
 
-/// What an open bracket holds so far.
+/// Counts for one open bracket.
 #[derive(Clone, Copy, Default)]
 struct Level {
     /// Operators since the last separator.
     operators: usize,
-    /// Brackets closed since then.
+    /// Brackets closed since the last separator.
     closed: usize,
-    /// `else`s since the chain began.
+    /// `else`s in the current chain.
     elses: usize,
-    /// Commas that are operators, since the last semicolon.
+    /// Comma operators since the last semicolon.
     commas: usize,
-    /// Its commas stand between arguments, or values of a list.
+    /// Commas separate arguments or list values.
     is_list: bool,
 }
 
@@ -39,8 +41,9 @@ impl Level {
     }
 }
 
-/// Checks one file's text, in a language that has the comma for an operator or not; spans are offset by `base`. naga's WGSL parser gives up near 200 open brackets by itself, its GLSL
-/// parser never does; the one for WGSL is quadratic within a function, so that the text's length is bounded too.
+/// Checks one file. `base` offsets the spans. naga's WGSL parser stops near 200 open brackets, its
+/// GLSL parser never does. The WGSL parser is quadratic within a function, so the text's length is
+/// limited too.
 pub(super) fn check(
     text: &str,
     base: u32,
@@ -66,9 +69,9 @@ pub(super) fn check(
             .label(here(at), "this one is too many")
             .note("split it over several variables")
     };
-    // For each open bracket, the outermost first.
+    // One level per open bracket, outermost first.
     let mut open: Vec<Level> = vec![Level::default()];
-    // What stands before: the last byte that is neither white nor of a comment, and whether it ends a word that may be called.
+    // The last byte outside of white space and comments, and whether it ends a callable word.
     let (mut last, mut is_called) = (b';', false);
     let mut is_fresh = true;
     let mut at = 0;
@@ -84,7 +87,7 @@ pub(super) fn check(
         if !byte.is_ascii_whitespace() && !is_comment {
             (last, is_called) = (byte, false);
         }
-        // What macros come to is looked at once it is expanded.
+        // Macros are checked after expansion.
         let begins_line = is_fresh;
         is_fresh = byte == b'\n' || is_fresh && byte.is_ascii_whitespace();
         match byte {
@@ -92,7 +95,8 @@ pub(super) fn check(
             b'/' if bytes.get(at) == Some(&b'/') => at = end_of_line(bytes, at),
             b'/' if bytes.get(at) == Some(&b'*') => at = end_of_comment(bytes, at + 1),
             b'(' | b'[' | b'{' => {
-                // A list of values, unless it is a block: what a name, a length or a type's `>` stands before, and in GLSL `= {`.
+                // A list follows a name, a length or a type's `>`, and `= {` in GLSL. Otherwise it
+                // is a block.
                 let is_list = match byte {
                     b'(' => named || before == b']' || !glsl,
                     b'{' => {
@@ -117,7 +121,7 @@ pub(super) fn check(
                 }
             }
             b')' | b']' | b'}' => {
-                // One too many is the parser's to report.
+                // The parser reports an extra bracket.
                 if open.len() > 1 {
                     open.pop();
                 }
@@ -166,11 +170,11 @@ pub(super) fn check(
                 let word = &bytes[start..at];
                 is_called = !matches!(word, b"if" | b"for" | b"while" | b"switch" | b"return");
                 if word == b"if" && !text[..start].trim_end().ends_with("else") {
-                    // It begins a chain of its own.
+                    // A new chain begins.
                     level.elses = 0;
                 }
                 let too_many = match word {
-                    // Without braces, statements nest in one another up to the next semicolon.
+                    // Without braces, statements nest until the next semicolon.
                     b"if" | b"for" | b"while" | b"do" => {
                         level.operators += 1;
                         level.operators > OPERATORS
@@ -196,7 +200,7 @@ pub(super) fn check(
     Ok(())
 }
 
-/// Whether `text` holds anything but white space and comments.
+/// Whether `text` only has white space and comments.
 pub(super) fn is_blank(text: &str) -> bool {
     let bytes = text.as_bytes();
     let mut at = 0;
@@ -213,7 +217,7 @@ pub(super) fn is_blank(text: &str) -> bool {
     true
 }
 
-/// At the end of a directive, which may go over several lines.
+/// The end of a directive, which may span several lines.
 fn end_of_directive(bytes: &[u8], from: usize) -> usize {
     let mut at = from;
     while at < bytes.len() {
@@ -235,8 +239,8 @@ fn end_of_line(bytes: &[u8], from: usize) -> usize {
         .map_or(bytes.len(), |n| from + n)
 }
 
-/// Past the `*/`, or past the text. Nested comments (WGSL's) end early here; the rest is then counted as code, which only makes the
-/// check stricter.
+/// The position after `*/`, or the end of the text. WGSL's nested comments end early here, so their
+/// rest counts as code. That only makes the check stricter.
 fn end_of_comment(bytes: &[u8], from: usize) -> usize {
     bytes[from..]
         .windows(2)

@@ -1,4 +1,5 @@
-//! The expressions that an expression or a statement refers to, for remapping them: the one table of `preshade-passes`, with results counted in.
+//! Visits the operands of expressions and statements, results included, using the table of
+//! `preshade-passes`.
 
 use naga::{Expression, Handle, Statement};
 use preshade_passes::graph::operands;
@@ -6,7 +7,7 @@ use preshade_passes::graph::operands;
 #[cfg(any(feature = "glsl", test))]
 pub(crate) use operands::blocks_mut as blocks;
 
-/// Calls `f` on every operand of `expression`.
+/// Calls `f` on each operand of `expression`.
 pub(crate) fn of_expression(
     expression: &mut Expression,
     mut f: impl FnMut(&mut Handle<Expression>),
@@ -14,7 +15,8 @@ pub(crate) fn of_expression(
     operands::map_expression(expression, &mut f);
 }
 
-/// Calls `f` on every expression that `statement` itself names, results included; not on those of `Emit`s nor of nested blocks.
+/// Calls `f` on each expression that `statement` names, results included, except in `Emit`s and
+/// nested blocks.
 #[cfg_attr(
     not(any(test, feature = "glsl")),
     allow(dead_code, reason = "only GLSL's rewrites rebuild statements")

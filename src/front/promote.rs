@@ -1,13 +1,14 @@
-//! GLSL's entry points as an author of WGSL would write them.
+//! Converts GLSL entry points to the form of hand-written WGSL.
 //!
-//! naga's GLSL front end keeps inputs, outputs and globals in private variables, and wraps `main`:
+//! naga's GLSL front end stores inputs, outputs and globals in private variables and wraps `main`:
 //!
 //! ```wgsl
 //! @fragment fn wrapper(uv: vec2f) -> Output { uv_1 = uv; main(); return Output(color); }
 //! ```
 //!
-//! Here the body of `main` moves into the wrapper. A private variable that only `main` and the wrapper name becomes a local; an input that is never
-//! written is read as the argument it is; every `return` of `main` returns the outputs.
+//! This inlines `main` into the wrapper. Private variables that only these two use become locals.
+//! Reads of an input that is never written become reads of the argument. Each `return` of `main`
+//! returns the outputs.
 
 use std::collections::{HashMap, HashSet};
 
@@ -20,9 +21,10 @@ use super::operands;
 
 type Copies = HashMap<Handle<Expression>, Handle<Expression>>;
 
-/// Inlines `main` into each entry point that is such a wrapper; others stay as they are. `module` must be valid, and stays so.
+/// Inlines `main` into each wrapper entry point. `module` must be valid and stays valid.
 pub(super) fn promote(module: &mut Module) {
-    // The front end gives every function an expression for every global; without the unused ones it shows who uses what.
+    // naga's front end gives every function an expression for every global. Compaction leaves those
+    // in use.
     naga::compact::compact(module, naga::compact::KeepUnused::Yes);
     for index in 0..module.entry_points.len() {
         let Some((at, main)) = wrapped(module, index) else {
@@ -35,7 +37,7 @@ pub(super) fn promote(module: &mut Module) {
     naga::compact::compact(module, naga::compact::KeepUnused::No);
 }
 
-/// The place of the one call in the wrapper's body, and what it calls, if nothing else calls that.
+/// The index of the wrapper's only call and its callee, if nothing else calls that function.
 pub(super) fn wrapped(module: &Module, index: usize) -> Option<(usize, Handle<Function>)> {
     let wrapper = &module.entry_points[index].function;
     let mut calls = wrapper
@@ -113,7 +115,7 @@ fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Fu
             Statement::Store { pointer, .. } => global_of(&wrapper.expressions, *pointer),
             _ => None,
         };
-        // An input that is read as an argument needs no copy.
+        // The argument replaces the variable, so skip the copy.
         if stored.is_none_or(|g| !inputs.contains_key(&g)) {
             let one = Block::from_vec(vec![statement.clone()]);
             out.extend_block(body.copy(wrapper, &one, &mut from_wrapper, None));
@@ -137,7 +139,7 @@ fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Fu
     function
 }
 
-/// Whether the block ends in a `return` or a `discard`, be it in braces.
+/// Whether the block ends in a `return` or `discard`, possibly nested in braces.
 fn ends(block: &Block) -> bool {
     match block.last() {
         Some(Statement::Return { .. } | Statement::Kill) => true,
@@ -146,7 +148,7 @@ fn ends(block: &Block) -> bool {
     }
 }
 
-/// Private variables that no function but these two names.
+/// Private variables that no other function uses.
 fn promotable(module: &Module, wrapper: &Function, main: &Function) -> Vec<Handle<GlobalVariable>> {
     let named = |function: &Function| -> HashSet<Handle<GlobalVariable>> {
         let expressions = function.expressions.iter();
@@ -177,7 +179,8 @@ fn promotable(module: &Module, wrapper: &Function, main: &Function) -> Vec<Handl
         .collect()
 }
 
-/// Of `variables`, those the wrapper sets from one whole argument and `main` only loads, with the argument's number.
+/// Those of `variables` that the wrapper sets from a whole argument and `main` only loads, with the
+/// argument's index.
 fn read_only_inputs(
     wrapper: &Function,
     at: usize,
@@ -194,7 +197,7 @@ fn read_only_inputs(
             inputs.insert(global, index);
         }
     }
-    // Whatever is not a load, or a step of the way to one, might write.
+    // Any use except for loads and access chains might write.
     let mut written = HashSet::new();
     for (_, expression) in main.expressions.iter() {
         let reads = matches!(
@@ -206,7 +209,7 @@ fn read_only_inputs(
                 written.extend(global_of(&main.expressions, *e));
             }
         });
-        // A dynamic index needs memory to point into.
+        // A dynamic index needs a local to point into.
         if let Expression::Access { base, .. } = expression {
             written.extend(global_of(&main.expressions, *base));
         }
@@ -238,7 +241,7 @@ pub(super) fn for_each_statement(block: &mut Block, f: &mut impl FnMut(&mut Stat
     }
 }
 
-/// The global variable a pointer expression points into.
+/// The global variable that a pointer is based on.
 pub(super) fn global_of(
     expressions: &Arena<Expression>,
     mut at: Handle<Expression>,
@@ -252,7 +255,7 @@ pub(super) fn global_of(
     }
 }
 
-/// A global constant expression, as expressions of a function.
+/// Copies a global constant expression into a function.
 fn constant(
     module: &Module,
     expressions: &mut Arena<Expression>,
@@ -263,7 +266,7 @@ fn constant(
     expressions.append(expression, module.global_expressions.get_span(handle))
 }
 
-/// What a `return` of `main` becomes.
+/// What each `return` of `main` becomes.
 struct Returns<'a> {
     wrapper: &'a Function,
     epilogue: &'a [Statement],
@@ -278,7 +281,7 @@ struct Inliner<'a> {
 }
 
 impl Inliner<'_> {
-    /// Copies `main`'s local variables, and its expressions that no statement evaluates.
+    /// Copies the local variables of `main` and the expressions that need no `Emit`.
     fn locals_of(&mut self, main: &Function) -> Copies {
         for (handle, local) in main.local_variables.iter() {
             let local = LocalVariable {
@@ -290,7 +293,8 @@ impl Inliner<'_> {
             self.main_locals.insert(handle, new);
         }
         let copies = self.unevaluated(main);
-        // A constant initialiser may be among what a statement evaluates: it is made once more, ahead of all.
+        // A constant initialiser may also be in an `Emit`, so it gets a copy before everything
+        // else.
         let mut initial = copies.clone();
         for (handle, local) in main.local_variables.iter() {
             let init = local.init.and_then(|e| {
@@ -304,7 +308,7 @@ impl Inliner<'_> {
         copies
     }
 
-    /// Copies what is there from the start: literals, variables, arguments, constant initialisers.
+    /// Copies expressions that need no `Emit`: literals, variables, arguments, constants.
     fn unevaluated(&mut self, from: &Function) -> Copies {
         let mut evaluated = HashSet::new();
         for_each_statement(&mut from.body.clone(), &mut |statement| {
@@ -322,7 +326,7 @@ impl Inliner<'_> {
         copies
     }
 
-    /// Copies an expression with all that it is made of.
+    /// Copies an expression with its operands.
     fn initialiser(&mut self, from: &Function, handle: Handle<Expression>, copies: &mut Copies) {
         if copies.contains_key(&handle) {
             return;
@@ -337,7 +341,7 @@ impl Inliner<'_> {
 
     fn expression(&mut self, from: &Function, handle: Handle<Expression>, copies: &mut Copies) {
         let mut expression = from.expressions[handle].clone();
-        // Of an input read as an argument the value itself stands where the pointer stood.
+        // The argument's value replaces the pointer.
         if let Expression::Load { pointer } = expression
             && let Some(global) = global_of(&from.expressions, pointer)
             && self.inputs.contains_key(&global)
@@ -386,7 +390,7 @@ impl Inliner<'_> {
                         out.push(Statement::Emit(range), *span);
                     }
                 }
-                // Variables belong to the function, so a block by itself scopes nothing.
+                // A block does not scope variables in the IR.
                 Statement::Block(inner) => {
                     out.extend_block(self.copy(from, inner, copies, returns));
                 }
@@ -410,7 +414,7 @@ impl Inliner<'_> {
                     for (slot, inner) in operands::blocks(&mut statement).into_iter().zip(blocks) {
                         *slot = inner;
                     }
-                    // After the blocks: a loop's `break_if` may name what its continuing block evaluates.
+                    // Remap after the blocks: `break_if` may name a value of the continuing block.
                     operands::of_statement(&mut statement, |e| {
                         *e = copies.get(e).copied().unwrap_or(*e);
                     });

@@ -1,9 +1,10 @@
-//! A `return` behind every `discard` that ends a function. GLSL's `discard` ends it, and naga's takes it to; WGSL's demotes the invocation to a helper and goes on (WGSL 10.2), so
-//! that a function with a result needs one there too.
+//! Adds a `return` after each `discard` that ends a function. In GLSL `discard` ends the function.
+//! In WGSL it demotes the invocation to a helper and continues (WGSL 10.2), so a function with a
+//! result still needs a `return`.
 
 use naga::{Block, Expression, Function, Module, Span, Statement};
 
-/// Gives each function with a result, whose end may be reached by WGSL's rules, a result of zeros there.
+/// Returns zeros at the end of each function with a result whose end is reachable by WGSL's rules.
 pub(super) fn complete(module: &mut Module) {
     let functions = module.functions.iter_mut().map(|(_, f)| f);
     let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
@@ -14,7 +15,7 @@ pub(super) fn complete(module: &mut Module) {
     }
 }
 
-/// Whether control may come to the end of a block by WGSL's rules, a `discard` or not.
+/// Whether control can reach the end of a block by WGSL's rules. A `discard` does not stop it.
 pub(super) fn reaches_end(block: &Block) -> bool {
     behaviour(block).next
 }
@@ -31,12 +32,12 @@ fn give(function: &mut Function) {
         .push(Statement::Return { value }, Span::UNDEFINED);
 }
 
-/// How a block may end (WGSL 9.6, behaviour analysis); that it returns decides nothing here.
+/// How a block can end (WGSL 9.6, behaviour analysis), without returns.
 #[derive(Clone, Copy, Default)]
 struct Behaviour {
-    /// What stands behind it is reached.
+    /// Continues with the next statement.
     next: bool,
-    /// The loop or switch around it is left.
+    /// Leaves the enclosing loop or switch.
     breaks: bool,
 }
 
@@ -88,7 +89,7 @@ fn of_statement(statement: &Statement) -> Behaviour {
                 breaks: false,
             }
         }
-        // A discard among them.
+        // Includes `discard`.
         _ => Behaviour {
             next: true,
             breaks: false,

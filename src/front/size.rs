@@ -1,11 +1,11 @@
-//! Refuses a module that is larger than the limits say: its expressions, and the elements of its types.
+//! Rejects a module with too many expressions or too large types.
 
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
 
 use super::error::{Code, Error};
 use crate::limits::{Exceeded, Limits};
 
-/// Fails where the module, or a type of it, is beyond `limits`.
+/// Fails if the module or one of its types exceeds `limits`.
 pub(super) fn check(module: &Module, limits: &Limits) -> Result<(), Error> {
     let told = |e: Exceeded| Error::new(Code::TooDeep, e.to_string()).note(e.remedy());
     let functions = module.functions.iter().map(|(_, f)| f);
@@ -20,7 +20,7 @@ pub(super) fn check(module: &Module, limits: &Limits) -> Result<(), Error> {
             "the number of expressions",
         )
         .map_err(told)?;
-    // A type rests on earlier ones alone.
+    // A type only refers to earlier ones.
     let mut elements: Vec<u64> = Vec::with_capacity(module.types.len());
     for (handle, ty) in module.types.iter() {
         let of = |h: Handle<Type>| elements.get(h.index()).copied().unwrap_or(1);

@@ -1,5 +1,5 @@
-//! GLSL's switch cases may fall through into the next one; WGSL's may not, and naga's SPIR-V writer makes an invalid module of them. Each
-//! case that falls through is written out with the statements it falls into.
+//! Removes fall-through from GLSL's switch cases by copying the following case's statements. WGSL
+//! has no fall-through, and naga's SPIR-V writer produces an invalid module for it.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use naga::{Arena, Block, Expression, Handle, Module, Statement};
 
 use super::{operands, returns};
 
-/// Leaves no case that falls through but empty ones, which only share the body after them.
+/// Removes all fall-through, except for empty cases that share the next body.
 pub(super) fn write_out_fall_through(module: &mut Module) {
     let functions = module.functions.iter_mut().map(|(_, f)| f);
     let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
@@ -24,17 +24,17 @@ fn write_out_cases(expressions: &mut Arena<Expression>, block: &mut Block) {
         let Statement::Switch { cases, .. } = statement else {
             continue;
         };
-        // From the last one: what a case falls into has then been written out already.
+        // Go backwards, so the next case is already complete.
         for i in (0..cases.len()).rev() {
             if !cases[i].fall_through || cases[i].body.is_empty() {
                 continue;
             }
-            // It falls into nothing then, whatever the front end says, which looks at a case's own last statement alone.
+            // The end is unreachable. naga's front end only looks at the last statement.
             if !returns::reaches_end(&cases[i].body) {
                 cases[i].fall_through = false;
                 continue;
             }
-            // Empty cases between only share the body after them.
+            // Skip empty cases, which share the next body.
             let next = cases[i + 1..].iter().find(|c| !c.body.is_empty());
             if let Some(next) = next.map(|c| &c.body) {
                 let copy = copy(expressions, next, &mut HashMap::new());
@@ -45,7 +45,7 @@ fn write_out_cases(expressions: &mut Arena<Expression>, block: &mut Block) {
     }
 }
 
-/// The block with every expression it evaluates as a new one: an expression may be emitted only once.
+/// Copies a block with new expressions, because each may be emitted only once.
 fn copy(
     expressions: &mut Arena<Expression>,
     block: &Block,
@@ -77,7 +77,7 @@ fn copy(
                 for inner in operands::blocks(other) {
                     *inner = copy(expressions, inner, copies);
                 }
-                // Evaluated after the continuing block, of whose copies it may be one.
+                // `break_if` may name a value of the continuing block.
                 if let Statement::Loop {
                     break_if: Some(e), ..
                 } = other
@@ -91,7 +91,7 @@ fn copy(
     out
 }
 
-/// The expression that a statement evaluates by itself.
+/// The expression that a statement evaluates itself.
 pub(super) fn result(statement: &Statement) -> Option<Handle<Expression>> {
     match statement {
         Statement::Call { result, .. } | Statement::Atomic { result, .. } => *result,

@@ -1,16 +1,16 @@
-//! A value that travels from vertices to fragments, with its defaults made explicit.
+//! A value interpolated from vertices to fragments, with explicit defaults.
 
 use naga::{Binding, Interpolation, Module, Sampling, ScalarKind, TypeInner};
 use preshade_passes::reflect::{self, Io};
 
-/// An output of a vertex stage or an input of a fragment stage at a location.
+/// A vertex output or fragment input at a location.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Varying {
     /// `@location`.
     pub location: u32,
     /// WGSL type.
     pub ty: String,
-    /// How it is interpolated, in words.
+    /// Interpolation, as text for messages.
     pub interpolation: String,
 }
 

@@ -1,7 +1,9 @@
-//! WESL, Bevy's dialect since 0.20: `import` and `@if`, compiled to WGSL by the crate [`wesl`](https://docs.rs/wesl), which is then read as any other.
+//! Compiles WESL (`import`, `@if`; Bevy's dialect since 0.20) to WGSL with the crate
+//! [`wesl`](https://docs.rs/wesl).
 //!
-//! `package::a::b` is looked up below the nearest folder above the file that is called `src` or `shaders`, or else the file's own; another package's below a folder of
-//! `Options::include` that is called as the package, or below the package's folder in one. Places are those of the WGSL that came of it, which joins the material's files.
+//! `package::a::b` is searched below the nearest parent folder called `src` or `shaders`, or else
+//! the file's own folder. Other packages are searched below `Options::include`: a folder with the
+//! package's name, or the package's folder in it. Labels point at the resulting WGSL.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -16,7 +18,7 @@ use super::dialect::{Compiled, Defined, Origin, beside, definitions, path_of, te
 use super::error::{Code, Error};
 use super::{Options, Source};
 
-/// The WGSL that a file and all that it imports come to.
+/// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
     let mut features = Features {
         default: Feature::Disable,
@@ -77,13 +79,13 @@ fn shown(paths: &[PathBuf]) -> Vec<String> {
     paths.iter().map(|p| p.display().to_string()).collect()
 }
 
-/// The folders of a package that these folders hold now.
+/// The folders of a package among these folders now.
 pub(super) fn found(folders: &[String], package: &str) -> Vec<String> {
     let folders: Vec<PathBuf> = folders.iter().map(PathBuf::from).collect();
     shown(&roots(&folders, package))
 }
 
-/// Without the escape sequences that colour a terminal (ECMA-48 8.3.117), which the crate writes wherever its text goes.
+/// Removes terminal colour sequences (ECMA-48 8.3.117), which the crate always writes.
 fn without_colors(text: &str) -> String {
     let mut parts = text.split("\u{1b}[");
     let mut out = parts.next().unwrap_or_default().to_owned();
@@ -93,7 +95,7 @@ fn without_colors(text: &str) -> String {
     out
 }
 
-/// The folder of the package that a file in `folder` belongs to.
+/// The package root of a file in `folder`.
 fn package(folder: &Path) -> PathBuf {
     let is_root = |f: &&Path| f.ends_with("src") || f.ends_with("shaders");
     let found = folder.ancestors().find(is_root);
@@ -101,21 +103,21 @@ fn package(folder: &Path) -> PathBuf {
 }
 
 struct Packages<'a> {
-    /// The file itself, which need not be on a disk.
+    /// The file itself, which need not exist on disk.
     main: (Vec<String>, String),
     root: PathBuf,
     options: &'a Options,
-    /// What was read, by path.
+    /// Files read, by path.
     read: RefCell<BTreeMap<PathBuf, String>>,
-    /// What was looked for and was not there.
+    /// Paths that did not exist.
     absent: RefCell<BTreeSet<PathBuf>>,
-    /// Other packages that were asked for, each with where it may lie.
+    /// Other packages and their candidate folders.
     packages: RefCell<BTreeMap<String, Vec<String>>>,
 }
 
-/// Where the modules of another package may lie, given the folders of `Options::include`.
+/// Candidate folders of another package in `Options::include`.
 fn roots(include: &[PathBuf], package: &str) -> Vec<PathBuf> {
-    // A package that cargo keeps has its version behind its name.
+    // Cargo appends a version to a package's folder name.
     let is_called = |folder: &Path| {
         let name = folder.file_name().map(|n| n.to_string_lossy());
         name.is_some_and(|n| {

@@ -1,14 +1,14 @@
-//! One WGSL file to a naga module.
+//! Parses one WGSL file to a naga module.
 
 use naga::front::wgsl;
 use preshade_passes::link::offset;
 
 use super::error::{Code, Error};
 
-/// Parses `text`. Error labels are offset by `base`; the module's own spans are not.
+/// Parses `text`. Error labels are offset by `base`; the module's spans are not.
 pub(super) fn parse(text: &str, base: u32) -> Result<naga::Module, Error> {
     wgsl::parse_str(text).map_err(|e| {
-        // naga tells its parser's own limit as an internal error without a place.
+        // naga reports its recursion limit as an internal error without a span.
         if e.message().contains("recursion limit") {
             return Error::new(Code::TooDeep, "expressions are nested too deeply to parse")
                 .note("naga's parser goes 200 levels deep; give inner parts names of their own");

@@ -1,7 +1,9 @@
-//! What GLSL text is to call what a host sees: uniforms, blocks, samplers, attributes, varyings and outputs, as the author does.
+//! Chooses the names that a host sees in GLSL text: the author's names of uniforms, blocks,
+//! samplers, attributes, varyings and outputs.
 //!
-//! naga gives resources names of its own and every other name a number where it ends in one. So the program that naga writes has marks for names, words that no shader has, and
-//! `text` puts the names in their place. The names are one choice for all stages of a program: what links by name has the same name in each.
+//! naga renames resources and adds numbers to other names. So the program gets unique marker words
+//! as names before naga writes it, and `text` replaces the markers. All stages of a program share
+//! the names, because GLSL links by name.
 
 use std::collections::{HashMap, HashSet};
 
@@ -18,54 +20,56 @@ use super::loosen::{self, Loose};
 use super::twins::{self, Inseparable, Twins};
 use super::words;
 
-/// A program to be written, and the names to be put into its text.
+/// A program to write, and the names to put into its text.
 pub(in crate::emit) struct Authored {
-    /// With marks for the names of structs, their members and loose uniforms.
+    /// With markers as names of structs, members and loose uniforms.
     pub program: Program,
-    /// What stands for which mark, or which name of naga's.
+    /// Replacements for markers and for names that naga chooses.
     pub(super) words: HashMap<String, Word>,
-    /// The loose uniforms, by mark, in the order of declaration.
+    /// Loose uniforms by marker, in declaration order.
     pub(super) uniforms: Vec<Uniform>,
-    /// What declares the samplers that are parts of a uniform, by the mark of the struct they are in.
+    /// Sampler members of a uniform's struct, by the struct's marker.
     pub(super) members: HashMap<String, Vec<Member>>,
-    /// Structs that naga does not write, inner ones first: name and members. They have samplers alone, or nothing else of them is read.
+    /// Structs that naga does not write because only their samplers are used: name and members,
+    /// inner ones first.
     pub(super) structs: Vec<(String, Vec<Member>)>,
-    /// The structs of uniforms with samplers, by mark, inner ones first, as naga would write them: for a stage of which it writes none, since nothing but their samplers is read there.
+    /// Struct declarations of uniforms with samplers, by marker, inner ones first, for stages where
+    /// naga writes none.
     pub(super) whole: Vec<(String, String)>,
-    /// What fills the gaps of structs in blocks, by mark.
+    /// Padding of block structs, by marker.
     pub(super) paddings: HashMap<String, Vec<u32>>,
     /// Blocks, by naga's name of their variable.
     pub(super) blocks: HashMap<String, Block>,
     /// Inputs and outputs, by naga's name.
     pub(super) located: HashMap<String, Input>,
-    /// Names that nothing else in a stage may have.
+    /// Names in use.
     pub(super) taken: Taken,
-    /// The author's texture of each that was added for a sampler more.
+    /// The author's texture of each added copy.
     pub(super) twins: HashMap<ResourceBinding, ResourceBinding>,
 }
 
-/// What a word of naga's becomes.
+/// The replacement of a word.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Word {
-    /// A name, or a path to a part of what has one: `maps[2]`.
+    /// A name, or a path to a part: `maps[2]`.
     Path(String),
-    /// Nothing, with the dot behind it: the members of such a block are global.
+    /// Nothing, and the following dot is dropped: the block's members are global.
     Nothing,
 }
 
 /// A uniform outside of blocks.
 #[derive(Clone, Debug)]
 pub(super) struct Uniform {
-    /// As the text has it.
+    /// Its name in the text.
     pub name: String,
-    /// What naga writes in its place; `None` where it has no data.
+    /// Its marker; `None` if it has no data.
     pub mark: Option<String>,
     /// Offset in the plan's buffer.
     pub offset: u32,
     pub declares: Declares,
-    /// The mark of its struct, where it has data.
+    /// The marker of its struct, if that has data.
     pub of: Option<String>,
-    /// Where its struct has samplers alone: that one's name.
+    /// The name of its struct, if that only has samplers.
     pub of_samplers: Option<String>,
     /// The author's `layout(location = ..)`.
     pub location: Option<u32>,
@@ -90,7 +94,7 @@ pub(super) enum MemberType {
 }
 
 impl Member {
-    /// The name of the struct that it is of.
+    /// The struct it is of.
     pub fn of_struct(&self) -> Option<&String> {
         match &self.ty {
             MemberType::Struct(name) => Some(name),
@@ -104,26 +108,26 @@ pub(super) struct Block {
     pub name: String,
     /// `None`: its members are global.
     pub instance: Option<String>,
-    /// A block whose members are written in it, not in a struct that it holds.
+    /// Its members are in the block itself, not in a struct.
     pub opened: bool,
-    /// A storage block by std140.
+    /// A std140 storage block.
     pub std140: bool,
-    /// The mark of its struct where naga writes the members in the block: the last has no length.
+    /// The marker of its struct, if naga writes its members in the block: the last is unsized.
     pub of: Option<String>,
 }
 
-/// An input of the vertex stage, or an output of the fragment stage.
+/// A vertex input or fragment output.
 #[derive(Clone, Debug)]
 pub(super) struct Input {
     pub name: String,
     /// First location.
     pub location: u32,
     pub chosen: Chosen,
-    /// Type and dimensions, where the author has one variable for several of naga's.
+    /// Type and dimensions, if it is one variable for the author and several for naga.
     pub whole: Option<(String, String)>,
 }
 
-/// Names by the stages that have them.
+/// Names by stage.
 #[derive(Debug, Default)]
 pub(super) struct Taken {
     pub all: HashSet<String>,
@@ -140,7 +144,7 @@ impl Taken {
         self.all.contains(word) || own.contains(word)
     }
 
-    /// `wanted`, or the nearest name to it that may be had.
+    /// `wanted`, or a similar name that is free.
     fn claim(&mut self, wanted: &str, scope: Scope) -> String {
         let wanted = identifier(wanted);
         let free = |name: &str| {
@@ -180,7 +184,7 @@ enum Scope {
     Fragment,
 }
 
-/// A name that GLSL could have: WGSL's are made of any letters.
+/// Converts a WGSL name to a GLSL identifier. WGSL allows any letters.
 fn identifier(name: &str) -> String {
     let plain: String = name
         .chars()
@@ -198,15 +202,15 @@ fn identifier(name: &str) -> String {
 
 /// Why a program cannot be written.
 pub(super) enum Failed {
-    /// A texture that is read with several samplers, and given to functions.
+    /// A texture used with several samplers is passed to functions.
     Samplers,
-    /// What GLSL has no block for.
+    /// A block layout that GLSL cannot express.
     Layout(String),
-    /// What could not be said under the author's names.
+    /// An author's name cannot be used.
     Names(String),
 }
 
-/// Prepares `program` to be written under its author's names.
+/// Prepares `program` to be written with its author's names.
 pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
     let split = twins::split(program).map_err(|Inseparable| Failed::Samplers)?;
     let (program, twins) = match split {
@@ -216,7 +220,7 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
     let declared = program.declared();
     let (mut module, loose) = match loosen::loosen(program.module(), declared) {
         Ok(loosened) => (loosened.module, loosened.uniforms),
-        // A block that a function is given stays the struct it is.
+        // A block passed to a function keeps its struct.
         Err(_) if declared.loose.is_none() => (program.module().clone(), Vec::new()),
         Err(what) => return Err(Failed::Names(what)),
     };
@@ -267,7 +271,7 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
     Ok(out)
 }
 
-/// What makes a word that no name of the module has in it.
+/// The prefix of markers, which no name of the module contains.
 struct Marks(String);
 
 impl Marks {
@@ -341,14 +345,15 @@ impl Authored {
         }
     }
 
-    /// What naga calls a resource, in each stage that has it.
+    /// Registers naga's names of a resource.
     fn resource(&mut self, global: &GlobalVariable, binding: ResourceBinding, word: &Word) {
         for name in self.resource_names(global, binding) {
             self.words.insert(name, word.clone());
         }
     }
 
-    /// naga's names for a resource: of the stages that use it, for another stage may have another resource at its binding. Of all stages where it is none of the program's own.
+    /// naga's names of a resource in the stages that use it. Another stage may have another
+    /// resource at that binding.
     fn resource_names(&self, global: &GlobalVariable, binding: ResourceBinding) -> Vec<String> {
         let module = self.program.module();
         let mut own = module.global_variables.iter();
@@ -447,7 +452,7 @@ impl Authored {
         }
     }
 
-    /// Attributes, outputs, and what goes from one stage to the other.
+    /// Names attributes, outputs and varyings.
     fn interface(&mut self, module: &Module, declared: &Declared) {
         let entries = |stage: ShaderStage| {
             let all = module.entry_points.iter();
@@ -505,7 +510,7 @@ impl Authored {
         }
     }
 
-    /// Names for what has a location on the outside of a pipeline.
+    /// Names inputs or outputs by location.
     fn located(&mut self, all: &[(u32, String)], declared: &[Located], stem: &str, scope: Scope) {
         let naga = |location: u32| format!("_{stem}_location{location}");
         for (location, own) in all {
@@ -555,7 +560,7 @@ impl Authored {
         }
     }
 
-    /// Marks the structs and their members; the structs' marks.
+    /// Renames structs and members to markers.
     fn mark_structs(
         &mut self,
         module: &mut Module,
@@ -661,7 +666,8 @@ impl Authored {
         }
     }
 
-    /// Notes the samplers that belong into the structs of a uniform, and the structs as naga would write them, those within one ahead of it.
+    /// Records the sampler members of a uniform's structs, and the structs' declarations, inner
+    /// ones first.
     fn structs(
         &mut self,
         module: &Module,
@@ -678,7 +684,7 @@ impl Authored {
                 if self.whole.iter().any(|(m, _)| m == mark) {
                     return;
                 }
-                // Data comes first, in the order of declaration.
+                // Members with data come first, in declaration order.
                 let data = declared.iter().filter(|d| d.ty.has_data());
                 let data: Vec<_> = members.iter().zip(data).collect();
                 for (member, declaration) in &data {
@@ -730,9 +736,9 @@ impl Authored {
         })
     }
 
-    /// The name of a struct that naga does not write: it has samplers alone, or nothing else of it is read.
+    /// The name of a struct whose samplers alone are used.
     fn own_struct(&mut self, name: &str, declared: &[Declaration]) -> String {
-        // As in the other stage, where its data may be read: they come first.
+        // As in the other stage, which may read its data.
         let data = declared.iter().filter(|d| d.ty.has_data());
         let mut members: Vec<Member> = data.filter_map(|d| self.member(d)).collect();
         members.extend(self.sampler_members(declared));
@@ -745,7 +751,7 @@ impl Authored {
     }
 }
 
-/// The number that the author gave to an array of samplers, which is that of its first.
+/// The author's binding of the first element of a sampler array.
 fn first_unit(declared: &Declared, uniform: &Declaration) -> Option<u32> {
     let mut first = uniform.name.clone();
     let mut ty = &uniform.ty;
@@ -763,7 +769,7 @@ fn first_unit(declared: &Declared, uniform: &Declaration) -> Option<u32> {
     .then_some(numbered.number)
 }
 
-/// How the parts of an input are reached that has several locations: a matrix's columns, an array's elements.
+/// Suffixes of an input with several locations: matrix columns or array elements.
 fn parts(ty: &Declares) -> Vec<String> {
     match ty {
         Declares::Array(of, n) => {

@@ -1,4 +1,5 @@
-//! OpenGL's depths in GLSL that was made of OpenGL's: the front end's halving of the range is left out, so that positions are the author's to the bit.
+//! Keeps OpenGL depth exact in GLSL that came from OpenGL: removes the front end's depth
+//! conversion.
 
 use naga::{
     Arena, BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable, Module,
@@ -6,8 +7,8 @@ use naga::{
 };
 use preshade_passes::program::Program;
 
-/// The program without the statement `p.z = (p.z + p.w) * 0.5` of a vertex entry point, which the front end puts at its end. `None` where there is none, or more than one: an author may
-/// have written the like, and it cannot be told which is whose.
+/// Removes the statement `p.z = (p.z + p.w) * 0.5` that the front end appends to a vertex entry
+/// point. `None` unless there is exactly one, because the author may have written another.
 pub(super) fn as_authored(program: &Program, stage: ShaderStage, entry: &str) -> Option<Program> {
     let mut module = program.module().clone();
     let at = |e: &naga::EntryPoint| e.stage == stage && e.name == entry;
@@ -20,7 +21,7 @@ pub(super) fn as_authored(program: &Program, stage: ShaderStage, entry: &str) ->
     (found == 1).then(|| program.with_module(module).ok())?
 }
 
-/// The functions that `function` calls, and those that they call.
+/// All functions that `function` calls, directly or not.
 fn called(module: &Module, function: &Function) -> Vec<Handle<Function>> {
     fn calls(block: &Block, out: &mut Vec<Handle<Function>>) {
         for statement in block {
@@ -54,7 +55,7 @@ fn inner(statement: &Statement) -> Vec<&Block> {
     }
 }
 
-/// Leaves the statement out wherever it stands at the level of the body itself, and counts how often it did.
+/// Removes the statement at the body's top level, and counts removals.
 fn leave_out(function: &mut Function) -> usize {
     let halves = |statement: &Statement| match statement {
         Statement::Store { pointer, value } => halved(&function.expressions, *pointer, *value),
@@ -69,7 +70,7 @@ fn leave_out(function: &mut Function) -> usize {
     places.len()
 }
 
-/// Whether `value`, stored at `pointer`, is the middle between the z and the w of the variable whose z that is.
+/// Whether `value` is the mean of z and w of the variable, and `pointer` is its z.
 fn halved(
     expressions: &Arena<Expression>,
     pointer: Handle<Expression>,

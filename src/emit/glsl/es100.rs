@@ -1,15 +1,16 @@
-//! GLSL ES 3.00 as GLSL ES 1.00, for WebGL 1: the text that is written for WebGL 2, rewritten on its syntax tree.
+//! Converts GLSL ES 3.00 to GLSL ES 1.00 for WebGL 1, on the syntax tree.
 //!
 //! | ES 3.00 | ES 1.00 |
 //! |---|---|
 //! | `in`, `out` | `attribute`, `varying`, `gl_FragColor`, `gl_FragData[n]` |
-//! | `texture`, `textureLod`, `textureGrad` | `texture2D`, `textureCube` and their like |
+//! | `texture`, `textureLod`, `textureGrad` | `texture2D`, `textureCube` and their variants |
 //! | `texelFetch(map, pixel, 0)` of a texture without a sampler | `texture2D(map, (vec2(pixel) + 0.5) / map_size)`, with a uniform `map_size` |
-//! | `while (true)` around a counter | `for` of as many turns as the counter can take, which says in an index what the counter says |
-//! | `float[3](..)`, arrays assigned whole | element by element |
+//! | `while (true)` with a counter | `for` with a constant bound; indices use its variable |
+//! | `float[3](..)`, whole-array assignment | element by element |
 //!
-//! What the language lacks beyond its appendix A, whose minimum is all that WebGL 1 promises, is an error that names it: unsigned integers, operators on bits, `switch`, blocks,
-//! textures of other kinds, flat varyings, loops of a length known at run time, in a fragment stage an index that is no constant.
+//! WebGL 1 only guarantees appendix A of the language. Anything else is an error that names the
+//! feature: unsigned integers, bit operators, `switch`, blocks, other texture types, flat varyings,
+//! loops without a constant bound, and non-constant indices in a fragment stage.
 
 mod counted;
 mod expression;
@@ -25,7 +26,7 @@ use naga::ShaderStage;
 use crate::emit::plan_json::StageFile;
 use crate::front;
 
-/// What GLSL ES 1.00 has no word for.
+/// A feature that GLSL ES 1.00 lacks.
 #[derive(Debug)]
 pub(super) struct Lacks(pub String);
 
@@ -35,7 +36,7 @@ fn lacks<T>(what: impl Into<String>) -> Result<T> {
     Err(Lacks(what.into()))
 }
 
-/// The text of one stage in GLSL ES 1.00, and `said` with the uniforms that it has more. `es300` is as this crate writes it.
+/// Converts one stage, and adds new uniforms to `said`. `es300` is text that this crate wrote.
 pub(super) fn rewritten(
     es300: &str,
     stage: ShaderStage,
@@ -73,47 +74,48 @@ pub(super) fn rewritten(
         texture.size = rewrite.sizes.get(&texture.name).cloned();
     }
     for attribute in &mut said.attributes {
-        // The language has no `layout`: a host binds the location by the name.
+        // The language has no `layout`: a host binds the location by name.
         attribute.explicit = false;
     }
     Ok((text, said))
 }
 
-/// What a sampler samples.
+/// The texture type of a sampler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sampler {
     Two,
     Cube,
 }
 
-/// What is known of the text so far. Names of locals are the function's own; a name that means two things is taken for the later one, as scopes have it.
+/// Information from the text so far. Locals have unique names in a function; later declarations
+/// replace earlier ones.
 struct Rewrite {
     stage: ShaderStage,
-    /// Textures that the host gives no sampler.
+    /// Textures without a sampler.
     fetched: HashSet<String>,
-    /// What an output of the fragment stage is called.
+    /// New names of fragment outputs.
     outputs: HashMap<String, ast::ExprData>,
     samplers: HashMap<String, Sampler>,
-    /// Variables, members and functions of `int`.
+    /// Variables, members and functions of type `int`.
     integers: HashSet<String>,
-    /// The same of `bool`.
+    /// The same for `bool`.
     booleans: HashSet<String>,
     /// Lengths of arrays.
     arrays: HashMap<String, i32>,
-    /// Structs that hold arrays.
+    /// Structs that contain arrays.
     holds_arrays: HashSet<String>,
-    /// The author's functions, with those of their parameters that they write.
+    /// User functions with the parameters that they write.
     functions: HashMap<String, HashSet<usize>>,
     extensions: BTreeSet<&'static str>,
-    /// Uniforms of textures' sizes.
+    /// Size uniforms by texture.
     sizes: BTreeMap<String, String>,
-    /// Every name declared.
+    /// All declared names.
     names: HashSet<String>,
-    /// Loops bounded so far.
+    /// Number of bounded loops so far.
     loops: usize,
-    /// How often control comes to what is being rewritten.
+    /// How often the current code can run.
     entered: counted::Entered,
-    /// What of the function's variables is made of constants and turns of loops alone there, and how.
+    /// Variables made only of constants and loop counters, as expressions of these.
     indices: HashMap<String, ast::Expr>,
 }
 
@@ -140,7 +142,7 @@ impl Default for Rewrite {
 }
 
 impl Rewrite {
-    /// Names the outputs of a fragment stage: one alone at location 0 is `gl_FragColor`.
+    /// Names fragment outputs: a single one at location 0 is `gl_FragColor`.
     fn outputs_of(&mut self, tree: &ast::TranslationUnit) -> Result<()> {
         let mut found: Vec<(String, i32)> = Vec::new();
         for declaration in &tree.0 {
@@ -208,7 +210,7 @@ impl Rewrite {
         Ok(Some(declaration))
     }
 
-    /// A declaration outside of functions, and whether anything is left of it.
+    /// Converts a global declaration; returns false if nothing remains.
     fn global(&mut self, list: &mut ast::InitDeclaratorList) -> Result<bool> {
         let name = list.head.name.as_ref().map(|n| n.as_str().to_owned());
         let name = name.unwrap_or_default();
@@ -301,7 +303,7 @@ impl Rewrite {
         Ok(())
     }
 
-    /// Notes a variable by its type, which becomes one of the language's.
+    /// Records a variable and converts its type.
     fn declare(
         &mut self,
         ty: &mut ast::FullySpecifiedType,

@@ -1,5 +1,5 @@
-//! Structs of blocks, laid out by std140's or std430's rules where the IR has them (OpenGL 4.6, section 7.6.2.2): where the IR leaves a gap that the rules do not, floats of nobody's fill
-//! it. naga writes neither WGSL's `@align` and `@size` nor an offset.
+//! Pads the structs of blocks so that std140 or std430 (OpenGL 4.6, 7.6.2.2) gives the IR's
+//! offsets. naga writes neither `@align`, `@size` nor offsets.
 
 use std::collections::{HashMap, HashSet};
 
@@ -8,25 +8,25 @@ use naga::{AddressSpace, ArraySize, Handle, Module, ResourceBinding, Type, TypeI
 use super::text::Unexpected;
 use crate::emit::text;
 
-/// How many floats stand before each member of a struct, and behind the last.
+/// The number of floats before each member of a struct, and at its end.
 pub(super) type Paddings = HashMap<Handle<Type>, Vec<u32>>;
 
-/// What a block's rules are.
+/// A block's layout rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rules {
     Std140,
     Std430,
 }
 
-/// How the blocks of a module are laid out.
+/// The layouts of a module's blocks.
 #[derive(Debug, Default)]
 pub(super) struct Layouts {
     pub paddings: Paddings,
-    /// Storage blocks that lie as std140 has them, and not as std430, which naga says of all.
+    /// Storage blocks in std140 instead of std430, which naga always declares.
     pub std140: HashSet<ResourceBinding>,
 }
 
-/// For the structs of all blocks but `without`. An error names what a block cannot have where the IR has it.
+/// Lays out all blocks except `without`. Errors name a block that cannot have the IR's offsets.
 pub(super) fn layouts(
     module: &Module,
     without: Option<ResourceBinding>,
@@ -48,7 +48,7 @@ pub(super) fn layouts(
         }
     }
     for global in globals().filter(|g| matches!(g.space, AddressSpace::Storage { .. })) {
-        // A struct of several blocks has one padding, right in all of them.
+        // A struct of several blocks needs one padding that fits all.
         let tried = |rules: Rules, fixed: &[(Handle<Type>, Rules)]| {
             let mut paddings = out.paddings.clone();
             padded(module, global.ty, rules, &name(global), &mut paddings)?;
@@ -81,7 +81,7 @@ fn vector(n: u32, width: u8) -> (u32, u32) {
     (if n == 3 { 4 } else { n } * width, n * width)
 }
 
-/// Alignment and size of what is no struct, of the parts that `inner` gives.
+/// Alignment and size of a type that is not a struct; `inner` returns those of its element.
 fn plain(
     module: &Module,
     ty: Handle<Type>,
@@ -114,7 +114,7 @@ fn plain(
             let align = align.max(least);
             let n = match size {
                 ArraySize::Constant(n) => n.get(),
-                // The last of a storage block, behind which nothing lies.
+                // The unsized last member of a storage block.
                 ArraySize::Dynamic => 0,
                 ArraySize::Pending(_) => {
                     return Err(format!("the length of `{path}` is not known"));
@@ -129,7 +129,7 @@ fn plain(
     })
 }
 
-/// Alignment and size in a block; notes the padding that the rules ask for, or the more where they differ.
+/// Alignment and size in a block. Records the required padding, or the larger one.
 fn padded(
     module: &Module,
     ty: Handle<Type>,
@@ -176,7 +176,7 @@ fn padded(
     Ok((align, span))
 }
 
-/// Alignment and size in a block, of structs with these paddings; an error where something then lies elsewhere than the IR has it.
+/// Alignment and size with these paddings; an error if an offset differs from the IR.
 fn check(
     module: &Module,
     ty: Handle<Type>,
@@ -190,7 +190,7 @@ fn check(
         });
     };
     let floats = paddings.get(&ty).map(Vec::as_slice).unwrap_or_default();
-    // Behind the padding, which has to begin where a float may lie.
+    // The offset after the padding, which must begin at a multiple of 4.
     let behind = |end: u32, i: usize| match floats.get(i).copied().unwrap_or(0) {
         0 => end,
         n => end.next_multiple_of(4) + 4 * n,
@@ -212,7 +212,7 @@ fn check(
     Ok((align, behind(end, members.len()).next_multiple_of(align)))
 }
 
-/// A struct's definition with its padding; `text` ends in `}` or `};`.
+/// Adds padding to a struct's definition. `text` ends in `}` or `};`.
 pub(super) fn padded_struct(text: &str, floats: &[u32]) -> Result<String, Unexpected> {
     let mut out = String::with_capacity(text.len());
     let mut copied = 0;
@@ -240,12 +240,12 @@ pub(super) fn padded_struct(text: &str, floats: &[u32]) -> Result<String, Unexpe
     Ok(out)
 }
 
-/// The text with zeros for the padding wherever a struct is constructed.
+/// Adds zeros for padding to struct constructors.
 pub(super) fn padded_constructors(text: &str, floats: &HashMap<String, Vec<u32>>) -> String {
     let mut out = String::with_capacity(text.len());
     let mut copied = 0;
     let mut before = "";
-    // Of each open bracket: the padding of what it constructs, and the arguments so far.
+    // For each open bracket: the padding of the constructed struct, and the arguments so far.
     let mut open: Vec<Option<(&[u32], usize)>> = Vec::new();
     let zeros = |floats: &[u32], at: usize, form: &str| {
         form.repeat(floats.get(at).copied().unwrap_or(0) as usize)

@@ -1,8 +1,9 @@
-//! Uniforms as GLSL's authors declare them, in the IR: each a variable of its own, of its own type.
+//! Splits the front end's block of loose uniforms into variables with the author's types.
 //!
-//! The front end gathers uniforms outside of blocks in one block, where `bool` is stored as `uint`, `float[5]` as `vec4[5]` and `mat2` as `vec4[2]`. Here each member becomes a
-//! private variable of the author's type, which may be any type; the text then says `uniform` before it. What was read of the block is read of the variables, converted where the
-//! types differ. Blocks stay, but none is read as a whole, so that its members need no struct around them.
+//! In that block, `bool` is stored as `uint`, `float[5]` as `vec4[5]` and `mat2` as `vec4[2]`. Each
+//! member becomes a private variable of the author's type, which the text then declares as a
+//! `uniform`. Reads of the block become reads of the variables, with conversions. Other blocks
+//! stay, but are never read as a whole, so their members need no struct.
 
 use std::collections::{HashMap, HashSet};
 
@@ -15,10 +16,10 @@ use preshade_passes::declared::{self, Declaration, Declared};
 
 use crate::front::operands;
 
-/// The module, and which variable each uniform has become.
+/// The module and the variable of each uniform.
 pub(super) struct Loosened {
     pub module: Module,
-    /// By the uniform's name, in the order of the block's members.
+    /// In the order of the block's members.
     pub uniforms: Vec<Loose>,
 }
 
@@ -32,7 +33,7 @@ pub(super) struct Loose {
     pub offset: u32,
 }
 
-/// The module with its uniforms apart. An error says what of it could not be told apart; such a module keeps its blocks.
+/// Splits the uniforms. On an error, which describes the obstacle, the module keeps its blocks.
 pub(super) fn loosen(module: &Module, declared: &Declared) -> Result<Loosened, String> {
     let mut out = module.clone();
     let mut uniforms = Vec::new();
@@ -53,7 +54,7 @@ pub(super) fn loosen(module: &Module, declared: &Declared) -> Result<Loosened, S
         for member in members {
             let name = member.name.as_deref().unwrap_or_default();
             let Some(uniform) = declared.uniforms.iter().find(|u| u.name == name) else {
-                // Padding is nobody's.
+                // Skip padding.
                 variables.push(None);
                 continue;
             };
@@ -94,15 +95,15 @@ pub(super) fn loosen(module: &Module, declared: &Declared) -> Result<Loosened, S
     })
 }
 
-/// A uniform variable, as it is rebuilt.
+/// A uniform variable of the rebuilt module.
 enum Root {
-    /// A block of the author's.
+    /// A block.
     Block,
-    /// The block of loose uniforms: a variable and its type for each member but padding.
+    /// The block of loose uniforms: variable and type of each member, `None` for padding.
     Loose(Vec<Option<(Handle<GlobalVariable>, Handle<Type>)>>),
 }
 
-/// The type that the author declared, where `stored` is what lies in the block: `stored` itself where they are the same.
+/// The author's type of a member stored as `stored`.
 fn author_type(
     types: &mut UniqueArena<Type>,
     layouter: &mut Layouter,
@@ -199,7 +200,7 @@ fn layout(
     layouter: &mut Layouter,
     ty: Handle<Type>,
 ) -> Result<naga::proc::TypeLayout, String> {
-    // The layouter asks the context for types and constant array lengths alone.
+    // The layouter only needs types and constant array lengths.
     let module = Module {
         types: types.clone(),
         ..Module::default()
@@ -211,7 +212,7 @@ fn layout(
     Ok(layouter[ty])
 }
 
-/// GLSL's scalars, vectors and matrices.
+/// A scalar, vector or matrix type by name.
 fn plain(name: &str) -> Option<TypeInner> {
     let scalar = |name: &str| {
         Some(match name {
@@ -246,13 +247,13 @@ fn plain(name: &str) -> Option<TypeInner> {
     Some(TypeInner::Scalar(scalar(name)?))
 }
 
-/// What lies in uniform memory, by where it is read and by its types there and in the module before.
+/// A part of uniform memory: how to read it, and its new and old types.
 #[derive(Clone, Copy)]
 struct Place {
     at: At,
-    /// The type that is read now.
+    /// The type in the new module.
     own: Handle<Type>,
-    /// The type that the module's expressions expect.
+    /// The type that the old expressions expect.
     wanted: Handle<Type>,
 }
 
@@ -260,7 +261,7 @@ struct Place {
 enum At {
     /// A whole block.
     Root(Handle<GlobalVariable>),
-    /// What a pointer of the new function points at.
+    /// The target of a pointer in the new function.
     Pointer(Handle<Expression>),
 }
 
@@ -276,10 +277,10 @@ struct Rebuild<'a> {
     roots: &'a HashMap<Handle<GlobalVariable>, Root>,
     expressions: Arena<Expression>,
     globals: HashMap<Handle<GlobalVariable>, Handle<Expression>>,
-    /// Pointers into uniforms, and values loaded of them, of the old function.
+    /// Pointers into uniforms and loaded values, by old expression.
     places: HashMap<Handle<Expression>, Place>,
     values: HashMap<Handle<Expression>, Handle<Expression>>,
-    /// What was made for each expression of the old function.
+    /// New expressions by old expression.
     made: HashMap<Handle<Expression>, Vec<Handle<Expression>>>,
     span: Span,
 }
@@ -411,7 +412,7 @@ impl<'a> Rebuild<'a> {
         Ok(())
     }
 
-    /// The part of a place.
+    /// A part of a place.
     fn step(&mut self, of: Place, index: Index) -> Result<Place, String> {
         let (own, wanted) = (self.types[of.own].clone(), self.types[of.wanted].clone());
         let pointer = match (of.at, index) {
@@ -459,7 +460,7 @@ impl<'a> Rebuild<'a> {
             (TypeInner::Vector { scalar, .. }, TypeInner::Vector { scalar: other, .. }, index) => {
                 (self.scalar(*scalar), self.scalar(*other), index)
             }
-            // The only component of what is stored as a vector.
+            // The first component of a value stored as a vector.
             (
                 TypeInner::Scalar(scalar),
                 TypeInner::Vector { scalar: other, .. },
@@ -502,7 +503,7 @@ impl<'a> Rebuild<'a> {
             .insert(Type { name: None, inner }, Span::UNDEFINED)
     }
 
-    /// A place's value, of the type that the module's expressions expect.
+    /// The value of a place, in the type that the old expressions expect.
     fn load(&mut self, place: Place) -> Result<Handle<Expression>, String> {
         let wanted = self.types[place.wanted].inner.clone();
         if let At::Pointer(pointer) = place.at
@@ -557,7 +558,7 @@ impl<'a> Rebuild<'a> {
             {
                 return self.converted(place, *scalar);
             }
-            // A vector of four stands for a smaller one.
+            // A smaller vector stored as a `vec4`.
             (
                 TypeInner::Scalar(_) | TypeInner::Vector { .. },
                 TypeInner::Vector { size, scalar },
@@ -581,7 +582,7 @@ impl<'a> Rebuild<'a> {
         }))
     }
 
-    /// A scalar or vector, as one of `scalar`s.
+    /// Converts a scalar or vector to another scalar type.
     fn converted(&mut self, place: Place, scalar: Scalar) -> Result<Handle<Expression>, String> {
         let At::Pointer(pointer) = place.at else {
             return Err("a block that is a scalar".to_owned());
@@ -635,7 +636,7 @@ impl<'a> Rebuild<'a> {
     }
 }
 
-/// Whether the expression is a value rather than a pointer: a load, or a part of one.
+/// Whether the expression is a value: a load or a part of one.
 fn is_value(function: &Function, expression: &Expression) -> bool {
     match expression {
         Expression::Load { .. } => true,
@@ -646,7 +647,7 @@ fn is_value(function: &Function, expression: &Expression) -> bool {
     }
 }
 
-/// The expressions that are used in any way but as what a part is taken of.
+/// Expressions used in any way except as the base of an access.
 fn wanted(function: &Function) -> HashSet<Handle<Expression>> {
     fn of_block(block: &Block, out: &mut HashSet<Handle<Expression>>) {
         for statement in block.iter() {

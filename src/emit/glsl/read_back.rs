@@ -1,5 +1,5 @@
-//! What was written, read by preshade's own front end and compared with what it was written from: uniforms with their types, samplers, blocks with their offsets, attributes, and
-//! what goes from stage to stage.
+//! Parses the written text with our own front end and compares it with the stage: uniforms,
+//! samplers, blocks with offsets, attributes and varyings.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use crate::emit::plan_json::StageFile;
 use crate::emit::text;
 use crate::front::{self, Code, Color, varying::Varying};
 
-/// The first difference between the text and the stage it is of.
+/// The first difference between the text and its stage.
 pub(super) fn difference(
     authored: &Authored,
     text: &str,
@@ -25,11 +25,11 @@ pub(super) fn difference(
 ) -> Option<String> {
     let (module, declared) = match front::glsl_stage(&said.file, text, stage) {
         Ok(read) => read,
-        // The front end has no atomics; a stage with them stands as naga wrote it.
+        // The front end has no atomics, so such a stage is not compared.
         Err(e) if e.code() == Code::Unsupported && has_atomics(text) => return None,
         Err(e) => return Some(format!("it does not parse: {}", e.render(Color::Never))),
     };
-    // In ES 1.00 an output has its number alone: `gl_FragData[1]`.
+    // In ES 1.00 an output only has an index: `gl_FragData[1]`.
     let outputs = match text.starts_with("#version 100") {
         true => Outputs::Numbered,
         false => Outputs::Named,
@@ -50,10 +50,11 @@ fn has_atomics(text: &str) -> bool {
     })
 }
 
-/// What naga adds to `gl_InstanceID`, which does not count from the draw's first instance as WebGPU's index does; 0 unless the host sets it.
+/// The uniform that naga adds to `gl_InstanceID`, which in GLSL starts at 0 for each draw. It is 0
+/// unless the host sets it.
 const FIRST_INSTANCE: &str = "naga_vs_first_instance";
 
-/// Two sets of lines that should be one.
+/// The first line that only one set has.
 fn differ(wanted: &BTreeSet<String>, found: &BTreeSet<String>) -> Option<String> {
     let missing = wanted.difference(found).next();
     let extra = found.difference(wanted).next();
@@ -65,7 +66,7 @@ fn differ(wanted: &BTreeSet<String>, found: &BTreeSet<String>) -> Option<String>
     }
 }
 
-/// The uniforms outside of blocks, and the samplers.
+/// Compares uniforms outside of blocks, and samplers.
 fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<String> {
     let root = |path: &str| path.split(['.', '[']).next().unwrap_or(path).to_owned();
     let mut names: BTreeSet<String> = said.uniforms.iter().map(|u| u.name.clone()).collect();
@@ -73,7 +74,7 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
     let declared = authored.uniforms.iter();
     let types: BTreeMap<&str, &Declares> =
         declared.map(|u| (u.name.as_str(), &u.declares)).collect();
-    // What WebGPU has immediates for is a uniform to OpenGL, and no uniform of the author's.
+    // WebGPU's immediates become uniforms that the author does not have.
     let immediates: BTreeSet<&str> = ["vs", "fs", "cs"]
         .iter()
         .filter_map(
@@ -83,7 +84,7 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
             },
         )
         .collect();
-    // Nor is a texture's size, where a texel is found by it.
+    // So do texture sizes in ES 1.00.
     let sizes: BTreeSet<&str> = said
         .textures
         .iter()
@@ -94,7 +95,7 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
         .filter(|n| n != FIRST_INSTANCE && !immediates.contains(n.as_str()))
         .filter(|n| !sizes.contains(n.as_str()))
         .collect();
-    // A storage image is read as what it is, no uniform of the author's.
+    // Storage images are not uniforms either.
     let wanted = names
         .into_iter()
         .filter(|n| types.contains_key(n.as_str()) || found.contains(n));
@@ -132,7 +133,7 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
     Some(format!("the sampler `{lost}` is lost"))
 }
 
-/// Another number in the text than the plan tells.
+/// Compares a number in the text with `plan.json`.
 fn number(
     read: &Declared,
     at: naga::ResourceBinding,
@@ -145,7 +146,7 @@ fn number(
     (found != told).then(|| format!("`{name}` has {}, not {}", word(found), word(told)))
 }
 
-/// A line for each part of a type, whatever its structs are called and in whatever order their members are.
+/// One line per leaf of a type, without struct names or member order.
 fn type_lines(ty: &Declares, path: &str, out: &mut BTreeSet<String>) {
     match ty {
         Declares::Plain(name) => {
@@ -164,7 +165,7 @@ fn type_lines(ty: &Declares, path: &str, out: &mut BTreeSet<String>) {
     }
 }
 
-/// The blocks: each number where the plan's buffer has it.
+/// Compares the offset of every number in blocks.
 fn blocks(
     authored: &Authored,
     said: &StageFile,
@@ -194,7 +195,7 @@ fn blocks(
             );
             is.then_some(g.ty)
         };
-        // Another stage may have another variable there.
+        // Another stage may have another variable at that binding.
         let mut own = module
             .global_variables
             .iter()
@@ -203,14 +204,14 @@ fn blocks(
         let Some(wanted) = own.and_then(|(_, g)| in_block(g)) else {
             continue;
         };
-        // A block that the stage does not read is not kept.
+        // An unused block is optional.
         let at = [found.binding.group, found.binding.binding];
         let mut own = read.global_variables.iter().map(|(_, g)| g);
         let Some(mut found) = own.find(|g| is_at(g, at)).and_then(in_block) else {
             continue;
         };
         let mut rest = String::new();
-        // A block of one variable, where the program has the variable.
+        // A block of one variable, if the program has that variable.
         let said = authored.blocks.values();
         let opened = said.into_iter().find(|b| b.name == block.block);
         let opened = opened.is_some_and(|b| b.opened || b.of.is_some());
@@ -239,7 +240,7 @@ fn blocks(
     None
 }
 
-/// Where each number of a type lies and what it is, by path.
+/// The path, offset and type of every number in a type.
 fn offsets(
     module: &Module,
     ty: Handle<Type>,
@@ -260,7 +261,7 @@ fn offsets(
             let path = format!("{path}[{size:?} by {stride}]");
             offsets(module, *base, at, &path, name, out);
         }
-        // Within structs some are read as arrays of their columns.
+        // Some matrices in structs are read as arrays of columns.
         TypeInner::Matrix {
             columns,
             rows,
@@ -279,14 +280,14 @@ fn offsets(
     }
 }
 
-/// What tells a fragment stage's outputs apart.
+/// The interface: location and index of a fragment output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outputs {
     Named,
     Numbered,
 }
 
-/// Inputs and outputs.
+/// Compares inputs and outputs.
 fn interface(
     authored: &Authored,
     said: &StageFile,
@@ -338,7 +339,7 @@ fn interface(
             (_, true) => "flat".to_owned(),
             _ => how,
         };
-        // What a target has no more of is filled up when it is read.
+        // Missing components of a target were added.
         let ty = match stage == ShaderStage::Fragment && !travels {
             true => module.types[io.ty]
                 .inner
@@ -368,7 +369,7 @@ fn interface(
                 false => line(read, io, named(io), travels),
             })
             .collect();
-        // An input that is not read is not kept.
+        // Unused inputs are optional.
         if let Some(extra) = found.difference(&wanted).next() {
             return Some(format!("`{extra}` is new"));
         }
@@ -379,7 +380,8 @@ fn interface(
     None
 }
 
-/// The name without a number at its end: a matrix or an array is one name in the text, and a variable for each part where it is read.
+/// The name without a trailing number: a matrix or array is one name in the text and several
+/// variables in the module.
 fn stem(name: &str) -> String {
     let stem = name.strip_suffix("_rgba").unwrap_or(name);
     stem.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_')

@@ -1,6 +1,6 @@
-//! naga's GLSL under the author's names: a rewriting of its tokens, declaration by declaration.
+//! Rewrites naga's GLSL with the author's names, token by token.
 //!
-//! What naga writes outside of functions has few forms, and each is known. One that is not is an error.
+//! naga's global declarations have few forms. Any other form is an error.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -13,28 +13,28 @@ use super::layout;
 use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
 use crate::emit::text::{self, Kind};
 
-/// Where the text goes.
+/// The GLSL dialect to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Dialect {
     Desktop,
     Es,
 }
 
-/// What was expected otherwise of naga's text.
+/// A form of naga's text that we do not expect.
 pub(super) struct Unexpected(pub String);
 
-/// What stands outside of functions, and functions.
+/// A part of the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Item<'a> {
     /// `#version`, `#extension`, `precision`.
     Head(&'a str),
     Struct(&'a str),
     Function(&'a str),
-    /// Anything else up to its semicolon.
+    /// Any other declaration up to its semicolon.
     Declaration(&'a str),
 }
 
-/// The text of `stage` under the author's names, and `said` with them.
+/// Rewrites the text of `stage`, and renames `said`.
 pub(super) fn named(
     authored: &Authored,
     naga: &str,
@@ -89,7 +89,7 @@ pub(super) fn named(
     uniforms(authored, dialect, &mut out, &paths, &mut said, loose);
     for texture in &mut said.textures {
         if let Some(Word::Path(path)) = authored.words.get(&texture.name) {
-            // An array has one number, from which its elements count on, where the author gave it.
+            // An array has a single binding, from which its elements count.
             if path.contains(['.', '[']) {
                 let root = path.split('[').next().unwrap_or_default();
                 let mut all = authored.uniforms.iter();
@@ -110,20 +110,20 @@ pub(super) fn named(
     Ok((out.text(&rewrite, &items, &structs, dialect), said))
 }
 
-/// The text on its way.
+/// The parts of the new text.
 #[derive(Default)]
 struct Parts {
     head: String,
     uniforms: Vec<String>,
     declarations: Vec<String>,
     functions: Vec<String>,
-    /// Types by the marks that name them.
+    /// Markers of the types in use.
     used: HashSet<String>,
-    /// Structs that naga does not write and that are needed, but for those within them.
+    /// Structs in use that naga does not write, except for nested ones.
     own_structs: HashSet<String>,
-    /// What naga wrote of a loose uniform: its type and its dimensions.
+    /// Type and dimensions that naga wrote for each loose uniform.
     loose: HashMap<String, [String; 2]>,
-    /// What naga wrote of a sampler: its type and the line, by path.
+    /// Type and line that naga wrote for each sampler, by path.
     samplers: HashMap<String, [String; 2]>,
     renamed_blocks: HashMap<String, String>,
     located: HashSet<String>,
@@ -142,7 +142,7 @@ impl Parts {
         structs: &HashMap<&str, String>,
         dialect: Dialect,
     ) -> String {
-        // Structs name structs, which naga writes first.
+        // Structs contain structs, which naga writes first.
         let mut used = self.used.clone();
         for item in items.iter().rev() {
             if let Item::Struct(text) = item
@@ -151,7 +151,7 @@ impl Parts {
                 used.extend(words(text).map(str::to_owned));
             }
         }
-        // Of a uniform whose samplers alone are read, naga writes no struct.
+        // naga writes no struct if only its samplers are read.
         let unwritten = rewrite.authored.whole.iter();
         let mut unwritten: Vec<&(String, String)> = unwritten
             .filter(|(mark, _)| !structs.contains_key(mark.as_str()))
@@ -222,7 +222,7 @@ fn member_lines(members: &[Member], dialect: Dialect) -> String {
         .collect()
 }
 
-/// ES has no one-dimensional textures, and a default precision for few samplers.
+/// Converts a sampler type to ES, with a precision where ES has no default.
 fn sampler_type(ty: &str, dialect: Dialect) -> String {
     match dialect {
         Dialect::Desktop => ty.to_owned(),
@@ -236,7 +236,7 @@ fn words(text: &str) -> impl Iterator<Item = &str> {
         .map(|(_, range)| &text[range])
 }
 
-/// The text's parts outside of functions, in order.
+/// The text's parts in order.
 fn items(naga: &str) -> Result<Vec<Item<'_>>, Unexpected> {
     let mut out = Vec::new();
     let mut rest = naga;
@@ -289,7 +289,7 @@ fn items(naga: &str) -> Result<Vec<Item<'_>>, Unexpected> {
     }
 }
 
-/// New names for what naga named as the author names what a host sees.
+/// New names for naga's names that collide with the author's.
 fn collisions(
     authored: &Authored,
     items: &[Item<'_>],
@@ -308,7 +308,7 @@ fn collisions(
     }
     let mut out: HashMap<String, String> = HashMap::new();
     let taken = |name: &str| authored.taken.is_taken(stage, name);
-    // A second `gl` is `gl_1` to naga, and that is GLSL's own to give.
+    // naga calls a second `gl` `gl_1`, which GLSL reserves.
     let is_number = |w: &str| w.bytes().all(|b| b.is_ascii_digit() || b == b'_');
     let is_own = |w: &str| w.strip_prefix("gl_").is_some_and(is_number);
     let mut colliding: Vec<&str> = all
@@ -332,7 +332,7 @@ fn collisions(
     out
 }
 
-/// The words that are neither members nor in a `layout(..)`.
+/// Words that are neither members nor inside of `layout(..)`.
 fn free(text: &str) -> impl Iterator<Item = Range<usize>> + '_ {
     let mut before = "";
     let mut layout = 0u32;
@@ -356,7 +356,7 @@ struct Rewrite<'a> {
 }
 
 impl Rewrite<'_> {
-    /// A struct with the samplers that belong into it.
+    /// Adds sampler members to a struct.
     fn with_samplers(&self, mark: &str, text: &str, dialect: Dialect) -> String {
         let mut written = self.plain(text);
         if let Some(members) = self.authored.members.get(mark)
@@ -371,7 +371,7 @@ impl Rewrite<'_> {
         self.with(text, &HashMap::new())
     }
 
-    /// The text with every word of naga's replaced; `own` are names of this function that stand for others of naga's.
+    /// Replaces every word; `own` has this function's replacements.
     fn with(&self, text: &str, own: &HashMap<&str, &str>) -> String {
         let free: HashSet<usize> = free(text).map(|r| r.start).collect();
         let mut out = String::with_capacity(text.len());
@@ -411,7 +411,7 @@ impl Rewrite<'_> {
         out
     }
 
-    /// A function; in `main`, inputs are read where they are instead of out of the copies that naga makes of them.
+    /// Rewrites a function. In `main`, reads inputs directly instead of naga's copies.
     fn function(&self, text: &str) -> String {
         let tokens: Vec<Range<usize>> = text::tokens(text).map(|(_, range)| range).collect();
         let word = |i: usize| tokens.get(i).map_or("", |r| &text[r.clone()]);
@@ -430,12 +430,12 @@ impl Rewrite<'_> {
             end = tokens[at].end;
         }
         let without = format!("{}{}", &text[..begin], &text[end..]);
-        // The names are those of the old text, which outlives the new one.
+        // The names borrow from the old text.
         self.with(&without, &own)
     }
 }
 
-/// A value that comes from outside of the stage, as naga names it.
+/// Whether naga's name is that of a stage input.
 fn is_input(word: &str) -> bool {
     word.starts_with("_p2vs_location") || word.starts_with("_vs2fs_location")
 }
@@ -450,7 +450,7 @@ fn declaration(
 ) -> Result<(), Unexpected> {
     let authored = rewrite.authored;
     let free: Vec<&str> = free(text).map(|range| &text[range]).collect();
-    // A loose uniform, which naga takes for a variable.
+    // A loose uniform, which naga declares as a variable.
     if let Some(uniform) = authored
         .uniforms
         .iter()
@@ -509,7 +509,7 @@ fn declaration(
         out.declarations.push(line);
         return Ok(());
     }
-    // A texture: part of a uniform, or by itself.
+    // A texture: part of a uniform, or separate.
     if let Some(texture) = free.iter().find(|w| textures.contains(**w))
         && let Some(Word::Path(path)) = authored.words.get(*texture)
     {
@@ -526,7 +526,7 @@ fn declaration(
         out.samplers.insert(path.clone(), [ty, line]);
         return Ok(());
     }
-    // An input or output at a location.
+    // An input or output with a location.
     if let Some(name) = free.iter().find(|w| authored.located.contains_key(**w)) {
         located(rewrite, text, &authored.located[*name], stage, out);
         return Ok(());
@@ -536,7 +536,7 @@ fn declaration(
     Ok(())
 }
 
-/// An input of the vertex stage or an output of the fragment stage.
+/// A vertex input or fragment output.
 fn located(rewrite: &Rewrite<'_>, text: &str, input: &Input, stage: ShaderStage, out: &mut Parts) {
     if !out.located.insert(input.name.clone()) {
         return;
@@ -574,7 +574,7 @@ fn located(rewrite: &Rewrite<'_>, text: &str, input: &Input, stage: ShaderStage,
     out.declarations.push(line);
 }
 
-/// The uniforms outside of blocks, in the author's order.
+/// Declares the uniforms outside of blocks, in the author's order.
 fn uniforms(
     authored: &Authored,
     dialect: Dialect,
@@ -630,7 +630,7 @@ fn uniforms(
         } else if let Some(of) = &uniform.of
             && let Some(Word::Path(ty)) = authored.words.get(of)
         {
-            // Its samplers alone are read: the whole is declared all the same.
+            // Declared although only its samplers are read.
             out.used.insert(of.clone());
             lines.push(format!(
                 "{layout}uniform {ty} {name}{};",
@@ -661,7 +661,7 @@ fn uniforms(
     out.uniforms.extend(others);
 }
 
-/// `layout(..)` with what there is, and a space behind it.
+/// `layout(..)` and a space, or nothing.
 fn layout_of(location: Option<u32>, binding: Option<u32>) -> String {
     let of = |word: &str, n: Option<u32>| n.map(|n| format!("{word} = {n}"));
     let said = [of("location", location), of("binding", binding)];
@@ -671,7 +671,7 @@ fn layout_of(location: Option<u32>, binding: Option<u32>) -> String {
     }
 }
 
-/// Notes the structs that naga does not write and that are within those that it does.
+/// Adds structs nested in those that naga writes.
 fn needed_structs(authored: &Authored, out: &mut Parts) {
     let members = authored.members.values().flatten();
     out.own_structs

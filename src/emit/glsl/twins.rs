@@ -1,4 +1,5 @@
-//! A texture that is read with several samplers becomes several textures of one content: GLSL's combined samplers are of one texture and one sampler.
+//! Copies a texture for each sampler it is used with, because GLSL combines one texture with one
+//! sampler.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -10,21 +11,21 @@ use preshade_passes::program::Program;
 
 use crate::front::operands;
 
-/// A program whose textures have one sampler each.
+/// A program with one sampler per texture.
 pub(super) struct Twins {
     pub program: Program,
-    /// The texture that each one added is a twin of.
+    /// The original texture of each copy.
     pub of: HashMap<ResourceBinding, ResourceBinding>,
 }
 
-/// A texture and what it is read with.
+/// A texture and its sampler.
 type Pair = (Handle<GlobalVariable>, Handle<GlobalVariable>);
 
-/// A texture that is read with several samplers and cannot be told apart.
+/// A texture with several samplers that cannot be split.
 pub(super) struct Inseparable;
 
-/// The program with a texture for each sampler that one is read with, in whichever stage: a name is one uniform for all of them. `None` where there is nothing to do. A function that is
-/// given the texture and its sampler reads whatever it is given, which stays as it is.
+/// Splits textures that any stage uses with several samplers: one name is one uniform in all
+/// stages. `None` if there are none. Textures passed to functions keep their sampler.
 pub(super) fn split(program: &Program) -> Result<Option<Twins>, Inseparable> {
     let module = program.module();
     let read_with = samplers(program);
@@ -62,10 +63,10 @@ pub(super) fn split(program: &Program) -> Result<Option<Twins>, Inseparable> {
     }
 }
 
-/// A binding, as it is ordered.
+/// A binding, with an order.
 type At = (u32, u32);
 
-/// What each texture is read with, in whichever stage.
+/// The samplers of each texture in all stages.
 fn samplers(program: &Program) -> BTreeMap<At, BTreeMap<At, Pair>> {
     let module = program.module();
     let at = |handle: Handle<GlobalVariable>| {
@@ -84,7 +85,7 @@ fn samplers(program: &Program) -> BTreeMap<At, BTreeMap<At, Pair>> {
     out
 }
 
-/// A binding of the group that nothing has.
+/// A free binding of the group.
 fn free(module: &Module, group: u32) -> ResourceBinding {
     let bound = module
         .global_variables
@@ -97,7 +98,7 @@ fn free(module: &Module, group: u32) -> ResourceBinding {
     }
 }
 
-/// The function with each sample of a pair taken of its twin.
+/// Replaces the textures of samples in a function.
 fn read_twins(function: &mut Function, twins: &HashMap<Pair, Handle<GlobalVariable>>) {
     let global = |e: Handle<Expression>| match function.expressions[e] {
         Expression::GlobalVariable(global) => Some(global),

@@ -1,6 +1,7 @@
-//! Words that an author's name must not be in GLSL ES 3.00 or 4.50: keywords, words kept for later (sections 3.7 of both) and functions that every stage has (chapter 8).
+//! Words that an author's name must not be in GLSL ES 3.00 or 4.50: keywords, reserved words (3.7
+//! of both) and built-in functions (chapter 8).
 
-/// Keywords and reserved words, but for names of types that [`is_type`] knows by their form.
+/// Keywords and reserved words, except for type names that [`is_type`] recognises.
 const KEYWORDS: &str = "active asm atomic_uint attribute bool break buffer case cast centroid class coherent common const continue default demote discard do double else \
     enum extern external false filter fixed flat float for goto half highp hvec2 hvec3 hvec4 if inline inout input in int interface invariant layout long lowp mediump \
     namespace noinline noperspective out output packed partition patch precise precision public readonly resource restrict return sample sampler samplerShadow \
@@ -20,17 +21,17 @@ const FUNCTIONS: &str = "abs acos acosh all any asin asinh atan atanh atomicAdd 
     textureSamples textureSize transpose trunc uaddCarry uintBitsToFloat umulExtended unpackDouble2x32 unpackHalf2x16 unpackSnorm2x16 unpackSnorm4x8 \
     unpackUnorm2x16 unpackUnorm4x8 usubBorrow shadow1D shadow2D texture1D texture2D texture3D textureCube texture2DLod texture2DProj textureCubeLod";
 
-/// Whether no variable may have the name, as it would hide a function.
+/// Whether a variable of that name would hide a function or keyword.
 pub(super) fn is_reserved(word: &str) -> bool {
     is_keyword(word) || FUNCTIONS.split_whitespace().any(|w| w == word)
 }
 
-/// Whether nothing at all may have the name, members of structs among it.
+/// Whether nothing may have the name, including struct members.
 pub(super) fn is_keyword(word: &str) -> bool {
     word.starts_with("gl_") || KEYWORDS.split_whitespace().any(|w| w == word) || is_type(word)
 }
 
-/// Whether the word is built as names of vectors, matrices, samplers and images are.
+/// Whether the word has the form of a vector, matrix, sampler or image type.
 fn is_type(word: &str) -> bool {
     let digits =
         |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit() || b == b'x');
@@ -56,7 +57,7 @@ fn is_type(word: &str) -> bool {
                 .iter()
                 .any(|s| after(s).is_some_and(opaque))
     };
-    // One letter may say what it is of.
+    // With an optional prefix letter.
     is_plain(word)
         || word
             .strip_prefix(['b', 'i', 'u', 'd'])

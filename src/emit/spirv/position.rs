@@ -1,7 +1,9 @@
-//! What decides the position in a SPIR-V module: a backward walk over ids that may take in too much, and never too little.
+//! Finds the SPIR-V instructions that affect the position, by a conservative backward walk over
+//! ids.
 //!
-//! Memory is told apart by variable and by member of a struct, but not by time: every store that may reach what is asked for counts. Every condition of
-//! a branch counts too. Where the module holds something that the walk does not know, there is no answer.
+//! Memory is distinguished by variable and struct member, but not by time: every store that may
+//! reach a value counts, and every branch condition. If the module has anything unknown, there is
+//! no result.
 
 use std::collections::{HashMap, HashSet};
 
@@ -30,7 +32,7 @@ const OP_RETURN_VALUE: u16 = 254;
 const BUILT_IN: u32 = 11;
 const POSITION: u32 = 0;
 
-/// A variable or a pointer parameter, and the member of it; `None`: all of it.
+/// A variable or pointer parameter and its member; `None`: all of it.
 type Place = (u32, Option<u32>);
 
 /// A write to memory.
@@ -51,7 +53,7 @@ struct Module<'a> {
     calls: Vec<(u32, &'a [u32])>,
 }
 
-/// Ids of everything that may decide what is stored to the position, or `None` where that cannot be told.
+/// All ids that may affect the position, or `None` if the analysis fails.
 pub(super) fn slice(words: &[u32]) -> Option<HashSet<u32>> {
     let (module, mut asked) = read(words)?;
     let mut seen: HashSet<(u32, Option<u32>)> = HashSet::new();
@@ -64,7 +66,7 @@ pub(super) fn slice(words: &[u32]) -> Option<HashSet<u32>> {
     Some(seen.into_iter().map(|(id, _)| id).collect())
 }
 
-/// The module by parts, and what to begin with: the position, and what decides where control goes.
+/// Reads the module, and collects the first targets: the position and all branch conditions.
 fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Place>)> {
     let mut module = Module {
         defined: HashMap::new(),
@@ -79,10 +81,10 @@ fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Place>)> {
     let mut stores = Vec::new();
     for (_, opcode, operands) in instructions(words) {
         match (opcode, operands) {
-            // Of two positions it cannot be told which one the entry point has.
+            // With two positions, the entry point's is unknown.
             (OP_DECORATE, [_, BUILT_IN, POSITION]) if position.is_some() => return None,
             (OP_DECORATE, [variable, BUILT_IN, POSITION]) => position = Some(*variable),
-            // Types have their result first, and no type.
+            // Type instructions have no type id before their result.
             (19..=39, [result, ..]) => {
                 module.defined.insert(*result, (opcode, operands));
             }
@@ -118,8 +120,8 @@ fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Place>)> {
     Some((module, asked))
 }
 
-/// Whether an instruction has a type and a result, as what can stand in an operand has. All have but annotations, names, types, control flow and
-/// writes (SPIR-V section 3.52).
+/// Whether an instruction has a type and a result. All have, except for annotations, names, types,
+/// control flow and writes (SPIR-V 3.52).
 fn has_result(opcode: u16) -> bool {
     !matches!(
         opcode,
@@ -128,9 +130,9 @@ fn has_result(opcode: u16) -> bool {
 }
 
 impl Module<'_> {
-    /// Asks for what `member` of `id` is made of.
+    /// Visits `member` of `id`.
     fn ask(&self, id: u32, member: Option<u32>, asked: &mut Vec<Place>) -> Option<()> {
-        // What is not defined here is a literal that looks like an id, or a label.
+        // An unknown id is a literal or a label.
         let Some((opcode, operands)) = self.defined.get(&id).copied() else {
             return Some(());
         };
@@ -139,7 +141,8 @@ impl Module<'_> {
             (o, [_, _, base, indices @ ..]) if OP_ACCESS_CHAIN.contains(&o) => {
                 asked.push(self.place(id)?);
                 asked.extend(indices.iter().map(|i| (*i, None)));
-                // The variable at its root is asked for by member, above; a chain on a chain has indices of its own.
+                // The base variable was visited by member above. A chain on a chain has its own
+                // indices.
                 if self
                     .opcode(*base)
                     .is_some_and(|o| OP_ACCESS_CHAIN.contains(&o))
@@ -177,7 +180,8 @@ impl Module<'_> {
         Some(())
     }
 
-    /// Asks for all that may be stored to `member` of a variable, or of what a parameter points to; of a parameter by value, for the arguments.
+    /// Visits every store to `member` of a variable or a parameter's target. For a by-value
+    /// parameter, visits the arguments.
     fn ask_memory(&self, root: u32, member: Option<u32>, asked: &mut Vec<Place>) -> Option<()> {
         for write in self.writes.iter().filter(|w| w.to.0 == root) {
             match (write.to.1, member) {
@@ -207,7 +211,7 @@ impl Module<'_> {
         Some(())
     }
 
-    /// What a pointer points into. `None` for pointers that are computed otherwise than by access chains.
+    /// A pointer's target. `None` for pointers that are not access chains.
     fn place(&self, pointer: u32) -> Option<Place> {
         let (opcode, operands) = self.defined.get(&pointer)?;
         match (*opcode, *operands) {
@@ -223,7 +227,7 @@ impl Module<'_> {
         }
     }
 
-    /// The member of a struct that `index` is, where `root` points to a struct.
+    /// The struct member selected by `index`, if `root` points to a struct.
     fn member(&self, root: u32, index: u32) -> Option<u32> {
         let (_, [ty, ..]) = self.defined.get(&root)? else {
             return None;

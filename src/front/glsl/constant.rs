@@ -1,4 +1,4 @@
-//! Numbers that must be known while rewriting: the lengths of arrays, locations and bindings, offsets.
+//! Evaluates GLSL constant expressions: array lengths, locations, bindings, texture offsets.
 
 use std::collections::HashMap;
 
@@ -6,28 +6,29 @@ use glsl_lang::ast::{BinaryOpData as B, Expr, ExprData, FunIdentifierData, Unary
 
 use super::ty::Ty;
 
-/// Constants by name, as far as they are scalars or vectors; the length of an array under [`length_of`] its name.
+/// Scalar and vector constants by name, and array lengths by [`length_of`] the array's name.
 pub(super) type Constants = HashMap<String, Value>;
 
-/// What a constant expression may be, in the 32 bits that GLSL gives each number (4.60, 4.1).
+/// The value of a constant expression, with GLSL's 32-bit numbers (4.60, 4.1).
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
     Int(i32),
     Uint(u32),
     Float(f32),
     Bool(bool),
-    /// Two to four of one of the others.
+    /// Two to four scalars.
     Vector(Vec<Value>),
 }
 
 use Value::{Bool, Float, Int, Uint, Vector};
 
-/// Under what the length of the array of that name is kept: no name has brackets.
+/// The key for an array's length. No name has brackets, so it is unique.
 fn length_of(name: &str) -> String {
     format!("{name}.length()")
 }
 
-/// What is known of a variable that is declared: the length of an array, and the value of a constant. Of another of that name that it hides nothing is known any more.
+/// Records a declared variable's array length or constant value, and forgets any variable that it
+/// hides.
 pub(super) fn declare(constants: &mut Constants, name: &str, ty: &Ty, value: Option<&Expr>) {
     let value = value
         .and_then(|e| self::value(e, constants))
@@ -46,7 +47,7 @@ pub(super) fn declare(constants: &mut Constants, name: &str, ty: &Ty, value: Opt
     };
 }
 
-/// The value as the type of what it is given to.
+/// Converts the value to `ty`.
 fn converted(value: Value, ty: &Ty) -> Option<Value> {
     match ty {
         Ty::Scalar(_) | Ty::Vector(..) => call(&ty.name(), &[value]),
@@ -54,7 +55,7 @@ fn converted(value: Value, ty: &Ty) -> Option<Value> {
     }
 }
 
-/// The value of an integer constant expression, `None` for any other.
+/// Evaluates an integer constant expression; `None` for any other expression.
 pub(super) fn evaluate(expr: &Expr, constants: &Constants) -> Option<i64> {
     match value(expr, constants)? {
         Int(n) => Some(i64::from(n)),
@@ -64,7 +65,7 @@ pub(super) fn evaluate(expr: &Expr, constants: &Constants) -> Option<i64> {
     }
 }
 
-/// The components of a constant expression that is a vector of `int`s.
+/// The components of a constant `ivec`.
 pub(super) fn integers(expr: &Expr, constants: &Constants) -> Option<Vec<i32>> {
     let Vector(parts) = value(expr, constants)? else {
         return None;
@@ -155,7 +156,7 @@ fn swizzled(of: Value, names: &str) -> Option<Value> {
     }
 }
 
-/// Converted to one type, where GLSL does so without being asked.
+/// Converts both values to one type, by GLSL's implicit conversions.
 fn alike(a: Value, b: Value) -> Option<(Value, Value)> {
     let real = |v: Value| match v {
         Int(n) => Some(Float(n as f32)),
@@ -175,7 +176,7 @@ fn alike(a: Value, b: Value) -> Option<(Value, Value)> {
 }
 
 fn binary(op: &B, a: Value, b: Value) -> Option<Value> {
-    // Part by part; what compares vectors gives one answer of all.
+    // Per component; comparing vectors gives one bool.
     let compares = matches!(op, B::Equal | B::NonEqual | B::Lt | B::Gt | B::Lte | B::Gte);
     let all = |pairs: Vec<(Value, Value)>| {
         let parts: Option<_> = pairs.into_iter().map(|(a, b)| binary(op, a, b)).collect();
@@ -320,7 +321,8 @@ fn call(name: &str, values: &[Value]) -> Option<Value> {
     })
 }
 
-/// A vector of `n` components of the type `of`: of one scalar, of a vector that has as many or more, or of what comes to as many (4.60, 5.4.2).
+/// A vector of `n` components of type `of`: from one scalar, from a larger vector, or from values
+/// with `n` components in total (4.60, 5.4.2).
 fn constructed(n: usize, of: &str, values: &[Value]) -> Option<Value> {
     let mut parts: Vec<Value> = Vec::new();
     for value in values {

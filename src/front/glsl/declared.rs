@@ -1,4 +1,5 @@
-//! What the stages declare, for writing it again: the author's side of what `interface` decided.
+//! Records the author's declarations, so that emitted GLSL can use the same names, types and
+//! numbers.
 
 use naga::{Module, ResourceBinding, ShaderStage};
 use preshade_passes::declared::{
@@ -10,7 +11,7 @@ use super::stage::{FRAG_COORD_Y, Stage, Variable};
 use super::ty::{Structs, Ty};
 use crate::front::ClipSpace;
 
-/// Of the stages whose bindings and locations `interface` has.
+/// Collects the declarations of stages that `interface` has numbered.
 pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSpace) -> Declared {
     let mut out = Declared {
         loose: (!interface.uniforms.is_empty()).then(|| binding(interface.uniform_slot)),
@@ -74,7 +75,7 @@ pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSp
     out
 }
 
-/// What is left as it is, and means another thing where it goes.
+/// Warnings about code that means something else in the target.
 fn notes(stages: &[Stage<'_>], clip: ClipSpace) -> Vec<String> {
     let mut fragment = stages.iter().filter(|s| s.kind == ShaderStage::Fragment);
     let mut out = Vec::new();
@@ -100,7 +101,7 @@ fn notes(stages: &[Stage<'_>], clip: ClipSpace) -> Vec<String> {
     out
 }
 
-/// The numbers of texts that are read as they are, in which naga wants one of each resource.
+/// Binding numbers of texts that naga read unchanged.
 pub(super) fn as_bound(modules: &[Module]) -> Vec<Numbered> {
     let mut out: Vec<Numbered> = Vec::new();
     for module in modules {
@@ -118,7 +119,7 @@ pub(super) fn as_bound(modules: &[Module]) -> Vec<Numbered> {
     out
 }
 
-/// The author's own numbers, each binding's once.
+/// The author's binding numbers, once for each binding.
 fn numbers(stages: &[Stage<'_>], interface: &Interface) -> Vec<Numbered> {
     let mut out: Vec<Numbered> = Vec::new();
     let mut add = |slot: Option<&Slot>, number: Option<u32>| {
@@ -169,7 +170,7 @@ fn located(structs: &Structs, variable: &Variable, location: u32) -> Option<Loca
     })
 }
 
-/// `None` for what a uniform outside of blocks cannot be.
+/// `None` for types that a uniform outside of blocks cannot have.
 fn ty(structs: &Structs, of: &Ty) -> Option<Type> {
     Some(match of {
         Ty::Scalar(_) | Ty::Vector(..) | Ty::Matrix(..) => Type::Plain(of.name()),

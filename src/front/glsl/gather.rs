@@ -1,4 +1,5 @@
-//! `textureGather`, which naga's GLSL front end lacks and its IR has: functions of ours sample in the text, and are given a gather here.
+//! Implements `textureGather`, which naga's IR has and its GLSL front end lacks. The rewritten text
+//! calls placeholder functions that sample; this replaces their bodies by a gather.
 
 use std::collections::HashMap;
 
@@ -6,7 +7,7 @@ use naga::{
     Block, Expression, Function, Module, Range, SampleLevel, Span, Statement, SwizzleComponent,
 };
 
-/// Replaces the bodies of the functions that stand for a gather, each with its component.
+/// Replaces the bodies of the placeholder functions. `gathers` maps their names to components.
 pub(super) fn replace(module: &mut Module, gathers: &HashMap<String, u32>) {
     let handles: Vec<_> = module.functions.iter().map(|(h, _)| h).collect();
     for handle in handles {

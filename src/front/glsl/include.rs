@@ -1,4 +1,4 @@
-//! The files that a text includes: where they are looked up, and how far they may reach.
+//! Finds and reads included files, and enforces the root folder.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -9,14 +9,14 @@ use crate::front::Options;
 use crate::limits::Limits;
 use crate::regular;
 
-/// Files that a text includes: beside it, or below one of the include paths.
+/// Searches beside the including file, then below the include folders.
 pub(super) struct Files {
     include: Vec<PathBuf>,
     /// See [`Options::root`].
     root: Option<PathBuf>,
-    /// Of which the bytes of one file.
+    /// For the size of one file.
     limits: Limits,
-    /// Where a file was looked for in vain before it was found.
+    /// Paths that did not exist when they were tried.
     pub absent: RefCell<BTreeSet<PathBuf>>,
 }
 
@@ -34,7 +34,8 @@ impl Files {
         }
     }
 
-    /// The file meant by `path`, which is the including file's folder with what stands in quotes: of its endings, the longest that an include path has.
+    /// Finds `path`, the including file's folder joined with the quoted name. In include folders,
+    /// tries the longest suffix first.
     pub fn find(&self, path: &Path) -> io::Result<PathBuf> {
         let beside = match &self.root {
             Some(root) => root.join(path),
@@ -77,18 +78,18 @@ impl Files {
         }
     }
 
-    /// A file's text, if it is one and not too large.
+    /// Reads a regular file within the size limit.
     pub fn text(&self, found: &Path) -> io::Result<String> {
         let bytes = regular::bytes(found, &self.limits, "source-bytes").map_err(|e| match e {
             regular::Error::Io(e) => e,
             regular::Error::TooLarge(e) => refused(e.to_string()),
             other => refused(format!("{}: {other}", found.display())),
         })?;
-        // Comments may be in whatever encoding: what is no UTF-8 elsewhere, no parser takes.
+        // Comments may have any encoding. The parser rejects invalid characters elsewhere.
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    /// What a file that was found is called: as it was asked for where it is there, so that messages say what the author wrote.
+    /// The file's name in messages: as the author wrote it if that exists.
     pub fn shown(&self, asked: &Path, found: &Path) -> String {
         let is_there = match &self.root {
             Some(root) => root.join(asked).exists(),

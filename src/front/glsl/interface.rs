@@ -1,8 +1,11 @@
-//! What the two stages agree on: which binding each resource has, which location each varying.
+//! Assigns the bindings and locations that both stages share.
 //!
-//! A binding that the author gave is kept where it is free: OpenGL numbers textures and blocks apart, WebGPU does not. All others are numbered in group 0: first the block of loose
-//! uniforms, then what is declared, the vertex stage's before the fragment's. A location that the author gave is kept; varyings are matched by name, and by location where both
-//! stages give one.
+//! The author's bindings are kept where they are free: OpenGL numbers textures and blocks
+//! separately, WebGPU does not. Everything else is numbered in group 0, first the block of loose
+//! uniforms, then declarations of the vertex stage, then of the fragment stage.
+//!
+//! The author's locations are kept. Varyings are matched by name, or by location if both stages
+//! have one.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -15,35 +18,35 @@ use crate::front::error::{Code, Error};
 /// Group and binding.
 pub(super) type Slot = (u32, u32);
 
-/// A combined sampler that became a texture and a sampler.
+/// A combined sampler, split into a texture and a sampler.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pair {
-    /// `sampler2D`, or what else the author combined.
+    /// The author's type, such as `sampler2D`.
     pub combined: String,
     pub texture: String,
     pub sampler: String,
 }
 
-/// A pair among the uniforms, with its bindings.
+/// A split sampler with its bindings.
 #[derive(Clone, Debug)]
 pub(super) struct Bound {
     pub pair: Pair,
     pub slots: [Slot; 2],
-    /// What the author numbered it.
+    /// The author's binding.
     pub number: Option<u32>,
 }
 
-/// A block that is printed without its instance's name.
+/// A block that is printed without an instance name.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Opened {
     pub slot: Slot,
     pub instance: String,
-    /// The members' own names, padding among them.
+    /// Members in order, padding included.
     pub members: Vec<String>,
 }
 
 impl Opened {
-    /// Gives the block and its members their names back.
+    /// Restores the names of the block and its members in the module.
     pub(super) fn close(&self, module: &mut Module) {
         let at = |g: &&mut naga::GlobalVariable| {
             let bound = g.binding.as_ref();
@@ -67,40 +70,40 @@ impl Opened {
     }
 }
 
-/// What both stages declare alike.
+/// The interface of both stages.
 #[derive(Debug, Default)]
 pub(super) struct Interface {
-    /// The loose uniforms of both stages, without samplers.
+    /// Loose uniforms of both stages, without samplers.
     pub uniforms: Vec<Member>,
-    /// The structs that the uniforms are made of and either stage may lack.
+    /// Structs of these uniforms, which a stage may lack.
     pub structs: Vec<Struct>,
     pub uniform_slot: Slot,
-    /// Type and instance of the block of loose uniforms.
+    /// Type and instance name of the block of loose uniforms.
     pub uniform_block: [String; 2],
-    /// By path: `map`, `material.diffuse`, `maps[2]`.
+    /// Keyed by path: `map`, `material.diffuse`, `maps[2]`.
     pub samplers: BTreeMap<String, Bound>,
-    /// Structs as blocks have them that have them otherwise than they are computed with, each with its name there: by std430, by rows, or both.
+    /// Names of struct copies with another layout in blocks. Key: name, row-major, std430.
     pub twins: HashMap<(String, bool, bool), String>,
     pub opaque: HashMap<String, Slot>,
     pub blocks: HashMap<String, Slot>,
-    /// Locations of inputs and outputs by key, a map for each stage.
+    /// Locations of inputs and outputs by key, one map per stage.
     pub inputs: [HashMap<String, u32>; 2],
     pub outputs: [HashMap<String, u32>; 2],
-    /// How a varying is interpolated, as the fragment stage says.
+    /// The fragment stage's interpolation of each varying.
     pub interpolation: HashMap<String, [Option<&'static str>; 2]>,
-    /// Names that are taken.
+    /// Names in use.
     pub names: HashSet<String>,
-    /// Blocks of the stage that is printed.
+    /// Opened blocks of the current stage.
     pub opened: Vec<Opened>,
 }
 
-/// The stage's index in the maps above.
+/// A stage's index in the arrays of [`Interface`].
 pub(super) fn index(kind: ShaderStage) -> usize {
     usize::from(kind == ShaderStage::Fragment)
 }
 
 impl Interface {
-    /// A name like `wanted` that no stage has yet.
+    /// A name like `wanted` that no stage uses.
     pub(super) fn fresh(&mut self, wanted: &str) -> String {
         let mut name = wanted.to_owned();
         while !self.names.insert(name.clone()) {
@@ -123,7 +126,8 @@ impl Interface {
         Ok(out)
     }
 
-    /// By Vulkan's rules a number is what a resource goes by, and a name nothing: two of one name and two numbers are two.
+    /// In Vulkan the binding identifies a resource, not the name. Renames resources with one name
+    /// and two bindings.
     fn tell_apart(&mut self, stages: &mut [Stage<'_>]) -> Result<(), Error> {
         let [first, second] = stages else {
             return Ok(());
@@ -195,7 +199,7 @@ impl Interface {
                 }
             }
         }
-        // Each stage declares the whole block, with the structs it needs.
+        // Each stage declares the whole block and its structs.
         for stage in stages.iter() {
             for name in &stage.structs.order {
                 let Some(of) = stage.structs.get(name).cloned() else {
@@ -245,12 +249,12 @@ impl Interface {
 
     fn bindings(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
         let mut taken: HashSet<Slot> = HashSet::new();
-        // What the author numbered comes first.
+        // The author's bindings take precedence.
         let explicit = |v: &super::stage::Qualifiers| {
             let binding = v.number("binding")?;
             Some((v.number("set").unwrap_or(0), binding))
         };
-        // A slot is one resource: in both stages by name, or by number where the kinds agree.
+        // One resource per slot: the same name in both stages, or the same binding and kind.
         let mut kinds: HashMap<Slot, (usize, String)> = HashMap::new();
         let mut claim =
             |stage: usize, kind: &str, slot: Option<Slot>, taken: &mut HashSet<Slot>| {
@@ -272,7 +276,7 @@ impl Interface {
                     continue;
                 }
                 let set = block.qualifiers.number("set").unwrap_or(0);
-                // OpenGL numbers uniform and storage blocks apart.
+                // OpenGL numbers uniform and storage blocks separately.
                 let kind = match block.qualifiers.storage {
                     Some(super::stage::Storage::Buffer) => "storage block",
                     _ => "uniform block",
@@ -329,7 +333,7 @@ impl Interface {
                         texture,
                         sampler,
                     };
-                    // An array's elements follow one another, as in OpenGL.
+                    // Array elements have consecutive bindings, as in OpenGL.
                     let slot = explicit(&variable.qualifiers)
                         .map(|(s, b)| (s, b.saturating_add(i as u32)));
                     let set = variable.qualifiers.number("set").unwrap_or(0);
@@ -393,7 +397,7 @@ impl Interface {
             .chain(fragment.iter().flat_map(|s| &s.inputs))
         {
             let q = &variable.qualifiers;
-            // The fragment stage's come last, and stay.
+            // The fragment stage comes last and wins.
             self.interpolation
                 .insert(variable.key(), [q.interpolation, q.sampling]);
         }
@@ -406,7 +410,7 @@ impl Interface {
             }
             return Ok(());
         };
-        // A location that only the fragment stage gives holds for the output of that name too.
+        // A location given only in the fragment stage also applies to the output of that name.
         let given: HashMap<String, u32> = fragment
             .inputs
             .iter()
@@ -479,7 +483,7 @@ enum Waiting {
     Sampler(String),
 }
 
-/// Whether a type is made of the struct `name`.
+/// Whether a type contains the struct `name`.
 fn names(ty: &Ty, stage: &Stage<'_>, name: &str) -> bool {
     match ty.innermost() {
         Ty::Struct(of) => {
@@ -493,7 +497,7 @@ fn names(ty: &Ty, stage: &Stage<'_>, name: &str) -> bool {
     }
 }
 
-/// Adds the structs of `ty` to a stage that lacks them, inner ones first.
+/// Adds missing structs of `ty` to a stage, inner ones first.
 fn import(ty: &Ty, all: &[Struct], stage: &mut Stage<'_>) {
     let Ty::Struct(name) = ty.innermost() else {
         return;
@@ -509,7 +513,7 @@ fn import(ty: &Ty, all: &[Struct], stage: &mut Stage<'_>) {
     }
 }
 
-/// A path as a name: `lights[1].map` is `lights_1_map`.
+/// Converts a path to a name: `lights[1].map` to `lights_1_map`.
 pub(super) fn flat(path: &str) -> String {
     path.replace(['[', '.'], "_").replace(']', "")
 }
@@ -529,7 +533,7 @@ fn refuse_sampler(combined: &str, variable: &Variable) -> Result<(), Error> {
     ))
 }
 
-/// Locations for all of `variables`: what they say, what `given` says, and the next that are free.
+/// Assigns locations to `variables`: their own, those in `given`, then the next free ones.
 fn numbered(
     stage: &Stage<'_>,
     variables: &[Variable],

@@ -1,19 +1,19 @@
-//! Where each piece of the rewritten text comes from.
+//! Maps the rewritten text back to the author's source.
 //!
-//! While it is put together, the text carries marks: two control characters with a number between them, before what was written for the author's place of
-//! that number. [`Marks::settle`] takes them out and keeps where they stood.
+//! During printing, the text contains marks: a number between two control characters, before each
+//! piece with a known source span. [`Marks::settle`] removes them and records their positions.
 
 use naga::Span;
 
 const OPEN: char = '\u{1}';
 const CLOSE: char = '\u{2}';
 
-/// The places that marks stand for.
+/// The source spans of marks, by number.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Marks(Vec<Span>);
 
 impl Marks {
-    /// The mark to write before what comes from `place`.
+    /// Returns the mark to print before text that comes from `place`.
     pub(super) fn mark(&mut self, place: Option<Span>) -> String {
         match place {
             Some(place) => {
@@ -24,7 +24,7 @@ impl Marks {
         }
     }
 
-    /// The text without its marks, and where they were.
+    /// Removes the marks and returns their positions.
     pub(super) fn settle(&self, marked: &str) -> (String, Map) {
         let mut text = String::with_capacity(marked.len());
         let mut marks = Vec::new();
@@ -57,12 +57,12 @@ pub(super) fn unmarked(text: &str) -> String {
     out
 }
 
-/// From the rewritten text to the author's.
+/// Maps spans of the rewritten text to the source.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Map(Vec<(u32, Span)>);
 
 impl Map {
-    /// The author's place of a span of the rewritten text; undefined where it comes from nowhere.
+    /// The source span of a span of the rewritten text; undefined for generated text.
     pub(super) fn back(&self, span: Span) -> Span {
         let Some(range) = span.to_range() else {
             return span;

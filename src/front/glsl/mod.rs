@@ -1,10 +1,13 @@
-//! GLSL as people write it, of every version, to naga modules.
+//! Parses GLSL of every version to naga modules.
 //!
-//! naga's own front end reads one dialect, that of Vulkan with all bindings and locations said. What it reads as it is stays as it is. Anything else is parsed, understood and
-//! printed as that dialect, in the order of these files:
+//! naga's front end only reads Vulkan's dialect with explicit bindings and locations. We pass such
+//! texts to naga unchanged if it reads them correctly. All other texts are parsed here and printed
+//! in that dialect, in the order of these modules:
 //!
-//! `preprocess` does what directives and macros ask; `syntax` parses; `stage` sorts what a stage declares; `interface` gives both stages their bindings and locations; `declared` keeps what they were before; `lower` prints; `marks` know which
-//! place of the author's each piece came from; `respan` moves the module's spans back there. `gather` puts in what the dialect cannot say.
+//! `preprocess` runs directives and macros; `syntax` parses; `stage` collects a stage's
+//! declarations; `interface` assigns bindings and locations to both stages; `declared` records the
+//! author's own; `lower` prints; `marks` maps the printed text to the source, and `respan` applies
+//! that map to the module. `gather` adds gathers to the IR.
 
 mod constant;
 mod declared;
@@ -42,16 +45,17 @@ use super::{ClipSpace, Options, lend, promote, returns, switch};
 
 /// One stage's text.
 pub(super) struct Text<'a> {
-    /// The file's name, for what it includes.
+    /// The file's name, for relative includes.
     pub name: &'a str,
     pub text: &'a str,
     pub stage: ShaderStage,
-    /// Where the file begins in the source map.
+    /// The file's offset in the source map.
     pub base: u32,
 }
 
-/// Parses the stages of one material, in the order given. The modules' spans are those of the source map, to which included files are added. Entry points are named
-/// `vertex_main` or `fragment_main`: a module has one name space, and both stages arrive as `main`.
+/// Parses a material's stages in order. The modules' spans refer to the source map, to which
+/// included files are added. Entry points become `vertex_main` and `fragment_main`, because a
+/// module has one name space.
 pub(super) fn parse(
     texts: &[Text<'_>],
     options: &Options,
@@ -67,7 +71,7 @@ pub(super) fn parse(
             (modules, declared)
         }),
     };
-    // Macros are ours to expand, and to count: naga's preprocessor does the latter not.
+    // We expand macros ourselves: naga's preprocessor does not limit the work.
     let has_macros = !options.defines.is_empty() || texts.iter().any(|t| has_directives(t.text));
     let lost = has_macros || texts.iter().any(|t| is_evaluated_otherwise(t.text));
     if !lost && let Some(read) = as_they_are() {
@@ -75,7 +79,7 @@ pub(super) fn parse(
     }
     let rewritten = rewritten(texts, options, map);
     match lost && !has_macros {
-        // What is not rewritten is better read as it is than not at all.
+        // If we cannot rewrite the text, naga's own reading is better than none.
         true => rewritten.or_else(|e| match e.code() {
             Code::Unsupported => as_they_are().ok_or(e),
             _ => Err(e),
@@ -84,7 +88,8 @@ pub(super) fn parse(
     }
 }
 
-/// Whether a text has what naga reads and makes something else of: operators and loops that evaluate less than all, layers, offsets of fetches, and parameters that are written.
+/// Whether naga accepts the text but changes its meaning: short-circuit operators, `do` loops,
+/// array layers, fetch offsets, written parameters.
 fn is_evaluated_otherwise(text: &str) -> bool {
     let marks = ["&&", "||", "Array", "texelFetchOffset"];
     let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
@@ -94,7 +99,8 @@ fn is_evaluated_otherwise(text: &str) -> bool {
         || does_something_in_an_index(text)
 }
 
-/// Whether the preprocessor is asked for more than a version: naga's own hands on what macros come to however deeply it nests.
+/// Whether the text has directives other than `#version` and `#extension`. naga's preprocessor does
+/// not limit nested macros.
 fn has_directives(text: &str) -> bool {
     text.split('#').skip(1).any(|rest| {
         let rest = rest.trim_start();
@@ -102,7 +108,7 @@ fn has_directives(text: &str) -> bool {
     })
 }
 
-/// Whether a parameter is `out`.
+/// Whether a function has an `out` parameter.
 fn writes_parameters(text: &str) -> bool {
     text.match_indices("out ").any(|(at, _)| {
         let before = text[..at].trim_end();
@@ -110,7 +116,7 @@ fn writes_parameters(text: &str) -> bool {
     })
 }
 
-/// Whether an index is more than a name or a number: naga evaluates that of a target twice.
+/// Whether an index has side effects: naga evaluates the index of a target twice.
 fn does_something_in_an_index(text: &str) -> bool {
     text.split('[').skip(1).any(|rest| {
         let inside = rest.split(']').next().unwrap_or("");
@@ -140,7 +146,7 @@ fn rewritten(
     Ok((modules?, declared))
 }
 
-/// Preprocesses and parses the stages, no more.
+/// Preprocesses and parses the stages only.
 pub(super) fn parse_alone(
     texts: &[Text<'_>],
     options: &Options,
@@ -177,11 +183,11 @@ pub(super) struct Normalised {
     map: Map,
     opened: Vec<interface::Opened>,
     given: Vec<Given>,
-    /// The functions that stand for a gather, with their components.
+    /// Placeholder functions for gathers, with their components.
     gathers: HashMap<String, u32>,
 }
 
-/// Rewrites the stages of one material for naga; with what they declared.
+/// Rewrites a material's stages for naga and records their declarations.
 pub(super) fn normalise(
     texts: &[Text<'_>],
     options: &Options,
@@ -212,7 +218,8 @@ pub(super) fn normalise(
     Ok((texts?, declared))
 }
 
-/// The clip space that a text of this kind is written for: OpenGL's, unless it is Vulkan's GLSL, which says bindings and locations and has no uniforms outside of blocks.
+/// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, which has explicit bindings
+/// and no loose uniforms.
 fn clip_space(stages: &[Stage<'_>]) -> ClipSpace {
     let opengl = stages.iter().any(|s| {
         let Dialect { version, es } = s.unit.dialect;
@@ -229,14 +236,13 @@ fn clip_space(stages: &[Stage<'_>]) -> ClipSpace {
     }
 }
 
-/// The modules, where naga reads all of the texts, valid, without help.
+/// naga's own modules, if it reads all texts correctly.
 fn as_they_are(texts: &[Text<'_>]) -> Option<Vec<Module>> {
     let modules: Option<Vec<Module>> = texts
         .iter()
         .map(|text| {
             let Dialect { version, es } = Dialect::of(text.text, Path::new(text.name));
-            // What naga passes over in silence, it does not read.
-            // And of arrays of arrays it takes the first dimension for the last.
+            // naga ignores these silently, and swaps the dimensions of arrays of arrays.
             let lost = [
                 "precise",
                 "outerProduct",
@@ -257,7 +263,7 @@ fn as_they_are(texts: &[Text<'_>]) -> Option<Vec<Module>> {
             let read = || read(text.text, text.stage, &place, &[]).ok();
             let mut module =
                 std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).ok()??;
-            // It lays structs out by no rules of GLSL's, and storage blocks of std140 are none of WGSL's.
+            // naga does not follow GLSL's struct layout, and WGSL has no std140 storage blocks.
             let is_mixed = ["buffer", "std140"].iter().all(|w| text.text.contains(w));
             if !is_valid(&module) || is_mixed || !is_laid_out(&module) {
                 return None;
@@ -270,7 +276,8 @@ fn as_they_are(texts: &[Text<'_>]) -> Option<Vec<Module>> {
     modules
 }
 
-/// Whether blocks lie where both GLSL and WGSL have them: arrays in steps that WGSL can say, and structs within uniform blocks on 16 bytes, which naga does not see to.
+/// Whether blocks have the same layout in GLSL and WGSL: array strides that WGSL can express, and
+/// 16-byte aligned structs in uniform blocks. naga does not check this.
 fn is_laid_out(module: &Module) -> bool {
     fn of(module: &Module, layouter: &Layouter, ty: Handle<Type>, uniform: bool) -> bool {
         match &module.types[ty].inner {
@@ -298,7 +305,7 @@ fn is_laid_out(module: &Module) -> bool {
         })
 }
 
-/// What naga makes of a text in its dialect; `place` finds its errors in the author's.
+/// Parses naga's dialect. `place` maps error spans to the source.
 fn read(
     text: &str,
     stage: ShaderStage,
@@ -333,7 +340,7 @@ fn read(
         })
 }
 
-/// Makes the module one that the passes know how to read.
+/// Normalises the module for the passes.
 fn finish(module: &mut Module, stage: ShaderStage) {
     let name = match stage {
         ShaderStage::Vertex => "vertex_main",
@@ -343,7 +350,7 @@ fn finish(module: &mut Module, stage: ShaderStage) {
         entry.name = name.to_owned();
     }
     switch::write_out_fall_through(module);
-    // An invalid module stays as it is for the validator's message on it.
+    // Leave an invalid module unchanged for the validator's message.
     if is_valid(module) {
         lend::lend(module);
         promote::promote(module);
@@ -357,13 +364,14 @@ fn is_valid(module: &Module) -> bool {
         .is_ok()
 }
 
-/// Whether the file holds both stages, told apart by `#pragma stage vertex` and `#pragma stage fragment`, as RetroArch's shaders do.
+/// Whether the file holds both stages, separated by `#pragma stage vertex` and `#pragma stage
+/// fragment` (RetroArch).
 pub(super) fn has_stages(text: &str) -> bool {
     text.lines()
         .any(|l| stage_pragma(l) == Some(Some(ShaderStage::Vertex)))
 }
 
-/// The stage that a `#pragma stage` line begins, if it is such a line.
+/// The stage of a `#pragma stage` line; `None` for other lines.
 fn stage_pragma(line: &str) -> Option<Option<ShaderStage>> {
     let mut words = line
         .trim_start()
@@ -376,8 +384,8 @@ fn stage_pragma(line: &str) -> Option<Option<ShaderStage>> {
     })
 }
 
-/// The text with all lines blank, at their length, that belong to another stage. The lines that tell them apart stay: what stands behind an `#include` belongs to the stage that the
-/// included file ends in.
+/// Blanks the lines of the other stage. `#pragma stage` lines stay, because an included file may
+/// change the stage too.
 pub(super) fn stage_of(text: &str, stage: ShaderStage) -> String {
     let mut out = String::with_capacity(text.len());
     let mut ours = true;
@@ -394,7 +402,7 @@ pub(super) fn stage_of(text: &str, stage: ShaderStage) -> String {
     out
 }
 
-/// The syntax tree of a text without macros.
+/// Parses a text without macros to its syntax tree.
 pub(super) fn tree(
     text: &Text<'_>,
     map: &mut SourceMap,
@@ -409,7 +417,7 @@ pub(super) fn tree(
     syntax::parse(&input, map).map(|unit| unit.tree)
 }
 
-/// A vertex stage that gives a fragment stage all that it reads, for looking at one without its other half.
+/// Builds a vertex stage that writes all inputs of a fragment stage.
 pub(super) fn vertex_stage_for(
     text: &Text<'_>,
     options: &Options,

@@ -1,11 +1,11 @@
-//! A module's spans, moved from the rewritten text to the author's. naga's arenas let no span be changed in place: they are filled anew, in their order, so that all handles
-//! stay.
+//! Maps a module's spans from the rewritten text to the source. naga's arenas cannot change spans
+//! in place, so they are rebuilt in order and all handles stay valid.
 
 use naga::{Arena, Block, Function, Module, Span, UniqueArena};
 
 use super::super::operands;
 
-/// Replaces every span of the module by what `to` makes of it.
+/// Maps every span of the module by `to`.
 pub(super) fn respan(module: &mut Module, to: &impl Fn(Span) -> Span) {
     let mut types = UniqueArena::new();
     for (handle, ty) in module.types.iter() {

@@ -1,6 +1,7 @@
-//! Text to a syntax tree, by the lexer and parser of `glsl-lang`.
+//! Parses text to a syntax tree with `glsl-lang`.
 //!
-//! The tree's own positions are numbers of tokens, so that they grow from the first to the last whatever macro or file they come from; [`Unit::place`] turns them into the author's bytes.
+//! The tree's positions are token numbers, so they increase across macros and files.
+//! [`Unit::place`] maps them to source spans.
 
 use std::collections::HashSet;
 use std::io;
@@ -24,19 +25,20 @@ use super::preprocess::{Preprocessed, Task, preprocess};
 use crate::front::error::{Code, Error};
 use crate::front::{ClipSpace, Language, Options, nesting};
 
-/// Most tokens a stage may have once its macros are expanded.
+/// Maximum tokens of a stage after macro expansion.
 const TOKENS: usize = 1 << 20;
 
-/// Which GLSL a text is.
+/// GLSL version and profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Dialect {
-    /// 100 to 460; what a text without `#version` means goes by [`Dialect::of`].
+    /// 100 to 460. See [`Dialect::of`] for a text without `#version`.
     pub version: u16,
     pub es: bool,
 }
 
 impl Dialect {
-    /// By the text's `#version`. A text without one is GLSL ES 1.00 by the book of WebGL and GLSL 1.10 by that of OpenGL: both are read alike.
+    /// Reads `#version`. Without one, WebGL assumes GLSL ES 1.00 and OpenGL GLSL 1.10; both are
+    /// read alike.
     pub(super) fn of(text: &str, path: &Path) -> Self {
         let line = text
             .lines()
@@ -46,7 +48,7 @@ impl Dialect {
         let version = words
             .next()
             .and_then(|v| v.parse().ok())
-            // RetroArch's may have it in a file that they include.
+            // RetroArch's shaders may have it in an included file.
             .unwrap_or(match path.extension().is_some_and(|e| e == "slang") {
                 true => 450,
                 false => 110,
@@ -55,7 +57,7 @@ impl Dialect {
         Self { version, es }
     }
 
-    /// The name that a token is where it is a keyword of later versions only.
+    /// The name of a token that is a keyword only in later versions.
     fn name(self, token: &Token) -> Option<&'static str> {
         let before = |es: u16, desktop: u16| self.version < if self.es { es } else { desktop };
         let (name, is_name) = match token {
@@ -78,23 +80,23 @@ impl Dialect {
     }
 }
 
-/// A stage's tree, and what it came from.
+/// A stage's syntax tree and its source map.
 pub(super) struct Unit {
     pub tree: ast::TranslationUnit,
     pub dialect: Dialect,
-    /// Every word of the expanded text: what a new name may not be.
+    /// All words of the expanded text, so that generated names are unique.
     pub names: HashSet<String>,
     /// `#pragma STDGL invariant(all)`.
     pub invariant_all: bool,
-    /// It asks whether it is for Vulkan, and was told that it is not.
+    /// The text tested for Vulkan, and the answer was no.
     pub asks_for_vulkan: bool,
-    /// Most elements of a type.
+    /// Maximum elements of a type.
     pub array_elements: u64,
     places: Vec<Span>,
 }
 
 impl Unit {
-    /// Where a node stands in the author's text.
+    /// The source span of a node.
     pub(super) fn place(&self, span: Option<NodeSpan>) -> Option<Span> {
         let range = span?.range();
         let start = self.places.get(u32::from(range.start()) as usize)?;
@@ -106,10 +108,11 @@ impl Unit {
     }
 }
 
-/// From the start of `first` to the end of `last`, where that is one stretch of text; else `first`.
+/// From the start of `first` to the end of `last` if both are close together in one file; else
+/// `first`.
 fn joined(first: Span, last: Span) -> Span {
     match (first.to_range(), last.to_range()) {
-        // A node may begin in one file and end in another, or end with a macro's argument that stands before it.
+        // A node may span files, or end with a macro argument that comes before it.
         (Some(a), Some(b)) if a.start < b.end && b.end - a.start < 1 << 16 => {
             Span::new(a.start as u32, b.end as u32)
         }
@@ -121,17 +124,17 @@ fn joined(first: Span, last: Span) -> Span {
 pub(super) struct Input<'a> {
     pub text: &'a str,
     pub stage: ShaderStage,
-    /// The file it is from: where relative includes are looked up.
+    /// The file, for relative includes.
     pub path: &'a Path,
-    /// The file's place in the source map.
+    /// The file's offset in the source map.
     pub base: u32,
     pub options: &'a Options,
 }
 
-/// Preprocesses and parses. Included files are added to `map`.
+/// Preprocesses and parses a stage. Adds included files to `map`.
 pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Error> {
     let dialect = Dialect::of(input.text, input.path);
-    // The names of Vulkan's separate textures are functions' names elsewhere.
+    // In other dialects these names of Vulkan's textures are functions.
     let old = ["texture2D(", "textureCube(", "texture2D (", "texture3D("];
     let vulkan = !dialect.es
         && (dialect.version >= 420 || dialect.version == 110)
@@ -139,7 +142,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
     let folder = input.path.parent().unwrap_or(Path::new(""));
     let files = Files::new(input.options);
-    // The lexer knows Vulkan's types from 4.60 on.
+    // The lexer knows Vulkan's types since 4.60.
     let said_version = if vulkan { 460 } else { dialect.version };
     let task = Task {
         text: input.text,
@@ -157,7 +160,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         map.add_absent(path.to_string_lossy());
     }
     let preprocessed = preprocessed?;
-    // What macros come to nests as deeply as they like. What was given was looked at before.
+    // Macros can nest deeply. The original text has been checked already.
     if preprocessed.is_more {
         check_nesting(&preprocessed, input.options)?;
     }
@@ -230,7 +233,7 @@ fn check_nesting(preprocessed: &Preprocessed, options: &Options) -> Result<(), E
 
 type Io = LexicalError<io::Error>;
 
-/// What the parser says, with where.
+/// Converts a parser error and finds its span.
 fn explain(
     error: lalrpop_util::ParseError<LexerPosition, Token, Io>,
     places: &[Span],
@@ -274,7 +277,7 @@ fn explain(
     }
 }
 
-/// What the lexer is to know besides: nothing is left for its preprocessor.
+/// The lexer's state: its own preprocessor has nothing left to do.
 fn state(dialect: Dialect) -> ProcessorState {
     let none = Registry::new();
     ProcessorStateBuilder::new(&none)
@@ -283,7 +286,7 @@ fn state(dialect: Dialect) -> ProcessorState {
         .finish()
 }
 
-/// The lexer's tokens, each at its number instead of its place.
+/// The lexer's tokens, with their numbers as positions.
 struct Numbered<'a, 'r, 'p> {
     text: &'a str,
     lexer: LexerIterator<'r, 'p, Std>,
@@ -298,7 +301,7 @@ impl HasLexerError for Numbered<'_, '_, '_> {
 }
 
 impl Numbered<'_, '_, '_> {
-    /// An integer that takes all 32 bits without an `u`: the same bits, negative.
+    /// An integer that uses all 32 bits without a `u`: the negative number with the same bits.
     fn large_integer(&self, error: &Io) -> Option<(LexerPosition, Token, LexerPosition)> {
         let Io::Token { pos, .. } = error else {
             return None;
@@ -315,7 +318,7 @@ impl Numbered<'_, '_, '_> {
     }
 }
 
-/// Whether a message of the lexer is of something that changes no token: an extension that it has not heard of.
+/// Whether a lexer message is harmless, such as an unknown extension.
 fn is_passed_over(message: &str) -> bool {
     message.contains("extension not supported")
 }
@@ -327,7 +330,7 @@ impl Iterator for Numbered<'_, '_, '_> {
         let (start, mut token, end) = loop {
             match self.lexer.next()? {
                 Ok(token) => break token,
-                // As compilers do: what none knows is no error. A call for each of as many as there are would not return.
+                // Compilers ignore these too. Skip many in a loop, not by recursion.
                 Err(Io::Processor(e)) if is_passed_over(&e.to_string()) => {}
                 Err(error) => match self.large_integer(&error) {
                     Some(token) => break token,

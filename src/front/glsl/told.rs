@@ -1,8 +1,8 @@
-//! What naga's GLSL front end says, in an author's words: it prints types as numbers of its own, and tokens as Rust.
+//! Rewords errors of naga's GLSL front end, which print type handles and Rust tokens.
 
 use naga::front::glsl::ErrorKind;
 
-/// Signs of what is printed for naga's authors.
+/// Words in messages that are meant for naga's developers.
 const INNER: [&str; 12] = [
     "TypeInner",
     "Vector {",
@@ -93,7 +93,7 @@ fn semantic(text: &str) -> String {
     known.to_owned()
 }
 
-/// The text, unless it is one for naga's authors.
+/// The text, unless it is meant for naga's developers.
 fn plain(text: &str) -> String {
     let numbered = text.split('[').skip(1).any(|rest| {
         let digits = rest.bytes().take_while(u8::is_ascii_digit).count();

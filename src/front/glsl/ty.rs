@@ -1,10 +1,10 @@
-//! GLSL's types, and what becomes of them in a uniform block.
+//! GLSL types, and their layout in blocks.
 
 use std::collections::HashMap;
 
 use naga::Span;
 
-/// What a scalar is.
+/// The component type of a scalar, vector or matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Bool,
@@ -15,7 +15,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// What its vectors' names begin with.
+    /// The prefix of vector names.
     fn prefix(self) -> &'static str {
         match self {
             Self::Bool => "b",
@@ -36,7 +36,7 @@ impl Kind {
         }
     }
 
-    /// Where GLSL converts without being asked, it goes up this order.
+    /// The rank in implicit conversions.
     pub(super) fn power(self) -> u8 {
         match self {
             Self::Bool => 0,
@@ -48,7 +48,7 @@ impl Kind {
     }
 }
 
-/// A type of the author's.
+/// A GLSL type.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Ty {
     Void,
@@ -58,13 +58,13 @@ pub(super) enum Ty {
     Matrix(Kind, u8, u8),
     /// Outermost dimension first. `None`: unsized.
     Array(Box<Ty>, Option<u32>),
-    /// By its name in [`Structs`].
+    /// By name in [`Structs`].
     Struct(String),
-    /// A texture with its sampler: `sampler2D`, `usamplerCube`, `sampler2DShadow`, by name.
+    /// A combined texture and sampler by name: `sampler2D`, `usamplerCube`, `sampler2DShadow`.
     Combined(String),
-    /// Any other opaque type, by name: `texture2D`, `sampler`, `image2D`.
+    /// Another opaque type by name: `texture2D`, `sampler`, `image2D`.
     Opaque(String),
-    /// What no rule here knows; naga will.
+    /// A type that only naga knows.
     Unknown,
 }
 
@@ -74,7 +74,7 @@ impl Ty {
     pub(super) const UINT: Self = Self::Scalar(Kind::Uint);
     pub(super) const BOOL: Self = Self::Scalar(Kind::Bool);
 
-    /// The type that GLSL calls so, but for structs.
+    /// The built-in type of that name.
     pub(super) fn named(name: &str) -> Self {
         let scalar = match name {
             "void" => return Self::Void,
@@ -114,7 +114,7 @@ impl Ty {
         Self::Opaque(name.to_owned())
     }
 
-    /// The vector of `size` components, or for 1 the scalar.
+    /// A vector of `size` components, or a scalar for 1.
     pub(super) fn vector(kind: Kind, size: u8) -> Self {
         match size {
             1 => Self::Scalar(kind),
@@ -129,7 +129,7 @@ impl Ty {
         }
     }
 
-    /// The same shape of another kind.
+    /// The same shape with another component type.
     pub(super) fn with_kind(&self, kind: Kind) -> Self {
         match self {
             Self::Scalar(_) => Self::Scalar(kind),
@@ -139,7 +139,7 @@ impl Ty {
         }
     }
 
-    /// Components of a scalar or vector.
+    /// Number of components of a scalar or vector.
     pub(super) fn components(&self) -> Option<u8> {
         match self {
             Self::Scalar(_) => Some(1),
@@ -148,7 +148,7 @@ impl Ty {
         }
     }
 
-    /// The name, of an array that of its innermost element.
+    /// The type's name; for an array, that of its innermost element.
     pub(super) fn base_name(&self) -> String {
         match self {
             Self::Void | Self::Unknown => "void".to_owned(),
@@ -161,22 +161,22 @@ impl Ty {
         }
     }
 
-    /// The dimensions in brackets, nothing for what is no array.
+    /// The array dimensions, such as `[2][3]`; empty for other types.
     pub(super) fn dimensions(&self) -> String {
         match self {
-            // Innermost first: naga's front end takes the first bracket for the innermost dimension, where GLSL has it the other way round.
+            // Innermost first: naga's front end reads dimensions in the reverse order of GLSL.
             Self::Array(of, Some(n)) => format!("{}[{n}]", of.dimensions()),
             Self::Array(of, None) => format!("{}[]", of.dimensions()),
             _ => String::new(),
         }
     }
 
-    /// The whole name, as in a constructor: `float[3]`.
+    /// The name in a constructor: `float[3]`.
     pub(super) fn name(&self) -> String {
         self.base_name() + &self.dimensions()
     }
 
-    /// The whole name as an author writes it, the outermost dimension first.
+    /// The name as an author writes it, outermost dimension first.
     pub(super) fn spelled(&self) -> String {
         fn dimensions(ty: &Ty) -> String {
             match ty {
@@ -193,7 +193,7 @@ impl Ty {
         format!("{} {name}{}", self.base_name(), self.dimensions())
     }
 
-    /// What is not an array.
+    /// The innermost element type of an array.
     pub(super) fn innermost(&self) -> &Self {
         match self {
             Self::Array(of, _) => of.innermost(),
@@ -212,23 +212,23 @@ pub(super) struct Member {
     pub place: Option<Span>,
 }
 
-/// A struct of the author's.
+/// A struct.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Struct {
     pub name: String,
     pub members: Vec<Member>,
-    /// It lies in a uniform block, so that its members are declared as they are stored there: [`stored`].
+    /// The struct is used in a uniform block, so its members have [`stored`] types.
     pub hosted: bool,
-    /// It is another struct as a storage block has it: nothing of it is ever padded.
+    /// The std430 copy of a struct. It is never padded.
     pub tight: bool,
 }
 
-/// How a value lies where it is stored, as far as that is not as it is computed with.
+/// The layout of a value in memory, where it differs from the computed value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Lay {
-    /// Those of the block that it lies in, or of the struct that it is part of; `None` of what is computed with.
+    /// The layout rules of the enclosing block. `None`: not in a block.
     pub rules: Option<Rules>,
-    /// By rows: its matrices are declared with rows for columns.
+    /// Row-major: matrices are declared transposed.
     pub rows: bool,
 }
 
@@ -240,17 +240,17 @@ impl Lay {
         }
     }
 
-    /// Whether small elements of arrays are padded to 16 bytes.
+    /// Whether array elements are padded to 16 bytes.
     pub(super) fn is_padded(self) -> bool {
         self.rules == Some(Rules::Std140)
     }
 
-    /// By std430.
+    /// Whether the rules are std430.
     pub(super) fn is_tight(self) -> bool {
         matches!(self.rules, Some(Rules::Std430 | Rules::Std430Struct))
     }
 
-    /// The type of a matrix with rows for columns, where it lies by rows.
+    /// Transposes a row-major matrix type.
     pub(super) fn turned(self, ty: &Ty) -> Ty {
         match ty {
             Ty::Matrix(k, c, r) if self.rows => Ty::Matrix(*k, *r, *c),
@@ -258,7 +258,7 @@ impl Lay {
         }
     }
 
-    /// What a type without structs is declared as.
+    /// The declared type of a type without structs.
     pub(super) fn stored(self, ty: &Ty) -> Ty {
         match self.rules {
             Some(rules) => stored(ty, rules),
@@ -270,19 +270,19 @@ impl Lay {
 /// The structs of a stage, by name.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Structs {
-    /// In the order they were declared.
+    /// In declaration order.
     pub order: Vec<String>,
     pub by_name: HashMap<String, Struct>,
-    /// What each holds in all.
+    /// Total sizes.
     counts: HashMap<String, Count>,
 }
 
-/// How much is in a type.
+/// The size of a type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Count {
-    /// Scalars, vectors and the rest, arrays multiplied.
+    /// Scalars, vectors and opaque values, times array lengths.
     pub elements: u64,
-    /// The same with one element of each array.
+    /// The same, counting each array once.
     pub members: u64,
 }
 
@@ -300,7 +300,7 @@ impl Structs {
         self.by_name.insert(of.name.clone(), of);
     }
 
-    /// How much is in a type: quickly, for it goes by what its structs were counted to have when they were declared.
+    /// The size of a type, from the recorded sizes of its structs.
     pub(super) fn count(&self, ty: &Ty) -> Count {
         match ty {
             Ty::Array(of, n) => {
@@ -319,7 +319,7 @@ impl Structs {
         }
     }
 
-    /// How much is in several types together.
+    /// The total size of several types.
     pub(super) fn count_of<'a>(&self, types: impl Iterator<Item = &'a Ty>) -> Count {
         types
             .map(|ty| self.count(ty))
@@ -329,8 +329,8 @@ impl Structs {
             })
     }
 
-    /// Whether what naga makes of the type where a struct is declared is what std430 asks for: it lays a struct out by std140 there, and what lies in a uniform block as well has [`stored`]
-    /// members and padding.
+    /// Whether naga's layout of the declared type matches std430. naga lays structs out by std140,
+    /// and structs that are also in a uniform block have padding and [`stored`] members.
     pub(super) fn is_tight(&self, ty: &Ty) -> bool {
         match ty {
             Ty::Scalar(kind) | Ty::Vector(kind, _) => *kind != Kind::Bool,
@@ -348,7 +348,7 @@ impl Structs {
         }
     }
 
-    /// Marks what a uniform of type `ty` brings into its block.
+    /// Marks the structs of a uniform's type as `hosted`.
     pub(super) fn host(&mut self, ty: &Ty) {
         let Ty::Struct(name) = ty.innermost() else {
             return;
@@ -365,7 +365,7 @@ impl Structs {
         }
     }
 
-    /// Whether a value of the type holds combined samplers.
+    /// Whether the type contains combined samplers.
     pub(super) fn has_samplers(&self, ty: &Ty) -> bool {
         match ty {
             Ty::Combined(_) => true,
@@ -378,7 +378,7 @@ impl Structs {
         }
     }
 
-    /// Whether anything is left of the type once its samplers are taken out.
+    /// Whether the type contains anything but samplers.
     pub(super) fn has_data(&self, ty: &Ty) -> bool {
         match ty {
             Ty::Combined(_) => false,
@@ -391,7 +391,7 @@ impl Structs {
         }
     }
 
-    /// The samplers in a value at `path`, each with its own path and type: `material.maps[1]`.
+    /// Lists the samplers in a value at `path`, with path and type: `material.maps[1]`.
     pub(super) fn samplers(&self, ty: &Ty, path: &str, out: &mut Vec<(String, String)>) {
         match ty {
             Ty::Combined(name) => out.push((path.to_owned(), name.clone())),
@@ -411,7 +411,7 @@ impl Structs {
         }
     }
 
-    /// Scalars, vectors and the rest that a varying of the type is made of: the ending of an expression for each, and its type.
+    /// Lists the scalars and vectors of a varying, as a path suffix and a type.
     pub(super) fn leaves(&self, ty: &Ty, path: &str, out: &mut Vec<(String, Ty)>) {
         match ty {
             Ty::Array(of, n) => {
@@ -436,21 +436,21 @@ impl Structs {
     }
 }
 
-/// What a struct or block is declared to hold.
+/// A declared entry of a struct or block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Entry<'a> {
     Member(&'a Member),
-    /// A float of nothing.
+    /// An unused float.
     Padding,
 }
 
 impl Structs {
-    /// Alignment and size of the type in a uniform block: OpenGL 4.6, section 7.6.2.2 (std140).
+    /// Alignment and size in std140 (OpenGL 4.6, 7.6.2.2).
     pub(super) fn std140(&self, ty: &Ty) -> (u32, u32) {
         self.std140_by(ty, false)
     }
 
-    /// The same, with matrices by rows or by columns.
+    /// The same for row-major or column-major matrices.
     pub(super) fn std140_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
         let width = |k: &Kind| if *k == Kind::Double { 8 } else { 4 };
         let vector = |k: &Kind, n: u8| {
@@ -493,12 +493,12 @@ impl Structs {
         }
     }
 
-    /// Alignment and size by std430, of storage blocks and push constants.
+    /// Alignment and size in std430 (storage blocks, push constants).
     pub(super) fn std430(&self, ty: &Ty) -> (u32, u32) {
         self.std430_by(ty, false)
     }
 
-    /// The same, with matrices by rows or by columns.
+    /// The same for row-major or column-major matrices.
     pub(super) fn std430_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
         match ty {
             Ty::Array(of, n) => {
@@ -531,7 +531,7 @@ impl Structs {
         }
     }
 
-    /// The alignment that naga gives the type: it does not raise that of a struct to 16.
+    /// naga's alignment of the type. It does not round a struct's up to 16.
     fn naga_align(&self, ty: &Ty) -> u32 {
         match ty {
             Ty::Struct(name) => {
@@ -546,7 +546,8 @@ impl Structs {
         }
     }
 
-    /// The members that hold data, with padding where a struct's alignment asks for it; `whole`: up to the next 16 bytes at the end too, as a struct's is.
+    /// The data members with the padding that struct alignment needs. `whole` also pads the end to
+    /// 16 bytes.
     pub(super) fn laid_out<'a>(&self, members: &'a [Member], whole: bool) -> Vec<Entry<'a>> {
         let mut out = Vec::new();
         let mut end = 0u32;
@@ -569,7 +570,7 @@ impl Structs {
         out
     }
 
-    /// Whether the type holds a matrix.
+    /// Whether the type contains a matrix.
     pub(super) fn has_matrices(&self, ty: &Ty) -> bool {
         match ty.innermost() {
             Ty::Matrix(..) => true,
@@ -581,7 +582,7 @@ impl Structs {
         }
     }
 
-    /// Whether a value of the type lies otherwise than it is computed with.
+    /// Whether the stored type differs from the computed type.
     pub(super) fn lies_otherwise(&self, ty: &Ty, lay: Lay) -> bool {
         let otherwise = lay.stored(ty) != *ty;
         otherwise
@@ -595,7 +596,7 @@ impl Structs {
             }
     }
 
-    /// How a member lies of a struct that lies so itself.
+    /// The layout of a member of a struct with this layout.
     pub(super) fn member_lay(&self, name: &str, lay: Lay) -> Lay {
         let hosted = self.get(name).is_some_and(|s| s.hosted);
         Lay {
@@ -607,7 +608,8 @@ impl Structs {
         }
     }
 
-    /// Marks the structs whose members naga lays out as in a block wherever they are used: those with arrays of small elements, or with matrices of two rows.
+    /// Marks structs as `hosted` that naga always lays out as in a block: those with arrays of
+    /// small elements or two-row matrices.
     pub(super) fn host_small(&mut self) {
         for of in self.by_name.values_mut().filter(|of| !of.tight) {
             of.hosted |= of.members.iter().any(|m| {
@@ -617,18 +619,18 @@ impl Structs {
     }
 }
 
-/// What decides how a value is declared that lies in a block (OpenGL 4.6, section 7.6.2.2).
+/// The layout rules of a block (OpenGL 4.6, 7.6.2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rules {
-    /// WebGPU's uniform address space has no `bool`, no array of an element that is smaller than 16 bytes and, in std140, no matrix of two rows.
+    /// No `bool`, no arrays with elements under 16 bytes, no two-row matrices.
     Std140,
     /// No `bool`.
     Std430,
-    /// A struct of std430, whose declaration naga reads by std140 first, without matrices of two rows.
+    /// A struct in std430. naga first lays it out by std140. No two-row matrices.
     Std430Struct,
 }
 
-/// How a value of the type is declared where it lies in a block. What is stored has the same offsets.
+/// The declared type of a value in a block, with the same offsets.
 pub(super) fn stored(ty: &Ty, rules: Rules) -> Ty {
     fn of_kind(kind: Kind) -> Kind {
         match kind {

@@ -1,4 +1,5 @@
-//! Which of the author's functions write what is not theirs: globals, outputs, storage. What is evaluated beside a call of such a one has an order.
+//! Finds functions with side effects: they write globals, outputs or storage. The order of
+//! evaluation beside such a call matters.
 
 use std::collections::{HashMap, HashSet};
 
@@ -7,7 +8,7 @@ use glsl_lang::visitor::{Host as _, Visit, Visitor};
 
 use super::stage::{Signature, Storage};
 
-/// The names of the functions of which one writes what is not its own, itself or by what it calls.
+/// The names of functions with side effects, directly or through calls.
 pub(super) fn writers(
     functions: &[&ast::FunctionDefinition],
     signatures: &HashMap<String, Vec<Signature>>,
@@ -30,7 +31,7 @@ pub(super) fn writers(
         .filter(|(_, f)| f.images || f.written.iter().any(|w| !f.own.contains(w)))
         .map(|(name, _)| name.clone())
         .collect();
-    // Functions do not recurse, so this ends after as many rounds as calls are deep.
+    // GLSL has no recursion, so this ends after at most as many rounds as the call depth.
     loop {
         let calls = |f: &Found<'_>| f.calls.iter().any(|c| out.contains(c));
         let more: Vec<String> = found
@@ -45,7 +46,7 @@ pub(super) fn writers(
     }
 }
 
-/// The variable that a target is part of.
+/// The base variable of an assignment target.
 pub(super) fn root(e: &Expr) -> Option<&str> {
     match &e.content {
         ExprData::Variable(name) => Some(name.as_str()),
@@ -54,17 +55,17 @@ pub(super) fn root(e: &Expr) -> Option<&str> {
     }
 }
 
-/// What evaluating something writes and calls.
+/// The variables that an expression or body writes, and the functions it calls.
 pub(super) struct Found<'s> {
     signatures: &'s HashMap<String, Vec<Signature>>,
-    /// The variables that are written, and parts of which are.
+    /// Variables written in whole or part.
     pub written: HashSet<String>,
     pub calls: HashSet<String>,
-    /// Images and atomic counters are.
+    /// Writes images or atomic counters.
     pub images: bool,
-    /// Variables that are declared.
+    /// Declared variables.
     own: HashSet<String>,
-    /// All that are named.
+    /// All variables named.
     pub named: HashSet<String>,
 }
 
@@ -80,7 +81,7 @@ impl<'s> Found<'s> {
         }
     }
 
-    /// In one expression.
+    /// Analyses one expression.
     pub(super) fn within(e: &Expr, signatures: &'s HashMap<String, Vec<Signature>>) -> Self {
         let mut found = Self::of(signatures);
         e.visit(&mut found);
@@ -92,7 +93,7 @@ impl<'s> Found<'s> {
     }
 }
 
-/// GLSL's functions whose last arguments are written.
+/// The number of trailing out arguments of a built-in function.
 pub(super) fn written_by_own(name: &str) -> usize {
     match name {
         "modf" | "frexp" | "uaddCarry" | "usubBorrow" => 1,

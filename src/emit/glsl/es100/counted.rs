@@ -1,4 +1,5 @@
-//! How often a loop turns at most. GLSL ES 1.00 has `for` with a constant bound (appendix A.4); naga writes
+//! Finds the maximum iteration count of a loop. GLSL ES 1.00 only has `for` with a constant bound
+//! (appendix A.4), and naga writes
 //!
 //! ```glsl
 //! bool loop_init = true;
@@ -11,11 +12,13 @@
 //! }
 //! ```
 //!
-//! A counter that grows by a constant each turn, and is set right ahead of the loop or nowhere but to constants, turns the loop no more often than from that, or from the least of
-//! those. The loop keeps its own `break`: the bound is never what ends it. So the test has to be come to in every turn: no `continue` stands before it.
+//! The counter must grow by a constant in each iteration, and be set to constants only, right
+//! before the loop or elsewhere. The smallest of these constants gives the bound. The loop keeps
+//! its own `break`, so the bound never ends it. Every iteration must reach the test: no `continue`
+//! may precede it.
 //!
-//! An index may be made of constants and of the `for`'s own variable alone (appendix A.5). Where the counter begins at the same constant whenever the loop is come to, it is that
-//! constant and a step for each turn, and stands as that in an index.
+//! An index may only use constants and the variable of the `for` (appendix A.5). If the counter
+//! always begins at the same constant, we express it by that variable.
 
 use std::collections::{HashMap, HashSet};
 
@@ -27,43 +30,44 @@ use glsl_lang::ast::{
 
 use super::statement::compound;
 
-/// Most turns that are written.
+/// Maximum bound.
 const MOST: i64 = 65_536;
 
-/// What a function does with its variables, by their names.
+/// How a function uses its variables, by name.
 #[derive(Default)]
 pub(super) struct Known {
-    /// What each temporary stands for, if it is never assigned.
+    /// The definition of each variable that is never assigned again.
     temporaries: HashMap<String, ast::Expr>,
-    /// What each variable is set to.
+    /// All assignments of each variable.
     set: HashMap<String, Vec<ast::Expr>>,
-    /// Variables that a function may write.
+    /// Variables that a call may write.
     handed: HashSet<String>,
 }
 
-/// How often control may come to a loop while the function's variables live.
+/// How often a loop can start during one call of its function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Entered {
-    /// It stands in no other loop.
+    /// It is not nested in a loop.
     Once,
-    /// It stands in another.
+    /// It is nested in a loop.
     Often,
 }
 
-/// A loop that turns a known number of times at most.
+/// A loop with a bounded iteration count.
 pub(super) struct Loop {
-    /// No more than these.
+    /// Maximum number of iterations.
     pub(super) turns: i64,
-    /// What it counts by.
+    /// The counter's name.
     counter: String,
-    /// What the counter is in the first turn, where it is the same whenever the loop is come to.
+    /// The counter's first value, if it is always the same.
     begins: Option<i64>,
-    /// How much more the counter is in each turn.
+    /// The counter's increment.
     step: i64,
 }
 
 impl Loop {
-    /// The counter, and what it is by the loop's own variable: behind the first statement of the body, which takes the step.
+    /// The counter as an expression of the loop variable, valid after the first statement of the
+    /// body, which increments it.
     pub(super) fn index(&self, turn: &str) -> Option<(String, ast::Expr)> {
         let begins = self.begins?;
         let number = |n: i64| -> Option<Box<ast::Expr>> {
@@ -95,7 +99,7 @@ impl Known {
         known
     }
 
-    /// The bound of a `while (true)` with this body, which stands behind the statements `ahead` of its block.
+    /// The bound of a `while (true)` with this body after the statements `ahead`.
     pub(super) fn loop_of(
         &self,
         body: &ast::Statement,
@@ -106,7 +110,7 @@ impl Known {
             return None;
         };
         let list = list.statement_list.as_slice();
-        // Every turn but the first takes the step, ahead of all else.
+        // Every iteration but the first begins with the increment.
         let (gate, is_true) = set(ahead.last()?)?;
         let [stepping, closing, ..] = list else {
             return None;
@@ -121,11 +125,11 @@ impl Known {
             .iter()
             .enumerate()
             .find_map(|(at, s)| Some((at, inside.leaves(s, self)?)))?;
-        // A `continue` that comes before the test passes it over.
+        // A `continue` before the test would skip it.
         if list[..=at].iter().any(continues) {
             return None;
         }
-        // One of the function's own, which no other sets.
+        // A local that no call writes.
         if self.handed.contains(&counter) || !self.temporaries.contains_key(&counter) {
             return None;
         }
@@ -134,7 +138,7 @@ impl Known {
         if !steps(stepping, gate, &counter) {
             return None;
         }
-        // Set ahead of the loop, with nothing but other variables set between.
+        // Set before the loop, with only assignments of other variables between.
         let mut before = ahead.iter().rev().map_while(set);
         let again = before.find(|(name, _)| *name == counter);
         let (least, begins) = match again {
@@ -151,7 +155,7 @@ impl Known {
                 (*least, always_the_same.then_some(*least))
             }
         };
-        // In the last one it leaves.
+        // The last iteration only leaves the loop.
         let turns = ((end - least).max(0) + step - 1) / step + 1;
         (turns <= MOST).then_some(Loop {
             turns,
@@ -161,15 +165,15 @@ impl Known {
         })
     }
 
-    /// Whether a variable has one value all the time.
+    /// Whether a variable keeps one value.
     pub(super) fn is_temporary(&self, name: &str) -> bool {
         self.temporaries.contains_key(name)
             && self.set.get(name).is_some_and(|all| all.len() == 1)
             && !self.handed.contains(name)
     }
 
-    /// Of `if (!(counter < end)) break;`, and of `if (counter < end) {} else break;`, the counter and the first number at which it leaves. These are what the loop knows of
-    /// itself, and `around` is what the function does.
+    /// The counter and the first value that leaves the loop, for `if (!(counter < end)) break;` or
+    /// `if (counter < end) {} else break;`. `self` describes the loop, `around` the function.
     fn leaves(&self, statement: &ast::Statement, around: &Self) -> Option<(String, i64)> {
         let StatementData::Selection(selection) = &**statement else {
             return None;
@@ -203,7 +207,7 @@ impl Known {
         Some((counter.as_str().to_owned(), end))
     }
 
-    /// The one step that a loop takes.
+    /// The loop's only increment.
     fn step(&self, counter: &str, sets: &[ast::Expr]) -> Option<i64> {
         let [one] = sets else {
             return None;
@@ -221,7 +225,7 @@ impl Known {
         }
     }
 
-    /// A constant, or a variable that is never anything else.
+    /// The value of a constant expression.
     fn number(&self, e: &ast::Expr) -> Option<i32> {
         match &**self.resolved(e) {
             ExprData::IntConst(n) => Some(*n),
@@ -238,9 +242,9 @@ impl Known {
         }
     }
 
-    /// What a temporary stands for.
+    /// The definition of a temporary.
     fn resolved<'a>(&'a self, mut e: &'a ast::Expr) -> &'a ast::Expr {
-        // Each is made of those before it.
+        // Each one only uses earlier ones.
         while let ExprData::Variable(name) = &**e
             && let Some(of) = self.temporaries.get(name.as_str())
             && self.set.get(name.as_str()).is_none_or(|all| all.len() == 1)
@@ -251,7 +255,7 @@ impl Known {
         e
     }
 
-    /// Notes that a variable is written otherwise than by `=`.
+    /// Records a write other than by `=`.
     fn hand(&mut self, to: &ast::Expr) {
         if let ExprData::Variable(name) = &**to {
             self.handed.insert(name.as_str().to_owned());
@@ -371,7 +375,7 @@ impl Known {
     }
 }
 
-/// The variable that a statement sets, if it does nothing else, and to what.
+/// The variable and value of an assignment statement.
 fn set(statement: &ast::Statement) -> Option<(&str, &ast::Expr)> {
     let (name, value) = match &**statement {
         StatementData::Expression(e) => match &**e.0.as_ref()? {
@@ -409,7 +413,7 @@ fn is_bool(e: &ast::Expr, wanted: bool) -> bool {
     matches!(**e, ExprData::BoolConst(b) if b == wanted)
 }
 
-/// The number that is written there.
+/// The value of an integer literal.
 fn integer(e: &ast::Expr) -> Option<i64> {
     match &**e {
         ExprData::IntConst(n) => Some(i64::from(*n)),
@@ -421,13 +425,14 @@ fn integer(e: &ast::Expr) -> Option<i64> {
     }
 }
 
-/// Whether naga made the name up, for a value that an expression has at one place: `_e9`. It ends no author's name in a digit.
+/// Whether naga generated the name (`_e9`) for an expression. No author's name keeps a trailing
+/// digit.
 fn is_baked(name: &str) -> bool {
     let number = name.strip_prefix("_e");
     number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
 }
 
-/// Whether a statement of a loop's body may begin the next turn.
+/// Whether the statement may `continue` the loop.
 fn continues(statement: &ast::Statement) -> bool {
     match &**statement {
         StatementData::Jump(jump) => matches!(**jump, JumpStatementData::Continue),
@@ -439,7 +444,7 @@ fn continues(statement: &ast::Statement) -> bool {
             }
         },
         StatementData::Switch(switch) => switch.body.iter().any(continues),
-        // What continues in it is its own.
+        // A nested loop's.
         StatementData::Iteration(_) => false,
         StatementData::Declaration(_)
         | StatementData::Expression(_)

@@ -1,4 +1,4 @@
-//! Expressions.
+//! Converts expressions.
 
 use glsl_lang::ast::{
     self, AssignmentOpData, BinaryOpData, ExprData, FunIdentifierData, TypeSpecifierNonArrayData,
@@ -8,7 +8,7 @@ use naga::ShaderStage;
 
 use super::{Result, Rewrite, Sampler, lacks, types};
 
-/// Functions of floats that both languages have alike (GLSL ES 1.00, chapter 8).
+/// Float functions that both languages share (GLSL ES 1.00, chapter 8).
 const FLOATS: [&str; 33] = [
     "radians",
     "degrees",
@@ -45,7 +45,7 @@ const FLOATS: [&str; 33] = [
     "faceforward",
 ];
 
-/// The others.
+/// Other shared functions.
 const OTHERS: [&str; 12] = [
     "reflect",
     "refract",
@@ -61,7 +61,7 @@ const OTHERS: [&str; 12] = [
     "not",
 ];
 
-/// Variables of the language's own.
+/// Shared built-in variables.
 const BUILTINS: [&str; 7] = [
     "gl_Position",
     "gl_PointSize",
@@ -176,7 +176,7 @@ impl Rewrite {
         Ok(())
     }
 
-    /// The condition that was made a number to be stored in a block, and is asked about: `uint(flipped) != 0u`.
+    /// The bool in `uint(flag) != 0u`, which naga writes for a bool stored in a block.
     fn tested(&self, expression: &ast::Expr) -> Option<ast::Expr> {
         let ExprData::Binary(op, left, right) = &**expression else {
             return None;
@@ -195,7 +195,7 @@ impl Rewrite {
         }
     }
 
-    /// What a call becomes that does not stay as it is. Its arguments are rewritten already.
+    /// Converts a call whose arguments are already converted; `None` if it stays.
     fn call(&mut self, name: &str, arguments: &[ast::Expr]) -> Result<Option<ExprData>> {
         if self.functions.contains_key(name) || OTHERS.contains(&name) {
             return Ok(None);
@@ -271,7 +271,7 @@ impl Rewrite {
         }
     }
 
-    /// What functions that sample it begin with.
+    /// The prefix of functions for this sampler.
     fn stem(&self, sampler: &ast::Expr) -> Result<&'static str> {
         let name = match &**sampler {
             ExprData::Variable(name) | ExprData::Dot(_, name) => name.as_str(),
@@ -285,7 +285,7 @@ impl Rewrite {
         }
     }
 
-    /// The uniform of a texture's size.
+    /// The uniform for a texture's size.
     fn size(&mut self, texture: &str) -> String {
         if let Some(size) = self.sizes.get(texture) {
             return size.clone();
@@ -326,7 +326,7 @@ impl Rewrite {
         match &**e {
             ExprData::Variable(name) => names.contains(name.as_str()),
             ExprData::Dot(of, member) => {
-                // Of a vector it is a swizzle.
+                // For a vector it is a swizzle.
                 let of_vector = Self::is_of(of, names, is);
                 let swizzle = member.as_str().chars().all(|c| "xyzwrgbastpq".contains(c));
                 of_vector || (!swizzle && names.contains(member.as_str()))

@@ -1,4 +1,4 @@
-//! Statements, and what becomes of arrays that are made or copied whole.
+//! Converts statements, and arrays that are constructed or copied whole.
 
 use glsl_lang::ast::{
     self, AssignmentOpData, BinaryOpData, ConditionData, DeclarationData, ExprData,
@@ -10,7 +10,7 @@ use super::counted::{self, Entered};
 use super::{Result, Rewrite, lacks, types};
 
 impl Rewrite {
-    /// A list of statements; `counted` looks into the whole of it for what loops count by.
+    /// Converts a list of statements. `counted` analyses the whole list for loop counters.
     pub(super) fn statements(&mut self, list: Vec<ast::Statement>) -> Result<Vec<ast::Statement>> {
         let known = counted::Known::of(&list, &self.functions);
         self.indices.clear();
@@ -108,7 +108,7 @@ impl Rewrite {
         Ok(())
     }
 
-    /// A `while (true)` with this body, behind the statements `ahead` of its block, as a `for`.
+    /// Converts a `while (true)` after the statements `ahead` to a `for`.
     fn turned(
         &mut self,
         mut body: ast::Statement,
@@ -142,7 +142,7 @@ impl Rewrite {
         Ok(counted::bounded(&turn, counted.turns, compound(inner)))
     }
 
-    /// Notes a temporary that is made of constants and the turns of loops alone, or that it is not.
+    /// Records whether a temporary only uses constants and loop counters.
     fn note_index(&mut self, head: &ast::SingleDeclaration, known: &counted::Known) {
         let Some(name) = &head.name else { return };
         let index = match head.initializer.as_deref() {
@@ -157,7 +157,7 @@ impl Rewrite {
         };
     }
 
-    /// An expression made of constants and the turns of the loops around alone; `None` where it is not.
+    /// The expression in terms of constants and loop variables; `None` if that is impossible.
     pub(super) fn index(&self, e: &ast::Expr) -> Option<ast::Expr> {
         match &**e {
             ExprData::IntConst(_) => Some(e.clone()),
@@ -175,11 +175,11 @@ impl Rewrite {
         }
     }
 
-    /// A variable of a function, and the statements that give it the elements it was made of.
+    /// Converts a local variable. Returns the statements that set its elements.
     fn local(&mut self, head: &mut ast::SingleDeclaration) -> Result<Vec<ast::Statement>> {
         let name = head.name.as_ref().map(|n| n.as_str().to_owned());
         let name = name.unwrap_or_default();
-        // What it is made of comes before it is known: it may be called as what it hides.
+        // Convert its initialiser before declaring it: the variable may hide a name in it.
         let elements = match (&head.initializer, &head.array_specifier) {
             (Some(initial), Some(array)) => {
                 let length = types::length(Some(array))?.unwrap_or_default();
@@ -215,7 +215,7 @@ impl Rewrite {
         }
     }
 
-    /// An assignment of a whole array, as one of each element.
+    /// Converts a whole-array assignment to assignments of its elements.
     fn copied(&mut self, expression: &ast::Expr) -> Result<Option<Vec<ast::Statement>>> {
         let ExprData::Assignment(to, op, from) = &**expression else {
             return Ok(None);
@@ -233,7 +233,7 @@ impl Rewrite {
         Ok(Some(assigned(to.as_str(), elements)))
     }
 
-    /// The elements of a constructor of an array, or of another variable.
+    /// The elements of an array constructor or variable.
     fn elements(&mut self, of: &ast::Expr, length: i32) -> Result<Vec<ast::Expr>> {
         match &**of {
             ExprData::FunCall(function, arguments) if matches!(&**function, FunIdentifierData::TypeSpecifier(ty) if ty.array_specifier.is_some()) =>

@@ -1,4 +1,4 @@
-//! Types and qualifiers of declarations.
+//! Converts types and qualifiers of declarations.
 
 use glsl_lang::ast::{
     self, ExprData, InterpolationQualifierData as Interpolation, LayoutQualifierSpecData,
@@ -9,12 +9,12 @@ use naga::ShaderStage;
 
 use super::{Result, lacks};
 
-/// Whether a declaration is of an output of its stage.
+/// Whether it declares a stage output.
 pub(super) fn is_output(ty: &ast::FullySpecifiedType) -> bool {
     qualifiers(ty).any(|q| matches!(&**q, Spec::Storage(s) if **s == Storage::Out))
 }
 
-/// What `layout(location = ..)` says.
+/// The number in `layout(location = ..)`.
 pub(super) fn location(ty: &ast::FullySpecifiedType) -> Option<i32> {
     qualifiers(ty).find_map(|q| {
         let Spec::Layout(layout) = &**q else {
@@ -38,7 +38,7 @@ fn qualifiers(ty: &ast::FullySpecifiedType) -> impl Iterator<Item = &ast::TypeQu
     ty.qualifier.iter().flat_map(|q| &q.qualifiers)
 }
 
-/// Makes the qualifiers of a global those of the language.
+/// Converts the qualifiers of a global.
 pub(super) fn qualify(
     ty: &mut ast::FullySpecifiedType,
     stage: ShaderStage,
@@ -51,7 +51,7 @@ pub(super) fn qualify(
     let mut kept = Vec::new();
     for mut spec in std::mem::take(&mut qualifier.qualifiers) {
         match &mut *spec {
-            // Locations go by the names.
+            // Locations are bound by name.
             Spec::Layout(_) => continue,
             Spec::Interpolation(how) => match **how {
                 Interpolation::Smooth => continue,
@@ -101,7 +101,7 @@ pub(super) fn qualify(
     Ok(())
 }
 
-/// Makes a type one of the language.
+/// Converts a type.
 pub(super) fn plain(ty: &mut ast::TypeSpecifier) -> Result<()> {
     if ty.array_specifier.is_some() {
         return lacks("an array as a type");
@@ -109,7 +109,7 @@ pub(super) fn plain(ty: &mut ast::TypeSpecifier) -> Result<()> {
     non_array(&mut ty.ty)
 }
 
-/// The same of a type that may be a constructor's.
+/// The same for a type that may be a constructor.
 pub(super) fn non_array(ty: &mut ast::TypeSpecifierNonArray) -> Result<()> {
     let changed = match &**ty {
         Ty::Mat22 => Some(Ty::Mat2),
@@ -153,7 +153,7 @@ pub(super) fn non_array(ty: &mut ast::TypeSpecifierNonArray) -> Result<()> {
     Ok(())
 }
 
-/// The length of an array of one dimension.
+/// The length of a one-dimensional array.
 pub(super) fn length(array: Option<&ast::ArraySpecifier>) -> Result<Option<i32>> {
     let Some(array) = array else {
         return Ok(None);

@@ -1,8 +1,9 @@
-//! What GLSL's own functions return, as far as a rewrite may have to know.
+//! Built-in functions: names and result types.
 
 use super::super::ty::{Kind, Ty};
 
-/// Functions that naga's front end knows: an author's own of such a name gets another, since naga would mix them up.
+/// Functions that naga's front end knows. An author's function of such a name is renamed, because
+/// naga would confuse them.
 const KNOWN: &[&str] = &[
     "abs",
     "acos",
@@ -111,7 +112,7 @@ pub(super) fn is_known(name: &str) -> bool {
         || name.starts_with("unpack")
 }
 
-/// The type of a call of one of GLSL's functions that take no texture.
+/// The result type of a built-in function without textures.
 pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
     let first = arguments.first().cloned().unwrap_or(Ty::Unknown);
     let bools = |ty: &Ty| ty.with_kind(Kind::Bool);
@@ -147,7 +148,7 @@ pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
         },
         "imageLoad" | "imageSize" | "subpassLoad" => Ty::Unknown,
         "imageStore" | "barrier" | "memoryBarrier" | "groupMemoryBarrier" => Ty::Void,
-        // The others work on each component, with the widest argument's type.
+        // The others are component-wise, with the widest argument's type.
         _ => {
             let kind = arguments
                 .iter()
@@ -162,12 +163,12 @@ pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
                 .cloned()
                 .unwrap_or(Ty::Unknown);
             match (name, kind) {
-                // The functions of floats make ints floats, each of them: `mod(x, 8)`.
+                // Float functions convert integers: `mod(x, 8)`.
                 (_, Some(Kind::Int | Kind::Uint)) if is_of_floats(name) => {
                     widest.with_kind(Kind::Float)
                 }
                 (_, Some(k)) if is_of_floats(name) => widest.with_kind(k),
-                // `mix` with a bool to choose by has the others' kind.
+                // `mix` with a bool selector has the type of the others.
                 ("abs" | "sign" | "min" | "max" | "clamp" | "mix", Some(k)) => widest.with_kind(k),
                 _ => widest,
             }
@@ -175,7 +176,7 @@ pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
     }
 }
 
-/// Whether the function takes floats alone, so that what is an int is converted.
+/// Whether the function only takes floats, so integers are converted.
 pub(super) fn is_of_floats(name: &str) -> bool {
     matches!(
         name,

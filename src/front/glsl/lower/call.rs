@@ -1,4 +1,4 @@
-//! Calls: constructors, the author's functions, GLSL's own.
+//! Calls of constructors, user functions and built-in functions.
 
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 
@@ -22,7 +22,7 @@ impl Lower<'_, '_> {
         match &name.content {
             FunIdentifierData::TypeSpecifier(spec) => {
                 let function = spelled(&spec.ty);
-                // Where Vulkan's types are known, `texture2D` is one.
+                // With Vulkan's types, `texture2D` parses as a constructor.
                 if spec.array_specifier.is_none() && function.contains("texture") {
                     return self.named(&function, arguments, whole);
                 }
@@ -133,7 +133,7 @@ impl Lower<'_, '_> {
                 ))
             }
             Ty::Scalar(_) => {
-                // Of a vector or a matrix the first component.
+                // The first component of a vector or matrix.
                 let [value] = &values[..] else {
                     return Ok(Ex::primary(
                         format!("{}({})", ty.name(), texts(&values)),
@@ -154,7 +154,7 @@ impl Lower<'_, '_> {
                 if let [value] = &values[..] {
                     match &value.ty {
                         same if *same == ty => return Ok(value.clone()),
-                        // What is longer is cut.
+                        // A longer vector is truncated.
                         Ty::Vector(from, m) if m > n => {
                             let cut = format!(
                                 "{}.{}",
@@ -197,7 +197,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// A constructor of components: each of the right kind, and none too many.
+    /// A vector or matrix constructor from components: converts each and drops extra ones.
     fn components(
         &mut self,
         ty: &Ty,
@@ -206,7 +206,7 @@ impl Lower<'_, '_> {
         values: Vec<Ex>,
     ) -> Result<Ex, Error> {
         let alone = values.len() == 1;
-        // One scalar for all components is converted first.
+        // A single scalar for all components is converted first.
         let values: Vec<Ex> = match &values[..] {
             [
                 Ex {
@@ -224,7 +224,7 @@ impl Lower<'_, '_> {
         let mut have = 0;
         for value in values {
             let n = usize::from(value.ty.components().unwrap_or(1));
-            // A last argument may bring more than is needed.
+            // The last argument may have extra components.
             let value = match value.ty {
                 Ty::Vector(k, _) if have + n > wanted && have < wanted => {
                     let rest = wanted - have;
@@ -237,7 +237,7 @@ impl Lower<'_, '_> {
             let from = value.ty.kind();
             let converts = from.is_some_and(|f| f != kind);
             parts.push(match converts && !alone {
-                // A literal stays one.
+                // Keep a literal a literal.
                 true => match (from, kind) {
                     (Some(Kind::Int), Kind::Float) => self.coerce_kind(value, Some(kind)).text,
                     _ => {
@@ -266,8 +266,9 @@ impl Lower<'_, '_> {
         self.own(name, arguments, whole)
     }
 
-    /// Whether GLSL's own function is meant where the author has some of that name: in GLSL ES 1.00 they stand beside it. By the letter of 4.60 (section 6.1) they hide it elsewhere,
-    /// which no compiler holds to: what fits none of the author's is GLSL's.
+    /// Whether a built-in overload is meant although the author has a function of that name. GLSL
+    /// ES 1.00 allows both. GLSL 4.60 (6.1) hides the built-in function, but compilers accept it if
+    /// no user function fits.
     fn is_own_after_all(
         &mut self,
         name: &str,
@@ -286,7 +287,7 @@ impl Lower<'_, '_> {
         Ok(choose(signatures, &given, self.is_implicit()) == Choice::None)
     }
 
-    /// A call of a function of the author's.
+    /// A call of a user function.
     fn authors(
         &mut self,
         name: &str,
@@ -312,7 +313,7 @@ impl Lower<'_, '_> {
         for (i, (_, to)) in signature.parameters.iter().enumerate() {
             direct.push(!outs[i] || self.is_direct(&meeting, i, to)?);
         }
-        // Where something is copied ahead of the call, what else is evaluated keeps its turn.
+        // If an argument is copied before the call, all later side effects must keep their order.
         let in_turn = direct.contains(&false) && meeting.has_effects();
         let mut parts = Vec::new();
         for (i, (storage, to)) in signature.parameters.iter().enumerate() {
@@ -374,7 +375,7 @@ impl Lower<'_, '_> {
         self.called(call, signature.result.clone(), parts, place)
     }
 
-    /// A call of one of GLSL's functions that take no texture.
+    /// A call of a built-in function without textures.
     fn own(&mut self, name: &str, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
         let place = self.place(whole.span);
         if matches!(
@@ -390,7 +391,7 @@ impl Lower<'_, '_> {
             self.given.push(Given { name, types, place });
         }
         let result = builtin::result(name, &types);
-        // What GLSL converts without being asked.
+        // Implicit conversions.
         if builtin::is_of_floats(name) {
             values = values
                 .into_iter()
@@ -406,7 +407,7 @@ impl Lower<'_, '_> {
                 .map(|v| self.coerce_kind(v, kind))
                 .collect();
         }
-        // What is written several times is evaluated once.
+        // Evaluate values that are printed several times only once.
         let mut first = Vec::new();
         if matches!(name, "matrixCompMult" | "outerProduct" | "isnan" | "isinf") {
             for value in &mut values {
@@ -447,14 +448,14 @@ impl Lower<'_, '_> {
                 }
                 _ => None,
             },
-            // naga knows these of vectors only.
+            // naga only accepts vectors here.
             ("dot", Some(Ty::Scalar(_))) => Some(format!("({} * {})", at(0, 14), at(1, 15))),
             ("length", Some(Ty::Scalar(_))) => Some(format!("abs({})", text(0))),
             ("distance", Some(Ty::Scalar(_))) => {
                 Some(format!("abs({} - {})", at(0, 13), at(1, 14)))
             }
             ("normalize", Some(Ty::Scalar(_))) => Some(format!("sign({})", text(0))),
-            // WGSL has neither: by their bits, which no compiler takes for constant.
+            // WGSL lacks both. Test the bits, which no compiler treats as a constant.
             ("isnan" | "isinf", Some(of)) => {
                 let bits = format!("floatBitsToUint({})", text(0));
                 Some(match (of, name) {
@@ -511,7 +512,7 @@ impl Lower<'_, '_> {
         Ok(Ex::primary(format!("{name}({})", all.join(", ")), result))
     }
 
-    /// GLSL's functions with an out parameter, written out.
+    /// Built-in functions with out parameters, written as expressions.
     fn with_out(
         &mut self,
         name: &str,
@@ -527,7 +528,8 @@ impl Lower<'_, '_> {
         };
         let t = ty.name();
         let helper = self.helper_name(&format!("{name}_{t}"));
-        // A sum that wraps is smaller than what was added; a difference borrows where less is taken from.
+        // A sum that wraps is less than its operand; a difference borrows if it subtracts from
+        // less.
         let less = |a: &str, b: &str| match ty.components() {
             Some(1) => format!("{a} < {b} ? 1u : 0u"),
             _ => format!("{t}(lessThan({a}, {b}))"),
@@ -560,7 +562,7 @@ impl Lower<'_, '_> {
             }
         };
         self.helpers.insert(helper.clone(), text);
-        // The last is written, and of a product the last two.
+        // The last argument is written; for products, the last two.
         let outs = 1 + usize::from(name == "umulExtended");
         let first = arguments.len().saturating_sub(outs);
         let is_out: Vec<bool> = (0..arguments.len()).map(|i| i >= first).collect();
@@ -589,7 +591,7 @@ impl Lower<'_, '_> {
         self.called(call, result, parts, place)
     }
 
-    /// The name of a function or a constant of ours; always the same for the same purpose.
+    /// The name of a helper function or constant, the same for each purpose.
     pub(super) fn helper_name(&mut self, wanted: &str) -> String {
         if let Some(name) = self.helper_names.get(wanted) {
             return name.clone();
@@ -599,7 +601,7 @@ impl Lower<'_, '_> {
         name
     }
 
-    /// A call of a function of textures; `None` if it is none.
+    /// A call of a texture function; `None` for any other.
     fn textured(
         &mut self,
         name: &str,
@@ -619,7 +621,7 @@ impl Lower<'_, '_> {
     }
 }
 
-/// The 64 bits of a product, by halves.
+/// The 64-bit product of two integers, from 16-bit halves.
 fn multiplied(name: &str) -> String {
     [
         &format!("void {name}(uint x, uint y, out uint high, out uint low) {{"),
@@ -634,14 +636,14 @@ fn multiplied(name: &str) -> String {
     .join("\n")
 }
 
-/// A matrix made of another: what it lacks is the identity's.
+/// Converts a matrix to another size, filled up with the identity.
 fn resized(value: &Ex, to: &Ty) -> Ex {
     let (Ty::Matrix(_, columns, rows), Ty::Matrix(_, have_columns, have_rows)) = (to, &value.ty)
     else {
         return value.clone();
     };
     let text = value.at(level::POSTFIX);
-    // naga converts what is no larger by itself.
+    // naga converts to smaller sizes itself.
     let simple = unmarked(&text)
         .chars()
         .all(|c| c.is_alphanumeric() || matches!(c, '_' | '.' | '[' | ']'));

@@ -1,4 +1,5 @@
-//! Whether types go together, so that what does not is said in GLSL's words: what naga's front end says names its own types by numbers. What a type that is not known here does, naga decides.
+//! Checks types and reports errors in GLSL's terms: naga's errors print type handles. naga checks
+//! types that are unknown here.
 
 use glsl_lang::ast::BinaryOpData as B;
 use naga::Span;
@@ -20,7 +21,7 @@ pub(super) fn a(ty: &Ty) -> String {
     }
 }
 
-/// Whether naga alone knows what it is.
+/// Whether only naga knows the type.
 fn is_open(ty: &Ty) -> bool {
     match ty {
         Ty::Unknown | Ty::Opaque(_) => true,
@@ -29,7 +30,8 @@ fn is_open(ty: &Ty) -> bool {
     }
 }
 
-/// Whether a value of one type may stand where another is wanted (GLSL 4.60, 4.1.10). GLSL ES converts nothing; what is an error there and has one meaning is read all the same.
+/// Whether a value converts implicitly (GLSL 4.60, 4.1.10). We accept these conversions in GLSL ES
+/// too, because their meaning is clear.
 pub(super) fn becomes(from: &Ty, to: &Ty) -> bool {
     is_open(from) || is_open(to) || conversion(from, to, true).is_some()
 }
@@ -42,13 +44,13 @@ fn is_integer(ty: &Ty) -> bool {
     matches!(ty.kind(), Some(Kind::Int | Kind::Uint)) && !matches!(ty, Ty::Matrix(..))
 }
 
-/// Of one shape, or one of them a scalar.
+/// Both have the same shape, or one is a scalar.
 fn is_component_wise(a: &Ty, b: &Ty) -> bool {
     let scalar = |t: &Ty| matches!(t, Ty::Scalar(_));
     scalar(a) || scalar(b) || a.with_kind(Kind::Bool) == b.with_kind(Kind::Bool)
 }
 
-/// Whether the operator goes between values of these types (GLSL 4.60, 5.9).
+/// Whether the operator accepts these types (GLSL 4.60, 5.9).
 pub(super) fn fits(op: &B, a: &Ty, b: &Ty) -> bool {
     if is_open(a) || is_open(b) {
         return true;
@@ -101,7 +103,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// Whether the value may be given to something of type `to`.
+    /// Checks that the value converts to `to`.
     pub(super) fn check_given(&self, from: &Ty, to: &Ty, place: Option<Span>) -> Result<(), Error> {
         if becomes(from, to) {
             return Ok(());
@@ -122,7 +124,7 @@ impl Lower<'_, '_> {
         })
     }
 
-    /// Whether it is a condition.
+    /// Checks that it is a bool.
     pub(super) fn check_condition(&self, of: &Ex, place: Option<Span>) -> Result<(), Error> {
         match is_open(&of.ty) || of.ty == Ty::BOOL {
             true => Ok(()),
@@ -134,7 +136,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// Whether `-`, `!` or `~` goes before it.
+    /// Checks the operand of `-`, `!` or `~`.
     pub(super) fn check_sign(&self, word: &str, of: &Ty, place: Option<Span>) -> Result<(), Error> {
         let fits = is_open(of)
             || match word {
@@ -152,7 +154,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// Whether it has elements, and the index numbers them.
+    /// Checks an index expression.
     pub(super) fn check_index(
         &self,
         of: &Ty,
@@ -171,7 +173,7 @@ impl Lower<'_, '_> {
         Err(Error::new(Code::Parse, message).label_if(place))
     }
 
-    /// Whether the constructor of `ty` takes values of these types (GLSL 4.60, 5.4).
+    /// Checks a constructor's arguments (GLSL 4.60, 5.4).
     pub(super) fn check_constructor(
         &self,
         ty: &Ty,
@@ -221,7 +223,7 @@ impl Lower<'_, '_> {
         }
         let matrices = given.iter().any(|t| matches!(t, Ty::Matrix(..)));
         if matrices {
-            // One is cut or filled up; beside others it is naga's to say.
+            // A single matrix is resized. naga checks the others.
             return Ok(());
         }
         if matches!(ty, Ty::Scalar(_)) {
@@ -252,7 +254,7 @@ impl Lower<'_, '_> {
     }
 }
 
-/// Whether two branches have one type, or one becomes the other's.
+/// Whether two branches have a common type.
 pub(super) fn meet(x: &Ty, y: &Ty) -> bool {
     is_open(x) || is_open(y) || is_same(x, y) || becomes(x, y) || becomes(y, x)
 }

@@ -1,4 +1,5 @@
-//! What stands outside of functions, in an order that naga can read: structs, resources, inputs and outputs, globals, functions.
+//! Global declarations in the order that naga needs: structs, resources, inputs and outputs,
+//! globals, functions.
 
 use std::collections::HashMap;
 
@@ -25,7 +26,7 @@ impl Lower<'_, '_> {
                 .push("gl_Position.z = (gl_Position.z + gl_Position.w) * 0.5;".to_owned());
         }
         let functions = self.functions()?;
-        // Last, for local structs are told apart only when met.
+        // Last, because local structs are found while lowering.
         let structs = self.structs();
         let standins = self.standins_declared();
 
@@ -93,7 +94,8 @@ impl Lower<'_, '_> {
 
     fn resources(&mut self) -> Result<String, Error> {
         let mut out = self.loose_uniforms()?;
-        // naga takes the members of a block for names of their own even where the block has one. What comes later by such a name hides them again.
+        // naga makes members of a block global names, even if the block has an instance. Later
+        // declarations hide them again.
         let mut named = String::new();
         for block in self.stage.blocks.clone() {
             let storage = block.qualifiers.storage == Some(Storage::Buffer);
@@ -143,7 +145,8 @@ impl Lower<'_, '_> {
             };
             let instance = block.instance.as_ref().map(|i| self.safe(i));
             let last = block.members.last().map(|m| &m.ty);
-            // naga reads a member of a block by its name by loading all of the block, which one without a length cannot be.
+            // naga reads a block's member by loading the whole block, which fails for an unsized
+            // one.
             let open = instance.clone();
             let open = open.filter(|_| storage && matches!(last, Some(Ty::Array(_, None))));
             let mut said = Vec::new();
@@ -209,7 +212,7 @@ impl Lower<'_, '_> {
                 })
                 .collect();
             match &block.instance {
-                // Reached through members alone: a block is no value.
+                // A block is not a value; only its members are.
                 Some(instance) => {
                     for (name, var) in members {
                         self.bind(&format!("{instance}.{name}"), var);
@@ -260,7 +263,7 @@ impl Lower<'_, '_> {
                 let Some(bound) = self.interface.samplers.get(&path).cloned() else {
                     continue;
                 };
-                // An unused texture is not active, as in OpenGL.
+                // An unused texture is inactive, as in OpenGL.
                 if !self.stage.used.contains(&uniform.name) {
                     continue;
                 }
@@ -296,7 +299,7 @@ impl Lower<'_, '_> {
             };
             self.bind(&uniform.name, var);
         }
-        // A stage that reads none declares none.
+        // A stage only declares the block if it reads from it.
         if !members.iter().any(|m| self.stage.used.contains(&m.name)) {
             return Ok(String::new());
         }
@@ -344,7 +347,8 @@ impl Lower<'_, '_> {
         Ok(out)
     }
 
-    /// One input or output: as it is, or, where it has more than one location, a variable of its own and a leaf for each.
+    /// An input or output. One with several locations becomes a global variable, and one varying
+    /// for each part.
     fn varying(
         &mut self,
         variable: &Variable,
@@ -400,9 +404,9 @@ impl Lower<'_, '_> {
                 true => Some("flat"),
                 false => how,
             };
-            // What is flat is one vertex's: where it is taken does not matter.
+            // Flat values come from one vertex, so the sampling position does not matter.
             let at = at.filter(|_| how != Some("flat"));
-            // naga forgets where it is interpolated unless it is told how.
+            // naga ignores the sampling position without an explicit interpolation.
             let how = how.or(at.and(Some("smooth")));
             let words: String = [how, at]
                 .into_iter()
@@ -425,7 +429,8 @@ impl Lower<'_, '_> {
             && ending.is_empty()
             && narrow
         {
-            // WebGPU wants as many components as the target has; what OpenGL leaves open is opaque black.
+            // WebGPU needs all components of the target. OpenGL leaves the rest undefined; we write
+            // opaque black.
             let kind = ty.kind().unwrap_or(Kind::Float);
             let leaf = self.fresh(&format!("{name}_rgba"));
             let rest = match ty.components() {
@@ -505,7 +510,7 @@ impl Lower<'_, '_> {
         Ok(())
     }
 
-    /// Names for `gl_FragColor` and its like, which naga does not know.
+    /// Declares globals for `gl_FragColor` and other names that naga lacks.
     fn standins_declared(&self) -> String {
         let mut out = String::new();
         for (of, name) in &self.standins {
@@ -532,7 +537,7 @@ impl Lower<'_, '_> {
     }
 }
 
-/// A member of a block, declared as it is stored.
+/// Declares a block member with its stored type.
 fn member_text(marks: &mut Marks, member: &Member, rules: Rules) -> String {
     let mark = marks.mark(member.place);
     let ty = stored(&member.ty, rules);

@@ -1,4 +1,5 @@
-//! What must be evaluated once, or not at all: naga evaluates both sides of `&&` and `||`, the target of a compound assignment twice, and an out argument in place.
+//! Keeps GLSL's order of evaluation. naga evaluates both sides of `&&` and `||`, evaluates the
+//! target of a compound assignment twice, and writes out arguments in place.
 
 use glsl_lang::ast::{
     Expr, ExprData, IterationStatementData, JumpStatementData, NodeSpan,
@@ -17,7 +18,7 @@ use super::Lower;
 use super::expression::{Ex, level};
 use crate::front::error::Error;
 
-/// An argument of a call whose order is kept: what stands before the call, what is handed over, and what stands after it.
+/// A call's argument, with statements before and after the call.
 #[derive(Default)]
 pub(super) struct Argument {
     pub before: Vec<String>,
@@ -34,34 +35,36 @@ impl Argument {
     }
 }
 
-/// What is known of an expression before it is printed.
+/// Properties of an expression, found before it is printed.
 #[derive(Clone, Debug)]
 pub(super) struct Looked {
     pub ty: Ty,
-    /// naga writes to it at once.
+    /// naga can assign to it directly.
     pub is_plain: bool,
-    /// It lies in a block otherwise than it is computed with.
+    /// Its stored type differs from its computed type.
     pub lies_otherwise: bool,
 }
 
-/// How the arguments of one call may meet: what each one's evaluation writes, and what the call does.
+/// Side effects of a call's arguments, and of the call.
 pub(super) struct Meeting<'e> {
     arguments: &'e [Expr],
-    /// Which of them the call writes.
+    /// Whether the call writes each argument.
     outs: Vec<bool>,
-    /// What evaluating each one writes, and whether it calls what writes globals.
+    /// For each argument: the variables it writes, and whether it calls functions with side
+    /// effects.
     effects: Vec<(HashSet<String>, bool)>,
 }
 
 impl Meeting<'_> {
-    /// Whether evaluating any of the arguments does something.
+    /// Whether any argument has side effects.
     pub(super) fn has_effects(&self) -> bool {
         self.effects
             .iter()
             .any(|(w, calls)| *calls || !w.is_empty())
     }
 
-    /// Whether a variable may be written while the arguments are evaluated or by the call, other than as the argument `own`.
+    /// Whether evaluating the arguments or the call may write a variable other than through the
+    /// argument `own`.
     fn may_change(&self, name: &str, is_local: bool, own: Option<usize>) -> bool {
         let by_call = self.arguments.iter().zip(&self.outs).enumerate();
         let mut by_call = by_call.filter(|(i, (_, out))| **out && Some(*i) != own);
@@ -73,14 +76,14 @@ impl Meeting<'_> {
     }
 }
 
-/// Where a node is, for remembering what it became.
+/// An expression's position, as a key.
 fn key(span: Option<NodeSpan>) -> Option<(u32, u32)> {
     let range = span?.range();
     Some((u32::from(range.start()), u32::from(range.end())))
 }
 
 impl Lower<'_, '_> {
-    /// Whether evaluating it does something, or costs what an author may want to be spared: a call of the author's own, `++`, an assignment.
+    /// Whether it has side effects or calls a user function, which may be expensive.
     pub(super) fn has_effect(&self, e: &Expr) -> bool {
         match &e.content {
             ExprData::Assignment(..) | ExprData::PostInc(_) | ExprData::PostDec(_) => true,
@@ -104,7 +107,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// A variable of the function that is printed; `None` outside of functions.
+    /// Declares a temporary in the current function; `None` outside of functions.
     pub(super) fn temporary(&mut self, ty: &Ty) -> Option<String> {
         self.temporaries.as_ref()?;
         let name = self.fresh("held");
@@ -113,7 +116,8 @@ impl Lower<'_, '_> {
         Some(name)
     }
 
-    /// A value that may be written several times, with what is to be evaluated first if it is no name.
+    /// Makes a value that may be printed several times. Also returns the assignment to evaluate
+    /// first.
     pub(super) fn once(&mut self, value: &Ex) -> (Option<String>, Ex) {
         let simple = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.' | '[' | ']');
         if unmarked(&value.text).chars().all(simple) || matches!(value.ty, Ty::Unknown) {
@@ -128,7 +132,8 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// What an expression is, without printing it: what that leaves behind is taken back. Each is looked at once, or what nests would be looked at twice a level.
+    /// Finds an expression's properties by printing it and undoing all effects. Results are cached,
+    /// or nesting would take exponential time.
     pub(super) fn look(&mut self, e: &Expr) -> Result<Looked, Error> {
         let known = key(e.span).filter(|k| !self.held.contains_key(k));
         if let Some(looked) = known.and_then(|k| self.looked.get(&k)) {
@@ -158,7 +163,7 @@ impl Lower<'_, '_> {
         Ok(looked)
     }
 
-    /// The type of an argument, and, unless it may have to be copied and does something, the argument.
+    /// An argument's type, and its text unless it has side effects and may be copied.
     pub(super) fn argument(&mut self, e: &Expr) -> Result<Ex, Error> {
         let is_place = matches!(e.content, ExprData::Dot(..) | ExprData::Bracket(..));
         match is_place && self.has_effect(e) {
@@ -167,17 +172,18 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// What an expression became ahead of where it stands.
+    /// The temporary that holds an expression's value, if any.
     pub(super) fn held(&self, e: &Expr) -> Option<Ex> {
         self.held.get(&key(e.span)?).cloned()
     }
 
-    /// Evaluates the indices of a place that do something, and what is indexed where that is a value, so that the place itself may be written twice; what is to be evaluated first.
+    /// Holds the indices of a target that have side effects, so that the target may be printed
+    /// twice. Returns the statements to evaluate first.
     pub(super) fn settle(&mut self, target: &Expr) -> Result<Vec<String>, Error> {
         self.settle_where(target, &|this, index| this.has_effect(index))
     }
 
-    /// The same with the indices of which `is_moving` says so.
+    /// The same for the indices that `is_moving` selects.
     fn settle_where(
         &mut self,
         target: &Expr,
@@ -199,7 +205,7 @@ impl Lower<'_, '_> {
         Ok(first)
     }
 
-    /// What gives a variable of ours the value of an expression, for which the variable stands from there on.
+    /// Assigns an expression to a temporary and uses that from now on. Returns the assignment.
     fn hold_ahead(&mut self, e: &Expr) -> Result<String, Error> {
         let value = self.expr(e)?;
         let name = self.needed(&value.ty, self.place(e.span))?;
@@ -212,7 +218,7 @@ impl Lower<'_, '_> {
         Ok(first)
     }
 
-    /// Whether evaluating it writes something: `++`, an assignment, a call of what does.
+    /// Whether evaluating it writes a variable.
     pub(super) fn writes(&self, e: &Expr) -> bool {
         let (written, calls) = self.effects(e);
         calls || !written.is_empty()
@@ -224,7 +230,7 @@ impl Lower<'_, '_> {
         (found.written, calls)
     }
 
-    /// The arguments of a call that writes those of `outs`.
+    /// The side effects of a call that writes the arguments in `outs`.
     pub(super) fn meeting<'e>(&self, arguments: &'e [Expr], outs: Vec<bool>) -> Meeting<'e> {
         let effects = arguments.iter().map(|a| self.effects(a)).collect();
         Meeting {
@@ -238,7 +244,8 @@ impl Lower<'_, '_> {
         self.scopes.iter().skip(1).any(|s| s.contains_key(name))
     }
 
-    /// Whether naga may write to the argument in place: it is a variable by itself, of the parameter's type, and nothing else of the call touches it.
+    /// Whether naga may write the argument in place: a plain variable of the parameter's type that
+    /// nothing else in the call uses.
     pub(super) fn is_direct(
         &mut self,
         meeting: &Meeting<'_>,
@@ -258,7 +265,7 @@ impl Lower<'_, '_> {
         Ok(target.ty == *to && self.is_plain(&target))
     }
 
-    /// An argument that is handed over by value, where those behind it do something: it is evaluated in its turn.
+    /// A by-value argument, held in a temporary if later arguments have side effects.
     pub(super) fn in_turn(&mut self, of: &Expr, value: Ex) -> Result<Argument, Error> {
         let text = value.at(level::ASSIGNMENT);
         if is_literal(of) || matches!(value.ty, Ty::Unknown) {
@@ -272,8 +279,8 @@ impl Lower<'_, '_> {
         })
     }
 
-    /// An argument for a parameter of type `to` that is written, by way of a variable of ours: it is copied in when its turn comes, and out behind the call, as GLSL has it
-    /// (4.60, section 6.1.1). Which element is meant is settled when its turn comes.
+    /// An out argument of type `to`, copied through a temporary: in when its turn comes, out after
+    /// the call (GLSL 4.60, 6.1.1). Its indices are evaluated when its turn comes.
     pub(super) fn copied(
         &mut self,
         meeting: &Meeting<'_>,
@@ -310,7 +317,7 @@ impl Lower<'_, '_> {
         })
     }
 
-    /// A call between what its arguments ask for.
+    /// Combines a call with the statements of its arguments.
     pub(super) fn called(
         &mut self,
         call: impl FnOnce(&[String]) -> String,
@@ -329,7 +336,7 @@ impl Lower<'_, '_> {
             return Ok(Ex::primary(call, result));
         }
         if result == Ty::Void {
-            // Statements: they stand in no expression.
+            // A statement cannot be part of an expression.
             before.push(call);
             before.extend(after);
             return Ok(Ex::new(before.join("; "), result, 0));
@@ -344,7 +351,7 @@ impl Lower<'_, '_> {
     }
 }
 
-/// Whether it is a number or a truth as written, with a sign or none: the same whenever it is read.
+/// Whether it is a literal with an optional sign.
 pub(super) fn is_literal(e: &Expr) -> bool {
     match &e.content {
         ExprData::IntConst(_)
@@ -357,7 +364,7 @@ pub(super) fn is_literal(e: &Expr) -> bool {
     }
 }
 
-/// An expression after what is to be evaluated first.
+/// Prepends assignments to an expression.
 pub(super) fn after(first: impl IntoIterator<Item = String>, ex: Ex) -> Ex {
     let mut all: Vec<String> = first.into_iter().collect();
     if all.is_empty() {
@@ -367,7 +374,7 @@ pub(super) fn after(first: impl IntoIterator<Item = String>, ex: Ex) -> Ex {
     Ex::primary(format!("({})", all.join(", ")), ex.ty)
 }
 
-/// Whether a loop with this body has a `continue` of its own.
+/// Whether a loop's body has its own `continue`.
 pub(super) fn continues(body: &Statement) -> bool {
     match &body.content {
         StatementData::Jump(jump) => matches!(jump.content, JumpStatementData::Continue),
@@ -378,7 +385,7 @@ pub(super) fn continues(body: &Statement) -> bool {
         },
         StatementData::Switch(switch) => switch.body.iter().any(continues),
         StatementData::Iteration(inner) => match &inner.content {
-            // Its own loop's.
+            // A nested loop's.
             IterationStatementData::While(..)
             | IterationStatementData::DoWhile(..)
             | IterationStatementData::For(..) => false,

@@ -1,4 +1,4 @@
-//! Expressions: printed with as few brackets as they need, with their types, since some rewrites go by them.
+//! Prints expressions with minimal parentheses, and tracks their types.
 
 use glsl_lang::ast;
 use glsl_lang::ast::{
@@ -14,10 +14,10 @@ use super::effect::{after, is_literal};
 use super::{Lower, Var, check};
 use crate::front::error::{Code, Error};
 
-/// Most elements that are compared one by one.
+/// Maximum elements compared one by one.
 const COMPARED: u64 = 1 << 12;
 
-/// How tightly what was printed holds together, as in GLSL's table of operators turned round.
+/// Binding strength of printed text; higher binds tighter.
 pub(super) mod level {
     pub const PRIMARY: u8 = 17;
     pub const POSTFIX: u8 = 16;
@@ -27,25 +27,26 @@ pub(super) mod level {
     pub const COMMA: u8 = 1;
 }
 
-/// An expression as text.
+/// A printed expression.
 #[derive(Clone, Debug)]
 pub(super) struct Ex {
     pub text: String,
     pub ty: Ty,
     pub level: u8,
-    /// It is as it lies in a block; [`Lower::value`] makes a value of it.
+    /// Its layout in a block. [`Lower::value`] converts it to a value.
     pub lay: Lay,
-    /// What is written in its place, component by component, where naga cannot write to it at once: `m[1].xy`, a column of a matrix that lies by rows.
+    /// Assignment targets by component, where naga cannot assign to it: `m[1].xy`, a column of a
+    /// row-major matrix.
     pub parts: Option<Vec<String>>,
     /// It is a column of a matrix.
     pub column: bool,
-    /// The matrix and the index that it is a column of, where that lies by rows.
+    /// The row-major matrix and the index of which it is a column.
     pub turned: Option<(String, String)>,
-    /// Where its samplers are found.
+    /// Where its samplers are in [`Lower::pairs`].
     pub path: Option<String>,
     /// It is a combined sampler.
     pub pair: Option<Pair>,
-    /// It is one of several, by an index that is known to the GPU alone.
+    /// It is an element of a sampler array with a dynamic index.
     pub choice: Option<(Box<Ex>, Vec<Pair>)>,
 }
 
@@ -69,7 +70,7 @@ impl Ex {
         Self::new(text, ty, level::PRIMARY)
     }
 
-    /// In brackets, unless it holds together at least as tightly as `level`.
+    /// The text, in parentheses if it binds looser than `level`.
     pub(super) fn at(&self, level: u8) -> String {
         match self.level >= level {
             true => self.text.clone(),
@@ -79,7 +80,7 @@ impl Ex {
 }
 
 impl Lower<'_, '_> {
-    /// A value: what lies in a block otherwise is taken out of it.
+    /// Prints an expression as a value, converted from its stored type.
     pub(super) fn expr(&mut self, expr: &Expr) -> Result<Ex, Error> {
         let mut first = Vec::new();
         let is_place = matches!(expr.content, ExprData::Dot(..) | ExprData::Bracket(..));
@@ -87,7 +88,7 @@ impl Lower<'_, '_> {
             let looked = self.look(expr)?;
             let is_whole = matches!(looked.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
             if is_whole && looked.lies_otherwise {
-                // It is put together of several parts, each of which names its place.
+                // The value has several parts, and each repeats the target.
                 first = self.settle(expr)?;
             }
         }
@@ -95,7 +96,7 @@ impl Lower<'_, '_> {
         Ok(after(first, self.value(ex)))
     }
 
-    /// The expression, still as it lies in a block.
+    /// Prints an expression with its stored type.
     pub(super) fn raw(&mut self, expr: &Expr) -> Result<Ex, Error> {
         if let Some(held) = self.held(expr) {
             return Ok(held);
@@ -113,7 +114,7 @@ impl Lower<'_, '_> {
             ExprData::UIntConst(u) => Ex::primary(format!("{u}u"), Ty::UINT),
             ExprData::BoolConst(b) => Ex::primary(b.to_string(), Ty::BOOL),
             ExprData::FloatConst(f) => Ex::primary(float(*f), Ty::FLOAT),
-            // naga's front end has no literals of 64 bits.
+            // naga's front end has no 64-bit literals.
             ExprData::DoubleConst(d) if f64::from(*d as f32) == *d => Ex::primary(
                 format!("double({})", float(*d as f32)),
                 Ty::Scalar(Kind::Double),
@@ -206,7 +207,7 @@ impl Lower<'_, '_> {
         self.with_pair(ex)
     }
 
-    /// A combined sampler with its texture and sampler.
+    /// Adds the texture and sampler of a combined sampler.
     fn with_pair(&self, mut ex: Ex) -> Ex {
         if let (Ty::Combined(name), Some(path)) = (&ex.ty, &ex.path)
             && let Some(pair) = self.pairs.get(path)
@@ -218,7 +219,7 @@ impl Lower<'_, '_> {
         ex
     }
 
-    /// A variable of GLSL's own.
+    /// A built-in variable.
     fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
         let place = self.place(expr.span);
         let vec4 = || Ty::Vector(Kind::Float, 4);
@@ -320,7 +321,7 @@ impl Lower<'_, '_> {
         b: &Expr,
         place: Option<naga::Span>,
     ) -> Result<Ex, Error> {
-        // naga evaluates both sides whatever the first one is.
+        // naga evaluates both sides.
         if matches!(op, B::And | B::Or) && self.has_effect(b) {
             let (a, b) = (self.expr(a)?, self.expr(b)?);
             self.check_operator(op, operator(op).0, [&a.ty, &b.ty], place)?;
@@ -384,7 +385,7 @@ impl Lower<'_, '_> {
         ))
     }
 
-    /// Structs and arrays compared part by part: naga has no operator for them.
+    /// Compares structs and arrays by parts: naga has no operator for them.
     fn compared(&mut self, a: &Ex, b: &Ex) -> Option<(Vec<String>, String)> {
         if !matches!(a.ty, Ty::Struct(_) | Ty::Array(..) | Ty::Matrix(..)) {
             return None;
@@ -440,7 +441,7 @@ impl Lower<'_, '_> {
         Ok(self.element_of(base, &index))
     }
 
-    /// An element of an array that holds samplers.
+    /// An element of an array that contains samplers.
     fn index_samplers(
         &mut self,
         base: Ex,
@@ -472,7 +473,7 @@ impl Lower<'_, '_> {
     }
 
     fn dot(&mut self, of: &Expr, name: &str, whole: &Expr) -> Result<Ex, Error> {
-        // A member of a block with an instance's name.
+        // A member of a block with an instance name.
         if let ExprData::Variable(instance) = &of.content
             && self.lookup(instance.as_str()).is_none()
             && let Some(var) = self
@@ -484,7 +485,7 @@ impl Lower<'_, '_> {
             ex.text = mark + &ex.text;
             return Ok(ex);
         }
-        // `gl_in`'s and `gl_out`'s member, by an instance of `gl_PerVertex`.
+        // A member of `gl_PerVertex` through its instance.
         if let ExprData::Variable(instance) = &of.content
             && name.starts_with("gl_")
             && self.lookup(instance.as_str()).is_none()
@@ -535,7 +536,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// The expression as one of type `to`, where GLSL converts it without being asked.
+    /// Implicitly converts an expression to `to`.
     pub(super) fn coerce(&self, ex: Ex, to: &Ty) -> Ex {
         match (&ex.ty, to) {
             (Ty::Scalar(_) | Ty::Vector(..) | Ty::Matrix(..), _)
@@ -562,7 +563,7 @@ impl Lower<'_, '_> {
         Ex::primary(format!("{}({})", ty.name(), ex.text), ty)
     }
 
-    /// An initial value of type `ty`.
+    /// An initialiser of type `ty`.
     pub(super) fn initial(&mut self, init: &ast::Initializer, ty: &Ty) -> Result<String, Error> {
         match &init.content {
             InitializerData::Simple(e) => {
@@ -594,7 +595,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// Whether naga can evaluate the initial value of a global while it parses.
+    /// Whether naga can evaluate a global's initialiser.
     pub(super) fn is_simple(&self, init: &ast::Initializer) -> bool {
         match &init.content {
             InitializerData::List(list) => list.iter().all(|i| self.is_simple(i)),
@@ -637,7 +638,7 @@ impl Lower<'_, '_> {
     }
 }
 
-/// A scalar beside a vector, as one.
+/// Converts a scalar next to a vector to a vector.
 pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
     match (&ex.ty, to) {
         (Ty::Scalar(_), Ty::Vector(..)) => {
@@ -647,12 +648,12 @@ pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
     }
 }
 
-/// An element of an array, a column or a component, as it lies there.
+/// An element of an array, a column or a component, in its stored type.
 pub(super) fn element(base: &Ex, index: &str) -> Ex {
     let text = format!("{}[{index}]", base.at(level::POSTFIX));
     let (ty, ending) = match &base.ty {
         Ty::Array(of, _) => {
-            // Padded to four components in a block.
+            // Padded to four components.
             let ending = match (&**of, base.lay.is_padded()) {
                 (Ty::Scalar(_), true) => ".x",
                 (Ty::Vector(_, 2), true) => ".xy",
@@ -674,7 +675,7 @@ pub(super) fn element(base: &Ex, index: &str) -> Ex {
     ex
 }
 
-/// A float with all its digits, as GLSL spells it.
+/// A GLSL literal with all digits.
 fn float(f: f32) -> String {
     if f.is_infinite() {
         return "3.40282347e38".to_owned();

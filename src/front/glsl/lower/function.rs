@@ -1,4 +1,4 @@
-//! Functions: their parameters, with a combined sampler as a texture and a sampler; and `main`, with what is done before and after it.
+//! Functions and their parameters, with combined samplers split, and the start and end of `main`.
 
 use std::mem;
 
@@ -11,7 +11,7 @@ use super::super::ty::{Entry, Kind, Rules, Ty, stored};
 use super::{Lower, Var, builtin};
 use crate::front::error::Error;
 
-/// A function as text, and what it calls.
+/// A printed function and its callees.
 struct Printed {
     key: (String, usize),
     calls: Vec<(String, usize)>,
@@ -43,7 +43,7 @@ impl<'u> Lower<'_, 'u> {
                 self.renamed.insert(name.to_owned(), new);
             }
         }
-        // Each after those it calls, as naga wants them: which of several of a name, only the calls' types say.
+        // naga needs callees first. Only types decide which overload a call means.
         let mut printed = Vec::new();
         for function in functions {
             let signature = self.stage.signature(&function.prototype)?;
@@ -121,7 +121,7 @@ impl<'u> Lower<'_, 'u> {
             }
             self.indent = 0;
         }
-        // Past the end GLSL leaves the value open.
+        // GLSL leaves the value undefined at the end.
         if !returned && self.result != Ty::Void {
             let zero = self.zero(&self.result);
             out += &format!("    return {zero};\n");
@@ -132,7 +132,7 @@ impl<'u> Lower<'_, 'u> {
         Ok(out + "}\n")
     }
 
-    /// A value of the type with nothing in it, as it is stored.
+    /// A zero of the stored type.
     fn zero(&self, ty: &Ty) -> String {
         match ty {
             Ty::Scalar(Kind::Bool) => "false".to_owned(),
@@ -194,7 +194,7 @@ impl<'u> Lower<'_, 'u> {
             out.push(format!("{word}{}", ty.declare(&name)));
         }
         if self.stage.structs.has_samplers(&ty) {
-            // A path that no uniform has, as it hides one of its name.
+            // The path is unique, because the parameter may hide a uniform.
             let path = format!("${author}");
             let mut found = Vec::new();
             self.stage.structs.samplers(&ty, &path, &mut found);

@@ -1,7 +1,8 @@
-//! One stage's tree printed as the GLSL 4.50 that naga reads, with a mark before whatever comes from a place of the author's.
+//! Prints a stage as the GLSL 4.50 that naga reads, with marks for source spans.
 //!
-//! Outside of functions: `declaration`. Inside: `statement` and `expression`, with `call` for calls, `overload` for which function is meant, `texture` for those of textures, `check` for types that do not go together, `store` for what lies in a block otherwise, and `effect` for what is
-//! evaluated when.
+//! `declaration` prints globals, `statement` and `expression` function bodies. They use `call`,
+//! `overload` for overload resolution, `texture` for texture functions, `check` for type checks,
+//! `store` for block layouts, and `effect` for the order of evaluation.
 
 mod builtin;
 mod call;
@@ -27,7 +28,7 @@ use super::ty::{Lay, Ty};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
 
-/// Words that naga's GLSL keeps for itself and older dialects allow as names.
+/// Keywords of naga's GLSL that older versions allow as names.
 const RESERVED: &[&str] = &[
     "sample",
     "buffer",
@@ -66,20 +67,20 @@ const RESERVED: &[&str] = &[
     "filter",
 ];
 
-/// Most bytes of a stage's statements: some are written element by element.
+/// Maximum bytes of a stage's statements. Some statements are printed per element.
 const WRITTEN: usize = 1 << 26;
 
-/// What a name stands for.
+/// A variable in scope.
 #[derive(Clone, Debug)]
 struct Var {
-    /// How it is read.
+    /// The expression that reads it.
     text: String,
     ty: Ty,
-    /// How it lies in a block, or in a struct that does.
+    /// Its layout in a block or a struct.
     lay: Lay,
-    /// Where the samplers in it are found: a path of [`Lower::pairs`].
+    /// Where its samplers are: a path in [`Lower::pairs`].
     path: Option<String>,
-    /// What it is, if it cannot be written to.
+    /// Why it cannot be assigned to.
     fixed: Option<&'static str>,
 }
 
@@ -102,7 +103,7 @@ impl Var {
     }
 }
 
-/// A stage on its way into text.
+/// The state of lowering a stage.
 pub(super) struct Lower<'a, 'u> {
     stage: &'a mut Stage<'u>,
     interface: &'a mut Interface,
@@ -112,52 +113,53 @@ pub(super) struct Lower<'a, 'u> {
     scopes: Vec<HashMap<String, Var>>,
     /// The texture and sampler of each combined sampler, by path.
     pairs: HashMap<String, Pair>,
-    /// Authors' functions whose names naga has.
+    /// User functions with names of naga's.
     renamed: HashMap<String, String>,
-    /// What `main` does first, and last.
+    /// Statements at the start and the end of `main`.
     prologue: Vec<String>,
     epilogue: Vec<String>,
-    /// What it reads there, by the names that are printed: no local of `main` may hide one.
+    /// The names that the epilogue reads. Locals of `main` may not hide them.
     last_read: HashSet<String>,
     in_main: bool,
-    /// A switch's statement is printed behind a jump: what it declares is there in the cases below, without a first value. Only [`Self::local`] asks.
+    /// A switch statement follows a jump: its declarations are visible in later cases, without an
+    /// initial value.
     unreached: bool,
-    /// The author's functions that the function calls which is printed, each by its name and the place of its signature.
+    /// User functions that the current function calls: name and index of the signature.
     calls: Vec<(String, usize)>,
-    /// What the function returns that is printed.
+    /// The current function's result type.
     result: Ty,
-    /// Names for what stands for GLSL's own variables: `gl_FragColor`, `gl_PointSize`.
+    /// Names of the globals that replace `gl_FragColor`, `gl_PointSize` and others.
     standins: BTreeMap<&'static str, String>,
     /// Elements of `gl_FragData` in use.
     targets: BTreeSet<u32>,
-    /// Functions that stand for what naga's front end lacks, by name.
+    /// Helper functions that naga's front end lacks, by name.
     helpers: BTreeMap<String, String>,
-    /// Their names, by those that were wanted.
+    /// The names of helpers by purpose.
     helper_names: HashMap<String, String>,
-    /// Those of them that stand for a gather, with their components.
+    /// The placeholder functions for gathers, with their components.
     gathers: HashMap<String, u32>,
-    /// Declarations of ours at the head of the function that is printed; `None` outside of functions.
+    /// Temporaries of the current function; `None` outside of functions.
     temporaries: Option<Vec<String>>,
-    /// What expressions became ahead of where they stand, by their places.
+    /// Expressions held in temporaries, by position.
     held: HashMap<(u32, u32), expression::Ex>,
-    /// Their places, in the order in which they came.
+    /// Their positions, in order.
     held_keys: Vec<(u32, u32)>,
-    /// What expressions were found to be before they were printed.
+    /// Cached results of [`Self::look`].
     looked: HashMap<(u32, u32), effect::Looked>,
-    /// Literal offsets of samples, each a constant of ours.
+    /// Constants for literal texture offsets.
     offsets: Vec<String>,
-    /// What GLSL's functions are given, where they are called: for errors.
+    /// Calls of built-in functions, for error messages.
     given: Vec<Given>,
     indent: usize,
-    /// Bytes of the statements so far.
+    /// Bytes of statements so far.
     written: usize,
-    /// Names that this stage's text has got.
+    /// Names used in the printed text.
     taken: HashSet<String>,
-    /// How many were made like one that was taken.
+    /// Number of names derived from each name.
     numbered: HashMap<String, usize>,
 }
 
-/// A call of one of GLSL's functions.
+/// A call of a built-in function.
 #[derive(Clone, Debug)]
 pub(super) struct Given {
     pub name: String,
@@ -165,17 +167,17 @@ pub(super) struct Given {
     pub place: Span,
 }
 
-/// What a stage came to.
+/// A lowered stage.
 pub(super) struct Lowered {
-    /// The rewritten text, its marks still in.
+    /// The rewritten text with marks.
     pub text: String,
     pub marks: Marks,
     pub given: Vec<Given>,
-    /// The functions in it that stand for a gather, with their components.
+    /// The placeholder functions for gathers, with their components.
     pub gathers: HashMap<String, u32>,
 }
 
-/// Rewrites a stage.
+/// Lowers a stage.
 pub(super) fn lower(
     stage: &mut Stage<'_>,
     interface: &mut Interface,
@@ -250,7 +252,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// The author's name, or, where naga could not read it as one, the name with an underscore.
+    /// The author's name, with an underscore if naga reserves it.
     fn safe(&mut self, name: &str) -> String {
         match RESERVED.contains(&name) || name.contains("__") {
             true => {
@@ -261,7 +263,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// A name like `wanted` that this stage has not: the other may have it.
+    /// A name like `wanted` that this stage does not use. The other stage may.
     fn fresh(&mut self, wanted: &str) -> String {
         let is_free = |this: &mut Self, name: &String| {
             !this.stage.unit.names.contains(name) && this.taken.insert(name.clone())
@@ -271,7 +273,7 @@ impl Lower<'_, '_> {
             return name;
         }
         let base = wanted.trim_end_matches('_');
-        // Counted, so that the thousandth is found as soon as the first.
+        // Count, so that finding the thousandth name is as fast as the first.
         loop {
             let count = self.numbered.entry(wanted.to_owned()).or_default();
             name = match *count {

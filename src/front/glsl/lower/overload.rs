@@ -1,4 +1,4 @@
-//! Which of several functions of one name is called: GLSL 4.60, section 6.1.
+//! Overload resolution (GLSL 4.60, 6.1).
 
 use naga::Span;
 
@@ -8,7 +8,7 @@ use super::Lower;
 use super::expression::Ex;
 use crate::front::error::{Code, Error};
 
-/// What becomes of an argument, better first where GLSL says which is.
+/// The conversion of an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Conversion {
     Exact,
@@ -16,12 +16,12 @@ pub(super) enum Conversion {
     IntToFloat,
     IntToDouble,
     Other,
-    /// Of a type that only naga knows.
+    /// The type is only known to naga.
     Open,
 }
 
 impl Conversion {
-    /// Whether it is better than another one for the same argument. Of the others GLSL prefers none.
+    /// Whether it is a better match for the same argument. GLSL does not rank the others.
     fn beats(self, other: Self) -> bool {
         use Conversion::{Exact, FloatToDouble, IntToDouble, IntToFloat};
         match (self, other) {
@@ -36,7 +36,7 @@ impl Conversion {
     }
 }
 
-/// Whether the types are one; a length that is left open is any.
+/// Whether the types are equal. An unsized array equals any length.
 pub(super) fn is_same(a: &Ty, b: &Ty) -> bool {
     match (a, b) {
         (Ty::Array(a, n), Ty::Array(b, m)) => {
@@ -46,7 +46,7 @@ pub(super) fn is_same(a: &Ty, b: &Ty) -> bool {
     }
 }
 
-/// How a value of one type becomes one of another without being asked (4.60, 4.1.10).
+/// The implicit conversion between two types (4.60, 4.1.10).
 pub(super) fn conversion(from: &Ty, to: &Ty, implicit: bool) -> Option<Conversion> {
     if is_same(from, to) {
         return Some(Conversion::Exact);
@@ -67,7 +67,7 @@ pub(super) fn conversion(from: &Ty, to: &Ty, implicit: bool) -> Option<Conversio
     }
 }
 
-/// What becomes of each argument, if the function takes them.
+/// The conversion of each argument, if the signature fits.
 fn conversions(signature: &Signature, given: &[&Ty], implicit: bool) -> Option<Vec<Conversion>> {
     if signature.parameters.len() != given.len() {
         return None;
@@ -75,7 +75,7 @@ fn conversions(signature: &Signature, given: &[&Ty], implicit: bool) -> Option<V
     let each = signature.parameters.iter().zip(given);
     each.map(|((storage, to), from)| match storage {
         Storage::Out => conversion(to, from, implicit),
-        // There and back.
+        // In both directions.
         Storage::InOut => conversion(from, to, implicit)
             .filter(|c| matches!(c, Conversion::Exact | Conversion::Open)),
         _ => conversion(from, to, implicit),
@@ -83,17 +83,17 @@ fn conversions(signature: &Signature, given: &[&Ty], implicit: bool) -> Option<V
     .collect()
 }
 
-/// Which function is meant.
+/// The result of overload resolution.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Choice {
     One(usize),
-    /// None takes the arguments.
+    /// No signature fits.
     None,
-    /// None of these is better than the others.
+    /// None of these is best.
     Several(Vec<usize>),
 }
 
-/// The function of these that takes the arguments best.
+/// Finds the signature that fits best.
 pub(super) fn choose(signatures: &[Signature], given: &[&Ty], implicit: bool) -> Choice {
     let fits: Vec<(usize, Vec<Conversion>)> = signatures
         .iter()
@@ -115,7 +115,7 @@ pub(super) fn choose(signatures: &[Signature], given: &[&Ty], implicit: bool) ->
     }
 }
 
-/// A function as its author calls it: `f(float, out vec3)`.
+/// A signature for messages: `f(float, out vec3)`.
 fn shown(name: &str, signature: &Signature) -> String {
     let each = signature.parameters.iter().map(|(storage, ty)| {
         let word = match storage {
@@ -129,12 +129,12 @@ fn shown(name: &str, signature: &Signature) -> String {
 }
 
 impl Lower<'_, '_> {
-    /// Whether values are converted without being asked: GLSL ES does not (3.20, 4.1.10 has it by extension).
+    /// Whether the dialect has implicit conversions. GLSL ES does not (3.20 only by extension).
     pub(super) fn is_implicit(&self) -> bool {
         !self.stage.unit.dialect.es
     }
 
-    /// The place of the signature that is meant.
+    /// The index of the signature that a call means.
     pub(super) fn overload(
         &self,
         name: &str,
@@ -155,7 +155,7 @@ impl Lower<'_, '_> {
         let implicit = self.is_implicit();
         match choose(signatures, &given, implicit) {
             Choice::One(i) => Ok(i),
-            // Of a type that is not known here the first will do: naga chooses by what it is.
+            // With an unknown type, take the first: naga resolves the call.
             Choice::Several(which) if given.contains(&&Ty::Unknown) => Ok(which[0]),
             Choice::Several(which) => Err(Error::new(
                 Code::Parse,
@@ -215,7 +215,7 @@ mod tests {
         ];
         assert_eq!(chosen(three, &["vec4", "vec4"], true), Choice::One(0));
         assert_eq!(chosen(three, &["vec4", "uvec4"], true), Choice::One(1));
-        // What is written is converted on its way out: from float to double rather than from uint.
+        // Out arguments convert in reverse: from float to double rather than from uint.
         assert_eq!(chosen(three, &["vec4", "dvec4"], true), Choice::One(0));
         assert_eq!(chosen(three, &["ivec4", "vec4"], true), Choice::One(0));
         assert_eq!(chosen(three, &["uvec4", "ivec4"], true), Choice::None);

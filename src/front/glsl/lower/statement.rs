@@ -1,4 +1,4 @@
-//! Statements, one a line.
+//! Statements, one per line.
 
 use glsl_lang::ast::{
     self, CaseLabelData, ConditionData, DeclarationData, Expr, ExprData, ForInitStatementData,
@@ -62,7 +62,7 @@ impl Lower<'_, '_> {
                     let around = std::mem::replace(&mut self.unreached, !reached);
                     let text = self.case(statement, unsigned)?;
                     self.unreached = around;
-                    // What is declared here is there in the cases below.
+                    // Declarations are visible in later cases.
                     if reached || matches!(statement.content, StatementData::Declaration(_)) {
                         out += &text;
                     }
@@ -104,7 +104,7 @@ impl Lower<'_, '_> {
         })
     }
 
-    /// An expression that is a statement; of several, each by itself.
+    /// An expression statement. Comma operators become separate statements.
     fn alone(&mut self, e: &Expr, mark: &str) -> Result<String, Error> {
         match &e.content {
             ExprData::Comma(a, b) => Ok(self.alone(a, mark)? + &self.alone(b, mark)?),
@@ -122,7 +122,8 @@ impl Lower<'_, '_> {
         Ok(ex)
     }
 
-    /// Whether the expression is one that can stand in a loop's head: not several statements, which a call that returns nothing may come to.
+    /// Whether it prints as a single expression. Calls without a result may become several
+    /// statements.
     fn is_expression(&mut self, e: &Expr) -> Result<bool, Error> {
         Ok(match &e.content {
             ExprData::Comma(a, b) => self.is_expression(a)? && self.is_expression(b)?,
@@ -147,8 +148,8 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// The statements of a block, in a scope of their own. What stands behind a jump is checked and left out: naga drops the statements there, keeps what they call as values,
-    /// and finds the module invalid for it.
+    /// The statements of a block in a new scope. Unreachable statements are checked and dropped:
+    /// naga drops them but keeps their calls as values, which makes the module invalid.
     pub(super) fn block_of(&mut self, statements: &[Statement]) -> Result<String, Error> {
         self.scopes.push(Default::default());
         let constants = self.stage.constants.clone();
@@ -173,7 +174,7 @@ impl Lower<'_, '_> {
         Ok(out)
     }
 
-    /// What stands in the braces of an `if` or a loop.
+    /// The body of an `if` or a loop.
     fn body(&mut self, statement: &Statement) -> Result<String, Error> {
         match &statement.content {
             StatementData::Compound(c) => self.block_of(&c.statement_list),
@@ -189,7 +190,7 @@ impl Lower<'_, '_> {
                     + &self.body(body)?
                     + &self.line("}")
             }
-            // naga tests at the end of the body, which a `continue` passes over.
+            // naga tests the condition at the end of the body, which `continue` skips.
             IterationStatementData::DoWhile(body, condition) if effect::continues(body) => {
                 let condition = self.asked(condition)?;
                 let first = self.fresh("first");
@@ -209,7 +210,7 @@ impl Lower<'_, '_> {
                 self.scopes.push(Default::default());
                 let constants = self.stage.constants.clone();
                 let mut lead = String::new();
-                // Several variables, or none that naga would take inside: before the loop, in a block.
+                // naga only accepts one variable here. Print several before the loop, in a block.
                 let (before, init) = match &init.content {
                     ForInitStatementData::Expression(None) => (Vec::new(), String::new()),
                     ForInitStatementData::Expression(Some(e)) if !self.is_expression(e)? => {
@@ -247,7 +248,7 @@ impl Lower<'_, '_> {
                     }
                 }
                 match step {
-                    // Statements stand ahead of the body, from the second turn on.
+                    // These statements precede the body from the second iteration on.
                     Some(e) => {
                         let first = self.fresh("first");
                         out += &self.line("{");
@@ -287,7 +288,7 @@ impl Lower<'_, '_> {
         match &condition.content {
             ConditionData::Expr(e) => {
                 let text = self.asked(e)?.text;
-                // naga takes what begins with a type for a declaration.
+                // naga parses anything that begins with a type as a declaration.
                 let bare = unmarked(&text);
                 let word = bare
                     .split(|c: char| !c.is_alphanumeric())
@@ -306,7 +307,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// Local variables, each declared by itself.
+    /// Local variables, one declaration each.
     pub(super) fn declared(
         &mut self,
         declaration: &ast::Declaration,
@@ -366,7 +367,7 @@ impl Lower<'_, '_> {
             let message = format!("the constant `{author}` has no value");
             return Err(Error::new(Code::Parse, message).label_if(place));
         }
-        // Nothing comes by to give it; a constant needs none to.
+        // Unreachable initialisers never run; constants need theirs.
         let given = init.filter(|_| constant || !self.unreached);
         let value = match given {
             Some(init) => Some(self.initial(init, &ty)?),
@@ -392,7 +393,7 @@ impl Lower<'_, '_> {
     }
 }
 
-/// Whether nothing behind the statement is reached, in its block or its case.
+/// Whether the statements after it are unreachable.
 fn leaves(statement: &Statement) -> bool {
     match &statement.content {
         StatementData::Jump(_) => true,

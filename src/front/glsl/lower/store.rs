@@ -1,5 +1,5 @@
-//! What lies in a block otherwise than it is computed with, read and written: padded arrays, `bool`s, matrices by rows, structs with any of these. And targets that naga cannot write to at
-//! once, written component by component.
+//! Reads and writes values whose stored type differs: padded arrays, `bool`s, row-major matrices,
+//! and structs of these. Also writes targets by component where naga cannot assign to them.
 
 use glsl_lang::ast::{BinaryOpData, Expr, ExprData};
 use naga::Span;
@@ -12,7 +12,7 @@ use super::effect::after;
 use super::expression::{Ex, element, level, splat};
 use crate::front::error::{Code, Error};
 
-/// Whether reading it once more reads nothing that was written in between: a name, or a number.
+/// Whether it is a name or a number, so that reading it twice is safe.
 fn is_name(text: &str) -> bool {
     unmarked(text)
         .chars()
@@ -37,7 +37,7 @@ fn compound(word: &str) -> Option<BinaryOpData> {
 }
 
 impl Lower<'_, '_> {
-    /// The type that something of type `ty` is declared with where it lies so, before it is padded.
+    /// The declared type in this layout, without padding.
     pub(super) fn shape(&mut self, ty: &Ty, lay: Lay) -> Ty {
         self.make_twins(ty, lay);
         self.shaped(ty, lay)
@@ -60,12 +60,12 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// The type as it is declared.
+    /// The declared type in this layout.
     fn stored_as(&self, ty: &Ty, lay: Lay) -> Ty {
         lay.stored(&self.shaped(ty, lay))
     }
 
-    /// A struct's name, and whether another stands for it where it lies so: by rows, and by std430.
+    /// A struct's name, and whether its copy is row-major and std430.
     fn twin_key(&self, name: &str, lay: Lay) -> (String, bool, bool) {
         let structs = &self.stage.structs;
         let ty = Ty::Struct(name.to_owned());
@@ -74,7 +74,7 @@ impl Lower<'_, '_> {
         (name.to_owned(), rows, tight)
     }
 
-    /// Declares the structs of the type as a block has them; both stages by the same names.
+    /// Declares the struct copies of a block, with the same names in both stages.
     fn make_twins(&mut self, ty: &Ty, lay: Lay) {
         let Ty::Struct(name) = ty.innermost() else {
             return;
@@ -114,7 +114,7 @@ impl Lower<'_, '_> {
         });
     }
 
-    /// A value: what lies in a block otherwise is taken out of it.
+    /// Converts an expression from its stored type to a value.
     pub(super) fn value(&self, ex: Ex) -> Ex {
         if !self.stage.structs.lies_otherwise(&ex.ty, ex.lay) {
             return Ex {
@@ -131,7 +131,7 @@ impl Lower<'_, '_> {
             Ty::Matrix(..) => {
                 let turned = ex.lay.turned(&ex.ty);
                 let inner = match ex.lay.stored(&turned) {
-                    // Declared as an array of its columns.
+                    // Declared as an array of columns.
                     Ty::Array(_, Some(columns)) => {
                         let ending = if ex.lay.is_padded() { ".xy" } else { "" };
                         let columns: Vec<String> = (0..columns)
@@ -176,7 +176,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// What a struct is constructed of: `part` of each member, and zeros between them.
+    /// A struct constructor: `part` for each member, zeros for padding.
     fn members_of(
         &self,
         name: &str,
@@ -196,7 +196,8 @@ impl Lower<'_, '_> {
             .collect()
     }
 
-    /// A value of type `ty` as it lies in a block where nothing is turned or told apart; `None` where no expression makes it. The value is written more than once.
+    /// Converts a value to its stored type in an expression that repeats the value. `None` where no
+    /// expression can, for struct copies and row-major matrices.
     pub(super) fn packed(&self, value: &Ex, ty: &Ty, lay: Lay) -> Option<String> {
         if !self.stage.structs.lies_otherwise(ty, lay) {
             return Some(value.at(level::ASSIGNMENT));
@@ -265,12 +266,12 @@ impl Lower<'_, '_> {
         })
     }
 
-    /// Whether naga writes to it at once, by the operator that the author has.
+    /// Whether naga can assign to it with the author's operator.
     pub(super) fn is_plain(&self, target: &Ex) -> bool {
         target.parts.is_none() && !self.stage.structs.lies_otherwise(&target.ty, target.lay)
     }
 
-    /// What stores `value`, of the target's type, where that is not plain; it is written more than once.
+    /// Assigns `value` to a target by parts. Repeats the value.
     pub(super) fn stores(
         &mut self,
         target: &Ex,
@@ -310,7 +311,8 @@ impl Lower<'_, '_> {
         Ok(first.into_iter().chain([store]).collect())
     }
 
-    /// Stores member by member, element by element: naga has the struct of a storage block for another than the one that its constructor makes.
+    /// Assigns by member and element: for naga, a storage block's struct and its constructor's type
+    /// differ.
     fn stores_apart(
         &mut self,
         target: &Ex,
@@ -352,7 +354,7 @@ impl Lower<'_, '_> {
         Ok(all)
     }
 
-    /// Refuses to write to what is not there to be written.
+    /// Rejects targets that cannot be assigned to.
     pub(super) fn check_written(&self, target: &Expr) -> Result<(), Error> {
         let (name, fixed) = match &target.content {
             ExprData::Variable(name) => {
@@ -394,14 +396,14 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// A variable of ours with the value, and what gives it that.
+    /// Holds a value in a temporary, and returns the assignment.
     fn hold(&mut self, value: &Ex, place: Option<Span>) -> Result<(Option<String>, Ex), Error> {
         let name = self.needed(&value.ty, place)?;
         let first = format!("{name} = {}", value.at(level::ASSIGNMENT));
         Ok((Some(first), Ex::primary(name, value.ty.clone())))
     }
 
-    /// A variable of ours, without which there is no way.
+    /// A temporary; an error if none can be declared here.
     pub(super) fn needed(&mut self, ty: &Ty, place: Option<Span>) -> Result<String, Error> {
         self.temporary(ty).ok_or_else(|| {
             unsupported("this cannot stand outside of a function", place)
@@ -409,11 +411,11 @@ impl Lower<'_, '_> {
         })
     }
 
-    /// `to = from`, `to += from` and the others.
+    /// `to = from`, `to += from` and so on.
     pub(super) fn assignment(&mut self, to: &Expr, word: &str, from: &Expr) -> Result<Ex, Error> {
         let place = self.place(to.span);
         self.check_written(to)?;
-        // naga reads by one evaluation of the target and writes by another.
+        // naga reads and writes the target by separate evaluations.
         let once = word == "=" && (!self.has_effect(to) || self.look(to)?.is_plain);
         let mut all = match once {
             true => Vec::new(),
@@ -517,7 +519,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// Components of a vector: `v.xy`.
+    /// A swizzle: `v.xy`.
     pub(super) fn components_of(
         &self,
         base: Ex,
@@ -550,7 +552,7 @@ impl Lower<'_, '_> {
             None => format!("{text}[{number}]"),
         };
         let mut ex = match (&numbers[..], &of.content) {
-            // naga writes to no component of a matrix's column but by its number.
+            // naga assigns to a component of a column only by index.
             ([number], ExprData::Bracket(..)) => Ex::new(part(number), ty, level::POSTFIX),
             ([number], _) if base.parts.is_some() => Ex::new(part(number), ty, level::POSTFIX),
             _ => Ex::new(format!("{text}.{name}"), ty, level::POSTFIX),
@@ -563,12 +565,12 @@ impl Lower<'_, '_> {
     }
 }
 
-/// The four components that the two lie in which are read.
+/// The four-component vector of which `text` reads two.
 fn of_four(text: &str) -> &str {
     text.strip_suffix(".xy").unwrap_or(text)
 }
 
-/// The numbers of the components that `name` names, all of one set of names; `None` where a vector of `size` has no such.
+/// The component indices of a swizzle; `None` if it is invalid for a vector of `size`.
 fn numbers(name: &str, size: u8) -> Option<Vec<usize>> {
     let sets = ["xyzw", "rgba", "stpq"];
     let of = |set: &&str| -> Option<Vec<usize>> { name.chars().map(|c| set.find(c)).collect() };

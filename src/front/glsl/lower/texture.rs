@@ -1,4 +1,4 @@
-//! GLSL's functions of textures, whatever they are called in the dialect.
+//! Texture functions of all GLSL versions.
 
 use glsl_lang::ast::Expr;
 
@@ -12,16 +12,16 @@ use super::effect::after;
 use super::expression::{Ex, level};
 use crate::front::error::Error;
 
-/// What a function of textures does.
+/// A texture function.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Function {
-    /// What it is called in GLSL 4.50.
+    /// Its name in GLSL 4.50.
     pub name: String,
-    /// It compares, and returns a vector: `shadow2D`.
+    /// A comparison that returns a vector: `shadow2D`.
     pub compares_to_vector: bool,
 }
 
-/// The function of that name, of any version.
+/// The function of that name in any version.
 pub(super) fn function(name: &str) -> Option<Function> {
     let is = |name: &str| Function {
         name: name.to_owned(),
@@ -78,12 +78,12 @@ pub(super) fn function(name: &str) -> Option<Function> {
     };
     Some(Function {
         name: what.to_owned(),
-        // With `EXT`, from GLSL ES 1.00, it returns a float.
+        // The `EXT` version of GLSL ES 1.00 returns a float.
         compares_to_vector: shape.starts_with("shadow") && !name.ends_with("EXT"),
     })
 }
 
-/// Coordinates of a shape, without layers.
+/// Number of coordinates without the layer.
 fn coordinates(combined: &str) -> u8 {
     match combined {
         c if c.contains("1D") => 1,
@@ -105,7 +105,7 @@ impl Lower<'_, '_> {
         let place = self.place(whole.span);
         let combined = match &sampler.ty {
             Ty::Combined(name) => name.clone(),
-            // A texture by itself: a fetch, or its size.
+            // A separate texture, for a fetch or its size.
             Ty::Opaque(name) => name.clone(),
             other => {
                 return Err(unsupported(
@@ -154,7 +154,7 @@ impl Lower<'_, '_> {
             .collect();
         let mut name = function.name.clone();
         let mut first = Vec::new();
-        // GLSL rounds a layer to the nearest (4.60, 8.9), naga cuts it off.
+        // GLSL rounds a layer to the nearest (4.60, 8.9), naga truncates it.
         if layers == 1
             && !fetches
             && let Some(p) = rest.first_mut()
@@ -169,7 +169,7 @@ impl Lower<'_, '_> {
                 *p = Ex::new(text, p.ty.clone(), 12);
             }
         }
-        // naga's GLSL writer finds no literal that it did not name.
+        // naga's GLSL writer requires named literals.
         if name.ends_with("Offset") && name.starts_with("texture") {
             let constants = &self.stage.constants;
             let known: Vec<_> = arguments
@@ -238,7 +238,7 @@ impl Lower<'_, '_> {
             "textureProj" | "textureProjLod" | "textureProjGrad" | "textureProjOffset"
                 if shadow =>
             {
-                // naga's projects no comparison: three coordinates, over the fourth.
+                // naga does not project comparisons. Divide three coordinates by the fourth.
                 if let Some(p) = rest.first_mut() {
                     let (before, held) = self.once(p);
                     first.extend(before);
@@ -254,7 +254,8 @@ impl Lower<'_, '_> {
             }
             _ => {}
         }
-        // Where there are no derivatives, GLSL samples the base level; a bias is then the level (4.60, section 8.9).
+        // Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60,
+        // 8.9).
         let implicit = name.starts_with("texture")
             && !["Size", "Lod", "Grad", "Query", "Samples"]
                 .iter()
@@ -284,7 +285,7 @@ impl Lower<'_, '_> {
         let mut ex = match &sampler.choice {
             None => Ex::primary(call(None), result.clone()),
             Some((index, pairs)) => {
-                // The index is the same for all that run together, by GLSL's own rule: so is the way taken here.
+                // GLSL requires a dynamically uniform index, so this control flow is uniform.
                 let (before, index) = self.once(index);
                 let bare = unmarked(&index.text);
                 if before.is_none() && (bare.contains(['(', '=']) || bare.contains("++")) {
@@ -313,7 +314,8 @@ impl Lower<'_, '_> {
         Ok(after(first, ex))
     }
 
-    /// `textureGather`, which naga's front end lacks: a function that samples, whose body the module gets a gather for.
+    /// `textureGather`, which naga's front end lacks: calls a placeholder function whose body is
+    /// replaced later.
     fn gathered(
         &mut self,
         combined: &str,

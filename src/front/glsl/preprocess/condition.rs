@@ -1,29 +1,29 @@
-//! What `#if` and `#elif` ask: expressions of integers (GLSL 4.60, section 3.3; ES 3.20, 3.4).
+//! Evaluates `#if` and `#elif` (GLSL 4.60, 3.3; ES 3.20, 3.4).
 
-/// A word of a condition.
+/// A token of a condition.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Word {
     Number(i64),
-    /// A name that no macro has; where it stands among the words.
+    /// An undefined name, with its index.
     Undefined(usize),
     Operator(String),
 }
 
-/// Why a condition is none.
+/// An invalid condition.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Wrong {
-    /// It ends too early, or a word stands where none may.
+    /// A missing or misplaced token, with its index.
     Malformed(Option<usize>),
-    /// A name that is not defined, where that is not 0.
+    /// An undefined name where that is an error.
     Undefined(usize),
     DivisionByZero,
     TooDeep,
 }
 
-/// Most brackets and signs within one another.
+/// Maximum nesting of brackets and signs.
 const DEPTH: usize = 200;
 
-/// The value of the words. `strict`: a name that is not defined is no 0, as in GLSL ES.
+/// Evaluates a condition. `strict`: an undefined name is an error, as in GLSL ES.
 pub(super) fn evaluate(words: &[Word], strict: bool) -> Result<i64, Wrong> {
     let mut parser = Parser {
         words,
@@ -45,7 +45,7 @@ struct Parser<'a> {
     depth: usize,
 }
 
-/// How tightly an operator binds.
+/// Operator precedence.
 fn power(operator: &str) -> Option<u8> {
     Some(match operator {
         "||" => 1,
@@ -63,7 +63,7 @@ fn power(operator: &str) -> Option<u8> {
 }
 
 impl Parser<'_> {
-    /// `live`: what is read decides. The second side of `&&` and `||` need not.
+    /// `live` is false for the unused side of `&&` and `||`.
     fn binary(&mut self, least: u8, live: bool) -> Result<i64, Wrong> {
         self.depth += 1;
         if self.depth > DEPTH {
@@ -147,7 +147,7 @@ impl Parser<'_> {
     }
 }
 
-/// An integer as it is written: decimal, octal or hexadecimal, with an `u` or without.
+/// Parses a decimal, octal or hexadecimal integer with an optional `u`.
 pub(super) fn integer(text: &str) -> Option<i64> {
     let digits = text.strip_suffix(['u', 'U']).unwrap_or(text);
     let parsed = match digits.strip_prefix("0x").or(digits.strip_prefix("0X")) {
@@ -206,7 +206,6 @@ mod tests {
     fn a_name_that_is_not_defined_is_0_on_the_desktop_alone() {
         assert_eq!(evaluate(&words("A == 0"), false), Ok(1));
         assert_eq!(evaluate(&words("A == 0"), true), Err(Wrong::Undefined(0)));
-        // What does not decide is not asked.
         assert_eq!(evaluate(&words("0 && A"), true), Ok(0));
         assert_eq!(evaluate(&words("1 || A > 2"), true), Ok(1));
         assert_eq!(evaluate(&words("1 && A"), true), Err(Wrong::Undefined(2)));

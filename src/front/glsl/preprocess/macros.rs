@@ -1,26 +1,27 @@
-//! Macros: what they are defined as, and what a call of one comes to. As in C (C11 6.10.3), which GLSL 4.60 section 3.3 follows: an argument is expanded before it is put in, what
-//! comes of a call is looked at again together with what stands behind it, and no macro is expanded within its own expansion (by the sets of D. Prosser's algorithm).
+//! Expands macros as in C (C11 6.10.3; GLSL 4.60, 3.3). Arguments are expanded before substitution,
+//! and the result is scanned again together with the following text. No macro expands within itself
+//! (D. Prosser's hide sets).
 
 use std::rc::Rc;
 
 use super::tokens::{Kind, Token};
 use super::{Preprocessor, Stop};
 
-/// What a name stands for.
+/// A macro definition.
 #[derive(Clone, Debug)]
 pub(super) struct Macro {
-    /// `None` for one that is not called.
+    /// `None` for an object-like macro.
     pub parameters: Option<Vec<u32>>,
     pub body: Vec<Token>,
-    /// The implementation's own: `GL_ES`.
+    /// Predefined: `GL_ES`.
     pub is_own: bool,
 }
 
-/// Where tokens come from.
+/// The source of tokens.
 pub(super) enum Input {
     /// The files.
     Files,
-    /// A list, its first token last.
+    /// A list, in reverse order.
     List(Vec<Token>),
 }
 
@@ -31,16 +32,16 @@ impl Input {
     }
 }
 
-/// Most calls within arguments of others.
+/// Maximum nesting of calls in arguments.
 const DEPTH: usize = 100;
 
-/// Most macros that one token comes through.
+/// Maximum size of a hide set.
 const HIDDEN: usize = 256;
-/// How many names are compared in the time of one token.
+/// Hide-set comparisons that cost as much as one token.
 const SHARE: usize = 64;
 
 impl Preprocessor<'_> {
-    /// The names that are not expanded within the expansion of `name`: those sets are copied, and may not grow without bound.
+    /// Adds `name` to a hide set. Sets are copied, so their size is limited.
     fn with(
         &self,
         hidden: Option<&Rc<[u32]>>,
@@ -74,7 +75,7 @@ impl Preprocessor<'_> {
         Ok(())
     }
 
-    /// All of a list, expanded.
+    /// Expands a whole list.
     pub(super) fn expanded(
         &mut self,
         tokens: Vec<Token>,
@@ -91,7 +92,7 @@ impl Preprocessor<'_> {
         Ok(out)
     }
 
-    /// The token, or, where it calls a macro, `None`: what comes of the call is what `input` gives next.
+    /// Returns the token, or `None` after replacing a macro call by its expansion in `input`.
     pub(super) fn expand(
         &mut self,
         mut token: Token,
@@ -182,7 +183,7 @@ impl Preprocessor<'_> {
         Ok(None)
     }
 
-    /// Where a call ends that stands in one piece of text; else where its name does.
+    /// The end of a call, if it is in one file; else the end of its name.
     fn end_of_call(&self, name: &Token, close: &Token) -> u32 {
         let in_one_file = self.file_at(name.start) == self.file_at(close.start);
         match in_one_file && close.end > name.start && close.end - name.start < 1 << 16 {
@@ -191,7 +192,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// The macro's body with arguments in the place of parameters, and tokens pasted.
+    /// Substitutes arguments in the macro's body and pastes tokens.
     fn substituted(
         &mut self,
         of: &Macro,
@@ -211,7 +212,7 @@ impl Preprocessor<'_> {
         };
         let mut full: Vec<Option<Vec<Token>>> = vec![None; arguments.len()];
         let mut out: Vec<Token> = Vec::with_capacity(of.body.len());
-        // Whether what comes next is pasted to what there is, and whether that is anything.
+        // Whether the next token is pasted, and whether there is a token to paste it to.
         let mut pasting = false;
         let mut left_is_empty = true;
         for (i, token) in of.body.iter().enumerate() {

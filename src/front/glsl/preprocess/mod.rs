@@ -1,9 +1,10 @@
-//! The preprocessor: directives, included files, and macros (GLSL 4.60, section 3.3; ES 3.20, 3.4).
+//! The preprocessor: directives, includes and macros (GLSL 4.60, 3.3; ES 3.20, 3.4).
 //!
-//! `tokens` takes the text apart, `condition` answers `#if`, `macros` expands. What comes of it is a text without directives, but for `#version` and `#extension`, that the parser's lexer
-//! reads; each of its tokens knows its place in the author's: of what a macro comes to, the place of the call, of a call's argument its own.
+//! `tokens` splits the text, `condition` evaluates `#if`, `macros` expands. The result only has
+//! `#version` and `#extension` directives. Each token keeps its source span: a macro's result has
+//! the span of the call, an argument its own.
 //!
-//! Of nothing that a text asks for is more done than [`WORK`] says: each token that is read, skipped or made is counted.
+//! [`WORK`] limits the tokens that are read, skipped or made.
 
 mod condition;
 mod macros;
@@ -23,49 +24,49 @@ use super::include::Files;
 use super::syntax::Dialect;
 use crate::front::error::{Code, Error};
 
-/// Most tokens that are read, skipped or made.
+/// Maximum tokens read, skipped or made.
 const WORK: usize = 1 << 24;
 
-/// Most times that files are included, one within another and one after another.
+/// Maximum number of includes in total.
 const INCLUDES: usize = 10_000;
 
-/// Most files open at once.
+/// Maximum nesting of includes.
 const OPEN: usize = 200;
 
 type Stop = Error;
 
-/// What is to be preprocessed.
+/// A text to preprocess.
 pub(super) struct Task<'a> {
     pub text: &'a str,
     pub stage: ShaderStage,
-    /// The folder that what it includes is beside.
+    /// The folder for relative includes.
     pub folder: &'a Path,
-    /// Where it begins in the source map.
+    /// Offset in the source map.
     pub base: u32,
     pub dialect: Dialect,
     pub defines: &'a [(String, String)],
-    /// The version to say in its `#version`.
+    /// The version to print in `#version`.
     pub said_version: u16,
-    /// The text is known to be for Vulkan.
+    /// The text is for Vulkan.
     pub vulkan: bool,
 }
 
-/// A text without directives.
+/// A preprocessed text.
 #[derive(Debug, Default)]
 pub(super) struct Preprocessed {
     pub text: String,
-    /// Where each token begins in it, and its place.
+    /// Offset and source span of each token.
     places: Vec<(u32, Span)>,
     /// `#pragma STDGL invariant(all)`.
     pub invariant_all: bool,
-    /// It has more in it than the text that was given: what macros come to, or other files.
+    /// The result contains macro expansions or other files.
     pub is_more: bool,
-    /// It asks whether it is for Vulkan, and was told that it is not.
+    /// The text tested for Vulkan, and the answer was no.
     pub asks_for_vulkan: bool,
 }
 
 impl Preprocessed {
-    /// The author's place of a token that begins there.
+    /// The source span of the token at an offset.
     pub(super) fn place(&self, at: u32) -> Span {
         let next = self.places.partition_point(|(begin, _)| *begin <= at);
         let token = next.checked_sub(1).and_then(|i| self.places.get(i));
@@ -73,28 +74,28 @@ impl Preprocessed {
     }
 }
 
-/// A file whose tokens are read.
+/// A file being read.
 struct Reading {
     tokens: Rc<Vec<Token>>,
     at: usize,
     folder: PathBuf,
-    /// Where it was found; `None` for the first.
+    /// Its path; `None` for the first.
     found: Option<PathBuf>,
 }
 
-/// An `#if` that is open.
+/// An open `#if`.
 struct Open {
-    /// The lines are read.
+    /// The current group is active.
     active: bool,
-    /// One of its groups was.
+    /// One of its groups was active.
     taken: bool,
-    /// Those around it are.
+    /// The enclosing groups are active.
     outside: bool,
     seen_else: bool,
     place: Span,
 }
 
-/// The state of preprocessing one stage.
+/// The preprocessor of one stage.
 struct Preprocessor<'a> {
     files: &'a Files,
     map: &'a mut SourceMap,
@@ -108,20 +109,20 @@ struct Preprocessor<'a> {
     /// `__LINE__`, `__FILE__` and `__VERSION__`.
     computed: [u32; 3],
     macros: HashMap<u32, Rc<Macro>>,
-    /// What is read before the files, its first token last.
+    /// Tokens to read before the files, in reverse order.
     pending: Vec<Token>,
     open: Vec<Reading>,
     conditions: Vec<Open>,
-    /// What is read belongs to the other stage, since a `#pragma stage` line.
+    /// A `#pragma stage` selected the other stage.
     elsewhere: bool,
-    /// Files by where they were found.
+    /// Files by path.
     known: HashMap<PathBuf, (String, Rc<Vec<Token>>)>,
     included: usize,
     done: usize,
     out: Preprocessed,
 }
 
-/// Preprocesses a stage. Included files are added to `map`.
+/// Preprocesses a stage. Adds included files to `map`.
 pub(super) fn preprocess(
     input: &Task<'_>,
     files: &Files,
@@ -172,7 +173,7 @@ fn unclosed(place: Span) -> Error {
     Error::new(Code::Parse, "this comment is not closed").label(place, "")
 }
 
-/// Extensions that are part of what is read, for `#ifdef`.
+/// Extensions that are defined for `#ifdef`.
 const EXTENSIONS: [&str; 5] = [
     "GL_OES_standard_derivatives",
     "GL_EXT_shader_texture_lod",
@@ -182,7 +183,7 @@ const EXTENSIONS: [&str; 5] = [
 ];
 
 impl Preprocessor<'_> {
-    /// What is defined before the first line.
+    /// Defines the predefined macros.
     fn predefine(&mut self, defines: &[(String, String)]) -> Result<(), Stop> {
         let Dialect { version, es } = self.dialect;
         let mut own = EXTENSIONS.to_vec();
@@ -191,7 +192,7 @@ impl Preprocessor<'_> {
             false if version >= 150 => own.push("GL_core_profile"),
             false => {}
         }
-        // GL_KHR_vulkan_glsl; an author may define it all the same.
+        // GL_KHR_vulkan_glsl. An author may still define it.
         let vulkan = self.vulkan.then_some(("VULKAN", "100", false));
         let all = own.into_iter().map(|name| (name, "1", true)).chain(vulkan);
         let given = defines.iter().map(|(n, v)| (n.as_str(), v.as_str(), false));
@@ -232,7 +233,7 @@ impl Preprocessor<'_> {
         .note("write functions in their place")
     }
 
-    /// Counts what is done.
+    /// Counts work against [`WORK`].
     fn work(&mut self, tokens: usize) -> Result<(), Stop> {
         self.done += tokens;
         match self.done > WORK {
@@ -249,12 +250,12 @@ impl Preprocessor<'_> {
         &*self.names.text(token.name) == text
     }
 
-    /// The name of the file that lies there.
+    /// The number of the file at an offset.
     fn file_at(&self, at: u32) -> Option<u32> {
         self.map.file_of(Span::new(at, at)).map(|f| f.base)
     }
 
-    /// The value of `__LINE__` and its like.
+    /// The value of `__LINE__` and the other computed macros.
     fn own_value(&self, token: &Token) -> Option<String> {
         match self.computed.iter().position(|n| *n == token.name)? {
             0 => {
@@ -270,7 +271,7 @@ impl Preprocessor<'_> {
         self.conditions.last().is_none_or(|c| c.active)
     }
 
-    /// The next token that is no directive's and not left out.
+    /// The next token outside of directives and inactive groups.
     fn next_token(&mut self) -> Result<Option<Token>, Stop> {
         loop {
             if let Some(token) = self.pending.pop() {
@@ -358,7 +359,7 @@ impl Preprocessor<'_> {
                         open.seen_else = true;
                         true
                     }
-                    // Behind a group that was read it is not asked.
+                    // After an active group the condition is not evaluated.
                     _ if !open.outside || open.taken => false,
                     _ => self.condition(rest, place)?,
                 };
@@ -402,14 +403,14 @@ impl Preprocessor<'_> {
                 let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
                 self.out.invariant_all |= words.concat().contains("STDGLinvariant(all)");
             }
-            // They change no token here.
+            // These do not affect tokens.
             "extension" | "line" => {}
             _ => return Err(self.stop(format!("unknown directive `#{word}`"), place)),
         }
         Ok(())
     }
 
-    /// A directive that the lexer reads.
+    /// Prints a directive for the lexer.
     fn own_line(&mut self, text: &str, place: (u32, u32)) {
         if !self.out.text.is_empty() && !self.out.text.ends_with('\n') {
             self.out.text.push('\n');
@@ -501,7 +502,7 @@ impl Preprocessor<'_> {
         Ok(())
     }
 
-    /// What `defined` comes to.
+    /// The result of `defined`.
     fn answer(&mut self, asked: Token, name: u32) -> Token {
         let value = u8::from(self.is_defined(name)).to_string();
         Token {
@@ -512,7 +513,7 @@ impl Preprocessor<'_> {
     }
 
     fn condition(&mut self, line: Vec<Token>, place: (u32, u32)) -> Result<bool, Stop> {
-        // What `defined` asks of is not expanded.
+        // The operand of `defined` is not expanded.
         let mut ready = Vec::new();
         let mut rest = line.into_iter().peekable();
         while let Some(token) = rest.next() {
@@ -531,7 +532,8 @@ impl Preprocessor<'_> {
         let mut input = Input::list(ready);
         let mut expanded = Vec::new();
         while let Some(token) = self.next(&mut input)? {
-            // What a macro brought asks too: C leaves that open (C11 6.10.1), and compilers do it.
+            // Macros may produce `defined`. C leaves that undefined (C11 6.10.1), and compilers
+            // accept it.
             if self.is(&token, "defined") {
                 let mut name = self.next(&mut input)?;
                 let bracket = name.as_ref().is_some_and(|t| self.is(t, "("));
@@ -597,7 +599,7 @@ impl Preprocessor<'_> {
         let name = match (&texts[..], angled) {
             ([first, ..], false) => first.trim_matches('"').to_owned(),
             ([_, rest @ ..], _) => {
-                // As it is written, spaces and all.
+                // As written, with spaces.
                 let closed = rest.iter().position(|t| &**t == ">" || t.ends_with('>'));
                 let Some(closed) = closed else {
                     return Err(self.stop("the name of this `#include` is not closed", place));
@@ -652,7 +654,7 @@ impl Preprocessor<'_> {
             }
         };
         if self.open.len() > OPEN {
-            // The one that comes round.
+            // The file that includes itself.
             let twice = |i: &usize| {
                 let rest = self.open.get(i + 1..).unwrap_or_default();
                 rest.iter().any(|r| r.found == self.open[*i].found)
@@ -675,7 +677,7 @@ impl Preprocessor<'_> {
         Ok(())
     }
 
-    /// The tokens of a file, which the source map gets.
+    /// Tokenises a file and adds it to the source map.
     fn read(&mut self, asked: &Path, found: &Path, text: String) -> Result<Rc<Vec<Token>>, Stop> {
         let own = super::stage_of(&text, self.stage);
         let name = self.files.shown(asked, found);

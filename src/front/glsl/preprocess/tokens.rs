@@ -1,34 +1,35 @@
-//! A text as preprocessing tokens: comments are taken for spaces and continued lines joined (GLSL 4.60, sections 3.1 and 3.2).
+//! Splits text into preprocessing tokens. Comments become spaces and continued lines are joined
+//! (GLSL 4.60, 3.1 and 3.2).
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum Kind {
     Word,
-    /// Anything that begins as a number does.
+    /// Anything that begins like a number.
     Number,
-    /// In double quotes, which it has with it.
+    /// A string with its quotes.
     Quoted,
     Other,
     /// The end of a line.
     Line,
 }
 
-/// A token, and where it is from.
+/// A token with its source.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Token {
     pub kind: Kind,
-    /// Its text, as a number of [`Names`].
+    /// Its text, as an index into [`Names`].
     pub name: u32,
-    /// Bytes of the source map.
+    /// Bytes in the source map.
     pub start: u32,
     pub end: u32,
-    /// Nothing but spaces stands before it on its line.
+    /// The first token of its line.
     pub begins_line: bool,
-    /// Macros that it is not expanded by: those it comes from.
+    /// The hide set: macros that may not expand it.
     pub hidden: Option<Rc<[u32]>>,
 }
 
@@ -38,7 +39,7 @@ impl Token {
     }
 }
 
-/// Texts of tokens by number.
+/// Token texts by index.
 #[derive(Debug, Default)]
 pub(in super::super) struct Names {
     numbers: HashMap<Rc<str>, u32>,
@@ -63,10 +64,10 @@ impl Names {
     }
 }
 
-/// A text whose continued lines are joined.
+/// A text with joined lines.
 pub(super) struct Joined<'a> {
     pub text: Cow<'a, str>,
-    /// Where something was taken out: the place in the new text, and how much up to there.
+    /// Removed bytes: the position in the new text, and the total up to there.
     cuts: Vec<(usize, usize)>,
 }
 
@@ -104,7 +105,7 @@ impl<'a> Joined<'a> {
         }
     }
 
-    /// The place in the text as it was.
+    /// The position in the original text.
     fn back(&self, at: usize) -> usize {
         let next = self.cuts.partition_point(|(new, _)| *new <= at);
         let taken = next.checked_sub(1).and_then(|i| self.cuts.get(i));
@@ -112,13 +113,13 @@ impl<'a> Joined<'a> {
     }
 }
 
-/// Operators of more than one character, the longest first.
+/// Operators of several characters, longest first.
 const OPERATORS: [&str; 24] = [
     "<<=", ">>=", "<<", ">>", "<=", ">=", "==", "!=", "&&", "||", "^^", "++", "--", "+=", "-=",
     "*=", "/=", "%=", "&=", "|=", "^=", "##", "::", "->",
 ];
 
-/// The tokens, each line's with its end behind them; `Err`: where a comment begins that is not closed.
+/// Splits a text. `Err`: the position of an unclosed comment.
 pub(super) fn tokens(joined: &Joined<'_>, base: u32, names: &mut Names) -> Result<Vec<Token>, u32> {
     let text: &str = &joined.text;
     let bytes = text.as_bytes();
@@ -186,7 +187,7 @@ pub(super) fn tokens(joined: &Joined<'_>, base: u32, names: &mut Names) -> Resul
     Ok(out)
 }
 
-/// How long the number is that a text begins with: digits, letters and points, and signs behind an exponent's letter.
+/// The length of the number at the start of `text`: digits, letters, points, and exponent signs.
 fn number(text: &str) -> usize {
     let is_hex = text.starts_with("0x") || text.starts_with("0X");
     let mut before = 0;
@@ -217,7 +218,6 @@ mod tests {
             "\n",
         ];
         assert_eq!(texts, expected);
-        // Of the author's text, the backslash in it.
         assert_eq!((all[1].start, all[1].end), (101, 109));
         let a = text.find('A').unwrap() as u32;
         assert_eq!(all[2].start, 100 + a);

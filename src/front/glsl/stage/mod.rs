@@ -1,4 +1,4 @@
-//! What one stage declares outside of its functions, sorted by what becomes of it.
+//! Collects the global declarations of one stage.
 
 use std::collections::{HashMap, HashSet};
 
@@ -20,19 +20,19 @@ pub(super) use types::spelled;
 
 use types::APART;
 
-/// A variable of the stage's interface, or a loose uniform.
+/// An input, an output or a loose uniform.
 #[derive(Clone, Debug)]
 pub(super) struct Variable {
     pub name: String,
     pub ty: Ty,
     pub qualifiers: Qualifiers,
     pub place: Option<Span>,
-    /// The interface block it is a member of, and the block's instance.
+    /// The interface block it is in, and the block's instance name.
     pub block: Option<(String, Option<String>)>,
 }
 
 impl Variable {
-    /// What the two stages agree on.
+    /// The name by which both stages match it.
     pub(super) fn key(&self) -> String {
         match &self.block {
             Some((block, _)) => format!("{block}.{}", self.name),
@@ -40,7 +40,7 @@ impl Variable {
         }
     }
 
-    /// What it is called in the rewritten text.
+    /// Its name in the rewritten text.
     pub(super) fn emitted(&self) -> String {
         match &self.block {
             Some((_, Some(instance))) => format!("{instance}_{}", self.name),
@@ -49,7 +49,7 @@ impl Variable {
     }
 }
 
-/// An initial value that is one expression.
+/// The expression of an initialiser that is not a list.
 pub(super) fn simple(init: &ast::Initializer) -> Option<&ast::Expr> {
     match &init.content {
         ast::InitializerData::Simple(e) => Some(e),
@@ -57,7 +57,7 @@ pub(super) fn simple(init: &ast::Initializer) -> Option<&ast::Expr> {
     }
 }
 
-/// A uniform or storage block, or one of push constants.
+/// A uniform, storage or push-constant block.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
     pub name: String,
@@ -68,7 +68,8 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// How its members are laid out. A storage block that says nothing is one of std430, as in Vulkan; naga knows no other layouts.
+    /// Layout rules. The default of a storage block is std430, as in Vulkan. naga knows no other
+    /// layouts.
     pub(super) fn rules(&self) -> Rules {
         rules(&self.qualifiers)
     }
@@ -82,7 +83,7 @@ fn rules(block: &Qualifiers) -> Rules {
     }
 }
 
-/// A global variable or constant of the author's own.
+/// A global variable or constant.
 pub(super) struct Global<'u> {
     pub name: &'u ast::Identifier,
     pub ty: Ty,
@@ -91,50 +92,51 @@ pub(super) struct Global<'u> {
     pub place: Option<Span>,
 }
 
-/// What a call must know of a function.
+/// A function's signature.
 #[derive(Clone, Debug)]
 pub(super) struct Signature {
     pub parameters: Vec<(Storage, Ty)>,
     pub result: Ty,
 }
 
-/// One stage, sorted.
+/// One stage.
 pub(super) struct Stage<'u> {
     pub unit: &'u Unit,
     pub kind: ShaderStage,
     pub structs: Structs,
     pub constants: Constants,
     pub uniforms: Vec<Variable>,
-    /// Textures, samplers and images that are apart.
+    /// Separate textures, samplers and images.
     pub opaque: Vec<Variable>,
     pub blocks: Vec<Block>,
     pub inputs: Vec<Variable>,
     pub outputs: Vec<Variable>,
     pub globals: Vec<Global<'u>>,
-    /// Those that `main` reaches, each after what it calls.
+    /// Functions that `main` reaches, callees first.
     pub functions: Vec<&'u ast::FunctionDefinition>,
     pub signatures: HashMap<String, Vec<Signature>>,
-    /// Functions that write what is not their own.
+    /// Functions with side effects.
     pub writers: HashSet<String>,
-    /// Names that what `main` reaches uses.
+    /// Names used by reachable functions.
     pub used: HashSet<String>,
-    /// The position is declared `invariant`, or something is `precise`.
+    /// The position is `invariant`, or something is `precise`.
     pub invariant: bool,
     pub early_fragment_tests: bool,
-    /// How blocks lie that do not say it: `layout(row_major) uniform;`, `layout(std140) buffer;`.
+    /// Default layouts of uniform and storage blocks: `layout(row_major) uniform;`.
     defaults: [OfBlocks; 2],
     /// `gl_FragCoord` counts from the top.
     pub origin_upper_left: bool,
 }
 
-/// What `layout(..) uniform;` or `layout(..) buffer;` says of the blocks behind it, each of its own kind (GLSL 4.60, 4.4.5).
+/// Defaults set by `layout(..) uniform;` or `layout(..) buffer;` for later blocks (GLSL 4.60,
+/// 4.4.5).
 #[derive(Clone, Copy, Debug, Default)]
 struct OfBlocks {
     row_major: bool,
     rules: Option<&'static str>,
 }
 
-/// Which of the defaults is meant: that of uniform blocks or that of storage blocks.
+/// The index of the defaults for uniform or storage blocks.
 fn of_blocks(q: &Qualifiers) -> Option<usize> {
     match q.storage {
         Some(Storage::Uniform) => Some(0),
@@ -143,7 +145,7 @@ fn of_blocks(q: &Qualifiers) -> Option<usize> {
     }
 }
 
-/// An error of something that is not read, at its place.
+/// An error about an unsupported feature.
 pub(super) fn unsupported(what: impl Into<String>, place: Option<Span>) -> Error {
     Error::new(Code::Unsupported, what).label_if(place)
 }
@@ -202,7 +204,7 @@ impl<'u> Stage<'u> {
                 let q = self.qualifiers(Some(qualifier))?;
                 self.early_fragment_tests |= q.says("early_fragment_tests");
                 self.invariant |= q.precise;
-                // For the blocks that follow.
+                // Applies to later blocks.
                 if let Some(default) = of_blocks(&q).map(|i| &mut self.defaults[i]) {
                     if q.says("row_major") || q.says("column_major") {
                         default.row_major = q.says("row_major");
@@ -263,7 +265,7 @@ impl<'u> Stage<'u> {
         }
         let text = name.as_str().to_owned();
         if text.starts_with("gl_") {
-            // A redeclaration: what it adds is `invariant`, or where `gl_FragCoord` counts from.
+            // A redeclaration, which may add `invariant` or change the origin of `gl_FragCoord`.
             self.invariant |= text == "gl_Position" && (qualifiers.invariant || qualifiers.precise);
             self.origin_upper_left |= qualifiers.says("origin_upper_left");
             if qualifiers.says("pixel_center_integer") {
@@ -300,7 +302,7 @@ impl<'u> Stage<'u> {
             Some(Storage::Uniform | Storage::Buffer) => match ty.innermost() {
                 Ty::Opaque(_) => self.opaque.push(variable),
                 _ => {
-                    // Written twice it is one.
+                    // A duplicate declaration is allowed.
                     if !self.uniforms.iter().any(|u| u.name == text) {
                         self.uniforms.push(variable);
                     }
@@ -411,7 +413,7 @@ impl<'u> Stage<'u> {
         Ok(())
     }
 
-    /// Refuses offsets that the members do not have without saying so: naga knows no others.
+    /// Rejects explicit offsets that differ from the default layout, which naga cannot express.
     fn refuse_offsets(
         &self,
         members: &[Member],
@@ -436,7 +438,7 @@ impl<'u> Stage<'u> {
                 )
                 .note("put members in their order, with others to fill what is left between"));
             }
-            // No buffer is as large; what is, the validator refuses.
+            // No buffer is this large. The validator rejects it.
             end = at.saturating_add(size).min(1 << 31);
         }
         Ok(())
@@ -474,7 +476,7 @@ impl<'u> Stage<'u> {
         Ok(())
     }
 
-    /// The parameters, `void` for none left out.
+    /// The parameters, except for `void`.
     pub(super) fn signature(
         &mut self,
         prototype: &ast::FunctionPrototype,
@@ -505,7 +507,7 @@ impl<'u> Stage<'u> {
     }
 }
 
-/// How many elements an initial value has.
+/// The number of elements of an initialiser list.
 pub(super) fn initial_length(init: &ast::Initializer) -> Option<u32> {
     match &init.content {
         ast::InitializerData::List(list) => Some(list.len() as u32),

@@ -1,4 +1,4 @@
-//! What stands before a type: storage, layout, interpolation.
+//! Type qualifiers: storage, layout, interpolation.
 
 use glsl_lang::ast::{
     self, InterpolationQualifierData, LayoutQualifierSpecData, StorageQualifierData,
@@ -10,7 +10,7 @@ use super::{Stage, unsupported};
 use crate::front::error::Error;
 use crate::front::glsl::constant;
 
-/// Where a variable lives.
+/// A variable's storage class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::front::glsl) enum Storage {
     Const,
@@ -21,7 +21,7 @@ pub(in crate::front::glsl) enum Storage {
     Buffer,
 }
 
-/// What stands before a type.
+/// The qualifiers of a declaration.
 #[derive(Clone, Debug, Default)]
 pub(in crate::front::glsl) struct Qualifiers {
     pub storage: Option<Storage>,
@@ -32,12 +32,12 @@ pub(in crate::front::glsl) struct Qualifiers {
     pub sampling: Option<&'static str>,
     pub invariant: bool,
     pub precise: bool,
-    /// `readonly` and its like, as they are.
+    /// `readonly` and other memory qualifiers.
     pub memory: Vec<&'static str>,
 }
 
 impl Qualifiers {
-    /// The number that the layout gives to `key`.
+    /// The number of `key` in the layout.
     pub(in crate::front::glsl) fn number(&self, key: &str) -> Option<u32> {
         let found = self.layout.iter().find(|(k, _)| k == key)?;
         found.1.and_then(|n| u32::try_from(n).ok())
@@ -74,7 +74,7 @@ impl Stage<'_> {
                     S::Sample => out.sampling = Some("sample"),
                     S::ReadOnly => out.memory.push("readonly"),
                     S::WriteOnly => out.memory.push("writeonly"),
-                    // Hints that WebGPU has no words for, and that change no value.
+                    // WebGPU has no such hints, and they change no value.
                     S::Coherent | S::Volatile | S::Restrict => {}
                     S::Shared => {
                         return Err(unsupported(

@@ -1,4 +1,4 @@
-//! What `main` reaches: its functions in the order of their calls, and the names that they use.
+//! Finds the functions that `main` reaches and the names they use.
 
 use std::collections::{HashMap, HashSet};
 
@@ -10,7 +10,7 @@ use crate::front::error::{Code, Error};
 use crate::front::glsl::writes as writers;
 
 impl<'u> Stage<'u> {
-    /// Orders the functions that `main` reaches, each after what it calls, and notes what they name.
+    /// Orders reachable functions with callees first, and records the names they use.
     pub(super) fn reach(
         &mut self,
         definitions: &[&'u ast::FunctionDefinition],
@@ -32,7 +32,7 @@ impl<'u> Stage<'u> {
         let mut done = vec![false; definitions.len()];
         let mut order = Vec::new();
         visit(main, &names, &by_name, &mut done, &mut order);
-        // A global's initial value may call functions too.
+        // A global's initialiser may call functions too.
         for global in &self.globals {
             let mut found = Words::default();
             if let Some(init) = global.init {
@@ -47,7 +47,6 @@ impl<'u> Stage<'u> {
             }
             self.used.extend(found.0);
         }
-        // `main` last, whatever the globals reached.
         order.retain(|i| *i != main);
         order.push(main);
         for i in &order {
@@ -59,7 +58,7 @@ impl<'u> Stage<'u> {
     }
 }
 
-/// Depth first, what is called before what calls it.
+/// Depth first, callees first.
 fn visit(
     at: usize,
     names: &[HashSet<String>],
@@ -70,7 +69,7 @@ fn visit(
     if std::mem::replace(&mut done[at], true) {
         return;
     }
-    // In the order of the text, not of the set.
+    // Sort: a set has no stable order.
     let mut callees: Vec<usize> = names[at]
         .iter()
         .flat_map(|w| by_name.get(w.as_str()).into_iter().flatten().copied())
@@ -82,7 +81,7 @@ fn visit(
     order.push(at);
 }
 
-/// Among the words that a stage uses: the second component of `gl_FragCoord`.
+/// A pseudo name in `Stage::used`: the fragment coordinate's y is read.
 pub(in crate::front::glsl) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
 
 /// The variables and functions that a function names, and [`FRAG_COORD_Y`].
@@ -99,7 +98,7 @@ impl Visitor for Words {
     fn visit_expr(&mut self, expr: &ast::Expr) -> Visit {
         let is_coord = |name: &ast::Identifier| name.as_str() == "gl_FragCoord";
         match &expr.content {
-            // Which components are read is known here alone.
+            // Only here is it known which components are read.
             ExprData::Dot(of, components) if matches!(&of.content, ExprData::Variable(name) if is_coord(name)) =>
             {
                 self.0.insert("gl_FragCoord".to_owned());

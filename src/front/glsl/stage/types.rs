@@ -1,4 +1,4 @@
-//! Which type a declaration names.
+//! Resolves the types of declarations.
 
 use glsl_lang::ast::{
     self, ArraySpecifierDimensionData, TypeSpecifierNonArray, TypeSpecifierNonArrayData,
@@ -11,13 +11,13 @@ use crate::front::error::{Code, Error};
 use crate::front::glsl::constant;
 use crate::front::glsl::ty::{Member, Struct, Ty};
 
-/// Most elements of what is told apart one by one: varyings, and what holds samplers.
+/// Maximum elements of arrays that are split into variables: varyings and samplers.
 pub(super) const APART: u64 = 1 << 10;
-/// Most members of a struct, those of structs in it counted with them.
+/// Maximum members of a struct, nested members included.
 const MEMBERS: u64 = 1 << 12;
 
 impl Stage<'_> {
-    /// The type that `spec` names, with the dimensions that stand at the variable's name.
+    /// The type of `spec` with the array dimensions at the variable's name.
     pub(in crate::front::glsl) fn ty(
         &mut self,
         spec: &ast::TypeSpecifier,
@@ -84,7 +84,8 @@ impl Stage<'_> {
         self.dimensions(inner, at_name, place)
     }
 
-    /// A name for a struct without one, by what it holds: that of the other stage is another where it holds something else.
+    /// Names an anonymous struct by its members, so that different structs of the two stages have
+    /// different names.
     fn unnamed(&self, members: &[Member]) -> String {
         let mut name = "Unnamed".to_owned();
         for member in members {
@@ -130,7 +131,7 @@ impl Stage<'_> {
                 }
             };
             ty = Ty::Array(Box::new(ty), length);
-            // Samplers are told apart one by one, and others may have to be.
+            // Samplers are split into variables, and other opaque types may be.
             let most = match ty.innermost() {
                 Ty::Combined(_) | Ty::Opaque(_) => APART,
                 _ => self.unit.array_elements,
@@ -140,7 +141,7 @@ impl Stage<'_> {
         Ok(ty)
     }
 
-    /// Refuses a type of more elements than `most`.
+    /// Rejects a type with more than `most` elements.
     pub(super) fn check_elements(
         &self,
         ty: &Ty,
@@ -159,7 +160,7 @@ impl Stage<'_> {
     }
 }
 
-/// A type's name as it is written, `struct` for one that is defined in place.
+/// A type's name as written; `struct` for an inline definition.
 pub(in crate::front::glsl) fn spelled(ty: &TypeSpecifierNonArray) -> String {
     match &ty.content {
         TypeSpecifierNonArrayData::TypeName(name) => name.as_str().to_owned(),
