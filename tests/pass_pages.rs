@@ -159,7 +159,7 @@ fn recipe(name: &str) -> Vec<&'static str> {
 /// The comment that a pass's file opens with, as Markdown: links into the code are left as code, and left out where they stand in parentheses for readers of the code.
 fn comment(name: &str) -> String {
     let file = name.replace('-', "_");
-    let folder = root().join("passes/src");
+    let folder = root().join("passes/src/transforms");
     let candidates = [
         folder.join(format!("{file}.rs")),
         folder.join(&file).join("mod.rs"),
@@ -209,7 +209,7 @@ fn promise(contract: &Contract) -> String {
 fn page(pass: &dyn AnyPass) -> String {
     let info = pass.info();
     let mut text = format!(
-        "<!-- Made of passes/src by `UPDATE_PAGES=1 cargo test --test pass_pages`; edits will be lost. -->\n# {}\n\n{}\n\n",
+        "<!-- Made of passes/src/transforms by `UPDATE_PAGES=1 cargo test --test pass_pages`; edits will be lost. -->\n# {}\n\n{}\n\n",
         info.name,
         comment(info.name)
     );

@@ -5,13 +5,13 @@ mod common;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use preshade_passes::core::pattern::{self, Pattern};
 use preshade_passes::evaluate::{self, Environment, Value};
 use preshade_passes::geometry::{Constants, Geometry, Stream, Subdivision};
 use preshade_passes::hoist::{self, Hoist};
 use preshade_passes::pass::{Facts, Pass, Refusal};
 use preshade_passes::plan::{BindingSource, GeometryPart, Plan};
 use preshade_passes::state::{MaterialState, PrimitiveState, Topology};
-use preshade_passes::tessellate::pattern::{self, Pattern};
 use preshade_passes::tessellate::{Params, Tessellate};
 use proptest::prelude::*;
 

@@ -5,9 +5,9 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use preshade_passes::core::pattern::Pattern;
 use preshade_passes::pass::{Facts, Interpolation, Pass};
 use preshade_passes::plan::Plan;
-use preshade_passes::tessellate::pattern::Pattern;
 use preshade_passes::tessellate::{self, Tessellate};
 use preshade_passes::{geometry, reflect};
 

@@ -2,7 +2,7 @@
 //! the sliced value, bit for bit.
 //!
 //! It is generic over what it takes for a float, a [`Number`]: `f32`; `f64`; both side by side ([`Shadowed`]), which tells how far rounding has led from the truth; intervals
-//! and affine numbers, which stand for all of a triangle ([`mod@crate::bound`]); terms, which stand for every number there is ([`mod@crate::validate`]).
+//! and affine numbers, which stand for all of a triangle ([`mod@crate::evaluate::bound`]); terms, which stand for every number there is ([`mod@crate::validate`]).
 //!
 //! `discard` is a demotion, as in WGSL: the invocation is marked and runs on. A dynamic index out of bounds is clamped. Atomics and subgroup operations have no meaning for one
 //! invocation alone. What textures and derivatives give is the caller's to say: they are inputs.
@@ -14,6 +14,7 @@ use std::sync::Arc;
 use naga::{Function, Module};
 
 mod bits;
+pub mod bound;
 mod expression;
 mod flips;
 mod layout;
@@ -21,6 +22,7 @@ mod machine;
 mod math;
 mod matrix;
 mod number;
+pub(crate) mod overrides;
 mod shadow;
 mod value;
 

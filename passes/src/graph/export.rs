@@ -13,7 +13,7 @@ use super::rate::{Fact, Stages};
 use super::{
     FunctionGraph, FunctionId, Graph, Root, StmtId, cells, cost, effect, operands, rate, text,
 };
-use crate::reflect;
+use crate::core::reflect;
 
 /// Schema of [`GraphData`].
 pub const SCHEMA: &str = "preshade.graph.v1";

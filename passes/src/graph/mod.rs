@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle, Module, Statement, TypeInner};
 
-use crate::program::Program;
+use crate::core::program::Program;
 
 pub mod cells;
 pub mod control;
@@ -212,7 +212,7 @@ impl<'p> Graph<'p> {
     }
 
     /// Rate and stages of each member of a function's struct result, or of its result: for an entry point in the order of
-    /// [`crate::reflect::outputs`].
+    /// [`crate::core::reflect::outputs`].
     pub fn result_facts(&self, function: FunctionId) -> &[Fact] {
         self.rates().outputs(self.index(function))
     }

@@ -6,7 +6,7 @@ use naga::{
 };
 
 use super::{FunctionGraph, StmtId, operands};
-use crate::reflect;
+use crate::core::reflect;
 
 /// Levels of nesting written out before an ellipsis.
 const DEPTH: usize = 3;

@@ -2,14 +2,14 @@
 //!
 //! Weiser's static slice, interprocedural and context-sensitive by demand: a callee is sliced once for each set of results, pointees and
 //! effects that some call asks of it, so that two calls which ask different things do not mix. A slice names statements and expressions of the
-//! original; [`crate::place`] builds a function from it.
+//! original; [`crate::rebuild::place`] builds a function from it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, Statement};
 
+use crate::core::reflect;
 use crate::graph::{Cell, FunctionId, Graph, StmtId, counted, operands};
-use crate::reflect;
 
 pub(crate) mod components;
 pub(crate) mod fault;

@@ -7,12 +7,12 @@ use super::compare::Colors;
 use super::promise::Pair;
 use super::world::Place;
 use super::{Effort, Proof, Verdict, validate};
-use crate::pass::Facts;
+use crate::core::pass::Facts;
+use crate::core::plan::{Plan, Role};
+use crate::core::program::{Language, Program, SourceMap};
+use crate::core::state::MaterialState;
 use crate::pass_named;
-use crate::plan::{Plan, Role};
-use crate::program::{Language, Program, SourceMap};
 use crate::slice::fault::{self, Fault};
-use crate::state::MaterialState;
 
 /// A discard that rests on an early return, on a branch, on an array written in part, and on what a call leaves behind.
 const MATERIAL: &str = "

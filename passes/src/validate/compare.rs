@@ -3,8 +3,8 @@
 use naga::BuiltIn;
 
 use super::stage::{POSITION, Ran, Slot};
+use crate::core::state::DepthDirection;
 use crate::evaluate::{Number, Scalar, Value};
-use crate::state::DepthDirection;
 
 /// What the colours of a variant promise.
 #[derive(Clone, Copy, Debug, PartialEq)]

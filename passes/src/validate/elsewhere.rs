@@ -13,7 +13,7 @@ use super::stage::Ran;
 use super::trial::{asked, is_whole, of_compared};
 use super::verdict::{Counterexample, Verdict, not_evaluated};
 use super::world::{self, Place, Stages, Texels};
-use crate::bound::Interval;
+use crate::evaluate::bound::Interval;
 use crate::evaluate::{Scalar, Stuck, Value};
 
 /// What a draw is made with, beside the stages.

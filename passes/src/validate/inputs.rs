@@ -8,9 +8,9 @@ use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, T
 use super::levels::Levels;
 use super::stage::{Kind, POSITION, Slot};
 use super::world::{plus, times};
+use crate::core::guard::{Assumed, Guard, Place, ScalarType};
+use crate::core::reflect::Io;
 use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, scalars};
-use crate::guard::{Assumed, Guard, Place, ScalarType};
-use crate::reflect::Io;
 
 /// Scalars of a buffer that is filled: where there are more, it stays 0.
 const MOST_SCALARS: u32 = 1 << 14;
@@ -18,7 +18,7 @@ const MOST_SCALARS: u32 = 1 << 14;
 /// Which numbers an input has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
-    /// From -2 to 2, and of the draw from 1/4 to 4: what `ordinary-numbers` promises ([`crate::contract::Assumption::OrdinaryNumbers`]).
+    /// From -2 to 2, and of the draw from 1/4 to 4: what `ordinary-numbers` promises ([`crate::core::contract::Assumption::OrdinaryNumbers`]).
     Ordinary,
     /// Ordinary ones, and one in six out of those below.
     Mixed,

@@ -12,9 +12,9 @@
 
 use naga::{Expression, Literal, Span};
 
-use crate::guard::{Guard, Place as Assumed};
-use crate::plan::{Plan, Role};
-use crate::program::Program;
+use crate::core::guard::{Guard, Place as Assumed};
+use crate::core::plan::{Plan, Role};
+use crate::core::program::Program;
 
 #[cfg(test)]
 mod broken_slicer;

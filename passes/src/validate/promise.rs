@@ -13,13 +13,13 @@ use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
 use super::world::{self, Place, Stages};
 use super::{Check, Effort, Proof, Verdict};
-use crate::contract::Contract;
-use crate::early_discard;
-use crate::guard::{Guard, Place as Assumed};
-use crate::hoist;
-use crate::plan::{BindingSource, ClearValue, GpuPass, Plan, Role};
-use crate::program::Program;
-use crate::state::{CompareFunction, DepthDirection};
+use crate::core::contract::Contract;
+use crate::core::guard::{Guard, Place as Assumed};
+use crate::core::plan::{BindingSource, ClearValue, GpuPass, Plan, Role};
+use crate::core::program::Program;
+use crate::core::state::{CompareFunction, DepthDirection};
+use crate::transforms::early_discard;
+use crate::transforms::hoist;
 
 /// One input in so many is run beside a proof that rests on the slicer.
 const BESIDE: u64 = 8;
@@ -179,7 +179,7 @@ impl<'a> Pair<'a> {
         checks
     }
 
-    fn steps(&self, pass: &str) -> impl Iterator<Item = &'a crate::plan::Step> {
+    fn steps(&self, pass: &str) -> impl Iterator<Item = &'a crate::core::plan::Step> {
         self.variant.steps.iter().filter({
             let pass = pass.to_owned();
             move |step| step.pass == pass
@@ -244,7 +244,7 @@ impl<'a> Pair<'a> {
             match &step.contract {
                 Contract::Exact { .. } => {}
                 Contract::Rounding { .. } if is_moved => {
-                    let is_srgb = |t: &crate::state::ColorTarget| t.format.ends_with("-srgb");
+                    let is_srgb = |t: &crate::core::state::ColorTarget| t.format.ends_with("-srgb");
                     let most = match self.pass.targets.iter().flatten().any(is_srgb) {
                         true => hoist::MOST_ROUNDING / hoist::STEEPEST_SRGB,
                         false => hoist::MOST_ROUNDING,
@@ -252,7 +252,7 @@ impl<'a> Pair<'a> {
                     let of_scene = step
                         .contract
                         .given()
-                        .contains(&crate::contract::Assumption::NumbersOfTheScene);
+                        .contains(&crate::core::contract::Assumption::NumbersOfTheScene);
                     promised[1] = match (&promised[1], of_scene) {
                         (Err(why), _) => Err(why.clone()),
                         (Ok(_), true) => {
@@ -322,7 +322,7 @@ impl<'a> Pair<'a> {
                         let fragment = self.other.fragment.map(|f| (f.module(), f.inputs()));
                         let [own, other] = match &fragment {
                             Some((module, found)) => {
-                                let is_position = |io: &&crate::reflect::Io| {
+                                let is_position = |io: &&crate::core::reflect::Io| {
                                     io.binding.as_ref().map(Slot::of) == Some(POSITION)
                                 };
                                 let io = found.iter().find(is_position);

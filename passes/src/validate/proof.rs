@@ -6,9 +6,9 @@ use super::promise::Pair;
 use super::stage::Stage;
 use super::term;
 use super::world::{self, Place, World};
+use crate::core::guard::Place as Assumed;
 use crate::graph::{FunctionId, Graph};
-use crate::guard::Place as Assumed;
-use crate::place::{self, PositionInvariance};
+use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
 
 impl Pair<'_> {
@@ -77,9 +77,13 @@ impl Pair<'_> {
 }
 
 /// Puts a number that a guard fixes into a buffer of terms.
-fn fix(module: &naga::Module, world: &mut World<'_, term::Term>, assumed: &crate::guard::Assumed) {
+fn fix(
+    module: &naga::Module,
+    world: &mut World<'_, term::Term>,
+    assumed: &crate::core::guard::Assumed,
+) {
+    use crate::core::guard::ScalarType;
     use crate::evaluate::{Number, Scalar};
-    use crate::guard::ScalarType;
     let Assumed::Uniform {
         group,
         binding,

@@ -5,9 +5,9 @@ use std::fmt;
 
 use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeInner};
 
+use crate::core::program::Program;
+use crate::core::reflect::{self, Io};
 use crate::evaluate::{self, Environment, Number, Outcome, Scalar, Stuck, Value};
-use crate::program::Program;
-use crate::reflect::{self, Io};
 
 /// What an input or an output is bound to. A position is one whether it is invariant or not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -9,11 +9,11 @@ use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 use super::inputs::{Inputs, Random};
 use super::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
 use super::term::Term;
-use crate::bound::{Interval, exactly};
+use crate::core::reflect::Io;
+use crate::evaluate::bound::{Interval, exactly};
 use crate::evaluate::{
     Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value, scalars,
 };
-use crate::reflect::Io;
 
 /// Both stages of a pass.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,441 @@
+//! The depth-only version of a material: the slice of its vertex stage that decides position, and the slice of its fragment stage that decides
+//! coverage and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
+
+use naga::{
+    AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, Function, GlobalVariable, Handle,
+    Literal, Module, ShaderStage, Span, Type, TypeInner,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::analysis::coverage;
+use crate::analysis::opaque::Opaque;
+use crate::core::contract::{Assumption, Contract};
+use crate::core::pass::{Refusal, Site, SiteCost, SiteKey};
+use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
+use crate::core::reflect;
+use crate::core::state::DepthState;
+use crate::rebuild::place::{self, PositionInvariance};
+use crate::rebuild::returns::{self, Emitter};
+use crate::slice::{self, Criterion, OutputFilter, Slice};
+
+/// Which vertex stage a depth-only pass runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum VertexStage {
+    /// The main pass's own entry point of the same module: what invariance holds for most widely.
+    Same,
+    /// The slice to position, clip distances, point size and view index, in a module of its own.
+    Sliced,
+}
+
+/// Whether `@invariant` is added to the position of passes whose depths are compared for equality.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Invariance {
+    /// The position stays as the author marked it: not one bit of the picture moves, and the driver is trusted to compile one vertex entry point alike
+    /// in both pipelines. The plan's self-test tells whether it does.
+    AsWritten,
+    /// `@invariant` on both: what the languages offer for the purpose. It forbids the driver contractions that the original may have had, so positions (and
+    /// pixels) may differ from the original's in their last bits.
+    Add,
+}
+
+impl Invariance {
+    /// One entry point of one module is left as it is; two texts need the attribute.
+    pub fn default_for(stage: VertexStage) -> Self {
+        match stage {
+            VertexStage::Same => Self::AsWritten,
+            VertexStage::Sliced => Self::Add,
+        }
+    }
+
+    /// What the promise of an unchanged picture rests on.
+    pub fn assumptions(self, opaque: &Opaque) -> Vec<Assumption> {
+        let mut given = vec![Assumption::InvariantPosition];
+        if self == Self::Add && !opaque.has_invariant_position() {
+            given.push(Assumption::InvariantOriginal);
+        }
+        given
+    }
+
+    /// How positions are marked.
+    pub fn position(self) -> PositionInvariance {
+        match self {
+            Self::AsWritten => PositionInvariance::AsWritten,
+            Self::Add => PositionInvariance::Invariant,
+        }
+    }
+
+    /// The author's module, or the same with its position marked.
+    pub fn apply(self, module: Module, vertex: usize) -> Module {
+        match self {
+            Self::AsWritten => module,
+            Self::Add => place::with_invariant_position(&module, vertex),
+        }
+    }
+}
+
+/// The slices that make a material depth-only.
+#[derive(Clone, Debug)]
+pub struct DepthOnly {
+    /// Of the vertex stage; `None` runs it whole.
+    vertex: Option<Slice>,
+    /// Of the fragment stage; `None` needs no fragment stage.
+    fragment: Option<Slice>,
+    cost: SiteCost,
+    span: Option<Span>,
+}
+
+/// A depth-only program, and its entry points' names.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    /// The module.
+    pub module: Module,
+    /// Vertex entry point.
+    pub vertex: String,
+    /// Fragment entry point.
+    pub fragment: Option<String>,
+}
+
+/// Slices a material.
+pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
+    let graph = &opaque.graph;
+    let fragment = opaque
+        .fragment
+        .filter(|_| opaque.decides.anything())
+        .map(|entry| opaque.decides.slice(graph, entry));
+    let vertex = match stage {
+        VertexStage::Same => None,
+        VertexStage::Sliced => {
+            let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
+            if let Some(fragment) = &fragment {
+                let entry = &opaque.program.module().entry_points[fragment.entry];
+                let inputs = reflect::inputs(opaque.program.module(), &entry.function);
+                criteria.extend(fragment.inputs.iter().filter_map(
+                    |i| match inputs.get(*i)?.binding {
+                        Some(Binding::Location { location, .. }) => {
+                            Some(Criterion::Output(OutputFilter::Location(location)))
+                        }
+                        _ => None,
+                    },
+                ));
+            }
+            Some(slice::backward(graph, opaque.vertex, &criteria))
+        }
+    };
+    let whole_vertex = graph.entry_cost(opaque.vertex);
+    let cost = SiteCost {
+        slice: vertex.as_ref().map_or(whole_vertex, |s| s.cost)
+            + fragment.as_ref().map_or(0.0, |s| s.cost),
+        whole: whole_vertex + opaque.fragment.map_or(0.0, |f| graph.entry_cost(f)),
+    };
+    let span = [&fragment, &vertex]
+        .into_iter()
+        .flatten()
+        .find_map(|s| s.spans.first().copied());
+    DepthOnly {
+        vertex,
+        fragment,
+        cost,
+        span,
+    }
+}
+
+impl DepthOnly {
+    /// Stable name of the site.
+    pub fn key(&self, opaque: &Opaque) -> SiteKey {
+        let hash = |s: &Option<Slice>| s.as_ref().map_or("-".repeat(16), |s| s.hash.clone());
+        SiteKey {
+            role: Role::Main,
+            entry_point: opaque.pass.vertex.clone(),
+            slice: format!("{}{}", hash(&self.vertex), hash(&self.fragment)),
+            ordinal: 0,
+        }
+    }
+
+    /// The site.
+    pub fn site(&self, opaque: &Opaque, what: String) -> Site {
+        Site {
+            key: self.key(opaque),
+            what,
+            location: self.span.and_then(|s| opaque.program.sources().locate(s)),
+            cost: self.cost,
+        }
+    }
+
+    /// Refuses a site that is not this one.
+    ///
+    /// # Errors
+    /// `stale`.
+    pub fn expect(&self, opaque: &Opaque, site: &SiteKey, pass: &str) -> Result<(), Box<Refusal>> {
+        if self.key(opaque) == *site {
+            return Ok(());
+        }
+        Err(Box::new(Refusal::new(
+            pass,
+            "stale",
+            format!(
+                "the site {} of `{}` is no longer in the shader",
+                site.slice, site.entry_point
+            ),
+            "make the recipe anew",
+        )))
+    }
+
+    /// Places the slices beside the author's entry points. `suffix` ends the names of what is new. `shader_bias` is added to a depth that the fragment stage writes.
+    pub fn place(
+        &self,
+        opaque: &Opaque,
+        suffix: &str,
+        invariance: PositionInvariance,
+        shader_bias: Option<f32>,
+    ) -> Placed {
+        let program = opaque.program;
+        let graph = &opaque.graph;
+        let mut module = program.module().clone();
+        let fragment = self.fragment.as_ref().map(|slice| {
+            let entry = &program.module().entry_points[slice.entry];
+            let name = free_entry(program.module(), &entry.name, suffix);
+            module = place::entry_point(
+                graph,
+                slice,
+                &module,
+                &name,
+                suffix,
+                PositionInvariance::AsWritten,
+            );
+            if let (Some(bias), true) = (shader_bias, opaque.decides.depth) {
+                bias_depth(&mut module, bias);
+            }
+            name
+        });
+        let Some(slice) = &self.vertex else {
+            if invariance == PositionInvariance::Invariant {
+                module = place::with_invariant_position(&module, opaque.vertex);
+            }
+            return Placed {
+                module,
+                vertex: opaque.pass.vertex.clone(),
+                fragment,
+            };
+        };
+        let vertex = free_entry(program.module(), &opaque.pass.vertex, suffix);
+        module = place::entry_point(graph, slice, &module, &vertex, suffix, invariance);
+        Placed {
+            module,
+            vertex,
+            fragment,
+        }
+    }
+
+    /// The vertex stage is the main pass's own.
+    pub fn shares_vertex(&self) -> bool {
+        self.vertex.is_none()
+    }
+
+    /// Adds to `module` a plain function that computes the depth the material writes, from the fragment stage's inputs.
+    pub fn depth_function(
+        &self,
+        opaque: &Opaque,
+        module: &Module,
+    ) -> Option<(Module, DepthFunction)> {
+        let graph = &opaque.graph;
+        // Only the depth: discarding is still to come, in the author's own code.
+        let slice = slice::backward(
+            graph,
+            self.fragment.as_ref()?.entry,
+            &[Criterion::Output(OutputFilter::FragDepth)],
+        );
+        let name = "prepass_own_depth";
+        let mut module = place::entry_point(
+            graph,
+            &slice,
+            module,
+            name,
+            "own_depth",
+            PositionInvariance::AsWritten,
+        );
+        let mut function = module.entry_points.pop()?.function;
+        let mut arguments = Vec::new();
+        for argument in &mut function.arguments {
+            arguments.push(match argument.binding.take() {
+                Some(binding) => Argument::Input(argument.ty, binding),
+                None => Argument::Struct(argument.ty, reflect::members(&module, argument.ty)?),
+            });
+        }
+        if let Some(result) = &mut function.result {
+            result.binding = None;
+        }
+        function.name = Some(name.to_owned());
+        let function = module.functions.append(function, Span::UNDEFINED);
+        let is_private =
+            |g: &Handle<GlobalVariable>| module.global_variables[*g].space == AddressSpace::Private;
+        let private = slice.globals.iter().copied().filter(is_private).collect();
+        Some((
+            module,
+            DepthFunction {
+                function,
+                arguments,
+                private,
+            },
+        ))
+    }
+}
+
+/// A name for an entry point that the author has not given to one: `{name}_{suffix}`, with the suffix once more where it is taken.
+fn free_entry(module: &Module, name: &str, suffix: &str) -> String {
+    let mut free = format!("{name}_{suffix}");
+    while module.entry_points.iter().any(|e| e.name == free) {
+        free = format!("{free}_{suffix}");
+    }
+    free
+}
+
+/// A function that computes the depth a material writes, and what to pass to it.
+#[derive(Clone, Debug)]
+pub struct DepthFunction {
+    /// The function.
+    pub function: Handle<Function>,
+    /// Its arguments.
+    pub arguments: Vec<Argument>,
+    /// Private variables it may write. It runs in the same invocation as the author's code, which must find them as they were.
+    pub private: Vec<Handle<GlobalVariable>>,
+}
+
+/// An argument made of the entry point's inputs.
+#[derive(Clone, Debug)]
+pub enum Argument {
+    /// One input.
+    Input(Handle<Type>, Binding),
+    /// A struct of inputs, a member each.
+    Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
+}
+
+/// Adds `bias` to every depth that the last entry point of `module` returns, alone or in a struct.
+fn bias_depth(module: &mut Module, bias: f32) {
+    let Some(entry) = module.entry_points.last_mut() else {
+        return;
+    };
+    // A promise that the depth lies on one side of the rasterised one does not survive the bias.
+    entry.early_depth_test = None;
+    let Some(result) = entry.function.result.clone() else {
+        return;
+    };
+    let members = match &module.types[result.ty].inner {
+        TypeInner::Struct { members, .. } => Some(members),
+        _ => None,
+    };
+    returns::rewrite(&mut entry.function, &mut |emitter, value| {
+        let value = value?;
+        let bias = emitter.constant(Expression::Literal(Literal::F32(bias)));
+        let pushed = |emitter: &mut Emitter<'_>, depth| {
+            emitter.emit(Expression::Binary {
+                op: BinaryOperator::Add,
+                left: depth,
+                right: bias,
+            })
+        };
+        let Some(members) = members else {
+            return Some(pushed(emitter, value));
+        };
+        let components = (0..)
+            .zip(members)
+            .map(|(index, member)| {
+                let part = emitter.emit(Expression::AccessIndex { base: value, index });
+                match member.binding {
+                    Some(Binding::BuiltIn(BuiltIn::FragDepth)) => pushed(emitter, part),
+                    _ => part,
+                }
+            })
+            .collect();
+        Some(emitter.emit(Expression::Compose {
+            ty: result.ty,
+            components,
+        }))
+    });
+}
+
+/// Adds a depth-only GPU pass to a plan, ahead of the main pass; under alpha to coverage it has the main pass's colour targets and writes nothing of them. `program` is the key of a program that is already in the plan.
+pub fn insert(
+    plan: &mut Plan,
+    main: &GpuPass,
+    placed: &Placed,
+    program: &str,
+    role: Role,
+    phase: Phase,
+    depth: DepthState,
+) {
+    let mut pass = GpuPass {
+        role,
+        phase,
+        program: program.to_owned(),
+        vertex: placed.vertex.clone(),
+        fragment: placed.fragment.clone(),
+        depth: Some(depth),
+        targets: coverage::targets(main),
+        // `fill` lists anew what is used, and keeps where it comes from.
+        bindings: main.bindings.clone(),
+        attributes: Vec::new(),
+        draws: Draws::Opaque,
+        ..main.clone()
+    };
+    if let Some(p) = plan.programs.get(program) {
+        reflect::fill(&mut pass, p);
+    }
+    plan.passes.insert(0, pass);
+}
+
+/// Adds a depth-only GPU pass with a program of its own, holding its two entry points alone, named after its role.
+///
+/// # Errors
+/// A program of ours that does not validate: a bug.
+pub fn insert_own(
+    plan: &mut Plan,
+    opaque: &Opaque,
+    placed: Placed,
+    role: Role,
+    phase: Phase,
+    depth: DepthState,
+    name: &str,
+) -> Result<(), Box<Refusal>> {
+    let mut kept = vec![(ShaderStage::Vertex, placed.vertex.as_str())];
+    kept.extend(
+        placed
+            .fragment
+            .as_deref()
+            .map(|f| (ShaderStage::Fragment, f)),
+    );
+    let program = opaque
+        .program
+        .with_module(place::retain(&placed.module, &kept))
+        .map_err(|e| Refusal::bug(name, e))?;
+    plan.programs.insert(role.name().to_owned(), program);
+    insert(plan, opaque.pass, &placed, role.name(), role, phase, depth);
+    Ok(())
+}
+
+/// What every transform does last: bindings and attributes anew, the contract from the steps.
+pub fn finish(plan: &mut Plan, fallback: &str) {
+    for pass in &mut plan.passes {
+        if let Some(program) = plan.programs.get(&pass.program) {
+            reflect::fill(pass, program);
+        }
+    }
+    plan.contract = plan
+        .steps
+        .iter()
+        .map(|s| s.contract.clone())
+        .fold(Contract::exact(), Contract::and);
+    plan.fallback = Some(fallback.to_owned());
+}
+
+/// The first of several refusals: what `apply` answers where `sites` answers all.
+pub fn first(refusals: Vec<Refusal>) -> Box<Refusal> {
+    Box::new(
+        refusals
+            .into_iter()
+            .next()
+            .unwrap_or_else(|| Refusal::new("", "refused", "refused", "see `preshade explain`")),
+    )
+}

@@ -1,0 +1,348 @@
+//! The prologue's text, and its place at the start of a fragment entry point.
+
+use naga::{
+    Binding, BuiltIn, Expression, Function, GlobalVariable, Handle, MathFunction, Module, Scalar,
+    Statement, TypeInner, VectorSize,
+};
+
+use super::{DepthTexture, Mode, Quad, Slot, packed};
+use crate::core::state::{DepthDirection, DepthFormat};
+use crate::rebuild::depth_only::{Argument, DepthFunction};
+use crate::rebuild::gradients;
+use crate::rebuild::place::{self, Builder};
+
+/// Name of the depth texture in the emitted module.
+pub const TEXTURE: &str = "prepass_depth";
+
+/// Name of the prologue's function in the emitted module.
+pub const HIDDEN: &str = "hidden_by_prepass";
+
+/// An offset past every file of a source map: our own text has no place in the author's.
+const NOWHERE: u32 = u32::MAX / 2;
+
+/// Range of a fragment's depth, before it is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DepthRange {
+    /// The rasteriser clipped it to 0 to 1.
+    Clipped,
+    /// The shader writes it, or clipping is off: it may be anything, and is clamped.
+    Clamped,
+}
+
+/// What the prologue must know.
+#[derive(Clone, Copy, Debug)]
+pub struct Prologue {
+    /// Type of the texture.
+    pub texture: DepthTexture,
+    /// Samples a pixel of it.
+    pub samples: u32,
+    /// Its format.
+    pub format: DepthFormat,
+    /// Which way depth grows.
+    pub direction: DepthDirection,
+    /// Which lanes leave.
+    pub quad: Quad,
+    /// Drop hidden fragments, or visible ones.
+    pub mode: Mode,
+    /// Range of the depths that are compared.
+    pub range: DepthRange,
+    /// A fixed tolerance.
+    pub tolerance: Option<f32>,
+    /// Where the texture is bound.
+    pub slot: Slot,
+}
+
+impl Prologue {
+    /// The prologue as WGSL: a texture and a function `hidden_by_prepass(position, depth) -> bool`.
+    pub fn wgsl(&self) -> String {
+        let Slot { group, binding } = self.slot;
+        let multisampled = self.samples > 1;
+        let ty = match (self.texture, multisampled) {
+            (DepthTexture::Depth, false) => "texture_depth_2d",
+            (DepthTexture::Depth, true) => "texture_depth_multisampled_2d",
+            (DepthTexture::Float | DepthTexture::Packed, false) => "texture_2d<f32>",
+            (DepthTexture::Float | DepthTexture::Packed, true) => "texture_multisampled_2d<f32>",
+        };
+        // Behind every sample: compare with the farthest of them.
+        let farther = match self.direction {
+            DepthDirection::Forward => "max",
+            DepthDirection::Reversed => "min",
+        };
+        let nearest = (0..self.samples.max(1))
+            .map(|s| self.texel(&format!("textureLoad({TEXTURE}, pixel, {s})")))
+            .reduce(|a, b| format!("{farther}({a}, {b})"))
+            .unwrap_or_default();
+        let behind = match self.direction {
+            DepthDirection::Forward => "depth > nearest + tolerance",
+            DepthDirection::Reversed => "depth < nearest - tolerance",
+        };
+        // A fine derivative is the difference of two neighbouring lanes, so a lane less its magnitude is 1 only where both are. Where a language has
+        // coarse ones only the vote may be wrong about a neighbour, but never about the lane itself.
+        let (vote, hidden) = match self.quad {
+            Quad::Lane => ("", "behind"),
+            Quad::Vote => (
+                "let lane = select(0.0, 1.0, behind);
+    let row = lane - abs(dpdxFine(lane));
+    let quad = row - abs(dpdyFine(row));
+    ",
+                "quad > 0.5",
+            ),
+        };
+        let answer = match self.mode {
+            Mode::Cull => hidden.to_owned(),
+            Mode::Invert => format!("!({hidden})"),
+        };
+        format!(
+            "@group({group}) @binding({binding}) var {TEXTURE}: {ty};
+fn {HIDDEN}(position: vec4<f32>, depth: f32) -> bool {{
+    let pixel = vec2<i32>(position.xy);
+    let nearest = {nearest};
+    {tolerance}
+    let behind = {behind};
+    {vote}return {answer};
+}}
+",
+            tolerance = self.tolerance_wgsl(),
+        )
+    }
+
+    /// The depth in a texel.
+    fn texel(&self, load: &str) -> String {
+        match self.texture {
+            DepthTexture::Depth => load.to_owned(),
+            DepthTexture::Float => format!("{load}.x"),
+            DepthTexture::Packed => {
+                let [r, g, b, a] = packed::UNPACK;
+                format!("dot({load}, vec4<f32>({r:?}, {g:?}, {b:?}, {a:?}))")
+            }
+        }
+    }
+
+    /// How far behind is surely behind: what the format rounds away, what two pipelines may make of one position (a few steps of the mantissa, and 1/64 of a
+    /// pixel along the slope: four of the rasteriser's 1/256 subpixel steps), and under MSAA the half pixel between centre and sample. Packing adds its last
+    /// digit, and the rounding of four bytes, four products and three sums.
+    fn tolerance_wgsl(&self) -> String {
+        if let Some(fixed) = self.tolerance {
+            return format!("let tolerance = f32({fixed:?});");
+        }
+        let pixels = if self.samples > 1 {
+            0.5 + 1.0 / 64.0
+        } else {
+            1.0 / 64.0
+        };
+        let (relative, mut absolute) = match self.texture {
+            DepthTexture::Depth | DepthTexture::Float => (f32::EPSILON * 8.0, 0.0),
+            DepthTexture::Packed => (f32::EPSILON * 16.0, 2.0 * packed::STEP),
+        };
+        if !self.format.is_float() {
+            absolute += 2.0 * self.format.step();
+        }
+        let mut rounding = format!("max(abs(depth), abs(nearest)) * {relative:?}");
+        if absolute > 0.0 {
+            rounding.push_str(&format!(" + {absolute:?}"));
+        }
+        format!(
+            "let slope = fwidthFine(depth);\n    let tolerance = {rounding} + slope * {pixels:?};"
+        )
+    }
+}
+
+impl Prologue {
+    /// `module` with the prologue called first thing in the fragment entry point `entry`. `depth` computes the depth that the material writes;
+    /// without one it is the rasteriser's. The derivatives of `taken` ([`gradients::find`]) are taken ahead of it.
+    ///
+    /// # Errors
+    /// When our own text does not parse or link.
+    pub fn inject(
+        &self,
+        module: Module,
+        entry: usize,
+        depth: Option<&DepthFunction>,
+        taken: &[Handle<Expression>],
+    ) -> Result<Module, InjectError> {
+        let (module, hidden) = link_snippet(module, &self.wgsl())?;
+        let author = &module.entry_points[entry].function;
+        Ok(place::prologue_replacing(&module, entry, |build| {
+            let replacements = gradients::take(build, author, taken);
+            let vec4 = build.ty(TypeInner::Vector {
+                size: VectorSize::Quad,
+                scalar: Scalar::F32,
+            });
+            let position = build.input(
+                "position",
+                vec4,
+                &Binding::BuiltIn(BuiltIn::Position { invariant: false }),
+            );
+            let computed = depth.and_then(|d| {
+                let arguments = d.arguments.iter().map(|a| argument(build, a)).collect();
+                let saved: Vec<_> = d.private.iter().map(|g| save(build, *g)).collect();
+                let written = build.call(d.function, arguments)?;
+                build.name(written, "own_depth");
+                for (pointer, value) in saved {
+                    build.statement(Statement::Store { pointer, value });
+                }
+                Some(written)
+            });
+            let depth = computed.unwrap_or_else(|| {
+                build.expression(Expression::AccessIndex {
+                    base: position,
+                    index: 2,
+                })
+            });
+            // What is written, or not clipped, is clamped before it is stored.
+            let depth = match self.range {
+                DepthRange::Clipped => depth,
+                DepthRange::Clamped => build.expression(Expression::Math {
+                    fun: MathFunction::Saturate,
+                    arg: depth,
+                    arg1: None,
+                    arg2: None,
+                    arg3: None,
+                }),
+            };
+            if let Some(is_hidden) = build.call(hidden, vec![position, depth]) {
+                build.name(is_hidden, "hidden");
+                build.if_then(is_hidden, |build| build.statement(Statement::Kill));
+            }
+            replacements
+        }))
+    }
+}
+
+/// `module` with a snippet of ours, and the snippet's one function.
+///
+/// # Errors
+/// When it does not parse or link.
+pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Function>), InjectError> {
+    let snippet =
+        naga::front::wgsl::parse_str(wgsl).map_err(|e| InjectError(e.message().to_owned()))?;
+    let linked = crate::core::link::link(module, &snippet, NOWHERE, "preshade")
+        .map_err(|e| InjectError(e.to_string()))?;
+    match linked.functions[..] {
+        [function] => Ok((linked.module, function)),
+        _ => Err(InjectError("the snippet is not one function".to_owned())),
+    }
+}
+
+/// A private variable, and what it holds here.
+fn save(
+    build: &mut Builder<'_>,
+    variable: Handle<GlobalVariable>,
+) -> (Handle<Expression>, Handle<Expression>) {
+    let pointer = build.expression(Expression::GlobalVariable(variable));
+    (pointer, build.expression(Expression::Load { pointer }))
+}
+
+fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> {
+    match argument {
+        Argument::Input(ty, binding) => build.input("input", *ty, binding),
+        Argument::Struct(ty, members) => {
+            let components = members
+                .iter()
+                .map(|(ty, binding)| build.input("input", *ty, binding))
+                .collect();
+            build.expression(Expression::Compose {
+                ty: *ty,
+                components,
+            })
+        }
+    }
+}
+
+/// A snippet of ours that does not parse: a bug.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct InjectError(pub(super) String);
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const PLAIN: Prologue = Prologue {
+        texture: DepthTexture::Depth,
+        samples: 1,
+        format: DepthFormat::Depth32float,
+        direction: DepthDirection::Forward,
+        quad: Quad::Vote,
+        mode: Mode::Cull,
+        range: DepthRange::Clipped,
+        tolerance: None,
+        slot: Slot {
+            group: 2,
+            binding: 1,
+        },
+    };
+
+    #[test]
+    fn the_text_of_every_form() {
+        let forms = [
+            ("default", PLAIN),
+            (
+                "reversed-lane",
+                Prologue {
+                    direction: DepthDirection::Reversed,
+                    quad: Quad::Lane,
+                    ..PLAIN
+                },
+            ),
+            (
+                "depth16-float-invert",
+                Prologue {
+                    texture: DepthTexture::Float,
+                    format: DepthFormat::Depth16unorm,
+                    mode: Mode::Invert,
+                    ..PLAIN
+                },
+            ),
+            (
+                "packed",
+                Prologue {
+                    texture: DepthTexture::Packed,
+                    ..PLAIN
+                },
+            ),
+            (
+                "multisampled-fixed",
+                Prologue {
+                    samples: 4,
+                    tolerance: Some(0.0001),
+                    ..PLAIN
+                },
+            ),
+        ];
+        for (name, prologue) in forms {
+            let text = prologue.wgsl();
+            let module = naga::front::wgsl::parse_str(&text).unwrap();
+            assert_eq!(module.functions.len(), 1, "{name}");
+            insta::assert_snapshot!(name, text);
+        }
+    }
+
+    #[test]
+    fn names_of_the_authors_own_are_left_alone() {
+        let author = naga::front::wgsl::parse_str(
+            "@group(2) @binding(0) var prepass_depth: texture_2d<f32>;
+             fn hidden_by_prepass() -> f32 { return textureLoad(prepass_depth, vec2(0), 0).x; }
+             @fragment fn fs() -> @location(0) vec4<f32> { return vec4(hidden_by_prepass()); }",
+        )
+        .unwrap();
+        let module = PLAIN.inject(author, 0, None, &[]).unwrap();
+        let names = |names: Vec<&Option<String>>| -> Vec<String> {
+            names.into_iter().flatten().cloned().collect()
+        };
+        let globals = names(
+            module
+                .global_variables
+                .iter()
+                .map(|(_, g)| &g.name)
+                .collect(),
+        );
+        let functions = names(module.functions.iter().map(|(_, f)| &f.name).collect());
+        assert_eq!(globals, ["prepass_depth", "prepass_depth_preshade"]);
+        assert_eq!(
+            functions,
+            ["hidden_by_prepass", "hidden_by_prepass_preshade"]
+        );
+    }
+}
