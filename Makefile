@@ -1,4 +1,4 @@
-.PHONY: demo test bench audit fuzz setup
+.PHONY: demo test bench audit fuzz docs setup
 
 # Renders the shrine with the original and its variants, and prints what each costs and gains.
 demo:
@@ -37,3 +37,9 @@ fuzz:
 		RUSTC_BOOTSTRAP=1 cargo fuzz run --features verify --sanitizer none $$target -- $$(test -f $$words && echo -dict=$$words) \
 			-max_total_time=$(SECONDS) -max_len=16384 -timeout=25 -rss_limit_mb=1536 || exit 1; \
 	done
+
+# The documentation as a book in target/book. mdBook is installed if it is missing, without its server and search.
+docs:
+	scripts/links.py
+	command -v mdbook >/dev/null || cargo install mdbook --locked --no-default-features
+	mdbook build docs
