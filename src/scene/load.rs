@@ -1,4 +1,4 @@
-//! A scene file into a [`Scene`].
+//! Reads a scene file into a [`Scene`].
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -26,40 +26,42 @@ use super::{
 };
 use crate::{front, regular};
 
-/// What `scene-bytes` counts.
+/// The quantity that the limit `scene-bytes` counts.
 pub(super) const SCENE_BYTES: &str = "the bytes of vertex data, texels and draws";
 
 /// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
 pub(super) const MAX_SIZE: u32 = 8192;
 
-/// Loads a scene file. `docs/reference/scenes.md` documents the format, and which folders its paths may reach.
+/// Loads a scene file. `docs/reference/scenes.md` documents the format and the folders that its
+/// paths may reach.
 ///
 /// # Errors
-/// Anything wrong with the file, each with its place in it: TOML syntax, an unknown key (with the nearest known one), a size of 0, a missing
-/// material, mesh or file, a path outside of the scene's root, a shader that does not compile, a value its shader does not have.
+/// Anything wrong with the file, with its place: TOML syntax, an unknown key (with the nearest
+/// known one), a size of 0, a missing material, mesh or file, a path outside of the scene's root, a
+/// shader that does not compile, a value that the shader does not have.
 pub fn load(path: &Path) -> Result<Scene, Error> {
     load_with(path, &Variables::new())
 }
 
-/// [`load`], with some of the scene's variables set to other values.
+/// [`load`] with values for some of the scene's variables.
 ///
 /// # Errors
-/// As [`load`], and a variable that the scene does not have.
+/// As [`load`], or an unknown variable.
 pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, Error> {
     load_within(path, variables, Access::default())
 }
 
-/// [`load_with`], of what may be reached and asked for.
+/// [`load_with`] under the limits of `access`.
 ///
 /// # Errors
-/// As [`load_with`], and what is beyond a limit.
+/// As [`load_with`], or a limit is exceeded.
 pub fn load_within(path: &Path, variables: &Variables, access: Access) -> Result<Scene, Error> {
     let text =
         regular::text(path, &access.limits, "source-bytes").map_err(|e| Error::unread(path, e))?;
     read(&text, path, variables, access)
 }
 
-/// The scene of a text, as if it stood in the file `path`, whose folder must be there.
+/// Reads scene text as if it were the file `path`. The folder must exist.
 ///
 /// # Errors
 /// As [`load_within`].
@@ -88,7 +90,8 @@ pub fn read(
     .scene(stem.unwrap_or_default())
 }
 
-/// Fails where brackets are open deeper than a parser's stack may bear. Those in strings count too, which no scene has reason for.
+/// Fails if brackets nest deeper than the parser's stack allows. Brackets in strings count too:
+/// scenes do not need them there.
 fn nested(text: &str, most: u64) -> Result<(), Error> {
     let mut open = 0_u64;
     for byte in text.bytes() {
@@ -106,7 +109,7 @@ fn nested(text: &str, most: u64) -> Result<(), Error> {
     Ok(())
 }
 
-/// The scene file's text, to point into.
+/// The scene file's text, for error messages.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
     name: &'a str,
@@ -118,7 +121,7 @@ impl Source<'_> {
         error.at(self.name, self.text, range)
     }
 
-    /// toml's own message, with a suggestion where it names what it expected.
+    /// toml's message, with a suggestion if it names the expected keys.
     fn toml_error(&self, e: &toml::de::Error) -> Error {
         let message = e.message().trim_end();
         let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
@@ -151,7 +154,7 @@ struct Loader<'a> {
     file: SceneFile,
     variables: Variables,
     access: Access,
-    /// Bytes of the scene so far.
+    /// Size of the scene so far, in bytes.
     held: Cell<u64>,
 }
 
@@ -230,7 +233,7 @@ impl Loader<'_> {
             let before = draws.len();
             let drawn = self.draw(entry.get_ref(), &materials, &meshes, &mut draws);
             let counted = drawn.and_then(|()| {
-                // A field's draws differ in their place alone.
+                // The draws of a field differ only in their place.
                 if let Some(draw) = draws.get(before) {
                     self.streams(&materials[draw.material], &meshes[draw.mesh].mesh, draw)?;
                 }
@@ -285,12 +288,12 @@ impl Loader<'_> {
         Ok(scene)
     }
 
-    /// Whether every value fits its variable, each complaint at the value.
+    /// Checks that every value fits its variable. Each error points at the value.
     fn check_values(&self, scene: &Scene) -> Result<(), Error> {
         let plans: Vec<Plan> = scene.materials.iter().map(Material::plan).collect();
         let mut seen = Vec::new();
         for draw in &scene.draws {
-            // Draws without values of their own differ in nothing that could be wrong.
+            // A draw without values of its own needs no second check.
             if draw.values.is_empty() && seen.contains(&draw.material) {
                 continue;
             }
@@ -307,7 +310,7 @@ impl Loader<'_> {
                 let own = draws.filter(|raw| values(raw) == draw.values);
                 let values: Vec<_> = own.chain([&entry.get_ref().values]).collect();
                 let given = |key: &str| values.iter().find_map(|v| v.get(key)).map(Spanned::span);
-                // The element's own value, or that of all elements.
+                // The element's own value, or the value of all elements.
                 let raw = e.subject().and_then(|subject| {
                     given(subject).or_else(|| given(&value_path::without_indices(subject)))
                 });
@@ -335,7 +338,7 @@ impl Loader<'_> {
                 .map_err(|e| self.source.at(e, file.span()))?;
             texts.push(front::Source::new(shown, text));
         }
-        // The keys say the stages, whatever the files are called.
+        // The keys give the stages, whatever the files are called.
         if entry.shader.is_none() {
             let stages = [ShaderStage::Vertex, ShaderStage::Fragment];
             for (source, stage) in texts.iter_mut().zip(stages) {
@@ -345,7 +348,7 @@ impl Loader<'_> {
         let defines = entry.defines.iter();
         let defines: BTreeMap<String, String> =
             defines.map(|(k, v)| (k.clone(), v.to_string())).collect();
-        // A text's name is where it lies below the root; what it includes lies beside the file.
+        // The source name is relative to the root; `#include` looks beside the file.
         let beside = files.iter().filter_map(|f| Path::new(f.get_ref()).parent());
         let include = entry.include.iter().map(PathBuf::as_path).chain(beside);
         let include = include
@@ -409,7 +412,7 @@ impl Loader<'_> {
         Ok(material)
     }
 
-    /// Applies what holds for the whole scene: depth, samples, and the targets a material does not state itself.
+    /// Applies the scene-wide settings: depth, samples, and default targets.
     fn state(&self, material: &mut Material, entry: &MaterialEntry, samples: u32) {
         let state = &mut material.state;
         state.depth_format = self.file.depth.format;
@@ -435,13 +438,13 @@ impl Loader<'_> {
             for target in state.targets.iter_mut().flatten() {
                 target.blend = Some(blend);
             }
-            // What shows through does not hide: three.js' default for transparent materials is to write depth all the same, but a
-            // scene says so explicitly with `state.depth_write` on an unblended material.
+            // A transparent surface should not hide others. three.js writes depth for it by
+            // default; a scene can ask for that with `state.depth_write` on an unblended material.
             state.depth_write = false;
         }
     }
 
-    /// Takes so many bytes, before room is made for them.
+    /// Counts bytes against the limit before they are allocated.
     fn hold(&self, bytes: u64) -> Result<(), Error> {
         let all = self.held.get().saturating_add(bytes);
         self.held.set(all);
@@ -449,7 +452,7 @@ impl Loader<'_> {
         Ok(limits.check("scene-bytes", all, SCENE_BYTES)?)
     }
 
-    /// Takes `more` draws like `draw` beside those there are, before they are made.
+    /// Counts `more` draws like `draw` against the limit before they are created.
     fn hold_draws(&self, draws: &[Draw], more: u64, draw: &Draw) -> Result<(), Error> {
         let all = (draws.len() as u64).saturating_add(more);
         self.access
@@ -618,7 +621,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Refuses the name of a stream that nothing is called.
+    /// Refuses unknown stream names.
     fn streams(&self, material: &Material, mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
         let Some((attribute, stream)) = unknown_stream(material, mesh, draw) else {
             return Ok(());
@@ -710,10 +713,10 @@ impl Loader<'_> {
     }
 }
 
-/// Numbers of a copy's instance streams: its transform, colour and place.
+/// Floats per copy in the instance streams: transform, colour, place.
 const INSTANCE_NUMBERS: u64 = 16 + 4 + 4;
 
-/// How a camera, or a key of its path, says where it is and what it looks at.
+/// The position and direction of a camera, or of a key of its path.
 #[derive(Clone, Copy, Default, PartialEq)]
 struct Looks {
     eye: Option<[f32; 3]>,
@@ -744,7 +747,7 @@ impl Looks {
     }
 }
 
-/// Scale, then rotate round x, y and z in degrees, then translate.
+/// Scales, then rotates around x, y and z in degrees, then translates.
 pub(super) fn transform(translate: [f32; 3], rotate: [f32; 3], scale: Option<&Scale>) -> Mat4 {
     let scale = match scale {
         None => Vec3::ONE,

@@ -1,4 +1,4 @@
-//! glTF 2.0: all primitives of a file, or of one mesh of it, as one mesh with its skin and morph targets.
+//! glTF 2.0: all primitives of a file, or of one of its meshes, merged with skin and morph targets.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,32 +13,34 @@ use super::{Builder, bounds, merged, positions, transformed};
 use crate::front::guard;
 use crate::scene::{Error, Mesh, Stream};
 
-/// Which part of a glTF file.
+/// A part of a glTF file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gltf {
     /// `.gltf` or `.glb`, relative to the scene's folder.
     pub file: String,
-    /// Name of one mesh; all of the default scene's meshes otherwise, at their nodes' places.
+    /// Name of one mesh. By default, all meshes of the default scene with their nodes' transforms.
     pub mesh: Option<String>,
 }
 
-/// A mesh with what its skin and its morph targets start from.
+/// A mesh with its pose.
 #[derive(Clone, Debug)]
 pub struct Rigged {
     /// The mesh.
     pub mesh: Mesh,
-    /// Joint matrices of the file's pose, bind pose inverse applied; empty without a skin.
+    /// Joint matrices of the file's pose with the inverse bind pose applied; empty without a skin.
     pub joints: Arc<[Mat4]>,
     /// Default weights of the morph targets.
     pub morph_weights: Vec<f32>,
 }
 
 impl Gltf {
-    /// Reads the mesh. `read` returns the bytes of a file by its name relative to the scene's folder.
+    /// Reads the mesh. `read` returns the bytes of a file by its name relative to the scene's
+    /// folder.
     ///
     /// # Errors
-    /// When the file is no glTF 2.0, has no such mesh, draws other primitives than triangles, reads outside of its buffers, or has two skins in what is asked for.
+    /// The file is no glTF 2.0, lacks the mesh, has primitives other than triangles, has accessors
+    /// outside of their buffers, or has two skins in the selected part.
     pub fn load(
         &self,
         name: &str,
@@ -47,14 +49,15 @@ impl Gltf {
         self.load_within(name, read, &|_, _| Ok(()))
     }
 
-    /// [`Gltf::load`], where `take` is told how many vertices and bytes are about to be made, and may refuse them.
+    /// [`Gltf::load`] with a size check: `take` gets the number of vertices and bytes before they
+    /// are allocated.
     pub(in crate::scene) fn load_within(
         &self,
         name: &str,
         read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
         take: &dyn Fn(u64, u64) -> Result<(), Error>,
     ) -> Result<Rigged, Error> {
-        // What the checks below overlook is the reader's to panic at.
+        // The glTF crate may panic on errors that the checks below miss.
         guard::run(|| self.loaded(name, read, take)).unwrap_or_else(|panicked| {
             Err(Error::new(format!(
                 "`{}`: the crate that reads glTF panicked: {panicked}",
@@ -93,7 +96,7 @@ impl Gltf {
                     _ => Cow::Owned(read(&format!("{folder}{uri}"))?),
                 },
             };
-            // Several may be of one file.
+            // Several buffers may share a file.
             held += data.len() as u64;
             take(0, held)?;
             if data.len() < buffer.length() {
@@ -106,7 +109,7 @@ impl Gltf {
             }
             buffers.push(data);
         }
-        // Nodes below their parents' transforms.
+        // Collect the nodes with their world transforms.
         let mut nodes = Vec::new();
         let roots: Vec<_> = match gltf.default_scene().or_else(|| gltf.scenes().next()) {
             Some(scene) => scene.nodes().collect(),
@@ -136,7 +139,7 @@ impl Gltf {
             let wanted = self.mesh.as_deref();
             wanted.is_none_or(|m| mesh.name() == Some(m))
         };
-        // Before anything of it is read: many nodes may have one mesh.
+        // Check sizes before reading: many nodes may share a mesh.
         let lengths: Vec<usize> = buffers.iter().map(|b| b.len()).collect();
         let mut cost = Cost::default();
         let mut costs: BTreeMap<usize, Cost> = BTreeMap::new();
@@ -195,7 +198,8 @@ impl Gltf {
                 }
                 let part = read_primitive(&primitive, &buffers)
                     .ok_or_else(|| wrong("a primitive without positions".into()))?;
-                // A skinned mesh's node places nothing (glTF 2.0, section 3.7.3.3).
+                // The node of a skinned mesh has no effect on its place (glTF 2.0, section
+                // 3.7.3.3).
                 parts.push(match node.skin() {
                     Some(_) => part,
                     None => transformed(part, world[&node.index()]),
@@ -238,7 +242,7 @@ fn read_primitive(primitive: &gltf::Primitive<'_>, buffers: &[Cow<'_, [u8]>]) ->
         Some(uv) => uv.into_f32().map(glam::Vec2::from).collect(),
         None => vec![glam::Vec2::ZERO; count],
     };
-    // The builder makes tangents; the file's own take their place below.
+    // The builder generates tangents; the file's own replace them below.
     let mut b = Builder::default();
     for (i, place) in places.iter().enumerate() {
         b.vertex(*place, *normals.get(i)?, *uvs.get(i)?);
@@ -290,7 +294,7 @@ fn read_primitive(primitive: &gltf::Primitive<'_>, buffers: &[Cow<'_, [u8]>]) ->
     Some(mesh)
 }
 
-/// Normals for a mesh without: each vertex takes the mean of its triangles', weighted by area.
+/// Smooth normals: the area-weighted mean of the adjacent triangles' normals.
 fn smooth_normals(places: &[Vec3], indices: &[u32]) -> Vec<Vec3> {
     let mut sums = vec![Vec3::ZERO; places.len()];
     for t in indices.chunks_exact(3) {
