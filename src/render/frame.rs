@@ -1,4 +1,4 @@
-//! One frame of a variant: everything built once, encoded as often as needed.
+//! One frame of a variant: built once, encoded as often as needed.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -21,15 +21,15 @@ use super::targets::Targets;
 use super::{Error, compute, order, readback};
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
-/// What a frame is drawn with that is neither the scene's nor the plan's.
+/// Settings of a frame that belong neither to the scene nor to the plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameSettings {
-    /// What the colour attachments are cleared to, linear RGBA.
+    /// Clear value of the colour attachments, linear RGBA.
     pub clear_color: [f64; 4],
 }
 
 impl FrameSettings {
-    /// The scene's own background.
+    /// The scene's background.
     pub fn of(scene: &Scene) -> Self {
         Self {
             clear_color: scene.clear_color,
@@ -42,7 +42,7 @@ impl FrameSettings {
 pub struct Rendered {
     /// Colour targets by location, resolved.
     pub colors: Vec<Option<ColorImage>>,
-    /// The scene's depth, every sample of it. `None` where the frame has no such attachment.
+    /// Every sample of the scene's depth. `None` if the frame has no such attachment.
     pub depth: Option<DepthImage>,
 }
 
@@ -51,13 +51,14 @@ pub struct Rendered {
 pub struct ComputedVertices {
     /// Index of the draw in the scene.
     pub draw: usize,
-    /// What each vertex of one instance is made of, as [`preshade_passes::tessellate::mesh::Mesh::points`].
+    /// The origin of each vertex of one instance, as
+    /// [`preshade_passes::tessellate::mesh::Mesh::points`].
     pub points: Vec<[u32; 4]>,
-    /// The vertices, instance by instance, each the same number of words.
+    /// The vertices, instance by instance, with the same number of words each.
     pub words: Vec<u32>,
 }
 
-/// A variant ready to be drawn: targets, pipelines, bind groups.
+/// A variant that is ready to be drawn: targets, pipelines, bind groups.
 pub struct Prepared<'a> {
     gpu: &'a Gpu,
     inputs: &'a SceneInputs<'a>,
@@ -67,13 +68,13 @@ pub struct Prepared<'a> {
     table: DrawTable,
     passes: Vec<PreparedPass>,
     clear_color: [f64; 4],
-    /// What becomes of the samples of a colour target once it is resolved.
+    /// Whether the samples of a colour target are kept after resolving.
     resolved_samples: wgpu::StoreOp,
     creation: Duration,
     pipelines: usize,
 }
 
-/// What is asked of the adapter while a frame is drawn, a query a render pass.
+/// The query of each render pass while a frame is drawn.
 #[derive(Clone, Copy)]
 enum Queries<'q> {
     None,
@@ -84,9 +85,9 @@ enum Queries<'q> {
 struct PreparedPass {
     frame: FramePass,
     pipelines: Vec<wgpu::RenderPipeline>,
-    /// By draw, in the scene's order; a draw may have several where its material has several members.
+    /// Items by draw, in the scene's order. A draw has several if its material has several members.
     items: Vec<Item>,
-    /// Indices of `items`, in the order to draw them in.
+    /// Indices of `items` in drawing order.
     sequence: Vec<usize>,
 }
 
@@ -95,21 +96,21 @@ struct Item {
     pipeline: usize,
     groups: Vec<(u32, wgpu::BindGroup)>,
     stencil_reference: u32,
-    /// Attachment slot of each vertex buffer of the draw that the pass reads.
+    /// The draw's vertex buffer in each attachment slot.
     vertex_buffers: Vec<usize>,
     call: Call,
 }
 
-/// What is drawn of a draw.
+/// The geometry to draw.
 enum Call {
     AsGiven,
-    /// The draw's triangles divided.
+    /// The subdivided triangles of the draw.
     Subdivided(Subdivided),
-    /// So many vertices, without vertex buffers.
+    /// A number of vertices without vertex buffers.
     Unindexed(u32),
-    /// The whole screen.
+    /// One triangle over the whole screen.
     FullScreen,
-    /// What a buffer of the frame says.
+    /// Arguments from a buffer of the frame.
     Indirect(Arguments),
 }
 
@@ -123,11 +124,13 @@ impl std::fmt::Debug for Prepared<'_> {
 }
 
 impl<'a> Prepared<'a> {
-    /// Builds all that drawing `variant` needs. It is aimed at the first frame of the first camera, in the scene's first order.
+    /// Builds everything that drawing `variant` needs, aimed at the first frame of the first camera
+    /// in the scene's first order.
     ///
     /// # Errors
-    /// [`Error::Refused`] when a shader or a pipeline does not compile (for an emitted shader: a bug of preshade), [`Error::Plan`] when a
-    /// plan asks for something the frame or the scene does not have, [`Error::Unsupported`] when the adapter lacks a feature.
+    /// [`Error::Refused`] if a shader or pipeline does not compile (for an emitted shader, a bug in
+    /// preshade), [`Error::Plan`] if the plan needs something that the frame or scene does not
+    /// have, [`Error::Unsupported`] if the adapter lacks a feature.
     pub fn new(
         inputs: &'a SceneInputs<'a>,
         variant: &Variant,
@@ -136,7 +139,8 @@ impl<'a> Prepared<'a> {
         Self::with_entries(inputs, variant, settings, |_| {})
     }
 
-    /// [`Self::new`], with the entries of the draw table amended: what a host draws that gets them wrong.
+    /// [`Self::new`] with changed entries of the draw table. Tests use it to draw as a host that
+    /// gets the table wrong.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -269,7 +273,7 @@ impl<'a> Prepared<'a> {
             table,
             passes,
             clear_color: settings.clear_color,
-            // What resolves is shown resolved: a host throws the samples away.
+            // A host discards the samples after resolving, so we do too.
             resolved_samples: wgpu::StoreOp::Discard,
             creation: start.elapsed(),
         };
@@ -282,7 +286,8 @@ impl<'a> Prepared<'a> {
         Ok(prepared)
     }
 
-    /// Sorts the draws for `frame`: opaque ones in `order`, blended ones back to front. Uniforms are [`SceneInputs::set_frame`]'s.
+    /// Sorts the draws for `frame`: opaque ones in `order`, blended ones back to front.
+    /// [`SceneInputs::set_frame`] sets the uniforms.
     pub fn aim(&mut self, frame: &Frame, order: DrawOrder) {
         let scene = self.inputs.scene();
         let opaque = order::opaque(scene, frame, order);
@@ -303,7 +308,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Runs the compute passes and reads back the vertices they store, for each draw that has any.
+    /// Runs the compute passes and reads back the vertices that they store for each draw.
     ///
     /// # Errors
     /// [`Error::Lost`], [`Error::Refused`].
@@ -338,12 +343,12 @@ impl<'a> Prepared<'a> {
         copies.into_iter().map(read).collect()
     }
 
-    /// Encodes the whole frame once, from clear to resolve.
+    /// Encodes the whole frame, from clear to resolve.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         self.encode_with(encoder, Queries::None);
     }
 
-    /// Encodes the frame; each render pass is one query.
+    /// Encodes the frame with one query per render pass.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
         let mut done: Option<Phase> = None;
         self.table.clear(encoder);
@@ -391,8 +396,8 @@ impl<'a> Prepared<'a> {
         compute::encode(&self.compute, behind, encoder);
     }
 
-    /// Draws the frame once and returns vertex and fragment invocations of each render pass, one pair after the other. The device must have
-    /// pipeline statistics.
+    /// Draws the frame once and returns pairs of vertex and fragment invocations, one pair per
+    /// render pass. The device must have pipeline statistics.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
@@ -402,7 +407,8 @@ impl<'a> Prepared<'a> {
         self.draw_queried(wgpu::QueryType::PipelineStatistics(types), 2)
     }
 
-    /// Draws the frame once and returns for each render pass whether samples passed its tests: not 0 where one did. Many adapters count them.
+    /// Draws the frame once. Returns a number for each render pass that is nonzero if samples
+    /// passed its tests; many adapters return the number of samples.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
@@ -410,7 +416,8 @@ impl<'a> Prepared<'a> {
         self.draw_queried(wgpu::QueryType::Occlusion, 1)
     }
 
-    /// Draws the frame once with a query of type `ty` a render pass, each of `words` 64-bit words.
+    /// Draws the frame once with a query of type `ty` for each render pass, of `words` 64-bit
+    /// words.
     fn draw_queried(&self, ty: wgpu::QueryType, words: u64) -> Result<Vec<u64>, Error> {
         let count = self.passes.len() as u32;
         let bytes = u64::from(count) * 8 * words;
@@ -454,7 +461,7 @@ impl<'a> Prepared<'a> {
     /// Draws the frame once and waits.
     ///
     /// # Errors
-    /// [`Error::Refused`] when a command is invalid, [`Error::Lost`] when the adapter gives up.
+    /// [`Error::Refused`] if a command is invalid, [`Error::Lost`] if the device is lost.
     pub fn draw(&self) -> Result<(), Error> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.gpu.checked("a frame", || self.encode(&mut encoder))?;
@@ -476,7 +483,8 @@ impl<'a> Prepared<'a> {
                 let texture = match &target.resolved {
                     Some((texture, _)) => texture,
                     None if target.drawn.sample_count() == 1 => &target.drawn,
-                    // Several samples of a format that does not resolve: nothing a host would show.
+                    // Several samples of a format that cannot be resolved: a host could not show it
+                    // either.
                     None => return Ok(None),
                 };
                 readback::color(self.gpu, texture, target.format).map(Some)
@@ -490,7 +498,7 @@ impl<'a> Prepared<'a> {
         Ok(Rendered { colors, depth })
     }
 
-    /// The frame with every sample of its colour targets kept, to be read by [`Self::render_red`].
+    /// Keeps every sample of the colour targets, for [`Self::render_red`].
     pub(crate) fn keeping_samples(self) -> Self {
         Self {
             resolved_samples: wgpu::StoreOp::Store,
@@ -498,7 +506,8 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Draws the frame once and reads the red channel of every sample of colour target 0, which must be a float format.
+    /// Draws the frame once and reads the red channel of every sample of colour target 0, which
+    /// must have a float format.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
@@ -510,7 +519,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Number of pipelines, and how long compiling shaders and building them took.
+    /// Number of pipelines, and the time to compile shaders and create pipelines.
     pub fn creation(&self) -> (usize, Duration) {
         (self.pipelines, self.creation)
     }
@@ -520,7 +529,7 @@ impl<'a> Prepared<'a> {
         self.passes.iter().map(|p| p.sequence.len()).sum()
     }
 
-    /// What subdivided geometry costs a frame; `None` where there is none.
+    /// The cost of subdivided geometry per frame; `None` without subdivision.
     pub fn subdivision_cost(&self) -> Option<SubdivisionCost> {
         self.meshes.cost()
     }
@@ -568,7 +577,7 @@ impl<'a> Prepared<'a> {
             .map(|(location, slot)| {
                 let (target, planned) = (slot.as_ref()?, planned(location)?);
                 let mut ops = operations(planned, wgpu::Color { r, g, b, a });
-                // What is stored is shown, resolved where it has several samples; what is discarded is not.
+                // Stored attachments are visible, resolved if multisampled. Discarded ones are not.
                 let resolved = target
                     .resolved
                     .as_ref()
@@ -658,7 +667,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// A frame's operations in wgpu's terms.
+/// A frame's load and store operations as wgpu types.
 fn operations<V>(ops: FrameOps, clear: V) -> wgpu::Operations<V> {
     wgpu::Operations {
         load: match ops.load {
@@ -672,7 +681,8 @@ fn operations<V>(ops: FrameOps, clear: V) -> wgpu::Operations<V> {
     }
 }
 
-/// Fails where a pass loads what no earlier one has drawn: a frame begins with empty attachments here.
+/// Fails if a pass loads an attachment that no earlier pass has drawn: frames start with empty
+/// attachments here.
 fn check_loads(passes: &[FramePass]) -> Result<(), Error> {
     let mut drawn: Vec<String> = Vec::new();
     for pass in passes {
