@@ -20,7 +20,7 @@ async function taken() {
         await visit(`${address}/`);
         const adapter = await page.textContent('#adapter');
         const clock = await page.textContent('#clock');
-        const ms = await page.evaluate(() => window.page.measure(9));
+        const ms = await page.evaluate((name) => window.page.measure(9, ['original', name]), variant);
         const { off, most, pixels } = (await page.evaluate((name) => window.page.compare([name]), variant))[variant];
         await page.evaluate((name) => window.page.choose(name), variant);
         await page.click('input[name=view][value=split]');
