@@ -28,9 +28,9 @@ use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::scene::{DrawOrder, Scene};
 
-#[path = "../tests/combinations_support/mod.rs"]
+#[path = "../tests/it/combinations_support/mod.rs"]
 mod combinations_support;
-#[path = "../tests/fixtures_support/mod.rs"]
+#[path = "../tests/support/fixtures_support.rs"]
 mod fixtures_support;
 
 use combinations_support::{Tally, combinations, recipe};

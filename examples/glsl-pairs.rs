@@ -18,9 +18,9 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 #[allow(dead_code, reason = "patches and made pairs are the tests'")]
-#[path = "../tests/native/mod.rs"]
+#[path = "../tests/gpu/native/mod.rs"]
 mod native;
-#[path = "../tests/render_support/mod.rs"]
+#[path = "../tests/support/render_support/mod.rs"]
 mod render_support;
 
 use native::both;

@@ -10,7 +10,7 @@ out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 
 # What is drawn of a pass, as its page says it.
-awk -F'"' '/" => \($/ { pass = $2 } $2 ~ /^preshade verify / { sub(/^preshade /, "", $2); print pass, $2 }' tests/pass_pages.rs |
+awk -F'"' '/" => \($/ { pass = $2 } $2 ~ /^preshade verify / { sub(/^preshade /, "", $2); print pass, $2 }' tests/it/pass_pages.rs |
 while read -r pass arguments; do
   [ $# -eq 0 ] || [[ " $* " == *" $pass "* ]] || continue
   # shellcheck disable=SC2086

@@ -1,0 +1,88 @@
+//! Every fixture shader through every pass, as text: what a reviewer reads when a transform changes.
+
+use std::fmt::Write as _;
+
+use preshade::emit::{self, Target};
+use preshade::passes::pass::Facts;
+use preshade::passes::plan::Plan;
+use preshade::recipe::Recipe;
+
+use crate::fixtures_support::{RECIPES, original};
+
+/// The variant as a reviewer wants it: the passes of the plan in a few lines, then the text of each program; or the refusal.
+fn describe(plan: &Plan, recipe: &str) -> String {
+    let author = plan.programs["main"].author_text().unwrap().to_owned();
+    let recipe = Recipe::parse([recipe]).unwrap();
+    let plan = match recipe.apply(plan, &Facts::default()) {
+        Err(refusal) => return format!("refused: {refusal}\nremedy: {}\n", refusal.remedy),
+        Ok(plan) => plan,
+    };
+    let mut out = String::new();
+    for pass in &plan.passes {
+        let depth = pass.depth.as_ref().map_or_else(
+            || "no depth".to_owned(),
+            |d| {
+                format!(
+                    "{} {:?}{}{} bias {}/{}",
+                    d.attachment,
+                    d.compare,
+                    if d.write { " write" } else { "" },
+                    if d.read_only { " read-only" } else { "" },
+                    d.bias.constant,
+                    d.bias.slope_scale
+                )
+            },
+        );
+        let bindings: Vec<_> = pass
+            .bindings
+            .iter()
+            .map(|b| format!("{}:{} {}", b.group, b.binding, b.name))
+            .collect();
+        let attributes: Vec<_> = pass
+            .attributes
+            .iter()
+            .map(|a| format!("{} {}", a.location, a.name))
+            .collect();
+        writeln!(
+            out,
+            "{} [{}] {} + {}\n  {depth}\n  bindings {}\n  attributes {}",
+            pass.role.name(),
+            pass.program,
+            pass.vertex,
+            pass.fragment.as_deref().unwrap_or("-"),
+            bindings.join(", "),
+            attributes.join(", "),
+        )
+        .unwrap();
+    }
+    writeln!(out, "contract {:?}", plan.contract).unwrap();
+    for file in emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap() {
+        if file.name.ends_with(".wgsl") {
+            let text = String::from_utf8(file.bytes).unwrap();
+            if file.name.ends_with(".original.wgsl") {
+                assert_eq!(text, author, "{}", file.name);
+                continue;
+            }
+            let text = if text == author {
+                "as written"
+            } else {
+                text.as_str()
+            };
+            writeln!(out, "\n==== {}\n{text}", file.name).unwrap();
+        }
+    }
+    out
+}
+
+#[test]
+fn every_fixture_through_every_pass() {
+    insta::glob!("../../fixtures/shaders", "*.wgsl", |path| {
+        let plan = original(&[path]);
+        for recipe in RECIPES {
+            let name = recipe.replace([':', '=', ','], "-");
+            insta::with_settings!({ description => recipe, omit_expression => true }, {
+                insta::assert_snapshot!(name, describe(&plan, recipe));
+            });
+        }
+    });
+}
