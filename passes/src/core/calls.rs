@@ -1,16 +1,17 @@
-//! How deeply a module's functions call one another.
+//! Call depth of a module.
 //!
-//! Analyses recurse once a call, and an expression behind a chain of calls is looked at once a link: a chain of thousands exhausts the stack and the patience of
-//! any of them, naga's writers and a driver's compiler included.
+//! Analyses recurse once per call, and so do naga's writers and driver compilers. A chain of
+//! thousands of calls would exhaust the stack.
 
 use naga::{Block, Function, Handle, Module, Statement};
 
-/// Most functions on the stack at once, the entry point included. The deepest chain in the public materials known to us has 14.
+/// Largest accepted call depth, the entry point included. The deepest public material we know has
+/// 14.
 pub const MOST: usize = 256;
 
-/// The first function that stands on top of more than [`MOST`] calls.
+/// The first function whose call depth exceeds [`MOST`].
 pub fn too_deep(module: &Module) -> Option<Handle<Function>> {
-    // A function comes after all that it calls: the validator has seen to it.
+    // The validator guarantees that callees come before their callers.
     let mut depths: Vec<usize> = Vec::with_capacity(module.functions.len());
     for (handle, function) in module.functions.iter() {
         let mut depth = 1;

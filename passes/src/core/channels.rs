@@ -1,5 +1,5 @@
-//! Which colour channels a pass writes. A fragment that leaves some of them as they are lets the colour of what was drawn before show there, so that what lies behind
-//! it is part of the picture.
+//! The colour channels that a pass writes. Where a fragment leaves a channel unwritten, the colours
+//! of earlier draws show through, so hidden surfaces are part of the picture.
 
 use std::collections::BTreeMap;
 
@@ -12,17 +12,18 @@ use crate::core::reflect;
 /// A colour target of a frame.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Target {
-    /// The scene's own, by location.
+    /// A target of the scene, by location.
     Scene(usize),
-    /// An attachment of a plan, by name.
+    /// An attachment of the plan, by name.
     Attachment(String),
 }
 
-/// Channels by target: bits red 1, green 2, blue 4, alpha 8, none of them 0.
+/// Written channels by target. Bits: red 1, green 2, blue 4, alpha 8. Unwritten targets are absent.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Channels(BTreeMap<Target, u8>);
 
-/// Those that `pass` writes: in its write masks, in the formats, and in an output of its fragment stage.
+/// The channels that the write masks, the formats and the fragment stage's outputs of `pass` all
+/// have.
 pub fn written(program: &Program, pass: &GpuPass) -> Channels {
     let module = program.module();
     let outputs = pass
@@ -53,7 +54,7 @@ pub fn written(program: &Program, pass: &GpuPass) -> Channels {
     )
 }
 
-/// Whether `pass` writes every channel of every target up to its last, and has one.
+/// Whether `pass` has targets and writes every channel of each of them.
 pub fn writes_all(program: &Program, pass: &GpuPass) -> bool {
     let written = written(program, pass);
     let masks = pass.targets.iter().flatten().map(|t| of_format(&t.format));
@@ -62,7 +63,7 @@ pub fn writes_all(program: &Program, pass: &GpuPass) -> bool {
         && masks.map(u32::from).map(u32::count_ones).sum::<u32>() == written.count()
 }
 
-/// Channels a colour format has, read off its name. Those of a name that says nothing are taken to be all.
+/// Channels of a colour format, read off its name. An unknown name has all of them.
 fn of_format(format: &str) -> u8 {
     let channels = format
         .chars()
@@ -77,7 +78,7 @@ impl Channels {
         self.0.values().map(|mask| mask.count_ones()).sum()
     }
 
-    /// Those that `other` leaves as they are.
+    /// The channels in `self` that `other` does not write.
     #[must_use]
     pub fn left_by(&self, other: &Self) -> Self {
         let left = self.0.iter().filter_map(|(target, mask)| {
@@ -87,14 +88,14 @@ impl Channels {
         Self(left.collect())
     }
 
-    /// None at all.
+    /// Whether no channel is written.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 }
 
 impl std::fmt::Display for Channels {
-    /// In words: `red, green of target 0; alpha of attachment NAME`.
+    /// For messages: `red, green of target 0; alpha of attachment NAME`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let names = ["red", "green", "blue", "alpha"];
         for (i, (target, mask)) in self.0.iter().enumerate() {

@@ -1,9 +1,9 @@
-//! What a variant promises about its picture, and what measurement says of the promise.
+//! The promise that a variant makes about its picture, and the verdict of a measurement.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A condition that a promise rests on. The host, or a measurement, has to see to it.
+/// A condition of a promise. The host or a measurement has to ensure it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Assumption {
@@ -11,64 +11,81 @@ pub enum Assumption {
     NoDepthTies,
     /// Both passes rasterise the same position bits from the same inputs.
     InvariantPosition,
-    /// No other opaque material of the frame moves depth away from the viewer or leaves traces of hidden fragments (stencil, stores), and none that writes depth
-    /// leaves colour channels as they are that others write. Beside what is shaded from ids each of them writes its depth, and has
-    /// none in common with it: it is drawn after it, whatever their order.
+    /// No other opaque material of the frame moves depth away from the viewer or leaves traces of
+    /// hidden fragments (stencil, stores). None writes depth without the colour channels that
+    /// others write. Where a material is shaded from ids, all others write depth, share no depth
+    /// value with it, and are drawn before it.
     OrdinaryNeighbours,
-    /// No other opaque material of the frame writes the colour channels, or targets, that this one leaves as they are: what lies hidden would show there.
+    /// No other opaque material of the frame writes the colour channels or targets that this one
+    /// leaves unwritten: hidden surfaces would show there.
     LeftChannelsUnwritten,
-    /// No surface lies exactly on the near plane: at depth 0 of a float format bias vanishes, what is clamped there was biased before, and what an adapter draws there of a triangle of no
-    /// area has no slope to be biased by.
+    /// No surface lies exactly on the near plane. In a float format, bias vanishes at depth 0;
+    /// clamped depths were biased before; and a triangle without area has no slope to bias by.
     BeyondNearPlane,
-    /// The original's position is `@invariant` already. Where it is not, marking it may move positions by their last bits.
+    /// The original's position is already `@invariant`. If it isn't, marking it may move positions
+    /// by their last bits.
     InvariantOriginal,
-    /// The discard or depth slice gives the same answer in both passes.
+    /// The discard or depth slice computes the same result in both passes.
     InvariantDiscard,
-    /// Alpha to coverage makes the same mask of the same alpha at the same pixel, in every pass. The languages leave the mask to the implementation.
+    /// Alpha to coverage derives the same mask from the same alpha at the same pixel in every pass.
+    /// The languages leave the mask to the implementation.
     SameAlphaCoverage,
     /// All passes of a frame use one viewport and one jitter.
     SameViewport,
-    /// Opaque draws come in one order in every pass in which order decides.
+    /// Opaque draws come in the same order in every pass where order matters.
     SameDrawOrder,
-    /// The vertex and the fragment stage compute the same bits from the same inputs: whichever of its products a compiler fuses with a sum, it fuses in both.
+    /// The vertex and the fragment stage compute the same bits from the same inputs: the compiler
+    /// fuses the same multiply-adds in both.
     StagesAgree,
-    /// Textures that are sampled at interpolated coordinates, or at an implicit level, are filtered, within a level and between levels, and with an anisotropy of 1: a nearest sampler jumps, and how many texels an
-    /// anisotropic one takes.
+    /// Textures that are sampled at interpolated coordinates, or at an implicit level, are filtered
+    /// within and between levels, with an anisotropy of 1. A nearest sampler is discontinuous, and
+    /// so is the texel count of an anisotropic one.
     FilteredTextures,
-    /// An interpolated number is within 2^-18 of the largest at the corners of its triangle. No language says so; slivers many times as long as the screen go beyond it.
+    /// An interpolated number is within 2^-18 of the largest value at the corners of its triangle.
+    /// No language guarantees this, and slivers many times as long as the screen exceed it.
     FineInterpolation,
-    /// Which neighbours in its quad a pixel's derivative is taken of, where it is not fine, and a sample's at an implicit level, is the driver's choice: it takes those that the
-    /// variant's parameters say ([`crate::core::rasterizer::Rasterizer`]).
+    /// The driver chooses the quad neighbours of coarse derivatives and of samples at an implicit
+    /// level. It chooses those that the variant's parameters name
+    /// ([`crate::core::rasterizer::Rasterizer`]).
     DerivativeNeighbours,
-    /// Between which corners a rasteriser interpolates, as given or snapped to its grid, is its own choice: it takes those that the variant's parameters say
+    /// The rasteriser chooses whether it interpolates between the given corners or between corners
+    /// snapped to its grid. It chooses as the variant's parameters name
     /// ([`crate::core::rasterizer::Corners`]).
     InterpolatedCorners,
-    /// No triangle is clipped that has a varying interpolated linearly on the screen: between which corners that is then done is the driver's choice.
+    /// No triangle with a screen-linear varying is clipped: the driver chooses the corners to
+    /// interpolate between.
     UnclippedLinear,
-    /// No triangle that is seen is clipped: a rasteriser that snaps corners interpolates between those that clipping makes, and where it clips, at the near plane alone or far out of
-    /// the viewport too, is its own choice.
+    /// No visible triangle is clipped. A rasteriser that snaps corners interpolates between the
+    /// clipped ones, and chooses itself whether to clip at the near plane alone or at the viewport
+    /// too.
     UnclippedTriangles,
-    /// No triangle that is seen has an area on the rasteriser's grid alone: what is interpolated over one that has none as its corners are given rests on what rounding left.
+    /// No visible triangle gains its area only on the rasteriser's grid. Values interpolated over a
+    /// triangle without area depend on rounding errors.
     TrianglesWithArea,
-    /// From what is interpolated or sampled to what is stored, slopes are small enough that the last bits in which two rasterisers differ, and the 256th of a texel's contrast that
-    /// they may become in the weights of a filter, stay within a step: the `pow` of a highlight on a normal map may be steeper.
+    /// From varyings and samples to the outputs, slopes are small. The last bits in which two
+    /// rasterisers differ, and the 1/256 of a texel's contrast that filter weights make of them,
+    /// stay within one step of the output. The `pow` of a highlight on a normal map may be steeper.
     GentleSlopes,
-    /// Varyings, constants of the draw and texels are no further from 0 than 4, and what is divided by of the draw no nearer than a quarter: a rounding meets no larger factor.
+    /// Varyings, constants of the draw and texels are within 4 of 0, and the draw's divisors are at
+    /// least a quarter. No larger factor multiplies a rounding error.
     OrdinaryNumbers,
-    /// Varyings and constants of the draw lie where they lay in the frames of the scene the variant was made for, and texels no further from 0 than 4.
+    /// Varyings and constants of the draw stay in the ranges of the scene that the variant was made
+    /// for, and texels are within 4 of 0.
     NumbersOfTheScene,
     /// Positions computed by two pipelines from one source differ by less than the pass's bias or tolerance.
     PositionWithinBias,
-    /// What a compiler fuses and reorders rests on no more of an operation than the float operations it takes operands from, whether they stand in one basic block, and how many read them.
+    /// Whether a compiler fuses or reorders a float operation depends only on the float operations
+    /// around it, their basic blocks and their number of uses.
     SameContraction,
-    /// What is multiplied with a weight of 0 is neither NaN nor infinite: textures of floating point may hold such texels.
+    /// No value that is multiplied by a weight of 0 is NaN or infinite. Float textures may hold
+    /// such texels.
     FiniteTaps,
-    /// The values that a draw is made with lie where the plan's guard says ([`crate::core::guard`]).
+    /// The draw's values lie in the ranges of the plan's guard ([`crate::core::guard`]).
     ValuesOfTheGuard,
 }
 
 impl Assumption {
-    /// Each one's name as the JSON spells it, and what it says.
+    /// The JSON name and the description of every assumption.
     pub fn all() -> Vec<(String, String)> {
         let schema = schemars::schema_for!(Assumption).to_value();
         let each = schema["oneOf"].as_array().into_iter().flatten();
@@ -80,28 +97,30 @@ impl Assumption {
     }
 }
 
-/// What a transform promises. Ordered from strongest to weakest; the contract of a plan is the weakest of its steps'.
+/// The promise of a transform. Ordered from strongest to weakest; a plan has the weakest contract
+/// of its steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Contract {
-    /// The same bits on the same adapter, given the assumptions. One changed pixel is a bug.
+    /// The same bits on the same adapter, under the assumptions. One changed pixel is a bug.
     Exact {
         /// Sorted, each once.
         given: Vec<Assumption>,
     },
-    /// The same function of real numbers, evaluated elsewhere: the error is at most `k * 2^-24 * sum |a_i x_i|` and the
-    /// interpolator's own.
+    /// The same function of real numbers, evaluated in another place. The error is at most `k *
+    /// 2^-24 * sum |a_i x_i|`, plus the interpolator's own.
     Rounding {
         /// Number of roundings that may differ.
         k: u32,
-        /// What decisions may turn on them; absent: none rests on them, and each pixel keeps to its roundings.
+        /// How roundings may change decisions. Absent: no decision depends on them, and each pixel
+        /// differs by its roundings only.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         turned: Option<Turned>,
         /// Sorted, each once.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         given: Vec<Assumption>,
     },
-    /// Allowed to differ, by at most the user's budget, measured at the output.
+    /// May differ by at most the user's budget, measured at the output.
     Approximate {
         /// `max_abs`, `flip_mean` or `flip_p99`.
         metric: String,
@@ -111,7 +130,8 @@ pub enum Contract {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         given: Vec<Assumption>,
     },
-    /// Several approximations, each with a budget in a metric of its own: all are kept, each measured at the output of the whole.
+    /// Several approximations, each with a budget in its own metric. All of them hold, measured at
+    /// the output of the whole.
     Budgets {
         /// Each metric once.
         budgets: Vec<Budget>,
@@ -121,25 +141,26 @@ pub enum Contract {
     },
 }
 
-/// What of a picture may turn on roundings: a comparison, a discard, a texel, an edge that lies within them of where it falls otherwise.
+/// The part of a picture that roundings may change completely: comparisons, discards, texels and
+/// edges close to their threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub struct Turned {
-    /// Part of the pixels, at most, that may differ by more than roundings do, 0 to 1.
+    /// Largest share of pixels that may differ by more than roundings, 0 to 1.
     pub share: f64,
-    /// Whether the surface itself may move by roundings.
+    /// Whether roundings may move the surface.
     pub surface: Surface,
 }
 
-/// Where triangles lie on the screen, and how deep.
+/// Screen position and depth of triangles.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum Surface {
-    /// Where the original's do: depth keeps its bits.
+    /// Same bits as in the original.
     Kept,
-    /// Positions are rounded otherwise: depths may differ, which is measured and no promise is about.
+    /// Positions are rounded differently. Depths may differ; they are measured but not promised.
     Rounded,
 }
 
@@ -147,8 +168,10 @@ impl Turned {
     /// Largest share that is ever promised: one pixel in a thousand.
     const MOST: f64 = 1.0 / 1024.0;
 
-    /// What may turn on `k` roundings, reckoned before anything is drawn. A number that decides is taken to run through its own size over no more than 1,024 pixels where it turns: `k`
-    /// roundings of 2^-24 then move an edge by no more than `k` 2^-14 of a pixel, and an edge is taken to run through one pixel of 16. The same holds of the outlines of a surface that moves.
+    /// The share for `k` roundings, estimated before drawing. We assume that a deciding number
+    /// crosses its own magnitude within 1,024 pixels, so `k` roundings of 2^-24 move an edge by at
+    /// most `k` 2^-14 of a pixel, and that an edge runs through one pixel of 16. Outlines of a
+    /// moved surface count likewise.
     pub fn on(k: u32, surface: Surface) -> Self {
         let share = f64::from(k) / f64::from(1 << 18);
         Self {
@@ -165,7 +188,7 @@ impl Turned {
     }
 }
 
-/// What an output may be off by.
+/// The permitted error of an output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Budget {
     /// `max_abs`, `flip_mean` or `flip_p99`.
@@ -195,12 +218,12 @@ impl std::fmt::Display for Budget {
 }
 
 impl Contract {
-    /// `Exact` under nothing.
+    /// `Exact` without assumptions.
     pub fn exact() -> Self {
         Self::Exact { given: Vec::new() }
     }
 
-    /// Its kind, as the JSON spells it.
+    /// Its kind, as in the JSON.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Exact { .. } => "exact",
@@ -210,7 +233,8 @@ impl Contract {
         }
     }
 
-    /// The contract of doing both: assumptions gather, of whatever kind, and weaker kinds win. Budgets are on the output, so that all of them stay; of one metric the narrowest.
+    /// The contract of applying both. Assumptions are united, and the weaker kind wins. All budgets
+    /// are kept, because they are about the output; the smaller one of the same metric.
     pub fn and(self, other: Self) -> Self {
         use Contract::{Exact, Rounding};
         let budgets = self.budgets().into_iter().chain(other.budgets());
@@ -260,7 +284,7 @@ impl Contract {
         }
     }
 
-    /// What the promise rests on.
+    /// The assumptions.
     pub fn given(&self) -> &[Assumption] {
         match self {
             Self::Exact { given }
@@ -270,7 +294,7 @@ impl Contract {
         }
     }
 
-    /// What the output is allowed to be off by: all of them bind. Empty for the stronger kinds.
+    /// The budgets, all of which bind. Empty for the stronger kinds.
     pub fn budgets(&self) -> Vec<Budget> {
         match self {
             Self::Exact { .. } | Self::Rounding { .. } => Vec::new(),
@@ -283,20 +307,20 @@ impl Contract {
     }
 }
 
-/// What measurement says of a contract, on one adapter and in one emitted form.
+/// The result of measuring a contract on one adapter in one emitted form.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Verdict {
-    /// Every picture and depth buffer compared was within the contract.
+    /// Every compared picture and depth buffer was within the contract.
     Holds,
     /// At least one was not.
     Broken {
-        /// Camera, draw order and first differing pixel, in words.
+        /// Camera, draw order and first differing pixel.
         r#where: String,
     },
     /// Nothing was compared; never counts as a pass.
     NotMeasured {
-        /// Why not.
+        /// The reason.
         why: String,
     },
 }
@@ -344,14 +368,12 @@ mod tests {
             assert_eq!(stronger.clone().and(both.clone()), both);
             assert_eq!(stronger.and(mean.clone()), mean);
         }
-        // Of one metric the narrower, in either order.
         let narrower = both.clone().and(approximate("flip_mean", 0.01));
         assert_eq!(all(&narrower), ["flip_mean at most 0.01", expected[1]]);
         assert_eq!(
             approximate("max_abs", 0.5).and(approximate("max_abs", 0.1)),
             approximate("max_abs", 0.1)
         );
-        // What either rests on, both rest on.
         let exact = Contract::Exact {
             given: vec![Assumption::NoDepthTies],
         };

@@ -1,42 +1,44 @@
-//! What the author's text declares that the IR has no word for, kept so that it can be written again: uniforms outside of blocks, textures and samplers in one, matrices as
-//! attributes. A transform does not look at it; it stays true as long as bindings and locations keep their numbers.
+//! Declarations of the author's text that the IR can't express: uniforms outside of blocks,
+//! combined samplers, matrix attributes. Emission writes them again. Transforms ignore them; they
+//! stay valid as long as bindings and locations keep their numbers.
 
 use naga::ResourceBinding;
 
-/// The author's declarations, where they are not the IR's own. Empty for WGSL, which the IR says as it is.
+/// The author's declarations that the IR can't express. Empty for WGSL.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Declared {
-    /// Where the uniforms outside of blocks lie: a block of ours, whose members have their names.
+    /// Binding of the block that we gather loose uniforms in, as members with their names.
     pub loose: Option<ResourceBinding>,
-    /// The uniforms outside of blocks, samplers among them, in the order of declaration.
+    /// The uniforms outside of blocks, samplers included, in order of declaration.
     pub uniforms: Vec<Declaration>,
-    /// The combined samplers in them.
+    /// The combined samplers among them.
     pub samplers: Vec<CombinedSampler>,
     /// The uniform and storage blocks.
     pub blocks: Vec<Block>,
-    /// What the author's text numbers by `layout(binding = ..)`, whatever the IR has it at.
+    /// The numbers of `layout(binding = ..)`, which may differ from the IR's.
     pub numbers: Vec<Numbered>,
     /// The inputs of the vertex stage.
     pub attributes: Vec<Located>,
     /// The outputs of the fragment stage.
     pub targets: Vec<Located>,
-    /// In which depth the author's positions are, where that is not the IR's.
+    /// The depth range of the author's positions, if it isn't the IR's.
     pub depth: Depth,
-    /// The vertex stage says how large points are, which WGSL has no word for and the IR here does not keep.
+    /// The vertex stage writes a point size, which WGSL can't express and the IR doesn't keep.
     pub point_size: bool,
-    /// The fragment stage says `layout(origin_upper_left)`: its `gl_FragCoord` counts rows from the top, as the IR's does, and not from the bottom, as OpenGL's else does.
+    /// The fragment stage has `layout(origin_upper_left)`: its `gl_FragCoord` counts rows from the
+    /// top, as the IR does. OpenGL counts from the bottom by default.
     pub origin_upper_left: bool,
-    /// What a host is to know of how the text was read, a sentence each.
+    /// Notes for the host on how the text was read, a sentence each.
     pub notes: Vec<String>,
 }
 
 /// The range of depths between the near and the far plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Depth {
-    /// 0 to 1, or whatever the text says: positions in the IR are the author's.
+    /// 0 to 1, or as written: the IR holds the author's positions.
     #[default]
     AsWritten,
-    /// -1 to 1, as in OpenGL: in the IR, `(z + w) / 2` stands for the author's `z`.
+    /// -1 to 1, as in OpenGL: the IR holds `(z + w) / 2` for the author's `z`.
     OpenGl,
 }
 
@@ -47,36 +49,36 @@ pub struct Declaration {
     pub name: String,
     /// Type.
     pub ty: Type,
-    /// `layout(location = ..)` of a uniform outside of blocks, where the author gave it (OpenGL 4.3).
+    /// `layout(location = ..)` of a loose uniform, if present (OpenGL 4.3).
     pub location: Option<u32>,
 }
 
-/// A block, a texture, a combined sampler or an image that its author has numbered.
+/// A block, texture, combined sampler or image with a number from its author.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Numbered {
-    /// Where it is bound in the IR; of a combined sampler its texture.
+    /// Binding in the IR; of a combined sampler its texture's.
     pub binding: ResourceBinding,
-    /// `layout(binding = ..)`; of an array's element the array's and the element's own.
+    /// `layout(binding = ..)`; for an array element the sum of the array's number and its index.
     pub number: u32,
 }
 
-/// A type as GLSL has it.
+/// A GLSL type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Type {
-    /// A scalar, vector or matrix, by GLSL's name.
+    /// A scalar, vector or matrix, by GLSL name.
     Plain(String),
-    /// A texture with its sampler, by GLSL's name: `sampler2D`, `usamplerCube`, `sampler2DShadow`.
+    /// A combined sampler, by GLSL name: `sampler2D`, `usamplerCube`, `sampler2DShadow`.
     Sampler(String),
-    /// An array of so many.
+    /// An array with its length.
     Array(Box<Type>, u32),
     /// A struct: its name and its members.
     Struct(String, Vec<Declaration>),
 }
 
-/// A texture and a sampler that the author's text has as one.
+/// A texture and a sampler that are one variable in the author's text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CombinedSampler {
-    /// How the text names it: `map`, `maps[2]`, `material.diffuse`.
+    /// Path in the text: `map`, `maps[2]`, `material.diffuse`.
     pub path: String,
     /// The texture in the IR.
     pub texture: ResourceBinding,
@@ -87,11 +89,11 @@ pub struct CombinedSampler {
 /// A uniform or storage block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Where it is bound.
+    /// Its binding.
     pub binding: ResourceBinding,
     /// The block's name.
     pub name: String,
-    /// The instance's name; without one, the members' names are global.
+    /// The instance's name. Without one, the members' names are global.
     pub instance: Option<String>,
 }
 
@@ -102,7 +104,7 @@ pub struct Located {
     pub declaration: Declaration,
     /// Its first location in the IR.
     pub location: u32,
-    /// Who chose that.
+    /// Who chose it.
     pub chosen: Chosen,
 }
 
@@ -111,12 +113,12 @@ pub struct Located {
 pub enum Chosen {
     /// The author, in the text.
     ByAuthor,
-    /// We did: the author's host asks for it, or sets it, by name.
+    /// We did: the author's host queries or sets it by name.
     ByUs,
 }
 
 impl Type {
-    /// What is not an array.
+    /// The element type under all array levels.
     pub fn innermost(&self) -> &Self {
         match self {
             Self::Array(of, _) => of.innermost(),
@@ -124,7 +126,7 @@ impl Type {
         }
     }
 
-    /// The lengths of an array in brackets, outermost first; nothing for any other type.
+    /// The array lengths in brackets, outermost first; empty for other types.
     pub fn dimensions(&self) -> String {
         match self {
             Self::Array(of, n) => format!("[{n}]{}", of.dimensions()),
@@ -132,7 +134,7 @@ impl Type {
         }
     }
 
-    /// Whether there are samplers in it.
+    /// Whether it contains samplers.
     pub fn has_samplers(&self) -> bool {
         match self {
             Self::Plain(_) => false,

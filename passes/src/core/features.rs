@@ -1,7 +1,8 @@
-//! Which features a module needs of a device, by WebGPU's names or, where only wgpu has one, by wgpu's.
+//! The device features that a module needs, by WebGPU's names, or by wgpu's where WebGPU has none.
 //!
-//! naga's validator is what wgpu asks too, so the first table is of its capabilities: each is every WebGPU device's, or a feature's, or nobody's. The other is of storage textures' formats, of
-//! which it says nothing (WebGPU section 26.1.1, "Plain color formats").
+//! The first table maps the capabilities of naga's validator, which wgpu checks too. The second is
+//! of storage texture formats, which the validator ignores (WebGPU section 26.1.1, "Plain color
+//! formats").
 
 use naga::Module;
 use naga::valid::{Capabilities as C, ValidationFlags, Validator};
@@ -19,7 +20,7 @@ pub enum Has {
 
 use Has::{Everyone, Features, Nobody};
 
-/// Who has each of naga's capabilities. Of two that will do for the same the later one is taken.
+/// Who has each of naga's capabilities. Where either of two is enough, the later one counts.
 pub const CAPABILITIES: [(C, Has); 44] = [
     (C::IMMEDIATES, Features(&["immediates"])),
     (C::FLOAT64, Features(&["wgpu-shader-f64"])),
@@ -84,7 +85,7 @@ pub const CAPABILITIES: [(C, Has); 44] = [
         C::SHADER_FLOAT32_ATOMIC,
         Features(&["wgpu-shader-float32-atomic"]),
     ),
-    // A format that wgpu lets be used so only with the feature for all of them.
+    // wgpu permits this format and access only with the feature for all of them.
     (
         C::TEXTURE_INT64_ATOMIC,
         Features(&["wgpu-texture-atomic", "wgpu-texture-int64-atomic"]),
@@ -149,9 +150,10 @@ pub(crate) fn core() -> C {
     every.fold(C::empty(), |all, (capability, _)| all | *capability)
 }
 
-/// The capabilities beyond [`core`] that a valid module needs, found by leaving out all that are not missed.
+/// The capabilities beyond [`core`] that a valid module needs: we remove each that validation
+/// doesn't miss.
 pub(crate) fn needed(module: &Module) -> C {
-    /// Leaves out of `kept` what of `some` is not missed.
+    /// Removes from `kept` those of `some` that validation doesn't miss.
     fn leave_out(module: &Module, kept: &mut C, some: &[C]) {
         let less = some.iter().fold(*kept, |all, one| all - *one);
         let mut validator = Validator::new(ValidationFlags::all(), less);
@@ -173,7 +175,8 @@ pub(crate) fn needed(module: &Module) -> C {
     kept - core()
 }
 
-/// The features of capabilities. One that nobody has is told by naga's name for it, which is no feature's: `naga-cull-distance`.
+/// The features of capabilities. A capability that no device has keeps naga's name:
+/// `naga-cull-distance`.
 pub(crate) fn of_capabilities(capabilities: C) -> Vec<String> {
     let mut all = Vec::new();
     for (name, capability) in capabilities.iter_names() {
@@ -189,10 +192,10 @@ pub(crate) fn of_capabilities(capabilities: C) -> Vec<String> {
     all
 }
 
-/// The feature under which an adapter may say what it can do with any format.
+/// The feature under which an adapter may report its own abilities of any format.
 pub(crate) const ADAPTERS_FORMATS: &str = "wgpu-texture-adapter-specific-format-features";
 
-/// The feature that a storage texture's format and access need, as a layout says them.
+/// The feature that a storage texture needs, from the format and access of its layout.
 pub(crate) fn of_storage(format: &str, access: &str) -> Option<&'static str> {
     let (reads, writes) = match access {
         "read-only" => (true, false),
@@ -201,20 +204,20 @@ pub(crate) fn of_storage(format: &str, access: &str) -> Option<&'static str> {
     };
     match format {
         "r32float" | "r32sint" | "r32uint" => None,
-        // Its capability says the rest.
+        // A capability covers it.
         "r64uint" if access == "atomic" => None,
         "bgra8unorm" if !reads => Some("bgra8unorm-storage"),
         _ if reads && writes => Some(ADAPTERS_FORMATS),
         "rgba8unorm" | "rgba8snorm" | "rgba8uint" | "rgba8sint" | "rgba16uint" | "rgba16sint"
         | "rgba16float" | "rg32uint" | "rg32sint" | "rg32float" | "rgba32uint" | "rgba32sint"
         | "rgba32float" | "r64uint" => None,
-        // Theirs is a capability.
+        // A capability covers them.
         _ if is_16_bit_norm(format) => None,
         _ => Some(ADAPTERS_FORMATS),
     }
 }
 
-/// Formats of 16 bits from 0 or -1 to 1.
+/// 16-bit formats normalised to 0..1 or -1..1.
 pub(crate) fn is_16_bit_norm(format: &str) -> bool {
     format.ends_with("16unorm") || format.ends_with("16snorm")
 }
@@ -224,7 +227,7 @@ pub(crate) fn is_16_bit_norm(format: &str) -> bool {
 mod tests {
     use super::*;
 
-    /// A naga that has one more cannot add it unseen.
+    /// A new capability in naga fails this test.
     #[test]
     fn every_capability_is_in_the_table_once() {
         for (name, capability) in C::all().iter_names() {

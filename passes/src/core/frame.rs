@@ -1,4 +1,5 @@
-//! The plans of several materials merged into one frame: all pre-passes before any main pass, blended draws last, one shared depth.
+//! Merges the plans of several materials into one frame: all pre-passes before any main pass,
+//! blended draws last, one shared depth.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +14,7 @@ mod operations;
 pub enum ColorAttachments {
     /// None.
     None,
-    /// The scene's own, which the host has.
+    /// The scene's own, which the host owns.
     Scene,
     /// Attachments of the plans, by location.
     Named(Vec<Option<String>>),
@@ -41,7 +42,7 @@ impl ColorAttachments {
         Ok(Self::Named(names))
     }
 
-    /// The plans' attachments among them.
+    /// The names of the plans' attachments.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let names: &[Option<String>] = match self {
             Self::Named(names) => names,
@@ -55,9 +56,9 @@ impl ColorAttachments {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrameLoad {
-    /// To the attachment's clear value, the scene's colour to the host's, stencil to 0.
+    /// Clears to the attachment's clear value, the scene's colour to the host's, stencil to 0.
     Clear,
-    /// What an earlier pass left there; in the first that has the attachment, what was there before the frame.
+    /// Keeps the content of the earlier passes, or of the time before the frame.
     Load,
 }
 
@@ -66,27 +67,28 @@ pub enum FrameLoad {
 pub struct FrameOps {
     /// Before the pass.
     pub load: FrameLoad,
-    /// After it: `discard` only where every member says so.
+    /// After the pass: `discard` only if every member discards.
     pub store: StoreOp,
 }
 
-/// One render pass of a frame: a set of material passes that share their attachments. The host sorts draws within it as it likes
-/// (opaque draws in any order, blended ones in its own).
+/// One render pass of a frame: a set of material passes that share their attachments. The host may
+/// sort opaque draws within it freely; blended ones keep the host's order.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FramePass {
     /// Phase of all its members.
     pub phase: Phase,
-    /// Depth attachment; `None`: no depth.
+    /// Depth attachment, if any.
     pub depth: Option<String>,
     /// Depth is bound read-only.
     pub depth_read_only: bool,
-    /// Operations of the depth aspect; `None` where there is no depth or it is read-only.
+    /// Operations of the depth aspect; `None` without depth or if it is read-only.
     pub depth_ops: Option<FrameOps>,
-    /// Operations of the stencil aspect; `None` where the format has none, and where it is read-only.
+    /// Operations of the stencil aspect; `None` if the format has none or it is read-only.
     pub stencil_ops: Option<FrameOps>,
     /// Colour attachments.
     pub colors: ColorAttachments,
-    /// Operations of the colour attachments by location, `None` in a hole. Those of the scene are all that any pass of the frame has.
+    /// Operations of the colour attachments by location, `None` in a hole. For the scene's colour,
+    /// all locations that any pass of the frame has.
     pub color_ops: Vec<Option<FrameOps>>,
     /// `(material, index in that material's plan.passes)`.
     pub members: Vec<(String, usize)>,
@@ -105,7 +107,7 @@ pub struct FramePlan {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
-    /// Two plans describe an attachment of one name differently.
+    /// Two plans describe an attachment of the same name differently.
     #[error("attachment `{name}` is {a} in material `{first}` and {b} in material `{second}`")]
     AttachmentMismatch {
         /// Attachment.
@@ -119,7 +121,7 @@ pub enum FrameError {
         /// Its description.
         b: String,
     },
-    /// A pass draws to the scene's colour and to attachments of its own at once.
+    /// A pass draws both to the scene's colour and to attachments of its own.
     #[error(
         "the {role} pass of material `{material}` draws to the scene's colour and to attachments of its own"
     )]
@@ -129,7 +131,7 @@ pub enum FrameError {
         /// Role of the pass.
         role: &'static str,
     },
-    /// Of the passes that share a render pass, the first to have an attachment, some clear it and some keep what is there.
+    /// Passes share a render pass and an attachment, and only some of them clear it.
     #[error(
         "the {role} pass of material `{material}` loads {attachment}, and another that shares its render pass clears it"
     )]
@@ -141,7 +143,7 @@ pub enum FrameError {
         /// Attachment and aspect.
         attachment: String,
     },
-    /// A pass that runs once for the frame is another one in another plan.
+    /// Two plans define a pass that runs once per frame differently.
     #[error(
         "the {role} pass runs once for the frame, and those of materials `{first}` and `{second}` are not the same"
     )]
@@ -153,7 +155,7 @@ pub enum FrameError {
         /// Second material.
         second: String,
     },
-    /// A pass throws away what a later one has or reads.
+    /// A pass discards an attachment that a later pass uses.
     #[error(
         "the {role} pass of material `{material}` discards {attachment}, which a later pass of the frame needs"
     )]
@@ -168,11 +170,12 @@ pub enum FrameError {
 }
 
 impl FramePlan {
-    /// Merges plans. Shadow passes are left out: they run under the host's light view, outside the camera's frame.
+    /// Merges plans. Shadow passes are skipped: they run under the host's light view, outside the
+    /// camera's frame.
     ///
-    /// # Errors
-    /// When two plans disagree on an attachment's format, sample count or clear value, when a pass mixes the scene's colour with attachments,
-    /// and when load and store operations contradict each other.
+    /// # Errors If two plans disagree on an attachment's format, sample count or clear value, a
+    /// pass mixes the scene's colour with attachments, or load and store operations contradict each
+    /// other.
     pub fn merge<'a>(
         plans: impl IntoIterator<Item = &'a Plan> + Clone,
     ) -> Result<Self, FrameError> {
@@ -274,7 +277,7 @@ impl FramePlan {
     }
 }
 
-/// The pass of a frame's pass that runs once for the frame, and the material whose plan has it.
+/// The member that runs once per frame, with its material.
 fn once<'a>(
     plans: impl IntoIterator<Item = &'a Plan>,
     frame: &FramePass,

@@ -1,4 +1,4 @@
-//! What a pass draws: the material's own triangles, subdivided ones, or the whole screen.
+//! The geometry of a pass: the material's own triangles, subdivided ones, or the whole screen.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::core::pattern::{self, Pattern};
 use crate::core::state::Topology;
 
-/// What a pass draws.
+/// The geometry of a pass.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Geometry {
@@ -15,19 +15,21 @@ pub enum Geometry {
     AsGiven,
     /// Each triangle divided into smaller ones.
     Subdivided(Subdivision),
-    /// The draw's triangles without vertex or index buffers, `draw(3 * triangles, instances, 0, firstInstance)` with the draw's own `firstInstance`: vertex `3 * t + c` is
-    /// corner `c` of triangle `t`.
+    /// The draw's triangles without vertex or index buffers: `draw(3 * triangles, instances, 0,
+    /// firstInstance)` with the draw's own `firstInstance`. Vertex `3 * t + c` is corner `c` of
+    /// triangle `t`.
     Unindexed,
-    /// Three vertices that cover the screen, once for each draw: `draw(3, 1)`.
+    /// Three vertices that cover the screen, for each draw: `draw(3, 1)`.
     FullScreen,
-    /// What the draw's entry in a buffer of the frame says, whose first words are the arguments: `drawIndirect` or `dispatchWorkgroupsIndirect` at 32 times the draw's number.
+    /// An indirect call, `drawIndirect` or `dispatchWorkgroupsIndirect`, with its arguments in a
+    /// buffer of the frame at 32 times the draw's number.
     Indirect {
         /// Name of the buffer, which holds `draws`.
         buffer: String,
     },
     /// The draw's instances, in a compute pass.
     Instances,
-    /// The vertices that the draw's vertex buffers hold, for each of its instances, in a compute pass.
+    /// In a compute pass: the vertices of the draw's vertex buffers, for each instance.
     Vertices,
 }
 
@@ -55,17 +57,20 @@ impl Geometry {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Form {
-    /// In the vertex stage, which pulls the attributes of a triangle's corners out of storage buffers: no memory, but what triangles share is computed for each.
+    /// In the vertex stage, which reads the attributes of a triangle's corners from storage
+    /// buffers. It needs no memory, but computes shared vertices once per triangle.
     #[default]
     Pulled,
-    /// In a compute pass ahead of the frame, each new vertex once, into a buffer that an indexed draw reads.
+    /// In a compute pass ahead of the frame, each new vertex once, into a buffer that an indexed
+    /// draw reads.
     Shared,
-    /// As `shared`, but what was hoisted alone, and once, when the variant is loaded: where it reads nothing that changes. The position is interpolated in the vertex stage.
+    /// As `shared`, but only for hoisted values, and once when the variant is loaded, if they read
+    /// nothing that changes. The vertex stage interpolates the position.
     Static,
 }
 
 impl Form {
-    /// Whether the vertices of a whole mesh are made, those on a shared edge once.
+    /// Whether the whole mesh is subdivided, with vertices on shared edges computed once.
     pub fn is_indexed(self) -> bool {
         match self {
             Self::Pulled => false,
@@ -74,13 +79,16 @@ impl Form {
     }
 }
 
-/// A subdivision, and how it is drawn.
+/// A subdivision and its draw call.
 ///
-/// `pulled`: an index buffer holds `indices` `batch` times, the `i`-th time with `i * vertices.len()` added. With `triangles` in the author's draw, `batches` of
-/// them `ceil(triangles / batch)`, the draw is `drawIndexed(batch * indices.len(), batches * instances)`, of a triangle list, without vertex buffers.
+/// `pulled`: an index buffer holds `indices` `batch` times, the `i`-th time with `i *
+/// vertices.len()` added. For `triangles` in the author's draw and `batches = ceil(triangles /
+/// batch)`, the draw is `drawIndexed(batch * indices.len(), batches * instances)`, of a triangle
+/// list, without vertex buffers.
 ///
-/// `shared` and `static`: the vertices and triangles of the whole mesh are made once, when it is loaded (`preshade_passes::tessellate::mesh::subdivide`), and the draw is
-/// `drawIndexed(3 * triangles, instances)`, of a triangle list, without vertex buffers.
+/// `shared` and `static`: the vertices and triangles of the whole mesh are made once, when it is
+/// loaded (`preshade_passes::tessellate::mesh::subdivide`). The draw is `drawIndexed(3 * triangles,
+/// instances)`, of a triangle list, without vertex buffers.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Subdivision {
     /// How a triangle is divided.
@@ -89,24 +97,28 @@ pub struct Subdivision {
     pub level: u32,
     /// Where the new vertices are computed.
     pub form: Form,
-    /// What the author's draw is made of. Of a strip the host lists the triangles when it loads the mesh ([`strip_triangles`]): as 32-bit indices they are the draw that this is about.
+    /// Topology of the author's draw. For a strip, the host lists the triangles when it loads the
+    /// mesh ([`strip_triangles`]) and uses them as 32-bit indices.
     #[serde(default, skip_serializing_if = "is_list")]
     pub given: Topology,
-    /// Each edge has as many segments, at most `level`, as make them no longer than so many pixels; `None`: all have `level`.
+    /// If present, each edge has just enough segments, at most `level`, that none is longer than
+    /// this many pixels. If absent, all edges have `level`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge_pixels: Option<u32>,
-    /// What the weights of a vertex sum to.
+    /// The sum of a vertex's weights.
     pub denominator: u32,
-    /// The pattern's vertices, packed; with `edge_pixels`, row and column of 8 bits each. Else three weights of 8 bits from the lowest, the weightless last, and the three corners they are of, 2 bits each from bit 24.
+    /// The pattern's vertices, packed. With `edge_pixels`, row and column, 8 bits each. Else three
+    /// weights of 8 bits from the lowest, zero weights last, and their three corners, 2 bits each
+    /// from bit 24.
     pub vertices: Vec<u32>,
     /// The pattern's triangles, three vertices each.
     pub indices: Vec<u32>,
-    /// `pulled`: triangles of the author's that one instance draws.
+    /// `pulled`: the author's triangles per instance.
     pub batch: u32,
 }
 
 impl Subdivision {
-    /// Of each triangle into a pattern.
+    /// Divides each triangle into a pattern.
     pub fn new(pattern: Pattern, level: u32, form: Form) -> Self {
         let divided = pattern::divide(pattern, level);
         let vertices: Vec<u32> = divided.vertices.iter().map(|v| pack(*v)).collect();
@@ -126,7 +138,8 @@ impl Subdivision {
 }
 
 impl Subdivision {
-    /// Of each edge into segments of about `edge_pixels`, at most `level` of them. There is one pattern and one form: rows of similar triangles, pulled.
+    /// Divides each edge into segments of about `edge_pixels`, at most `level` of them. It is
+    /// always rows of similar triangles, pulled.
     pub fn adaptive(level: u32, edge_pixels: u32) -> Self {
         let (vertices, triangles) = pattern::from_corner(level);
         Self {
@@ -143,7 +156,8 @@ fn is_list(topology: &Topology) -> bool {
     *topology == Topology::TriangleList
 }
 
-/// The triangles of a strip, each with its provoking vertex first and turned the way the first one is (WebGPU, section 10.3.7); `None` is a restart.
+/// The triangles of a strip, each with its provoking vertex first and the winding of the first one
+/// (WebGPU, section 10.3.7); `None` is a restart.
 pub fn strip_triangles(indices: impl IntoIterator<Item = Option<u32>>) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
     let mut run: Vec<u32> = Vec::new();
@@ -163,10 +177,10 @@ pub fn strip_triangles(indices: impl IntoIterator<Item = Option<u32>>) -> Vec<[u
     triangles
 }
 
-/// New vertices an instance should have: instances of a few vertices leave most of a wave of vertex invocations idle.
+/// New vertices per instance to aim at: instances of a few vertices leave most of a wave idle.
 const BATCH_VERTICES: u32 = 192;
 
-/// A vertex as the vertex stage reads it: its weights and their corners, the weightless last.
+/// A packed vertex for the vertex stage: its weights and their corners, zero weights last.
 pub fn pack(weights: [u32; 3]) -> u32 {
     let mut order = [0, 1, 2];
     order.sort_by_key(|corner| weights[*corner] == 0);
@@ -176,18 +190,19 @@ pub fn pack(weights: [u32; 3]) -> u32 {
     (0..3).fold(0, |all, place| all | packed(place, order[place]))
 }
 
-/// The vertex formats that a shader which fetches attributes can read.
+/// The vertex formats that a shader accepts when it fetches attributes itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Formats {
-    /// The one that has the numbers of the declared type as they are: `float32x3` for `vec3<f32>`. Its words are loaded, and nothing else.
+    /// Only the format that stores the declared type directly: `float32x3` for `vec3<f32>`. The
+    /// shader just loads its words.
     #[default]
     Declared,
-    /// Any of WebGPU's. Which one it is comes with the draw's constants, and is told apart for each value.
+    /// Any of WebGPU's. The draw's constants name it, and the shader branches on it for each value.
     Any,
 }
 
-/// The format whose numbers are those of a WGSL type, which is a scalar or a vector of 32 bits.
+/// The format that stores a 32-bit scalar or vector type of WGSL directly.
 pub fn declared_format(ty: &str) -> String {
     let scalar = ty.trim_end_matches('>').rsplit('<').next().unwrap_or(ty);
     let base = match scalar {
@@ -201,7 +216,8 @@ pub fn declared_format(ty: &str) -> String {
     }
 }
 
-/// WebGPU's vertex formats in the order of its `GPUVertexFormat`: their index is the number of a format in a subdivision's constants.
+/// WebGPU's vertex formats in the order of its `GPUVertexFormat`. A subdivision's constants refer
+/// to them by index.
 pub const FORMATS: [&str; 41] = [
     "uint8",
     "uint8x2",
@@ -246,7 +262,7 @@ pub const FORMATS: [&str; 41] = [
     "unorm8x4-bgra",
 ];
 
-/// An attribute as a host lays it out in a vertex buffer.
+/// Layout of an attribute in the host's vertex buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stream {
     /// Offset in bytes.
@@ -260,8 +276,8 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Its four words in the constants: offset, stride, number of the format, and words to read with bit 8 for a step by instance. `None` for a format that
-    /// is not WebGPU's.
+    /// Its four words in the constants: offset, stride, format index, and word count with bit 8 for
+    /// a step by instance. `None` for a format that is not WebGPU's.
     pub fn words(&self) -> Option<[u32; 4]> {
         let code = FORMATS.iter().position(|f| *f == self.format)?;
         let words = match self.format.split_once("32") {
@@ -276,12 +292,12 @@ impl Stream {
     }
 }
 
-/// The constants of one draw: what [`crate::core::plan::GeometryPart::Constants`] holds, as words of a uniform buffer.
+/// The constants of one draw: the words of [`crate::core::plan::GeometryPart::Constants`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Constants {
     /// Triangles of one instance of the author's draw.
     pub triangles: u32,
-    /// Instances that draw them, `ceil(triangles / batch)`.
+    /// Instances to draw: `ceil(triangles / batch)`.
     pub batches: u32,
     /// First index of the author's draw, or first vertex without indices.
     pub first: u32,
@@ -295,9 +311,10 @@ pub struct Constants {
     pub vertices: u32,
     /// `shared`: instances.
     pub instances: u32,
-    /// With [`Subdivision::edge_pixels`], width and height of what is drawn to, in pixels: a host that draws to another size writes it anew.
+    /// With [`Subdivision::edge_pixels`], width and height of the target in pixels. The host
+    /// updates it when the size changes.
     pub viewport: Option<[u32; 2]>,
-    /// The attributes, in the order the binding lists their locations.
+    /// The attributes, in the order of the binding's locations.
     pub streams: Vec<Stream>,
 }
 

@@ -1,7 +1,9 @@
-//! What a specialised variant takes for granted of the values it is drawn with, as data, and the check that a host runs before it draws.
+//! The values that a specialised variant assumes, as data, and the check that a host runs before it
+//! draws.
 //!
-//! A variant that was made for `fog_density = 0` has no fog. So its plan says which numbers were assumed, and between which bounds they may lie; where one does not, the host draws the
-//! original ([`crate::core::plan::ORIGINAL`]), whose files are beside the variant's.
+//! A variant made for `fog_density = 0` has no fog. Its plan therefore lists the assumed numbers
+//! with their bounds. If a value leaves them, the host draws the original
+//! ([`crate::core::plan::ORIGINAL`]), whose files are emitted beside the variant's.
 
 use naga::{Handle, Module, Override};
 use schemars::JsonSchema;
@@ -23,7 +25,7 @@ pub enum ScalarType {
 }
 
 impl ScalarType {
-    /// The type that naga calls `scalar`; `None` for scalars that a guard cannot hold.
+    /// The type of naga's `scalar`; `None` if a guard can't hold it.
     pub fn of(scalar: naga::Scalar) -> Option<Self> {
         match (scalar.kind, scalar.width) {
             (naga::ScalarKind::Float, 4) => Some(Self::F32),
@@ -33,7 +35,7 @@ impl ScalarType {
         }
     }
 
-    /// The number that four bytes hold, little endian.
+    /// The number in four bytes, little endian.
     pub fn read(self, word: [u8; 4]) -> f64 {
         match self {
             Self::F32 => f64::from(f32::from_le_bytes(word)),
@@ -43,17 +45,17 @@ impl ScalarType {
     }
 }
 
-/// Numbers from `low` to `high`, both included; every number of the three types is one of `f64` too. NaN is in none.
+/// An inclusive range of numbers. `f64` holds every number of the three types. NaN is in no range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Bounds {
-    /// The least.
+    /// Smallest number.
     pub low: f64,
-    /// The greatest.
+    /// Largest number.
     pub high: f64,
 }
 
 impl Bounds {
-    /// One number alone.
+    /// The range of one number.
     pub const fn one(number: f64) -> Self {
         Self {
             low: number,
@@ -61,12 +63,12 @@ impl Bounds {
         }
     }
 
-    /// Whether a number lies between them.
+    /// Whether a number is in the range.
     pub fn contains(&self, number: f64) -> bool {
         self.low <= number && number <= self.high
     }
 
-    /// The least that hold both.
+    /// The smallest range that contains both.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self {
@@ -76,7 +78,7 @@ impl Bounds {
     }
 }
 
-/// Where an assumed number comes from.
+/// The source of an assumed number.
 #[derive(
     Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -88,14 +90,14 @@ pub enum Place {
         group: u32,
         /// `@binding`.
         binding: u32,
-        /// Where it begins in the binding, in bytes.
+        /// Byte offset in the binding.
         offset: u32,
     },
     /// A component of a vertex attribute, the same for every vertex and instance of the draw.
     Attribute {
         /// `@location`.
         location: u32,
-        /// Which component.
+        /// Index of the component.
         component: u32,
     },
     /// A channel of a texture, the same in every texel of every level.
@@ -107,24 +109,25 @@ pub enum Place {
         /// 0 for red to 3 for alpha.
         channel: u32,
     },
-    /// A pipeline-overridable constant. What it decides is decided in the variant's own text, whatever a host sets it to: the original needs this value.
+    /// A pipeline-overridable constant. The variant's text already contains its value, so only the
+    /// original needs it set.
     Override {
         /// Its name.
         name: String,
     },
 }
 
-/// A number that a variant takes to lie within bounds.
+/// A number that a variant assumes to be within bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Assumed {
     /// The author's name for it: `material.fog_density`, `lights[1].color.x`.
     pub name: String,
-    /// Where it comes from.
+    /// Its source.
     pub place: Place,
     /// Its type.
     #[serde(rename = "type")]
     pub ty: ScalarType,
-    /// Where it lies.
+    /// Its range.
     #[serde(flatten)]
     pub bounds: Bounds,
 }
@@ -144,15 +147,15 @@ impl std::fmt::Display for Assumed {
     }
 }
 
-/// All that a variant assumes: nothing else of the scene's values went into it.
+/// All assumptions of a variant about the scene's values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Guard {
-    /// By place and type, each once.
+    /// Unique by place and type, and sorted by them.
     pub values: Vec<Assumed>,
 }
 
 impl Guard {
-    /// Adds what another guard assumes. What both assume has to lie within both.
+    /// Adds another guard's assumptions. A number that both assume must be in both ranges.
     #[must_use]
     pub fn and(mut self, other: Self) -> Self {
         for assumed in other.values {
@@ -170,13 +173,15 @@ impl Guard {
         self
     }
 
-    /// Whether the uniforms of a draw are as assumed: what a host checks whenever it writes one. `bytes` gives the content of a binding, by group and binding. A binding that is not
-    /// there, or is too short, is not as assumed. Attributes, textures and overrides are not looked at: they are the host's to keep ([`Self::fixed`]).
+    /// Whether the uniforms of a draw match the assumptions; a host checks this whenever it writes
+    /// one. `bytes` returns the content of a binding, by group and binding. A missing or short
+    /// binding doesn't match. Attributes, textures and overrides are not checked: the host has to
+    /// ensure them ([`Self::fixed`]).
     pub fn holds<'b>(&self, bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> bool {
         self.violated(bytes).is_none()
     }
 
-    /// The first uniform that is not as assumed, as [`Self::holds`] looks.
+    /// The first uniform that doesn't match, as in [`Self::holds`].
     pub fn violated<'b>(&self, bytes: impl Fn(u32, u32) -> Option<&'b [u8]>) -> Option<&Assumed> {
         self.values.iter().find(|assumed| match assumed.place {
             Place::Uniform {
@@ -192,28 +197,29 @@ impl Guard {
         })
     }
 
-    /// The first value that no number can have: two guards in one want different ones.
+    /// The first value with an empty range: two guards contradict each other.
     pub fn contradicted(&self) -> Option<&Assumed> {
-        // Bounds that are NaN hold nothing either.
+        // NaN bounds make an empty range too.
         let is_empty = |a: &&Assumed| !matches!(a.bounds.low.partial_cmp(&a.bounds.high), Some(o) if o.is_le());
         self.values.iter().find(is_empty)
     }
 
-    /// What is assumed of attributes, textures and overrides, which no buffer tells: a host that changes one of them draws the original.
+    /// The assumptions about attributes, textures and overrides. A host that changes one of them
+    /// draws the original.
     pub fn fixed(&self) -> impl Iterator<Item = &Assumed> {
         self.values
             .iter()
             .filter(|a| !matches!(a.place, Place::Uniform { .. }))
     }
 
-    /// What is assumed of overrides, with what a host has to know of each to give `original`, the author's module, such a value. Overrides that it has not are left out.
+    /// The assumptions about overrides, with the data a host needs to set them in `original`, the
+    /// author's module. Overrides that it lacks are skipped.
     pub fn constants(&self, original: &Module) -> Vec<Constant<'_>> {
         let assumed = |wanted: &str| {
             let named =
                 |a: &&Assumed| matches!(&a.place, Place::Override { name } if name == wanted);
             self.values.iter().find(named)
         };
-        // Nothing is known of an override that nothing is assumed of.
         let given = |handle: Handle<Override>| {
             let constant = &original.overrides[handle];
             let assumed = assumed(constant.name.as_deref()?)?;
@@ -237,14 +243,14 @@ impl Guard {
     }
 }
 
-/// What is assumed of an override.
+/// An assumption about an override.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constant<'g> {
-    /// Its value.
+    /// The assumption.
     pub assumed: &'g Assumed,
-    /// What a pipeline knows it by: its `@id`, or else its name.
+    /// Its key in a pipeline's constants: its `@id`, or else its name.
     pub key: String,
-    /// Whether it has such a value where a pipeline is given none for it and the others are as assumed.
+    /// Whether the pipeline uses this value by default, if the other overrides are as assumed.
     pub is_default: bool,
 }
 

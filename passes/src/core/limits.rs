@@ -18,7 +18,7 @@ pub const DEFAULTS: [(&str, u64); 16] = [
     ("maxColorAttachments", 8),
     ("maxComputeInvocationsPerWorkgroup", 256),
     ("maxComputeWorkgroupSizeX", 256),
-    // What a device of wgpu's has; immediates are a feature there.
+    // wgpu's default; immediates are a feature there.
     ("maxImmediateSize", 0),
     ("maxInterStageShaderVariables", 16),
     ("maxSampledTexturesPerShaderStage", 16),
@@ -31,13 +31,13 @@ pub const DEFAULTS: [(&str, u64); 16] = [
     ("maxVertexAttributes", 16),
 ];
 
-/// What `pass` needs of each limit, where that is more than the default. Its bindings, attributes and targets must be filled in. The number
-/// of vertex buffers is the host's own choice, and so not among them.
+/// The limits that `pass` needs above their defaults. Its bindings, attributes and targets must be
+/// filled in. The number of vertex buffers is the host's choice, so it isn't included.
 pub fn above_default(pass: &GpuPass, program: &Program) -> BTreeMap<String, u64> {
     above(needed(pass, program))
 }
 
-/// What a compute pass needs of each limit, where that is more than the default. Its bindings must be filled in.
+/// The limits that a compute pass needs above their defaults. Its bindings must be filled in.
 pub fn of_compute(pass: &ComputePass, program: &Program) -> BTreeMap<String, u64> {
     let count = |kinds: &[BindingKind]| {
         let bindings = pass.bindings.iter();
@@ -94,7 +94,8 @@ fn needed(pass: &GpuPass, program: &Program) -> BTreeMap<&'static str, u64> {
     needed
 }
 
-/// What bindings need. `per_stage` is the most of the given kinds that one stage sees.
+/// The limits that bindings need. `per_stage` returns the largest count of the given kinds in one
+/// stage.
 fn of_bindings(
     bindings: &[BindingUse],
     per_stage: &dyn Fn(&[BindingKind]) -> u64,
@@ -139,8 +140,8 @@ fn of_bindings(
     ])
 }
 
-/// Variables between the stages: the locations up to the highest, and the built-in values that take the place of one (WebGPU section 10.3.1,
-/// "validating inter-stage interfaces").
+/// Inter-stage variables: the locations up to the highest, and the built-in values that take up one
+/// (WebGPU section 10.3.1, "validating inter-stage interfaces").
 fn inter_stage(pass: &GpuPass, program: &Program) -> u64 {
     let module = program.module();
     let outputs = program
@@ -181,7 +182,7 @@ fn location(io: &Io) -> Option<u32> {
     }
 }
 
-/// Variables that clip distances take: one for each four.
+/// Variables that clip distances take up: one for each four.
 fn clip_variables(module: &Module, io: &Io) -> u64 {
     if io.binding != Some(Binding::BuiltIn(BuiltIn::ClipDistances)) {
         return 0;
@@ -195,8 +196,8 @@ fn clip_variables(module: &Module, io: &Io) -> u64 {
     }
 }
 
-/// Bytes a sample of all colour targets together, each aligned as its format asks (WebGPU section 10.3.3, "calculating color attachment
-/// bytes per sample").
+/// Bytes per sample of all colour targets, aligned as each format needs (WebGPU section 10.3.3,
+/// "calculating color attachment bytes per sample").
 fn bytes_per_sample(pass: &GpuPass) -> u64 {
     pass.targets.iter().flatten().fold(0, |bytes: u64, target| {
         let (size, alignment) = cost(&target.format);
@@ -204,8 +205,9 @@ fn bytes_per_sample(pass: &GpuPass) -> u64 {
     })
 }
 
-/// "Render target pixel byte cost" and "render target component alignment" of a colour format (WebGPU section 26.1.1), read off its name:
-/// what its components take, and 8 where a tile holds a packed or normalised one of four components wider.
+/// "Render target pixel byte cost" and "render target component alignment" of a colour format
+/// (WebGPU section 26.1.1), read off its name: the size of its components, and 8 for packed or
+/// normalised four-component formats.
 fn cost(format: &str) -> (u64, u64) {
     let format = format.trim_end_matches("-srgb");
     match format {

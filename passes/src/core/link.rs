@@ -1,8 +1,10 @@
-//! Two naga modules become one: the second's arenas are appended to the first's, handles remapped, spans moved.
+//! Links two naga modules into one: appends the second's arenas to the first's, remaps handles and
+//! moves spans.
 //!
-//! What both files declare alike is declared once: types by naga's own `UniqueArena`; resources by group and binding; constants, overrides and
-//! functions by name and content. What clashes is renamed after the second module's stage, or, where a name or a binding is what the host
-//! holds on to, refused.
+//! Declarations that both files share appear once: types by naga's own `UniqueArena`; resources by
+//! group and binding; constants, overrides and functions by name and content. Other clashes are
+//! renamed after the second module's stage. If the host uses the clashing name or binding, linking
+//! fails.
 
 use std::collections::{HashMap, HashSet};
 
@@ -17,17 +19,18 @@ pub use layout::Member;
 
 use crate::graph::operands;
 
-/// Two modules that cannot be one.
+/// Two modules that can't be linked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub struct Error {
-    /// What does not fit.
+    /// The conflict.
     pub message: String,
-    /// Where, in the address space of the source map.
+    /// Its places, in the address space of the source map.
     pub labels: Vec<(Span, String)>,
-    /// The first members that differ of two structs that should be alike, the second module's before the first's: naga has no spans for members.
+    /// The first members that differ between two structs, the second module's first: naga has no
+    /// spans for members.
     pub members: Vec<Member>,
-    /// What to do about it.
+    /// The remedy.
     pub note: Option<&'static str>,
 }
 
@@ -52,20 +55,19 @@ impl Error {
     }
 }
 
-/// Where the second module's functions went.
+/// A linked module, and where the second module's functions went.
 #[derive(Clone, Debug)]
 pub struct Linked {
-    /// Both modules in one.
+    /// The linked module.
     pub module: Module,
     /// The second module's functions in it, in their order.
     pub functions: Vec<Handle<Function>>,
 }
 
-/// Adds `second`, whose spans count from `base` in the source map, to `first`, whose spans count from 0. Names of `second` that clash get
-/// `suffix`.
+/// Adds `second`, whose spans start at `base` in the source map, to `first`, whose spans start at
+/// 0. Clashing names of `second` get `suffix`.
 ///
-/// # Errors
-/// When both declare one binding, override or entry point differently.
+/// # Errors If both declare a binding, an override or an entry point differently.
 pub fn link(first: Module, second: &Module, base: u32, suffix: &str) -> Result<Linked, Box<Error>> {
     let mut linker = Linker {
         names: names(&first),
@@ -99,7 +101,7 @@ pub fn link(first: Module, second: &Module, base: u32, suffix: &str) -> Result<L
     })
 }
 
-/// `span` moved by `base`; an undefined span stays so.
+/// Moves `span` by `base`; an undefined span is unchanged.
 pub fn offset(span: Span, base: u32) -> Span {
     match span.to_range() {
         Some(range) => Span::new(range.start as u32 + base, range.end as u32 + base),
@@ -116,7 +118,7 @@ struct Linker<'a> {
     suffix: &'a str,
     /// Names of functions, entry points and variables in `module`.
     names: HashSet<String>,
-    /// Functions of the first module, which one of the second may equal.
+    /// Functions of the first module, candidates for sharing.
     shared: Vec<Handle<Function>>,
     // The second module's handles to those in `module`.
     types: HashMap<Handle<Type>, Handle<Type>>,
@@ -146,8 +148,8 @@ impl Linker<'_> {
         offset(span, self.base)
     }
 
-    /// Where a resource of one binding has a type of the same layout in both files, only named otherwise, the first file's names are taken
-    /// for both: authors write `Camera` in one file and `CameraUniform` in the other.
+    /// Where both files declare a resource with the same layout under different type names, uses
+    /// the first file's names: authors write `Camera` in one file and `CameraUniform` in the other.
     fn share_resource_types(&mut self) {
         for (_, theirs) in self.second.global_variables.iter() {
             let Some(binding) = theirs.binding else {
@@ -235,7 +237,8 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    /// A global expression. Equal ones are shared, so that constants can be compared by their initialiser's handle.
+    /// A global expression. Equal ones are shared, so constants can be compared by their
+    /// initialiser's handle.
     fn expression(&mut self, handle: Handle<Expression>) -> Result<Handle<Expression>, Box<Error>> {
         if let Some(done) = self.expressions.get(&handle) {
             return Ok(*done);
@@ -278,7 +281,7 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    /// An override's name and id are how the host sets it, so two of one name must be one.
+    /// The host sets an override by name or id, so two of the same name must be one.
     fn override_(&mut self, handle: Handle<Override>) -> Result<Handle<Override>, Box<Error>> {
         if let Some(done) = self.overrides.get(&handle) {
             return Ok(*done);
@@ -308,7 +311,7 @@ impl Linker<'_> {
     }
 
     fn globals(&mut self) -> Result<(), Box<Error>> {
-        // Overrides that no expression of the second module uses still belong to its interface.
+        // Unused overrides of the second module are still part of its interface.
         for (handle, _) in self.second.overrides.iter() {
             self.override_(handle)?;
         }
@@ -429,7 +432,8 @@ impl Linker<'_> {
         Ok(())
     }
 
-    /// The function with its module-level handles mapped; handles into its own arenas stay, as these keep their order.
+    /// The function with its module-level handles mapped. Handles into its own arenas stay valid,
+    /// because those keep their order.
     fn function(&mut self, theirs: &Function) -> Result<Function, Box<Error>> {
         let mut function = theirs.clone();
         for argument in &mut function.arguments {
@@ -501,7 +505,7 @@ impl Linker<'_> {
         self.functions.get(&handle).copied().ok_or_else(dangling)
     }
 
-    /// `name`, or, where the first module has it, the name with the stage appended.
+    /// `name`, with the stage appended if the first module uses it.
     fn unique(&mut self, name: &str) -> String {
         let mut unique = name.to_owned();
         while !self.names.insert(unique.clone()) {
@@ -511,7 +515,7 @@ impl Linker<'_> {
     }
 }
 
-/// All of a function but its spans. naga's IR has no equality; its debug form shows everything.
+/// A function's content without spans. naga's IR has no equality; its debug form shows everything.
 fn content(function: &Function) -> String {
     fn forget_spans(block: &mut Block) {
         for (statement, span) in block.span_iter_mut() {
@@ -528,7 +532,7 @@ fn content(function: &Function) -> String {
     format!("{function:?}")
 }
 
-/// A front end of naga built a module that refers to what comes later, which it promises not to.
+/// A naga front end broke its promise that handles refer backward only.
 fn dangling() -> Box<Error> {
     Error::new("the parsed module refers to an item before declaring it")
 }

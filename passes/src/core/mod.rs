@@ -1,4 +1,5 @@
-//! The data that every pass reads and writes: programs, plans, states, contracts, recipes' parameters. Nothing here knows a transform.
+//! The data that every pass reads and writes: programs, plans, states, contracts and parameters.
+//! Nothing here depends on a transform.
 
 pub mod calls;
 pub mod channels;

@@ -1,7 +1,8 @@
-//! Where the new vertices of a triangle are, and which triangles they make.
+//! The new vertices and triangles of a subdivided triangle.
 //!
-//! A vertex is its three barycentric coordinates, as whole numbers over a common denominator: `[d, 0, 0]` is the triangle's first corner. So corners and edges are told
-//! apart exactly, and the points of an edge are the same seen from both of its triangles.
+//! A vertex is given by its three barycentric coordinates, as whole numbers over a common
+//! denominator: `[d, 0, 0]` is the triangle's first corner. Corners and edges are thus exact, and
+//! both triangles of an edge compute the same points on it.
 //!
 //! | pattern | vertices | triangles |
 //! |---|---|---|
@@ -9,19 +10,20 @@
 //! | `gl`, odd `n` | `3 (n + 1)^2 / 4` | `(3 n^2 - 1) / 2` |
 //! | `uniform` | `(n + 1) (n + 2) / 2` | `n^2` |
 //!
-//! Triangles turn the way the one they lie in does.
+//! New triangles have the winding of the divided one.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The highest level, as every implementation of OpenGL 4 has it.
+/// The highest level, as in every implementation of OpenGL 4.
 pub const MAX_LEVEL: u32 = 64;
 
 /// How a triangle is divided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pattern {
-    /// As OpenGL's tessellator does with `equal_spacing` and all levels alike: concentric triangles, one segment apart (OpenGL 4.6, section 11.2.2).
+    /// As OpenGL's tessellator with `equal_spacing` and equal levels: concentric triangles, one
+    /// segment apart (OpenGL 4.6, section 11.2.2).
     #[default]
     Gl,
     /// Similar triangles, `n` along each edge.
@@ -31,7 +33,7 @@ pub enum Pattern {
 /// A divided triangle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Divided {
-    /// What the coordinates of each vertex sum to; at most 192.
+    /// The sum of each vertex's coordinates; at most 192.
     pub denominator: u32,
     /// Barycentric coordinates, times `denominator`.
     pub vertices: Vec<[u32; 3]>,
@@ -39,10 +41,11 @@ pub struct Divided {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A triangle whose edges are all divided into `level` segments, 1 to [`MAX_LEVEL`]; what is beyond is clamped.
+/// Divides each edge of a triangle into `level` segments, clamped to 1 to [`MAX_LEVEL`].
 ///
-/// Vertices of `gl` come ring by ring from the outermost, each from the corner nearest to the triangle's first on towards the second and the third. Those of `uniform`
-/// come in rows parallel to the edge from the first corner to the second, beginning with that edge.
+/// Vertices of `gl` come ring by ring from the outermost, each from the corner nearest to the first
+/// corner, towards the second and the third. Those of `uniform` come in rows parallel to the edge
+/// from the first corner to the second, starting with that edge.
 pub fn divide(pattern: Pattern, level: u32) -> Divided {
     let level = level.clamp(1, MAX_LEVEL);
     match pattern {
@@ -51,8 +54,9 @@ pub fn divide(pattern: Pattern, level: u32) -> Divided {
     }
 }
 
-/// Ring `k` has `m = n - 2k` segments a side, and its corners lie where the perpendiculars through the first division of the sides around it meet: in an equilateral
-/// triangle `2k / 3n` from both sides. On a denominator of `3n` every vertex is whole: along a side each step is 3.
+/// Ring `k` has `m = n - 2k` segments a side. Its corners are at `2k / 3n` from both sides in an
+/// equilateral triangle. With denominator `3n`, every vertex is whole, and steps along a side are
+/// 3.
 fn concentric(n: u32) -> Divided {
     let mut vertices = Vec::new();
     let mut triangles = Vec::new();
@@ -93,12 +97,12 @@ fn concentric(n: u32) -> Divided {
 #[derive(Clone, Copy)]
 struct Ring {
     first: u32,
-    /// Of each side. With none the ring is one point.
+    /// Segments per side. With 0, the ring is one point.
     segments: u32,
 }
 
 impl Ring {
-    /// The vertex so many steps along a side.
+    /// The vertex `step` steps along a side.
     fn at(self, side: u32, step: u32) -> u32 {
         match self.segments {
             0 => self.first,
@@ -107,13 +111,14 @@ impl Ring {
     }
 }
 
-/// The strip along a side between two rings. Step `s` of the inner one lies across from step `s + 1` of the outer. The two halves of the strip mirror each other; the
-/// specification leaves the diagonals open.
+/// The strip along a side between two rings. Step `s` of the inner ring is opposite step `s + 1` of
+/// the outer. The two halves of the strip mirror each other; the specification leaves the diagonals
+/// open.
 fn between(outer: Ring, inner: Ring, side: u32, triangles: &mut Vec<[u32; 3]>) {
     let m = outer.segments;
     for step in 0..m {
         let (a, b) = (outer.at(side, step), outer.at(side, step + 1));
-        // What lies across from both ends; beyond the inner side's ends, its end.
+        // The opposite vertices of both ends, clamped to the inner side.
         let across_a = inner.at(side, step.saturating_sub(1));
         let across_b = inner.at(side, step.min(m - 2));
         if across_a == across_b {
@@ -149,8 +154,8 @@ fn rows(n: u32) -> Divided {
     }
 }
 
-/// A triangle in rows from its first corner on: row and column of each vertex, packed in 8 bits each, and the triangles. The first `n` rows of triangles make the same of a
-/// triangle at level `n`.
+/// A triangle in rows from its first corner: row and column of each vertex, packed in 8 bits each,
+/// and the triangles. The first `n` rows are the triangle at level `n`.
 pub fn from_corner(level: u32) -> (Vec<u32>, Vec<[u32; 3]>) {
     let first = |row: u32| row * (row + 1) / 2;
     let vertices = (0..=level)
@@ -200,7 +205,7 @@ mod tests {
             let found = (d.vertices.len() as u32, d.triangles.len() as u32);
             assert_eq!(found, expected, "{pattern:?} {n}");
         }
-        // Seed 4: level 2 adds four vertices and makes six triangles.
+        // Level 2 adds four vertices and makes six triangles.
         let two = divide(Pattern::Gl, 2);
         assert_eq!((two.vertices.len(), two.triangles.len()), (3 + 4, 6));
         assert!(two.vertices.contains(&[2, 2, 2]));
@@ -231,7 +236,7 @@ mod tests {
         }
     }
 
-    /// Every side of a triangle belongs to another one too, turned round, or lies on an edge of the whole: no vertex in the middle of a side.
+    /// Every edge belongs to two triangles or lies on the outline: no vertex is inside an edge.
     #[test]
     fn there_are_no_t_junctions() {
         for (pattern, n, d) in all() {

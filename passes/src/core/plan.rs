@@ -1,7 +1,8 @@
-//! A plan: what the host must do, with the programs to do it with. Every transform maps a plan to a plan.
+//! A plan: the host's instructions and the programs they use. Every transform maps a plan to a
+//! plan.
 //!
-//! A plan is emitted as `MATERIAL.plan.json` beside the shaders ([`Plan`] without its programs is that file's data) and preshade's own
-//! renderer executes exactly that data.
+//! A plan is emitted as `MATERIAL.plan.json` beside the shaders ([`Plan`] without its programs is
+//! that file's data), and preshade's own renderer executes exactly that data.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -32,7 +33,7 @@ pub const SCENE_COLOR: &str = "scene-color";
 /// Name of the depth attachment of a [`SelfTest`].
 pub const SELF_TEST_DEPTH: &str = "self-test-depth";
 
-/// What a GPU pass is for. The name is part of the emitted file's name.
+/// The purpose of a GPU pass. The name is part of the emitted file's name.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -44,18 +45,18 @@ pub enum Role {
     Main,
     /// Depth only, under a light's view.
     Shadow,
-    /// Depth, and which triangle of which draw is nearest: no shading.
+    /// Depth, and the id of the nearest triangle: no shading.
     Ids,
-    /// Once for the frame: the number of the draw that each pixel shows, as a depth to compare with.
+    /// Once per frame: the number of the draw that each pixel shows, as a depth to compare with.
     Classify,
     /// Shades each pixel of the material once, from the ids.
     Resolve,
-    /// Once for the frame: nothing is drawn, but the scene's colour is cleared for compute work to write to.
+    /// Once per frame: draws nothing, but clears the scene's colour for compute work.
     Clear,
 }
 
 impl Role {
-    /// The word in file names and messages.
+    /// Its word in file names and messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Prepass => "prepass",
@@ -68,13 +69,14 @@ impl Role {
         }
     }
 
-    /// Whether what it draws to the scene's colour is the material's own shading.
+    /// Whether it writes the material's own shading to the scene's colour.
     pub fn shades(self) -> bool {
         matches!(self, Self::Main | Self::Resolve)
     }
 }
 
-/// When in the frame a pass runs. A phase of one material never starts before the earlier phases of all of them ended.
+/// When in the frame a pass runs. A phase of one material never starts before the earlier phases of
+/// all of them ended.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -82,13 +84,14 @@ impl Role {
 pub enum Phase {
     /// Shadow maps: the host's light view, outside the camera's frame.
     Shadow,
-    /// Depth only, opaque draws; ids with it.
+    /// Opaque draws, depth or ids only.
     Depth,
-    /// What each pixel shows is told apart, over all materials.
+    /// Finds the material of each pixel, over all materials.
     Classify,
-    /// Shaded from ids. Opaque draws that are shaded as they are drawn come after, tested against the same depth.
+    /// Shading from ids. Opaque draws with ordinary shading come afterwards, tested against the
+    /// same depth.
     Resolve,
-    /// Shaded, opaque draws.
+    /// Shaded opaque draws.
     Opaque,
     /// Blended draws, last, in the host's order.
     Blended,
@@ -114,7 +117,7 @@ impl AttachmentFormat {
     }
 }
 
-/// What an attachment is cleared to.
+/// The clear value of an attachment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum ClearValue {
@@ -124,7 +127,8 @@ pub enum ClearValue {
     Color([f64; 4]),
 }
 
-/// A texture that passes write or read. Size and origin follow the host's colour attachment; a shader indexes it by `position.xy`, mip 0, layer 0.
+/// A texture that passes write or read. Its size and origin follow the host's colour attachment; a
+/// shader indexes it by `position.xy`, mip 0, layer 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Attachment {
     /// The name passes refer to.
@@ -133,9 +137,9 @@ pub struct Attachment {
     pub format: AttachmentFormat,
     /// Samples a pixel.
     pub samples: u32,
-    /// Some pass binds it as a texture.
+    /// Whether some pass binds it as a texture.
     pub sampled: bool,
-    /// What the first pass of a frame that draws to it clears it to.
+    /// The clear value for the first pass of a frame that draws to it.
     pub clear: ClearValue,
 }
 
@@ -157,7 +161,7 @@ impl Attachment {
     }
 }
 
-/// Where a binding's resource comes from.
+/// The source of a binding's resource.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "from")]
 pub enum BindingSource {
@@ -168,26 +172,29 @@ pub enum BindingSource {
         /// Name of the attachment.
         name: String,
     },
-    /// The scene's own colour of a location, as a storage texture: it needs the usage `STORAGE_BINDING` beside `RENDER_ATTACHMENT`. Where the targets' format is an `-srgb` one the texture is
-    /// made in the format without, which the layout says, and drawn to through a view in the targets' (`viewFormats`): what is stored is encoded already.
+    /// The scene's own colour of a location, as a storage texture: it needs the usage
+    /// `STORAGE_BINDING` beside `RENDER_ATTACHMENT`. Where the targets' format is an `-srgb` one,
+    /// the texture has the format without it, as the layout states, and is drawn to through a view
+    /// in the targets' format (`viewFormats`): stored values are already encoded.
     SceneColor {
         /// Location.
         location: u32,
     },
-    /// The draw's own geometry, for a pass that subdivides it ([`crate::core::geometry`]) or shades it from ids ([`crate::core::draw_table`]).
+    /// The draw's own geometry, for a pass that subdivides it ([`crate::core::geometry`]) or shades
+    /// it from ids ([`crate::core::draw_table`]).
     Geometry {
-        /// Which part of it.
+        /// The part of it.
         part: GeometryPart,
     },
 }
 
-/// A part of a draw's geometry, as a buffer that a shader reads.
+/// A part of a draw's geometry, as a buffer for shaders.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum GeometryPart {
     /// A uniform buffer of the draw's constants ([`crate::core::geometry::Constants`]).
     Constants {
-        /// Locations of the attributes described there, in order.
+        /// Locations of its attributes, in order.
         streams: Vec<u32>,
     },
     /// [`crate::core::geometry::Subdivision::vertices`], four bytes each.
@@ -199,16 +206,17 @@ pub enum GeometryPart {
         /// Name of the buffer.
         buffer: String,
     },
-    /// The draw's index buffer, which needs the usage `STORAGE` beside `INDEX`; without one, any buffer. Of a strip, the list of its triangles
+    /// The draw's index buffer, which needs the usage `STORAGE` beside `INDEX`; without one, any
+    /// buffer. For a strip, the list of its triangles
     /// ([`crate::core::geometry::Subdivision::given`]).
     Indices,
     /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
     Attribute(AttributeUse),
     /// A uniform buffer of the draw's entry in the frame's draw table ([`crate::core::draw_table::Entry`]).
     Draw {
-        /// Locations of the attributes described there, in order.
+        /// Locations of its attributes, in order.
         streams: Vec<u32>,
-        /// Formats that these attributes may be stored in.
+        /// Formats that these attributes may have.
         formats: Formats,
     },
     /// A buffer of the frame, one of the plan's [`FrameBuffer`]s.
@@ -216,11 +224,12 @@ pub enum GeometryPart {
         /// Name of the buffer.
         buffer: String,
     },
-    /// The frame's draw table: the bits of a triangle, then the first id of each draw, ascending, four bytes each ([`crate::core::draw_table::table`]).
+    /// The frame's draw table: the bits of a triangle, then the first id of each draw, ascending,
+    /// four bytes each ([`crate::core::draw_table::table`]).
     DrawTable,
 }
 
-/// What a binding holds.
+/// The kind of a binding's resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
@@ -246,31 +255,34 @@ pub struct Visibility {
     pub compute: bool,
 }
 
-/// A binding that a pass's entry points really use.
+/// A binding that a pass's entry points use.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct BindingUse {
     /// `@group`.
     pub group: u32,
     /// `@binding`.
     pub binding: u32,
-    /// Variable's name in the emitted module.
+    /// The variable's name in the emitted module.
     pub name: String,
-    /// What it holds.
+    /// The kind of its resource.
     pub kind: BindingKind,
     /// Stages that use it in this pass.
     pub visibility: Visibility,
-    /// Who provides it.
+    /// Where its resource comes from.
     pub source: BindingSource,
-    /// The rest of its `GPUBindGroupLayoutEntry`. `None` for what WebGPU has no entry for (acceleration structures, external textures).
+    /// The rest of its `GPUBindGroupLayoutEntry`. `None` where WebGPU has no entry (acceleration
+    /// structures, external textures).
     #[serde(default)]
     pub layout: Option<BindingLayout>,
 }
 
-/// What a bind group layout says of a binding, in WebGPU's words. With the binding's visibility it is the whole of its entry.
+/// The bind group layout entry of a binding, in WebGPU's words, without its visibility.
 ///
-/// A host takes it as it is, with one relaxation, for the plan cannot know the format of an author's texture: where that format cannot be
-/// filtered (`r32float`, say, without the feature `float32-filterable`; several samples; a depth format bound as float), the host says
-/// `unfilterable-float` for `float`, and `non-filtering` for the `filtering` of every sampler that the shader samples it with.
+/// A host uses it as it is, with one relaxation, because the plan can't know the format of an
+/// author's texture. If that format can't be filtered (`r32float`, say, without the feature
+/// `float32-filterable`; several samples; a depth format bound as float), the host replaces `float`
+/// by `unfilterable-float`, and `filtering` by `non-filtering` for every sampler that the shader
+/// samples it with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BindingLayout {
@@ -279,7 +291,8 @@ pub enum BindingLayout {
         /// `uniform`, `storage` or `read-only-storage`.
         #[serde(rename = "type")]
         ty: String,
-        /// `minBindingSize`, in bytes: what the shader declares, a runtime-sized array counted as one element.
+        /// `minBindingSize` in bytes: the declared size, with one element for a runtime-sized
+        /// array.
         min_binding_size: u64,
     },
     /// `GPUSamplerBindingLayout`.
@@ -290,7 +303,8 @@ pub enum BindingLayout {
     },
     /// `GPUTextureBindingLayout`.
     Texture {
-        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture of one sample is taken to be filterable.
+        /// `float`, `unfilterable-float`, `depth`, `sint` or `uint`. An author's float texture of
+        /// one sample is assumed to be filterable.
         sample_type: String,
         /// `1d`, `2d`, `2d-array`, `cube`, `cube-array` or `3d`.
         view_dimension: String,
@@ -299,16 +313,16 @@ pub enum BindingLayout {
     },
     /// `GPUStorageTextureBindingLayout`.
     StorageTexture {
-        /// `write-only`, `read-only`, `read-write` or, which is wgpu's alone, `atomic`.
+        /// `write-only`, `read-only`, `read-write` or, in wgpu only, `atomic`.
         access: String,
         /// Format in WGSL's spelling.
         format: String,
-        /// As of a texture.
+        /// As for a texture.
         view_dimension: String,
     },
 }
 
-/// A vertex attribute that a pass really reads.
+/// A vertex attribute that a pass reads.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct AttributeUse {
     /// `@location`.
@@ -320,7 +334,7 @@ pub struct AttributeUse {
     pub ty: String,
 }
 
-/// Which draws of the material a pass draws.
+/// The material's draws that a pass includes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Draws {
@@ -329,7 +343,7 @@ pub enum Draws {
     All,
     /// The opaque ones only.
     Opaque,
-    /// None: once for the frame. Where several plans have the same such pass, one of them stands for all.
+    /// None: once per frame. If several plans have an identical such pass, it runs once.
     Once,
 }
 
@@ -343,7 +357,7 @@ impl Draws {
 /// One GPU pass of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GpuPass {
-    /// What it is for.
+    /// Its purpose.
     pub role: Role,
     /// When it runs.
     pub phase: Phase,
@@ -351,7 +365,7 @@ pub struct GpuPass {
     pub program: String,
     /// Vertex entry point.
     pub vertex: String,
-    /// Fragment entry point; `None` draws depth alone.
+    /// Fragment entry point; `None` draws depth only.
     pub fragment: Option<String>,
     /// Primitive state.
     pub primitive: PrimitiveState,
@@ -367,14 +381,16 @@ pub struct GpuPass {
     pub bindings: Vec<BindingUse>,
     /// Vertex attributes its vertex entry point reads.
     pub attributes: Vec<AttributeUse>,
-    /// Features it needs, in WebGPU's spelling; in wgpu's, `wgpu-vertex-writable-storage` say, where WebGPU has none.
+    /// Features it needs, in WebGPU's spelling or, where WebGPU has none, in wgpu's:
+    /// `wgpu-vertex-writable-storage`.
     pub features: Vec<String>,
-    /// WebGPU limits it needs above their defaults, by WebGPU's name. Counted of the pass by itself: what else a host binds with it adds.
+    /// WebGPU limits it needs above their defaults, by WebGPU's name. The host's own additional
+    /// bindings aren't counted.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub limits: BTreeMap<String, u64>,
     /// Draws included.
     pub draws: Draws,
-    /// What is drawn of them.
+    /// The geometry it draws for them.
     #[serde(default, skip_serializing_if = "Geometry::is_as_given")]
     pub geometry: Geometry,
     /// Uniforms this pass must read from another view than the camera's (the light's, for a shadow pass): variable or member names.
@@ -387,36 +403,40 @@ pub struct GpuPass {
 pub struct VertexBuffer {
     /// The name passes refer to.
     pub name: String,
-    /// Bytes of one vertex. A draw has as many as its subdivided mesh, or where that is not subdivided its vertex buffers, have, for each of its instances.
+    /// Bytes per vertex. For each instance, a draw has as many as its subdivided mesh or, without
+    /// subdivision, its vertex buffers.
     pub stride: u32,
 }
 
-/// A buffer that the compute passes of a frame fill, and which later passes read: one for the frame, which all plans that name it share. Its words are 0 at the start of a frame.
-/// It needs the usage `STORAGE`, and `INDIRECT` where a pass is drawn or run by it.
+/// A buffer that the compute passes of a frame fill for later passes. There is one per frame,
+/// shared by all plans that name it. Its words are 0 at the start of a frame. It needs the usage
+/// `STORAGE`, and `INDIRECT` if it holds arguments.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct FrameBuffer {
     /// The name passes refer to.
     pub name: String,
-    /// What its words are of.
+    /// The kind of its words.
     pub holds: FrameWords,
 }
 
-/// What the words of a frame's buffer are of. Draws, instances and their order are those of the draw table ([`crate::core::draw_table`]); pixels those of the scene's colour.
+/// The kind of words in a frame's buffer. Draws, instances and their order are those of the draw
+/// table ([`crate::core::draw_table`]); pixels are those of the scene's colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrameWords {
-    /// Eight for each draw, the first four being arguments of an indirect call, and eight more behind them.
+    /// Eight per draw, of which the first four are arguments of an indirect call, and eight more
+    /// behind them.
     Draws,
-    /// For each draw one for each square of 8x8 pixels.
+    /// One per draw and square of 8x8 pixels.
     Tiles,
-    /// One for each instance.
+    /// One per instance.
     Instances,
-    /// One for each pixel.
+    /// One per pixel.
     Pixels,
 }
 
 impl FrameWords {
-    /// How many words a frame of so many draws, instances and pixels (width and height) has.
+    /// The number of words for a frame of these draws, instances and pixels (width and height).
     pub fn count(self, draws: u64, instances: u64, [width, height]: [u32; 2]) -> u64 {
         match self {
             Self::Draws => (draws + 1) * 8,
@@ -431,15 +451,16 @@ impl FrameWords {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum When {
-    /// Ahead of the render passes of each frame.
+    /// Before the render passes of each frame.
     #[default]
     Frame,
     /// Once, when the variant and its meshes are loaded.
     Load {
-        /// What it read and may not change afterwards: uniforms, or members of them, by name. Nor may the vertex buffers. A host that changes any runs it again.
+        /// Its inputs, which may not change: uniforms, or members of them, by name. The vertex
+        /// buffers may not change either. A host that changes any runs the pass again.
         fixed: Vec<String>,
     },
-    /// In each frame, behind the render passes of this phase, over all materials.
+    /// In each frame after this phase's render passes, over all materials.
     Behind {
         /// The phase.
         phase: Phase,
@@ -447,12 +468,12 @@ pub enum When {
 }
 
 impl When {
-    /// Whether it runs ahead of each frame.
+    /// Whether it runs before each frame's render passes.
     pub fn is_frame(&self) -> bool {
         *self == Self::Frame
     }
 
-    /// The phase that it runs behind.
+    /// The phase that it runs after.
     pub fn phase(&self) -> Option<Phase> {
         match self {
             Self::Behind { phase } => Some(*phase),
@@ -461,36 +482,40 @@ impl When {
     }
 }
 
-/// Compute work ahead of a frame's render passes, or among them.
+/// Compute work before a frame's render passes, or between them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ComputePass {
     /// Key of its program in [`Plan::programs`].
     pub program: String,
     /// Entry point.
     pub entry_point: String,
-    /// Invocations of one workgroup. A draw needs one invocation for each of its new vertices and instances; where that is more workgroups than fit into
-    /// `x`, they go on in `y`. Of `full-screen` and `indirect` geometry the side of a square workgroup: a draw needs one invocation for each pixel of the
-    /// scene's colour, or as many workgroups as its entry says. Of `instances` and `vertices` a draw needs one invocation for each of its instances, or for each vertex of each, in rows as new vertices.
+    /// Invocations of one workgroup. By default a draw needs one invocation per new vertex and
+    /// instance; workgroups that don't fit into `x` continue in `y`. For `full-screen` and
+    /// `indirect` geometry it is the side of a square workgroup: a draw needs one invocation per
+    /// pixel of the scene's colour, or the workgroup count of its entry. For `instances` and
+    /// `vertices`, a draw needs one invocation per instance, or per vertex of each instance, in
+    /// rows as for new vertices.
     pub workgroup: u32,
-    /// What it is run over: new vertices, the pixels of the screen, instances, or what a frame's buffer says.
+    /// Its domain: new vertices, the pixels of the screen, instances, or the count in a frame's
+    /// buffer.
     pub geometry: Geometry,
-    /// Draws that it is run for.
+    /// The draws that it runs for.
     #[serde(default, skip_serializing_if = "Draws::is_all")]
     pub draws: Draws,
-    /// Bindings its entry point uses; their stage is the compute stage.
+    /// The bindings of its entry point; their stage is the compute stage.
     pub bindings: Vec<BindingUse>,
     /// When it runs.
     #[serde(default, skip_serializing_if = "When::is_frame")]
     pub when: When,
-    /// WebGPU features it needs, as of a [`GpuPass`].
+    /// WebGPU features it needs, as for a [`GpuPass`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<String>,
-    /// WebGPU limits it needs above their defaults, as of a [`GpuPass`].
+    /// WebGPU limits it needs above their defaults, as for a [`GpuPass`].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub limits: BTreeMap<String, u64>,
 }
 
-/// A step of the recipe, as it was applied.
+/// An applied step of the recipe.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Step {
     /// Pass name.
@@ -499,7 +524,7 @@ pub struct Step {
     pub site: crate::core::pass::SiteKey,
     /// Parameters in full, defaults included.
     pub params: serde_json::Value,
-    /// What this step promises.
+    /// Its promise.
     pub contract: Contract,
 }
 
@@ -519,21 +544,26 @@ impl std::fmt::Display for Step {
     }
 }
 
-/// Draws that a host makes when it loads the variant, because invariance is a promise of the driver that no source can prove. Where one of them does not
-/// give what it must, the host takes [`Plan::fallback`].
+/// Draws that a host makes when it loads the variant. Invariance is a promise of the driver that no
+/// source can prove. If a draw has an unexpected result, the host uses [`Plan::fallback`].
 ///
-/// A host runs it on draws of this material alone, the same ones each time, with uniforms as in a frame: all of them from one camera, or one mesh.
+/// A host runs it on draws of this material alone, the same ones each time, with uniforms as in a
+/// frame: all of them from one camera, or one mesh.
 ///
-/// 1. For each run, clear every depth attachment that its draws name to its clear value (stencil to 0). [`Self::attachment`] is made for the test.
-/// 2. Draw the run's draws in order, each in a render pass and an occlusion query of its own, as the pass of that role, with the draw's attachment, comparison and
-///    depth write in place of the pass's, and no stencil test. All else is the pass's: program, primitive state, bias, multisampling, bindings, and colour
-///    targets, whose contents mean nothing but without which a driver may compile another vertex stage.
+/// 1. For each run, clear every depth attachment that its draws name to its clear value (stencil to
+///   0). [`Self::attachment`] is made for the test.
+/// 2. Draw the run's draws in order, each in a render pass and an occlusion query of its own, as
+///   the pass of that role. Use the draw's attachment, comparison and depth write in place of the
+///   pass's, and no stencil test. All else is the pass's: program, primitive state, bias,
+///   multisampling, bindings and colour targets. The targets' contents have no meaning, but without
+///   them a driver may compile another vertex stage.
 /// 3. Compare each query with [`SelfTestDraw::samples`].
 ///
-/// Queries need not count: all that is used of them is whether a sample passed, which is what WebGPU and WebGL promise. Under MSAA that is any sample of a pixel.
+/// Queries need not count: WebGPU and WebGL promise only whether a sample passed, and we use
+/// nothing else. Under MSAA that is any sample of a pixel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTest {
-    /// Depth attachment of the test's own, like the one that the main pass is drawn to.
+    /// Depth attachment of the test, like the main pass's.
     pub attachment: Attachment,
     /// All of them must pass.
     pub runs: Vec<SelfTestRun>,
@@ -542,7 +572,7 @@ pub struct SelfTest {
 /// Draws one after the other, each in a render pass of its own.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTestRun {
-    /// What is wrong where samples pass that must not, for a message.
+    /// The fault, if samples pass unexpectedly, for a message.
     pub failure: String,
     /// In order.
     pub draws: Vec<SelfTestDraw>,
@@ -551,25 +581,25 @@ pub struct SelfTestRun {
 /// One draw of a self-test.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct SelfTestDraw {
-    /// The pass to draw as: the plan's, or the original's where the plan has no pass of that role.
+    /// The pass to draw as: the plan's, or the original's if the plan has no pass of that role.
     pub role: Role,
     /// Name of the depth attachment: [`SELF_TEST_DEPTH`], or one of the plan's.
     pub attachment: String,
     /// Depth comparison.
     pub compare: CompareFunction,
-    /// Depth is written.
+    /// Whether depth is written.
     pub write: bool,
-    /// What its occlusion query must say.
+    /// The expected result of its occlusion query.
     pub samples: SamplesPassed,
 }
 
-/// What an occlusion query says.
+/// Result of an occlusion query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SamplesPassed {
-    /// At least one. Where there is none, nothing was in view and the run says nothing.
+    /// At least one. If there is none, nothing was in view and the run proves nothing.
     Some,
-    /// Not one. Any is a failure.
+    /// None. Any sample is a failure.
     None,
 }
 
@@ -580,10 +610,11 @@ pub struct Plan {
     pub schema: String,
     /// Name of the material.
     pub material: String,
-    /// Programs by key. Not part of the JSON: they travel as text, named `MATERIAL.KEY.wgsl` and so on.
+    /// Programs by key. Not part of the JSON: they are emitted as text, named `MATERIAL.KEY.wgsl`
+    /// and so on.
     #[serde(skip)]
     pub programs: BTreeMap<String, Program>,
-    /// Attachments, the scene's depth first. The scene's colour is not among them: it is the host's.
+    /// Attachments, the scene's depth first. The host owns the scene's colour, which isn't listed.
     pub attachments: Vec<Attachment>,
     /// Buffers of computed vertices.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -596,19 +627,21 @@ pub struct Plan {
     pub compute: Vec<ComputePass>,
     /// GPU passes in the order they run.
     pub passes: Vec<GpuPass>,
-    /// What was done to the original, in order.
+    /// The applied steps, in order.
     pub steps: Vec<Step>,
-    /// What the whole promises.
+    /// The promise of the whole.
     pub contract: Contract,
     /// A check for the host to run at load.
     pub self_test: Option<SelfTest>,
-    /// What to take instead where the self-test fails: [`ORIGINAL`], whose pass and files are in `plan.json`, or a recipe.
+    /// The replacement if the self-test fails: [`ORIGINAL`], whose pass and files are in
+    /// `plan.json`, or a recipe.
     pub fallback: Option<String>,
-    /// The values it was made for. Where a draw's are others the host draws [`ORIGINAL`] instead; `None` where it was made for all.
+    /// The values it was made for. If a draw's values differ, the host draws [`ORIGINAL`] instead.
+    /// `None` if it was made for all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guard: Option<crate::core::guard::Guard>,
-    /// The plan before any transform, for the fallback to it. `None` in that plan itself, and in one that was read from JSON, which has its
-    /// passes and files beside the plan's own.
+    /// The plan before any transform, for the fallback to it. `None` in that plan itself, and in a
+    /// plan read from JSON, which contains its passes and files.
     #[serde(skip)]
     pub original: Option<Arc<Plan>>,
     /// Things the host should know that are not requirements.
@@ -616,7 +649,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plan that draws a material as its author wrote it: one pass. `vertex` and `fragment` name the entry points.
+    /// The plan that draws a material as its author wrote it: one pass. `vertex` and `fragment`
+    /// name the entry points.
     pub fn original(
         material: &str,
         program: Program,
@@ -726,7 +760,7 @@ impl Plan {
     }
 }
 
-/// What a host is told of a vertex stage that says how large points are, which the IR does not keep.
+/// The note on point sizes, which the IR doesn't keep.
 fn point_size_note(is_said: bool, topology: Topology) -> Vec<String> {
     let note = match (is_said, topology) {
         (false, _) => return Vec::new(),
@@ -740,7 +774,8 @@ fn point_size_note(is_said: bool, topology: Topology) -> Vec<String> {
     vec![note.to_owned()]
 }
 
-/// One `rgba8unorm` a location the fragment stage writes; integer outputs get the integer format of their width.
+/// One `rgba8unorm` per location the fragment stage writes; integer outputs get the integer format
+/// of their width.
 fn default_targets(program: &Program, fragment: &str) -> Vec<Option<ColorTarget>> {
     let Some((_, entry)) = program.entry_point(ShaderStage::Fragment, fragment) else {
         return Vec::new();

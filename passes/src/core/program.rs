@@ -1,5 +1,5 @@
-//! A shader program: one validated naga module holding the vertex and the fragment stage of a material, with the
-//! author's text beside it so that every message can point into it.
+//! A shader program: one validated naga module with a material's stages, and the author's text that
+//! messages point into.
 
 use std::sync::{Arc, OnceLock};
 
@@ -10,8 +10,8 @@ use crate::core::calls;
 use crate::core::declared::Declared;
 use crate::core::features;
 
-/// One file of the author's source. `base` is where its text begins in the address space that all spans of a
-/// [`SourceMap`] share.
+/// One file of the author's source. `base` is where its text begins in the address space that all
+/// spans of a [`SourceMap`] share.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceFile {
     /// The name to print in messages: a path as the user gave it, or `<stdin>`.
@@ -20,14 +20,15 @@ pub struct SourceFile {
     pub text: String,
     /// Offset in bytes of the file's first byte in the map's address space.
     pub base: u32,
-    /// Where each line begins in the text, so that a place in a long file is found without reading it again.
+    /// Start of each line in the text, to find a place in a long file quickly.
     lines: Vec<u32>,
-    /// Its text is part of another file's already, as that of a module that was imported: no span lies in it.
+    /// Whether its text is already part of another file, as an imported module's is: no span lies
+    /// in it.
     pub is_imported: bool,
 }
 
-/// The author's files in one address space of byte offsets, as naga's [`naga::Span`] needs it: a module linked from two files
-/// still has spans that name one place.
+/// The author's files in one address space of byte offsets, for naga's [`naga::Span`]: spans of a
+/// module linked from two files are unambiguous.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SourceMap {
     files: Vec<SourceFile>,
@@ -35,22 +36,23 @@ pub struct SourceMap {
     searched: Vec<Searched>,
 }
 
-/// A search of folders on whose whole outcome it rests which files the program is made of: one more that is found there may go before those that were, or stand against them.
+/// A search of folders that the program's list of files depends on. A new match may come before the
+/// old ones, or conflict with them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Searched {
     /// The folders, in order.
     pub folders: Vec<String>,
-    /// What was looked for.
+    /// What it searched for.
     pub wanted: Wanted,
-    /// What was found, a word each, in order.
+    /// The matches in order, a word each.
     pub found: Vec<String>,
 }
 
-/// What folders are searched for.
+/// The target of a search.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Wanted {
-    /// Files at any depth that name themselves modules (naga_oil's `#define_import_path`).
+    /// Files at any depth that define a module (naga_oil's `#define_import_path`).
     Modules,
     /// Folders of a package of this name.
     Package(String),
@@ -75,7 +77,8 @@ impl SourceMap {
         Self::default()
     }
 
-    /// Adds a file and returns its base offset. One byte is left between files so that no span can touch two.
+    /// Adds a file and returns its base offset. One byte is left between files so that no span can
+    /// touch two.
     pub fn add(&mut self, name: impl Into<String>, text: impl Into<String>) -> u32 {
         let base = self
             .files
@@ -93,7 +96,7 @@ impl SourceMap {
         base
     }
 
-    /// Adds a file that the text of another was made of, once: what rests on the program rests on it, and no span lies in it.
+    /// Adds an imported file once. The program depends on it, but no span lies in it.
     pub fn add_imported(&mut self, name: impl Into<String>, text: impl Into<String>) {
         let name = name.into();
         if self.files.iter().any(|f| f.is_imported && f.name == name) {
@@ -105,7 +108,8 @@ impl SourceMap {
         }
     }
 
-    /// Notes a file that was looked for in vain before another was found: were it there, the program would be another.
+    /// Notes a missing file that was searched before another was found: if it appears, the program
+    /// changes.
     pub fn add_absent(&mut self, name: impl Into<String>) {
         let name = name.into();
         if !self.absent.contains(&name) {
@@ -120,12 +124,12 @@ impl SourceMap {
         }
     }
 
-    /// Searches whose outcome the program rests on.
+    /// Searches that the program depends on.
     pub fn searched(&self) -> &[Searched] {
         &self.searched
     }
 
-    /// Files that were looked for in vain.
+    /// Files that were searched for but missing.
     pub fn absent(&self) -> &[String] {
         &self.absent
     }
@@ -173,18 +177,19 @@ pub enum Language {
     Glsl,
 }
 
-/// naga's validator refused a module. From a front end it is the author's error; after a pass it is always a bug of ours.
+/// naga's validator refused a module. From a front end it is the author's error; after a pass it is
+/// always a bug of ours.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 pub struct Invalid {
     /// naga's message with the chain of its causes.
     pub message: String,
-    /// The spans naga names, each with what it says there.
+    /// The spans in naga's error, with their messages.
     pub labels: Vec<(naga::Span, String)>,
 }
 
-/// A validated module and the source it came from. There is no way to hold an invalid one, nor to change one in place: a
-/// transform takes the module out by reference, builds another, and validates it by [`Program::new`].
+/// A validated module and its source. No invalid one can be constructed, and none can be changed in
+/// place: a transform builds another module and validates it by [`Program::new`].
 #[derive(Clone, Debug)]
 pub struct Program {
     module: Arc<naga::Module>,
@@ -192,7 +197,7 @@ pub struct Program {
     sources: Arc<SourceMap>,
     language: Language,
     declared: Arc<Declared>,
-    /// What it needs beyond what every device has; found when it is asked for, where it is not known to be nothing.
+    /// Its needs beyond every device's; computed on first use, unless known to be none.
     capabilities: Arc<OnceLock<Capabilities>>,
     /// No transform has touched it.
     as_written: bool,
@@ -201,15 +206,15 @@ pub struct Program {
 impl Program {
     /// Validates `module`.
     ///
-    /// # Errors
-    /// More than [`calls::MOST`] functions call one another in a chain; or what naga's validator says, with all of WebGPU's optional capabilities allowed: which of them an
-    /// adapter has is a question for the plan's `features`, not for the IR.
+    /// # Errors If the call depth exceeds [`calls::MOST`], or naga's validator fails with all of
+    /// WebGPU's optional capabilities allowed: the plan's `features` handle the adapter's
+    /// capabilities.
     pub fn new(
         module: naga::Module,
         sources: Arc<SourceMap>,
         language: Language,
     ) -> Result<Self, Box<Invalid>> {
-        // Most modules need nothing of the adapter: then it is known at once.
+        // Most modules need no optional capability: then we know at once.
         let (info, capabilities) = match validate(&module, Allowed::Core) {
             Ok(info) => (info, OnceLock::from(Capabilities::empty())),
             Err(_) => (validate(&module, Allowed::All)?, OnceLock::new()),
@@ -228,17 +233,16 @@ impl Program {
         })
     }
 
-    /// The program with what its author's text declares beside it.
+    /// The program with the declarations of its author's text.
     #[must_use]
     pub fn with_declared(mut self, declared: Declared) -> Self {
         self.declared = Arc::new(declared);
         self
     }
 
-    /// The program with another module in place of its own, validated: what a transform returns.
+    /// The program with a new validated module: the result of a transform.
     ///
-    /// # Errors
-    /// As [`Program::new`]; the transform that built `module` has a bug.
+    /// # Errors As [`Program::new`]; the transform that built `module` has a bug.
     pub fn with_module(&self, module: naga::Module) -> Result<Self, Box<Invalid>> {
         let program = Self::new(module, Arc::clone(&self.sources), self.language)?;
         Ok(Self {
@@ -253,19 +257,19 @@ impl Program {
         &self.module
     }
 
-    /// What the validator learnt about the module.
+    /// The validator's results.
     pub fn info(&self) -> &ModuleInfo {
         &self.info
     }
 
-    /// What it needs beyond what every WebGPU device has.
+    /// The capabilities it needs beyond every WebGPU device's.
     pub fn capabilities(&self) -> Capabilities {
         *self
             .capabilities
             .get_or_init(|| features::needed(&self.module))
     }
 
-    /// The author's own text, where it is one file that says just what this program is: no transform has touched it.
+    /// The author's own text, if it is one file and no transform has touched the program.
     pub fn author_text(&self) -> Option<&str> {
         match self.sources.files() {
             [file, imported @ ..] if self.as_written && imported.iter().all(|f| f.is_imported) => {
@@ -290,7 +294,7 @@ impl Program {
         self.language
     }
 
-    /// What the author's text declares that the module has no word for.
+    /// Declarations of the author's text that the module can't express.
     pub fn declared(&self) -> &Declared {
         &self.declared
     }
@@ -309,12 +313,12 @@ impl Program {
     }
 }
 
-/// What the validator lets a module use.
+/// The capabilities the validator permits.
 #[derive(Clone, Copy)]
 enum Allowed {
-    /// What every WebGPU device has.
+    /// Those of every WebGPU device.
     Core,
-    /// All that some have.
+    /// All.
     All,
 }
 

@@ -1,45 +1,49 @@
-//! What an adapter's rasteriser does that no language decides, and which something that does its work again has to do alike.
+//! Properties of an adapter's rasteriser that no language defines. A pass that repeats its work has
+//! to match them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Where the corners of a triangle lie when something is interpolated between them.
+/// Where the corners of a triangle are for interpolation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Corners {
-    /// Where the vertex stage puts them, and beyond the triangle where a pixel's centre lies outside of it (coverage is of snapped corners): for rasterisers that interpolate by planes
-    /// through unsnapped positions.
+    /// At the vertex stage's positions, extrapolating where a pixel's centre is outside of the
+    /// triangle (coverage uses snapped corners): for rasterisers that interpolate by planes through
+    /// unsnapped positions.
     AsGiven,
-    /// The same, but a centre outside of the triangle takes its edge's value: for adapters that nobody has looked at. Nothing is made up far from the triangle, whichever they do.
+    /// The same, but a centre outside of the triangle takes its edge's value: for unknown adapters.
+    /// Nothing extrapolates far from the triangle.
     #[default]
     Held,
-    /// On the nearest 1/256 of a pixel, where rasterisers put them (Direct3D asks for 8 bits; Vulkan reports `subPixelPrecisionBits`), if the triangle is not clipped and no
-    /// corner is more than 131,072 pixels away: for those that interpolate from there.
+    /// On the nearest 1/256 of a pixel, the rasterisers' grid (Direct3D requires 8 bits; Vulkan
+    /// reports `subPixelPrecisionBits`), if the triangle is not clipped and no corner is more than
+    /// 131,072 pixels away: for rasterisers that interpolate from there.
     Snapped,
 }
 
-/// Which pixels of its quad a pixel's gradients are differences of.
+/// The pixels of its quad whose differences are a pixel's gradients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Neighbours {
-    /// The quad's first pixel and those beside it: one gradient for all four.
+    /// The quad's first pixel and its neighbours: one gradient for all four.
     Quad,
-    /// The pixel itself and those beside it.
+    /// The pixel itself and its neighbours.
     Own,
 }
 
-/// What a rasteriser was seen to do. The default is what most are known to do.
+/// The measured behaviour of a rasteriser. The default is the most common one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Rasterizer {
-    /// Where corners lie that it interpolates between.
+    /// Where its corners are.
     pub corners: Corners,
-    /// Of `dpdx`, `dpdy` and `fwidth`.
+    /// For `dpdx`, `dpdy` and `fwidth`.
     pub derivatives: Neighbours,
-    /// Of those that are `Coarse`.
+    /// For the `Coarse` derivatives.
     pub coarse: Neighbours,
-    /// Of a sample at an implicit level, but of a cube.
+    /// For a sample at an implicit level, except of a cube.
     pub samples: Neighbours,
-    /// Of a sample of a cube at an implicit level.
+    /// For a sample of a cube at an implicit level.
     pub cubes: Neighbours,
 }
 

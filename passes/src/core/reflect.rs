@@ -1,4 +1,4 @@
-//! What an entry point really uses: bindings, vertex attributes, outputs, features.
+//! The bindings, vertex attributes, outputs and features that an entry point uses.
 
 use naga::valid::GlobalUse;
 use naga::{
@@ -24,12 +24,12 @@ pub struct Io {
     pub binding: Option<Binding>,
 }
 
-/// The inputs of an entry point, struct arguments opened.
+/// The inputs of an entry point, with struct arguments expanded.
 pub fn inputs(module: &Module, function: &Function) -> Vec<Io> {
     opened(module, &function.arguments)
 }
 
-/// Arguments as inputs, struct arguments opened.
+/// Arguments as inputs, with struct arguments expanded.
 pub fn opened(module: &Module, arguments: &[naga::FunctionArgument]) -> Vec<Io> {
     arguments
         .iter()
@@ -37,7 +37,7 @@ pub fn opened(module: &Module, arguments: &[naga::FunctionArgument]) -> Vec<Io> 
         .collect()
 }
 
-/// The outputs of an entry point, a struct result opened.
+/// The outputs of an entry point, with a struct result expanded.
 pub fn outputs(module: &Module, function: &Function) -> Vec<Io> {
     function
         .result
@@ -65,7 +65,7 @@ fn open(
     }
 }
 
-/// Type and binding of each member of a struct of inputs or outputs; `None` where it is not one.
+/// Type and binding of each member of a struct of inputs or outputs; `None` for other types.
 pub fn members(module: &Module, ty: Handle<Type>) -> Option<Vec<(Handle<Type>, Binding)>> {
     let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
         return None;
@@ -76,10 +76,10 @@ pub fn members(module: &Module, ty: Handle<Type>) -> Option<Vec<(Handle<Type>, B
         .collect()
 }
 
-/// What a global variable with a binding holds; `None` for one without.
+/// The resource kind of a global variable; `None` without a binding.
 pub fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<BindingKind> {
     global.binding.as_ref()?;
-    // A binding array holds what its elements hold.
+    // A binding array has the kind of its elements.
     let inner = match module.types[global.ty].inner {
         TypeInner::BindingArray { base, .. } => &module.types[base].inner,
         ref inner => inner,
@@ -111,7 +111,7 @@ pub fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<Bi
     })
 }
 
-/// What a bind group layout says of a global variable with a binding.
+/// The layout entry of a global variable with a binding.
 fn binding_layout(
     module: &Module,
     global: &naga::GlobalVariable,
@@ -162,7 +162,7 @@ fn binding_layout(
                         access.contains(StorageAccess::LOAD),
                         access.contains(StorageAccess::STORE),
                     ) {
-                        // wgpu's alone.
+                        // Only wgpu has it.
                         _ if access.contains(StorageAccess::ATOMIC) => "atomic",
                         (true, true) => "read-write",
                         (true, false) => "read-only",
@@ -197,7 +197,8 @@ fn binding_layout(
     })
 }
 
-/// The bindings that entry points use, by group and binding. One that is among `known` keeps its source; others are the author's.
+/// The bindings of entry points, by group and binding. Those among `known` keep their source;
+/// others are the author's.
 pub fn bindings(
     program: &Program,
     stages: &[(ShaderStage, &str)],
@@ -251,13 +252,13 @@ pub fn bindings(
     bindings
 }
 
-/// Fills a pass's bindings, attributes, features and limits from the entry points it names. A binding that the pass already takes from an attachment, or from a draw's
-/// geometry, keeps that source.
+/// Fills a pass's bindings, attributes, features and limits from its entry points. A binding with
+/// an attachment or geometry as its source keeps it.
 pub fn fill(pass: &mut GpuPass, program: &Program) {
     let module = program.module();
     let bindings = bindings(program, &stages(pass), &pass.bindings);
     pass.bindings = bindings;
-    // The format of the depth is the plan's: who knows it has said so before.
+    // The caller has already added the feature of the depth format.
     let depth = pass.features.iter().find(|f| *f == DEPTH32FLOAT_STENCIL8);
     let depth = depth.filter(|_| pass.depth.is_some()).cloned();
     pass.features = of_pass(pass, program);
@@ -281,7 +282,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
     pass.limits = crate::core::limits::above_default(pass, program);
 }
 
-/// The feature that the depth format of its name needs.
+/// The feature of the depth format of that name.
 pub const DEPTH32FLOAT_STENCIL8: &str = "depth32float-stencil8";
 
 /// The entry points that a pass draws with.
@@ -292,7 +293,7 @@ pub fn stages(pass: &GpuPass) -> Vec<(ShaderStage, &str)> {
     std::iter::once(vertex).chain(fragment).collect()
 }
 
-/// Bytes of immediate data that entry points read: 0 where there is none.
+/// Bytes of immediate data that entry points read; 0 if none.
 pub fn immediate_size(program: &Program, stages: &[(ShaderStage, &str)]) -> u32 {
     let module = program.module();
     let entries = stages.iter();
@@ -318,10 +319,11 @@ pub fn fill_compute(pass: &mut ComputePass, program: &Program) {
     pass.limits = crate::core::limits::of_compute(pass, program);
 }
 
-/// Whether a module computes with `f16`: its text enables that, also where the validator sees nothing of it.
+/// Whether a module computes with `f16`: its text must enable it, even where the validator finds no
+/// use.
 fn half_precision(module: &Module) -> bool {
     let half = |inner: &TypeInner| inner.scalar() == Some(naga::Scalar::F16);
-    // A conversion may be all there is of it: its type is then in no arena.
+    // A conversion may be the only use; its type is then in no arena.
     let converts = |e: &naga::Expression| {
         matches!(
             e,
@@ -339,7 +341,8 @@ fn half_precision(module: &Module) -> bool {
             .any(|f| f.expressions.iter().any(|(_, e)| converts(e)))
 }
 
-/// Features that a module needs, `bindings` being what the entry points given use. A device reads the whole module, whatever is drawn with of it.
+/// Features that a module needs; `bindings` are those of its entry points in use. A device checks
+/// the whole module, unused parts included.
 fn of_module(program: &Program, bindings: &[BindingUse]) -> Vec<String> {
     let mut all = features::of_capabilities(program.capabilities());
     all.extend(half_precision(program.module()).then(|| "shader-f16".to_owned()));
@@ -360,7 +363,7 @@ fn of_module(program: &Program, bindings: &[BindingUse]) -> Vec<String> {
     all
 }
 
-/// Whether a binding is of several resources (`binding_array`), which a plan's layout has no word for.
+/// Whether a binding is an array of resources (`binding_array`), which plan layouts can't express.
 pub fn is_array(module: &Module, binding: &BindingUse) -> bool {
     module.global_variables.iter().any(|(_, g)| {
         let at = g.binding.map(|b| (b.group, b.binding));
@@ -369,7 +372,8 @@ pub fn is_array(module: &Module, binding: &BindingUse) -> bool {
     })
 }
 
-/// Features that a pass needs, by WebGPU's name or, where only wgpu has one, by wgpu's: from its state, and from the module it draws with. Its bindings must be filled in.
+/// Features that a pass needs, by WebGPU's name or else by wgpu's: from its state, and from its
+/// module. Its bindings must be filled in.
 fn of_pass(pass: &GpuPass, program: &Program) -> Vec<String> {
     let target = |wanted: &dyn Fn(&str, bool) -> bool| {
         let mut targets = pass.targets.iter().flatten();
@@ -390,12 +394,12 @@ fn of_pass(pass: &GpuPass, program: &Program) -> Vec<String> {
             "wgpu-texture-format-16-bit-norm",
             target(&|f, _| features::is_16_bit_norm(f)),
         ),
-        // wgpu knows of no target of them that all adapters have.
+        // wgpu knows no such target that all adapters support.
         (
             features::ADAPTERS_FORMATS,
             target(&|f, _| features::is_16_bit_norm(f)),
         ),
-        // WebGPU has one sample or four, and those not in the widest formats.
+        // WebGPU has one sample or four, and four not in the widest formats.
         (
             features::ADAPTERS_FORMATS,
             ![1, 4].contains(&pass.multisample.count)

@@ -1,19 +1,22 @@
-//! The self-tests that plans carry: what a host draws at load to see whether its driver keeps the promise the plan rests on.
+//! Self-tests in plans: draws that a host makes at load, to check that its driver keeps the plan's
+//! promise.
 //!
-//! They ask only whether any sample passed, never how many: a count is more than WebGPU promises. Fragments of the two passes are therefore compared by
-//! which is nearer. The nearest fragment of a sample is what a pass leaves in a depth attachment, so that "no fragment of the other pass is nearer" is one query.
+//! They check only whether any sample passed, never how many: WebGPU doesn't promise a count. We
+//! therefore compare which pass's fragments are nearer. A pass leaves the nearest fragment of a
+//! sample in a depth attachment, so "no fragment of the other pass is nearer" is one query.
 
 use crate::core::plan::{
     Plan, Role, SELF_TEST_DEPTH, SamplesPassed, SelfTest, SelfTestDraw, SelfTestRun,
 };
 use crate::core::state::{CompareFunction, DepthDirection};
 
-/// For a main pass that runs as its author wrote it over a pre-pass biased away from the viewer: over the depths that the main pass leaves alone, no sample of
-/// the pre-pass may lie where it would hide one of the main pass's. `None` for a plan without a main pass.
+/// For an unchanged main pass over a pre-pass that is biased away from the viewer: over the main
+/// pass's own depths, no sample of the pre-pass may hide one of the main pass's. `None` for a plan
+/// without a main pass.
 pub fn biased(plan: &Plan) -> Option<SelfTest> {
     let main = plan.main()?.depth.as_ref()?;
     let hides = match main.compare {
-        // A tie hides what must be strictly nearer.
+        // A tie hides a fragment that must be strictly nearer.
         CompareFunction::Less => CompareFunction::LessEqual,
         CompareFunction::Greater => CompareFunction::GreaterEqual,
         CompareFunction::LessEqual => CompareFunction::Less,
@@ -32,17 +35,18 @@ pub fn biased(plan: &Plan) -> Option<SelfTest> {
     of(plan, plan, vec![run])
 }
 
-/// Whether the main pass still discards what its pre-pass discards.
+/// Whether the main pass still discards like its pre-pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MainDiscards {
-    /// It does, or neither does.
+    /// It does, or neither discards.
     AsPrepass,
     /// It leaves discarding to EQUAL.
     NoMore,
 }
 
-/// For a main pass that compares with EQUAL: neither pass may have a fragment nearer than the other's nearest, so the nearest are equal. `compare` is what
-/// the pre-pass compares with. Where the main pass discards no more, its own fragments may well be nearer, and one of the two runs is left.
+/// For a main pass that compares with EQUAL: neither pass may have a fragment nearer than the
+/// other's nearest, so the nearest are equal. `compare` is the pre-pass's comparison. If the main
+/// pass no longer discards, its fragments may be nearer, and only one of the two runs remains.
 pub fn equal(plan: &Plan, compare: CompareFunction, discards: MainDiscards) -> Option<SelfTest> {
     let nearer = nearer(compare)?;
     let mut runs = vec![SelfTestRun {
@@ -66,7 +70,8 @@ pub fn equal(plan: &Plan, compare: CompareFunction, discards: MainDiscards) -> O
     of(plan, plan, runs)
 }
 
-/// For a pass of ids that stands for the main pass of `original`, the plan before: as [`equal`], against the original's own main pass.
+/// For an id pass that replaces the main pass of `original`, the plan before: as [`equal`], against
+/// the original's main pass.
 pub fn identified(plan: &Plan, original: &Plan) -> Option<SelfTest> {
     let compare = original.main()?.depth.as_ref()?.compare;
     let nearer = nearer(compare)?;
@@ -91,8 +96,8 @@ pub fn identified(plan: &Plan, original: &Plan) -> Option<SelfTest> {
     of(plan, original, runs)
 }
 
-/// For a main pass that reads the depth of its pre-pass, `produced`, while it is tested against it: with that depth bound, what the main pass leaves in an
-/// attachment of the test's own must nowhere lie behind what the pre-pass leaves.
+/// For a main pass that both reads the depth of its pre-pass, `produced`, and is tested against it.
+/// With that depth bound, the main pass's own depths must never be behind the pre-pass's.
 pub fn read_only(plan: &Plan, compare: CompareFunction, produced: &str) -> Option<SelfTest> {
     let run = SelfTestRun {
         failure:
@@ -107,7 +112,7 @@ pub fn read_only(plan: &Plan, compare: CompareFunction, produced: &str) -> Optio
     of(plan, plan, vec![run])
 }
 
-/// The comparison that only a fragment strictly nearer passes.
+/// The comparison that only a strictly nearer fragment passes.
 fn nearer(compare: CompareFunction) -> Option<CompareFunction> {
     Some(match compare.direction()? {
         DepthDirection::Forward => CompareFunction::Less,
@@ -135,7 +140,7 @@ fn none_passes(role: Role, compare: CompareFunction) -> SelfTestDraw {
     }
 }
 
-/// With an attachment like the one that the main pass, which `drawn` has, is drawn to.
+/// A test with an attachment like the main pass's in `drawn`.
 fn of(plan: &Plan, drawn: &Plan, runs: Vec<SelfTestRun>) -> Option<SelfTest> {
     let depth = drawn.main()?.depth.as_ref()?;
     let mut attachment = plan.attachment(&depth.attachment)?.clone();

@@ -1,5 +1,5 @@
-//! The pipeline state a shader cannot say by itself. Names and values are WebGPU's, in its own spelling, so that a plan reads
-//! like a `GPURenderPipelineDescriptor`.
+//! Pipeline state that a shader can't express. Names and values are WebGPU's, in its own spelling,
+//! so a plan reads like a `GPURenderPipelineDescriptor`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,8 @@ pub enum DepthDirection {
 }
 
 impl CompareFunction {
-    /// The direction in which this comparison lets the nearer fragment win; `None` where it orders nothing.
+    /// The direction in which this comparison lets the nearer fragment win; `None` if it orders
+    /// nothing.
     pub fn direction(self) -> Option<DepthDirection> {
         match self {
             Self::Less | Self::LessEqual => Some(DepthDirection::Forward),
@@ -42,7 +43,7 @@ impl CompareFunction {
 }
 
 impl CompareFunction {
-    /// The same comparison with depth turned round.
+    /// The same comparison for the opposite depth direction.
     #[must_use]
     pub fn reversed(self) -> Self {
         match self {
@@ -56,7 +57,7 @@ impl CompareFunction {
 }
 
 impl DepthDirection {
-    /// The value a depth attachment is cleared to: the far plane.
+    /// The clear value of a depth attachment: the far plane.
     pub fn clear_depth(self) -> f32 {
         match self {
             Self::Forward => 1.0,
@@ -89,8 +90,9 @@ pub enum DepthFormat {
 }
 
 impl DepthFormat {
-    /// The largest step between two neighbouring depths in `[0, 1]` that the format stores. `depth24plus` may be a
-    /// 24-bit unorm or a 32-bit float (WebGPU section 26.1); the coarser of the two is told.
+    /// The largest step between two neighbouring depths in `[0, 1]` that the format stores.
+    /// `depth24plus` may be a 24-bit unorm or a 32-bit float (WebGPU section 26.1): this is the
+    /// coarser step.
     pub fn step(self) -> f32 {
         match self {
             Self::Depth16unorm => 1.0 / 65_535.0,
@@ -99,7 +101,7 @@ impl DepthFormat {
         }
     }
 
-    /// Whether the format stores a 32-bit float. `depth24plus` may, and is not trusted to.
+    /// Whether the format always stores a 32-bit float, which `depth24plus` may not.
     pub fn is_float(self) -> bool {
         matches!(self, Self::Depth32float | Self::Depth32floatStencil8)
     }
@@ -115,8 +117,9 @@ impl DepthFormat {
     }
 }
 
-/// Depth bias (`depthBias`, `depthBiasSlopeScale`, `depthBiasClamp`). `constant` counts the smallest resolvable step of the format: for a
-/// float format, of the exponent of the primitive's largest depth.
+/// Depth bias (`depthBias`, `depthBiasSlopeScale`, `depthBiasClamp`). `constant` counts the
+/// smallest resolvable step of the format: for a float format, of the exponent of the primitive's
+/// largest depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[allow(missing_docs)]
 pub struct DepthBias {
@@ -125,25 +128,26 @@ pub struct DepthBias {
     pub clamp: f32,
 }
 
-/// What a pass finds in an attachment (`GPULoadOp`, resolved over the frame).
+/// Load operation of an attachment in a pass (`GPULoadOp`, resolved over the frame).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LoadOp {
     /// `clear` in the first render pass of the frame that has the attachment, `load` in the others.
     #[default]
     ClearFirst,
-    /// `load`, also in the first: what was there before the frame.
+    /// `load` in every pass, also the first: keeps the content from before the frame.
     Load,
 }
 
-/// What a pass leaves of an attachment (`GPUStoreOp`).
+/// Store operation of an attachment in a pass (`GPUStoreOp`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StoreOp {
-    /// What was drawn, for later passes or for the host. Of several samples a host that resolves them may keep the resolved ones alone.
+    /// Keeps the result for later passes or the host. A host that resolves samples may keep the
+    /// resolved ones only.
     #[default]
     Store,
-    /// Nothing: neither a later pass of the plan nor the host reads it.
+    /// Drops the result: neither a later pass of the plan nor the host reads it.
     Discard,
 }
 
@@ -157,7 +161,7 @@ pub struct AttachmentOps {
     pub store: StoreOp,
 }
 
-/// What a pass does with one depth attachment.
+/// A pass's use of a depth attachment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DepthState {
     /// Name of the attachment, one of the plan's [`crate::core::plan::Attachment`]s.
@@ -169,14 +173,15 @@ pub struct DepthState {
     /// Bias added by the rasteriser.
     #[serde(default)]
     pub bias: DepthBias,
-    /// The attachment is bound read-only (`depthReadOnly`), so that it may be sampled in the same pass.
+    /// Whether the attachment is bound read-only (`depthReadOnly`), so that the same pass may
+    /// sample it.
     #[serde(default)]
     pub read_only: bool,
-    /// Operations of the depth aspect. A read-only one has none, as WebGPU asks.
+    /// Operations of the depth aspect. A read-only one has none, as WebGPU requires.
     #[serde(default)]
     pub ops: AttachmentOps,
-    /// Operations of the stencil aspect; `None` of a format that has none. A pass that binds the attachment read-only and whose stencil state writes
-    /// nothing does none of them.
+    /// Operations of the stencil aspect; `None` if the format has none. They don't apply if a pass
+    /// binds the attachment read-only and its stencil state writes nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stencil_ops: Option<AttachmentOps>,
 }
@@ -270,7 +275,7 @@ pub enum Topology {
 }
 
 impl Topology {
-    /// Whether depth bias applies (it does not to lines and points, WebGPU section 10.3.6).
+    /// Whether depth bias applies (not to lines and points, WebGPU section 10.3.6).
     pub fn is_triangles(self) -> bool {
         matches!(self, Self::TriangleList | Self::TriangleStrip)
     }
@@ -386,7 +391,7 @@ impl Blend {
             operation: BlendOperation::Add,
         },
     };
-    /// `src`: what an opaque draw does.
+    /// `src`: an opaque draw.
     pub const REPLACE: Self = Self {
         color: BlendComponent {
             src: BlendFactor::One,
@@ -407,7 +412,7 @@ impl Blend {
 pub struct ColorTarget {
     /// Texture format in WebGPU's spelling, `rgba8unorm-srgb` say.
     pub format: String,
-    /// Attachment of the plan that is drawn to; `None`: the scene's own colour of this location.
+    /// The plan's attachment to draw to; `None`: the scene's own colour of this location.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attachment: Option<String>,
     /// `None` writes the colour unblended.
@@ -437,13 +442,14 @@ impl ColorTarget {
         }
     }
 
-    /// Whether what is already in the target shows through.
+    /// Whether the previous content of the target shows through.
     pub fn is_blended(&self) -> bool {
         self.blend.is_some_and(|b| b != Blend::REPLACE)
     }
 }
 
-/// The state the author draws a material with. A shader says nothing of it, so a scene or a command line does.
+/// The author's pipeline state for a material. A scene or the command line provides it, because
+/// shaders can't express it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MaterialState {
@@ -463,7 +469,8 @@ pub struct MaterialState {
     pub stencil: Option<StencilState>,
     /// Multisampling.
     pub multisample: Multisample,
-    /// Colour targets by location; `None` leaves a hole. Empty: one `rgba8unorm` a fragment output, opaque.
+    /// Colour targets by location; `None` leaves a hole. If empty: one opaque `rgba8unorm` per
+    /// fragment output.
     pub targets: Vec<Option<ColorTarget>>,
 }
 
@@ -484,7 +491,7 @@ impl Default for MaterialState {
 }
 
 impl MaterialState {
-    /// The depth comparison in force.
+    /// The effective depth comparison.
     pub fn compare(&self) -> CompareFunction {
         self.depth_compare.unwrap_or(match self.depth_direction {
             DepthDirection::Forward => CompareFunction::Less,

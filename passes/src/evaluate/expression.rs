@@ -1,4 +1,4 @@
-//! What an expression's value is.
+//! Evaluates expressions.
 
 use naga::{Expression, Function, GlobalVariable, Handle, SampleLevel};
 
@@ -20,7 +20,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(value.clone())
     }
 
-    /// Evaluates an operand that no `Emit` does, where that was not done yet.
+    /// Evaluates an operand that needs no `Emit`, once.
     fn need(&mut self, frame: &mut Frame<'a, F>, e: Handle<Expression>) -> Result<(), Stuck> {
         if frame.values[e.index()].is_some() {
             return Ok(());
@@ -32,7 +32,7 @@ impl<'a, F: Number> Machine<'a, F> {
         self.keep(frame, e, value)
     }
 
-    /// Fails where a value of this type is too much, ahead of it.
+    /// Fails before allocating a value of this type if it is too large.
     fn room_for(&self, ty: Handle<naga::Type>) -> Result<(), Stuck> {
         self.room(layout::scalars(self.module, ty) as usize)
     }
@@ -246,7 +246,8 @@ impl<'a, F: Number> Machine<'a, F> {
         })
     }
 
-    /// A texel as the texture's class gives it: depth as one float, integers as the whole part of what the caller gave.
+    /// Converts the caller's texel to the texture's class: one float for depth, whole numbers for
+    /// integers.
     fn texel(
         &self,
         image: Handle<Expression>,
@@ -301,7 +302,7 @@ impl<'a, F: Number> Machine<'a, F> {
         binding.map(|b| (b.group, b.binding))
     }
 
-    /// The components of operands as floats, one after the other.
+    /// All components of the operands, as floats.
     fn numbers(
         &mut self,
         frame: &mut Frame<'a, F>,
@@ -341,7 +342,7 @@ pub(super) fn kind(expression: &Expression) -> &'static str {
     }
 }
 
-/// The value of an expression that was evaluated.
+/// The value of an evaluated expression.
 fn known<'v, F>(frame: &'v Frame<'_, F>, e: Handle<Expression>) -> Result<&'v Value<F>, Stuck> {
     let value = frame.values[e.index()].as_ref();
     value.ok_or(Stuck::Unevaluated(e.index()))

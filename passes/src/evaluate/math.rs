@@ -1,4 +1,4 @@
-//! Operators and built-in functions, on the CPU's own f32.
+//! Operators and built-in functions, computed with the CPU's f32.
 
 use naga::{BinaryOperator, MathFunction, RelationalFunction, ScalarKind, UnaryOperator};
 
@@ -114,7 +114,7 @@ fn scalar_binary<F: Number>(
         (B::Add, I32(a), I32(b)) => I32(a.wrapping_add(b)),
         (B::Subtract, I32(a), I32(b)) => I32(a.wrapping_sub(b)),
         (B::Multiply, I32(a), I32(b)) => I32(a.wrapping_mul(b)),
-        // WGSL: by zero, the dividend; the remainder is then zero.
+        // WGSL: a division by zero gives the dividend, and the remainder is zero.
         (B::Divide, I32(a), I32(b)) => I32(if b == 0 { a } else { a.wrapping_div(b) }),
         (B::Modulo, I32(a), I32(b)) => I32(if b == 0 { 0 } else { a.wrapping_rem(b) }),
         (B::Add, U32(a), U32(b)) => U32(a.wrapping_add(b)),
@@ -206,7 +206,7 @@ pub fn cast<F: Number>(
             (_, ScalarKind::Float, I32(v)) => F32(rounded(f32::from((v >> 16) as i16), v as u32)?),
             (_, ScalarKind::Float, U32(v)) => F32(rounded(f32::from((v >> 16) as u16), v)?),
             (_, ScalarKind::Float, Bool(v)) => F32(F::of(f32::from(u8::from(v)))),
-            // The nearest that is both an integer and a float (WGSL, section 15.7.6).
+            // The nearest number that is both an integer and a float (WGSL, section 15.7.6).
             (_, ScalarKind::Sint, F32(v)) => {
                 I32(truncated(v)?.clamp(-2_147_483_648.0, 2_147_483_520.0) as i32)
             }
@@ -228,7 +228,7 @@ pub fn cast<F: Number>(
     })
 }
 
-/// An integer whose upper half is `upper` as a float: two halves that are exact, and a sum that is rounded.
+/// An integer with upper half `upper` as a float: both halves are exact, and their sum is rounded.
 fn rounded<F: Number>(upper: f32, word: u32) -> Result<F, Stuck> {
     let lower = F::of((word & 0xffff) as f32);
     plus(F::of(upper * 65536.0), lower)
@@ -368,13 +368,14 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
     }
 }
 
-/// The square of the refracted direction's cosine; below 0 all is reflected.
+/// The squared cosine of the refracted direction; below 0 is total reflection.
 fn beyond_total<F: Number>(along: F, ratio: F) -> Result<F, Stuck> {
     let sine = minus(F::of(1.0), times(along, along)?)?;
     minus(F::of(1.0), times(times(ratio, ratio)?, sine)?)
 }
 
-/// What a function of whole vectors turns on, which its components do not show; `None` of one that turns on nothing.
+/// The decision of a function of whole vectors that its result's components don't show, if it makes
+/// one.
 pub fn turns<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Option<bool>, Stuck> {
     let turned_on = match fun {
         MathFunction::Refract => {
@@ -399,12 +400,12 @@ fn holds<F: Number>(op: BinaryOperator, a: F, b: F) -> Result<bool, Stuck> {
     F::holds(op, a, b).ok_or_else(|| Stuck::Undecided(format!("{op:?} of {a:?} and {b:?}")))
 }
 
-/// The exponent that leaves a fraction from a half up to 1; 0 of what has none.
+/// The exponent that leaves a fraction in [0.5, 1); 0 for zero, infinity and NaN.
 fn exponent(v: f32) -> i32 {
     if v == 0.0 || !v.is_finite() {
         return 0;
     }
-    // Denormals by way of a normal number.
+    // Scales denormals to normal numbers first.
     let (v, by) = match v.is_normal() {
         true => (v, 0),
         false => (v * 2.0_f32.powi(32), 32),
@@ -412,7 +413,7 @@ fn exponent(v: f32) -> i32 {
     ((v.to_bits() >> 23) & 0xff) as i32 - 126 - by
 }
 
-/// A number times a power of two, in steps that a float holds.
+/// A number times a power of two, in steps that a float can hold.
 fn shifted<F: Number>(v: F, by: i32) -> Result<F, Stuck> {
     let (mut v, mut left) = (v, by.clamp(-400, 400));
     while left != 0 {

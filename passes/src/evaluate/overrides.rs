@@ -1,4 +1,4 @@
-//! Pipeline-overridable constants that have a value: those that were given one, and those whose defaults follow from them.
+//! Values of pipeline-overridable constants: assumed ones, and defaults computed from them.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use crate::core::guard::{Assumed, Bounds, Place, ScalarType};
 use crate::evaluate::{self, Scalar, Value};
 use crate::graph::operands;
 
-/// The type in which an override's value is told; truths are 0 and 1. `None`: one that is not told.
+/// The guard's type for an override; booleans are 0 and 1. `None` if unsupported.
 pub(crate) fn scalar_type(module: &Module, ty: Handle<Type>) -> Option<ScalarType> {
     match module.types[ty].inner.scalar()? {
         naga::Scalar::BOOL => Some(ScalarType::U32),
@@ -26,12 +26,12 @@ fn literal(module: &Module, ty: Handle<Type>, value: f64) -> Option<Literal> {
     })
 }
 
-/// A number as an override of a type has it.
+/// Converts a number to an override's type.
 pub(crate) fn value(module: &Module, ty: Handle<Type>, number: f64) -> Option<Value> {
     Value::literal(&literal(module, ty, number)?).ok()
 }
 
-/// The number that an override's value is told as.
+/// Converts an override's value to a number.
 pub(crate) fn number(value: &Value) -> Option<f64> {
     match value {
         Value::Scalar(Scalar::Bool(b)) => Some(f64::from(u8::from(*b))),
@@ -42,11 +42,11 @@ pub(crate) fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// The values that follow from `given` for overrides that were given none: their defaults are computed of some that were, and of no other.
+/// The defaults of other overrides that depend only on `given` ones.
 pub(crate) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
     let mut values: BTreeMap<Handle<Override>, Value> = BTreeMap::new();
     let mut out = Vec::new();
-    // A default is computed of overrides that come before.
+    // A default refers to earlier overrides only.
     for (handle, constant) in module.overrides.iter() {
         let name = constant.name.clone().unwrap_or_default();
         let place = Place::Override { name: name.clone() };
@@ -81,7 +81,7 @@ pub(crate) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
     out
 }
 
-/// The overrides that a constant expression is computed of.
+/// The overrides that a constant expression depends on.
 fn overrides_of(module: &Module, e: Handle<Expression>) -> Vec<Handle<Override>> {
     match &module.global_expressions[e] {
         Expression::Override(o) => vec![*o],
@@ -105,7 +105,7 @@ pub(crate) fn resolved(
     if literals.is_empty() {
         return module;
     }
-    // Ahead of everything else: what an override is computed of has to come before all that reads it.
+    // The operands of overrides must come before all their uses.
     let mut expressions = Arena::new();
     let mut defaults = Vec::new();
     for (handle, literal) in literals {

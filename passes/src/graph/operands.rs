@@ -1,4 +1,5 @@
-//! What an expression or a statement refers to: the one place that knows every variant of naga's IR by its operands.
+//! Operands of expressions and statements: the only place that matches every variant of naga's IR
+//! by its operands.
 
 use naga::{
     AtomicFunction, CooperativeData, Expression, Function, GatherMode, Handle, ImageQuery,
@@ -123,8 +124,8 @@ fn map_cooperative(data: &mut CooperativeData, f: &mut dyn FnMut(&mut Operand)) 
     f(&mut data.stride);
 }
 
-/// Calls `f` on every expression a statement itself reads: not on its result, not on those of statements in its blocks, and not on
-/// the expressions an `Emit` evaluates.
+/// Calls `f` on every expression that a statement itself reads. Its result, its blocks and the
+/// expressions of an `Emit` are excluded.
 pub fn map_statement(statement: &mut Statement, f: &mut dyn FnMut(&mut Operand)) {
     use Statement as S;
     match statement {
@@ -254,7 +255,7 @@ pub fn result_mut(statement: &mut Statement) -> Option<&mut Operand> {
     }
 }
 
-/// The statement without the blocks it holds: its own operands and results only.
+/// The statement with empty blocks: its own operands and results only.
 pub fn shell(statement: &Statement) -> Statement {
     match statement {
         Statement::Block(_) => Statement::Block(naga::Block::new()),
@@ -308,7 +309,7 @@ pub fn blocks(statement: &Statement) -> Vec<&naga::Block> {
     }
 }
 
-/// As [`blocks`], to change them.
+/// As [`blocks`], but mutable.
 pub fn blocks_mut(statement: &mut Statement) -> Vec<&mut naga::Block> {
     match statement {
         Statement::Block(b) => vec![b],
@@ -340,7 +341,7 @@ pub fn fill(shell: &mut Statement, of: &Statement, inner: impl IntoIterator<Item
     }
 }
 
-/// The integer an index expression is known to be without evaluating anything.
+/// The value of a constant integer index.
 pub fn constant_index(
     module: &naga::Module,
     function: &Function,

@@ -1,4 +1,5 @@
-//! The structured forward walk that gives every write a version and every read the versions it sees.
+//! The structured forward walk that numbers versions at writes and finds the versions that reads
+//! see.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,13 +10,13 @@ use super::memory::{self, CellIndex, Certainty, Memory, Origin, VersionId};
 use super::statements::{Statements, StmtId};
 use super::touch::Touch;
 
-/// Numbers the versions of all cells of `memory`, which knows its cells and nothing more.
+/// Numbers the versions of all cells of `memory`, in which only the cells are filled in.
 pub(super) fn number(
     touch: &Touch<'_, '_>,
     statements: &Statements<'_>,
     mut memory: Memory,
 ) -> Memory {
-    // What each statement may write, for the headers of the loops around it.
+    // The cells each statement may write, for the headers of enclosing loops.
     let defined: Vec<(StmtId, Vec<CellIndex>)> = statements
         .iter()
         .map(|(id, node)| {
@@ -48,10 +49,10 @@ pub(super) fn number(
     walk.finish()
 }
 
-/// How the cells differ from what they were at some earlier point.
+/// The cells that changed since some earlier point.
 type Delta = BTreeMap<CellIndex, VersionId>;
 
-/// The states that leave a loop or switch early, each relative to the point where its target began.
+/// The states that leave a loop or switch early, each relative to its target's start.
 #[derive(Default)]
 struct Jumps {
     breaks: Vec<Delta>,
@@ -66,7 +67,8 @@ struct Walk<'a, 'f, 'p> {
     memory: Memory,
     defined: Vec<(StmtId, Vec<CellIndex>)>,
     state: Vec<VersionId>,
-    /// Each change of `state` with what stood there: a branch is undone in time proportional to what it did.
+    /// The old value of each change to `state`, so that undoing a branch takes time proportional to
+    /// its changes.
     log: Vec<(CellIndex, VersionId)>,
     live: bool,
     next: usize,
@@ -94,7 +96,7 @@ impl Walk<'_, '_, '_> {
         }
     }
 
-    /// Lets the paths that `deltas` describe, relative to the present state, meet.
+    /// Merges the paths of `deltas`, relative to the present state.
     fn merge(&mut self, at: Option<StmtId>, deltas: &[Delta]) {
         self.live = !deltas.is_empty();
         let changed: BTreeSet<CellIndex> = deltas.iter().flat_map(|d| d.keys().copied()).collect();
@@ -128,7 +130,8 @@ impl Walk<'_, '_, '_> {
         }
     }
 
-    /// Walks one of several alternative blocks and undoes it: what it changed, if control comes out of its end.
+    /// Walks one of several alternative blocks and undoes it. Returns its changes if control
+    /// reaches its end.
     fn branch(&mut self, block: &Block, jumps: &mut Jumps) -> Option<Delta> {
         let (mark, live) = (self.log.len(), self.live);
         self.block(block, jumps);
@@ -262,7 +265,7 @@ impl Walk<'_, '_, '_> {
         }
     }
 
-    /// A statement without blocks: what it reads, then what it writes.
+    /// A statement without blocks: its reads, then its writes.
     fn effect(&mut self, id: StmtId, statement: &Statement) {
         let (reads, writes) = self.touch.statement(statement);
         let mut seen: Vec<VersionId> = reads.iter().flat_map(|a| self.sees(&a.place)).collect();

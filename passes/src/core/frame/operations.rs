@@ -1,15 +1,15 @@
-//! Load and store operations of a frame's render passes, from those that the plans' passes ask for.
+//! Load and store operations of a frame's render passes, merged from the passes of the plans.
 
 use super::{ColorAttachments, FrameError, FrameLoad, FrameOps, FramePass};
 use crate::core::plan::{BindingSource, GpuPass, Plan, SCENE_COLOR};
 use crate::core::state::{AttachmentOps, LoadOp, StencilState, StoreOp};
 
-/// What one operation is about.
+/// The target of an operation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Slot {
     Depth(String),
     Stencil(String),
-    /// The scene's colour of a location.
+    /// The scene's colour at a location.
     Scene(usize),
     /// A colour attachment of the plans.
     Named(String),
@@ -33,16 +33,16 @@ struct Member<'p> {
     pass: &'p GpuPass,
 }
 
-/// What the passes before have done to each attachment.
+/// What earlier passes did to each attachment.
 #[derive(Default)]
 struct Before<'p> {
     drawn: Vec<Slot>,
-    /// With who threw it away.
+    /// Discarded attachments, and the member that discarded each.
     discarded: Vec<(Slot, Member<'p>)>,
 }
 
 impl<'p> Before<'p> {
-    /// Fails where an earlier pass has thrown `slot` away.
+    /// Fails if an earlier pass discarded `slot`.
     fn need(&self, slot: &Slot) -> Result<(), FrameError> {
         match self.discarded.iter().find(|(s, _)| s == slot) {
             None => Ok(()),
@@ -54,7 +54,7 @@ impl<'p> Before<'p> {
         }
     }
 
-    /// The operations of a render pass on `slot`, of those that its members ask for.
+    /// Merges the members' operations on `slot`.
     fn draw(
         &mut self,
         slot: Slot,
@@ -108,7 +108,7 @@ pub(super) fn resolve<'p>(
             pass.members.iter().filter_map(find).collect()
         })
         .collect();
-    // All passes that draw to the scene's colour have all of it.
+    // Every pass that draws to the scene's colour gets all of its targets.
     let scene_targets = passes
         .iter()
         .zip(&members)

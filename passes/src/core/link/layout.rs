@@ -1,20 +1,21 @@
-//! Whether two types have one layout, and where they part.
+//! Compares the layouts of two types.
 
 use naga::{ArraySize, Handle, Module, Span, Type, TypeInner};
 
 /// A member of a struct, to be found in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Member {
-    /// Where the struct is declared, or the variable that is one, in the address space of the source map.
+    /// Span of the struct, or of a variable of it, in the address space of the source map.
     pub of: Span,
     /// The member's name.
     pub name: String,
-    /// What to say of it.
+    /// The message for it.
     pub text: String,
 }
 
-/// The first members of two structs, or of structs in them, that are not alike. With each type goes the span of a variable of it, for structs
-/// that have none. `None` where one struct only has more members than the other, or where they are no structs.
+/// The first members that differ between two structs, or between nested structs. Each type comes
+/// with the span of a variable of it, for structs without one. `None` if one struct only has more
+/// members than the other, or they are not structs.
 pub(super) fn members_that_differ(
     module: &Module,
     a: (Handle<Type>, Span),
@@ -49,8 +50,8 @@ pub(super) fn members_that_differ(
     Some((member(of_a, m), member(of_b, n)))
 }
 
-/// The second module's types mapped to the first's, if both have one layout: equal in everything but the names of structs and of
-/// their members. `None` where they differ, or where nothing would have to be mapped.
+/// A map from the second module's types to the first's, if their layouts differ in nothing but the
+/// names of structs and members. `None` if they differ, or there is nothing to map.
 pub(super) fn same(
     first: &Module,
     a: Handle<Type>,
