@@ -5,7 +5,7 @@ use glam::{Mat4, Vec3, Vec4};
 
 use super::{Draw, Frame, Scene};
 
-/// A value that the renderer provides. `docs/reference/scenes.md` lists the names.
+/// A value that the renderer provides. `docs/reference/scene-values.md` lists the names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum Semantic {
