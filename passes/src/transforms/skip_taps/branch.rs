@@ -1,4 +1,4 @@
-//! Functions rebuilt with some terms behind branches.
+//! Rebuilds functions with some terms behind branches.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,7 +11,8 @@ use super::find::{Term, Weight};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
 use crate::rebuild::place;
 
-/// The module in which each term is computed only where its weight's magnitude is above `threshold`, and is 0 elsewhere.
+/// The module in which each term is computed only if its weight's magnitude exceeds `threshold`,
+/// and is 0 otherwise.
 pub fn skipping(graph: &Graph<'_>, terms: &[Term], threshold: f32) -> Module {
     let mut module = graph.module().clone();
     let functions: BTreeSet<FunctionId> = terms.iter().map(|t| t.function).collect();
@@ -30,13 +31,14 @@ struct Copier<'a, 'p> {
     f: &'a FunctionGraph<'p>,
     module: &'a mut Module,
     threshold: f32,
-    /// By what they are terms of.
+    /// Terms by product.
     terms: BTreeMap<Handle<Expression>, Vec<&'a Term>>,
-    /// What is computed late, and for which term: the innermost of several. `None`: a vector of terms, ahead of their product.
+    /// Expressions that are computed behind a branch, with their term: the innermost of several.
+    /// `None`: a vector of terms, just before their product.
     late: BTreeMap<Handle<Expression>, Option<&'a Term>>,
     function: Function,
     map: Vec<Option<Handle<Expression>>>,
-    /// Gradients of samples that are taken late.
+    /// Gradients of samples behind a branch.
     gradients: BTreeMap<Handle<Expression>, [Handle<Expression>; 2]>,
     emitting: Option<usize>,
     span: Span,
@@ -164,7 +166,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         out.push(copy, span);
     }
 
-    /// The result of a call, or of another statement.
+    /// Maps the result of a call or another statement.
     fn result(&mut self, copy: &mut Statement) {
         if let Some(result) = operands::result_mut(copy) {
             let old = *result;
@@ -175,7 +177,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         }
     }
 
-    /// What a late expression needs ahead: the gradients of an implicit sample.
+    /// Evaluates the gradients of an implicit sample, before the branch.
     fn ahead(&mut self, e: Handle<Expression>) {
         let Expression::ImageSample {
             coordinate,
@@ -200,7 +202,8 @@ impl<'a, 'p> Copier<'a, 'p> {
         self.gradients.insert(e, gradients);
     }
 
-    /// Copies an expression where it is evaluated; ahead of a product its terms, each behind its branch.
+    /// Copies an expression at its evaluation. The terms of a product come before it, each behind
+    /// its branch.
     fn evaluate(&mut self, e: Handle<Expression>, out: &mut Block) {
         let terms = self.terms.get(&e).cloned().unwrap_or_default();
         for term in &terms {
@@ -225,7 +228,8 @@ impl<'a, 'p> Copier<'a, 'p> {
         self.map[e.index()] = Some(copy);
     }
 
-    /// `if abs(weight) > threshold { tap = .. } else { tap = 0 }`, and what reads the term reads `tap`.
+    /// Writes `if abs(weight) > threshold { tap = .. } else { tap = 0 }`. Readers of the term read
+    /// `tap`.
     fn guarded(&mut self, term: &Term, out: &mut Block) {
         let weight = match term.weight {
             Weight::Value(w) => self.mapped(w),
@@ -290,7 +294,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         self.map[term.tap.index()] = Some(tap);
     }
 
-    /// An expression or a call of a term, where it is computed now.
+    /// Copies an expression or a call of a term, inside the branch.
     fn late_one(&mut self, e: Handle<Expression>, out: &mut Block) {
         if !matches!(self.f.function.expressions[e], Expression::CallResult(_)) {
             self.evaluate(e, out);
@@ -310,7 +314,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         self.map[e.index()].unwrap_or(e)
     }
 
-    /// Appends an expression that an `Emit` evaluates.
+    /// Appends an expression that needs an `Emit`.
     fn emit(&mut self, expression: Expression) -> Handle<Expression> {
         self.emitting.get_or_insert(self.function.expressions.len());
         self.function
@@ -318,7 +322,7 @@ impl<'a, 'p> Copier<'a, 'p> {
             .append(expression, Span::UNDEFINED)
     }
 
-    /// Appends one that none evaluates.
+    /// Appends an expression that needs no `Emit`.
     fn constant(&mut self, expression: Expression, out: &mut Block) -> Handle<Expression> {
         self.flush(out);
         self.function

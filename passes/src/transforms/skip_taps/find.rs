@@ -1,4 +1,4 @@
-//! Terms of sums that a texture is sampled for, and what is computed for each alone.
+//! Finds weighted texture samples in sums, and the expressions that only one of them needs.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,46 +14,47 @@ use crate::graph::cells::Root;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionGraph, FunctionId, Graph, Rate, StmtId, operands};
 
-/// What a term is multiplied by: a scalar.
+/// The scalar weight of a term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weight {
-    /// This.
+    /// A scalar.
     Value(Handle<Expression>),
-    /// A component of this vector.
+    /// A component of a vector.
     Component(Handle<Expression>, u32),
-    /// 1 less this.
+    /// 1 minus a scalar.
     Rest(Handle<Expression>),
 }
 
-/// A term that can be left out.
+/// A term that can be skipped.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
-    /// The function it is in.
+    /// The function that contains it.
     pub function: FunctionId,
-    /// The product, or whatever takes the term together with its weight.
+    /// The product, or the expression that takes both the term and its weight.
     pub product: Handle<Expression>,
-    /// A vector that is put together of terms for the product alone.
+    /// A vector of several terms that only the product uses.
     pub vector: Option<Handle<Expression>>,
-    /// What is weighed.
+    /// The weighted expression.
     pub tap: Handle<Expression>,
-    /// By what.
+    /// Its weight.
     pub weight: Weight,
-    /// What is computed for it alone, itself included; calls by their results.
+    /// The expressions that only this term needs, including itself. A call is represented by its
+    /// result.
     pub alone: BTreeSet<Handle<Expression>>,
-    /// Samples of those at an implicit level.
+    /// The implicit-LOD samples among them.
     pub implicit: Vec<Handle<Expression>>,
-    /// Static cost of that, for one run of the fragment stage's function.
+    /// Static cost of these expressions in one run of the function.
     pub cost: f64,
-    /// The product's place.
+    /// Source span of the product.
     pub span: Span,
 }
 
-/// Terms, and what might have been one.
+/// Terms, and the candidates that are none.
 #[derive(Clone, Debug, Default)]
 pub struct Terms {
-    /// In the order of functions and of their products.
+    /// Terms in the order of functions and of their products.
     pub terms: Vec<Term>,
-    /// The dearest first.
+    /// Rejected candidates, most expensive first.
     pub left: Vec<Left>,
 }
 
@@ -107,7 +108,7 @@ pub fn terms(
     found
 }
 
-/// Something with a weight.
+/// A candidate with its weight.
 struct Weighed {
     product: Handle<Expression>,
     vector: Option<Handle<Expression>>,
@@ -115,21 +116,21 @@ struct Weighed {
     weight: Weight,
 }
 
-/// Who reads an expression.
+/// A reader of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum User {
-    /// An expression; a call's arguments are read by its result.
+    /// An expression. A call's arguments are read by its result.
     Expression(Handle<Expression>),
     /// Another statement.
     Statement(StmtId),
 }
 
-/// A function looked at.
+/// The function under analysis.
 struct Within<'g, 'p> {
     graph: &'g Graph<'p>,
     f: &'g FunctionGraph<'p>,
     users: BTreeMap<Handle<Expression>, Vec<User>>,
-    /// Whether a texture is sampled for an expression, in the function or in what it calls.
+    /// Whether an expression needs a texture sample, in this function or a callee.
     samples: Vec<bool>,
 }
 
@@ -161,7 +162,7 @@ impl<'g, 'p> Within<'g, 'p> {
             samples: vec![false; f.function.expressions.len()],
         };
         this.find_samples(&BTreeSet::new());
-        // What a variable holds that was sampled, somewhere.
+        // Stored values that may come from a texture.
         let stored = f.statements.iter().filter_map(|(at, node)| {
             let sampled = match node.statement {
                 Statement::Store { value, .. } => this.samples[value.index()],
@@ -214,7 +215,7 @@ impl<'g, 'p> Within<'g, 'p> {
         }
     }
 
-    /// Products in sums, with either operand as what is weighed.
+    /// Products in sums, with either operand as the candidate.
     fn weighed(&self) -> Vec<Weighed> {
         let mut found: Vec<Weighed> = Vec::new();
         for (product, expression) in self.f.function.expressions.iter() {
@@ -232,7 +233,8 @@ impl<'g, 'p> Within<'g, 'p> {
                     left,
                     right,
                 } if self.is_summed(product) => {
-                    // Of two that sample, the one that nothing else reads is weighed: a splat map weighs many.
+                    // If both operands sample, the candidate is the one without other readers: a
+                    // splat map has many.
                     let [a, b] = [(*left, *right), (*right, *left)];
                     let is_only = |e| self.users(e) == [User::Expression(product)];
                     let (tap, weight) = match self.samples[left.index()] && is_only(*left) {
@@ -283,7 +285,7 @@ impl<'g, 'p> Within<'g, 'p> {
         found
     }
 
-    /// Terms that a vector is put together of to be weighed by another.
+    /// The terms of a vector that is weighted as a whole.
     fn components(
         &self,
         product: Handle<Expression>,
@@ -310,7 +312,7 @@ impl<'g, 'p> Within<'g, 'p> {
         .collect()
     }
 
-    /// Whether a product comes into a sum, perhaps scaled on its way.
+    /// Whether a product is added to a sum, possibly after scaling.
     fn is_summed(&self, product: Handle<Expression>) -> bool {
         let mut at = product;
         loop {
@@ -358,7 +360,7 @@ impl<'g, 'p> Within<'g, 'p> {
         )
     }
 
-    /// A weight as a scalar that is no constant.
+    /// A scalar weight that is not constant.
     fn scalar(&self, weight: Handle<Expression>) -> Option<Handle<Expression>> {
         let weight = match self.expression(weight) {
             Expression::Splat { value, .. } => *value,
@@ -368,7 +370,7 @@ impl<'g, 'p> Within<'g, 'p> {
         (self.is_scalar(weight) && !is_constant).then_some(weight)
     }
 
-    /// What goes with a term, or why it stays.
+    /// The term of a candidate, or why it is none.
     fn term(&self, weighed: &Weighed) -> Result<Term, &'static str> {
         let reader = weighed.vector.unwrap_or(weighed.product);
         if self.users(weighed.tap) != [User::Expression(reader)] {
@@ -388,7 +390,7 @@ impl<'g, 'p> Within<'g, 'p> {
         }
         let mut alone = BTreeSet::new();
         let mut implicit = Vec::new();
-        // Operands come before what reads them: backwards, all readers of an expression are seen before itself.
+        // Operands precede their readers, so a backward walk sees all readers first.
         for (e, _) in self.f.function.expressions.iter().rev() {
             let users = self.users(e);
             let is_tap = e == weighed.tap;
@@ -434,7 +436,7 @@ impl<'g, 'p> Within<'g, 'p> {
         })
     }
 
-    /// Why the samples under an expression are not its own.
+    /// Why the samples of an expression are not its own.
     fn why_not(&self, tap: Handle<Expression>) -> &'static str {
         let mut work = vec![tap];
         let mut seen = BTreeSet::new();
@@ -459,7 +461,7 @@ impl<'g, 'p> Within<'g, 'p> {
         )
     }
 
-    /// The statement whose block an expression is evaluated in; `None` where it is evaluated at none.
+    /// The statement whose block evaluates an expression; `None` if no block does.
     fn block(&self, e: Handle<Expression>) -> Option<Option<StmtId>> {
         let at = self.f.statements.evaluated_at(e)?;
         Some(self.f.statements.get(at).parent)
@@ -476,13 +478,13 @@ impl<'g, 'p> Within<'g, 'p> {
         )
     }
 
-    /// Whether an operand is read ahead of the branch: the coordinate that gradients are taken of.
+    /// Whether an operand is needed before the branch: the coordinate of a gradient.
     fn is_ahead(&self, reader: Handle<Expression>, operand: Handle<Expression>) -> bool {
         self.is_implicit(reader)
             && matches!(self.expression(reader), Expression::ImageSample { coordinate, .. } if *coordinate == operand)
     }
 
-    /// Whether an expression gives the same a little later, and behind a branch.
+    /// Whether an expression has the same value later, behind a branch.
     fn moves(&self, e: Handle<Expression>) -> Result<(), &'static str> {
         let module = self.graph.module();
         match self.expression(e) {
@@ -569,7 +571,7 @@ impl<'g, 'p> Within<'g, 'p> {
         }
     }
 
-    /// Static cost of some expressions, calls included.
+    /// Static cost of expressions, including calls.
     fn cost(&self, of: impl Iterator<Item = Handle<Expression>>) -> f64 {
         let of: BTreeSet<Handle<Expression>> = of.collect();
         let module = self.graph.module();
@@ -586,7 +588,7 @@ impl<'g, 'p> Within<'g, 'p> {
     }
 }
 
-/// Whether a function, or one that it calls, samples a texture.
+/// Whether a function or one of its callees samples a texture.
 fn samples(graph: &Graph<'_>, function: FunctionId) -> bool {
     let mut below = graph.functions().iter();
     below.any(|f| {

@@ -1,4 +1,4 @@
-//! Operations on what is known: interval arithmetic, rounded outwards.
+//! Interval arithmetic on abstract values, rounded outwards.
 
 use naga::{
     BinaryOperator, Expression, MathFunction, RelationalFunction, ScalarKind, UnaryOperator,
@@ -6,7 +6,7 @@ use naga::{
 
 use super::known::{Known, Scalar};
 
-/// An operator of one operand.
+/// Applies a unary operator.
 pub fn unary(op: UnaryOperator, operand: &Known) -> Known {
     Known::zip(&[operand], &|s| match (op, s) {
         (UnaryOperator::LogicalNot, [Scalar::Bool(b)]) => Some(Scalar::Bool(!b)),
@@ -21,7 +21,7 @@ pub fn unary(op: UnaryOperator, operand: &Known) -> Known {
     })
 }
 
-/// An operator of two scalars, or component by component of two vectors. Not of matrices.
+/// Applies a binary operator to scalars, or component by component to vectors. Not for matrices.
 pub fn binary(op: BinaryOperator, left: &Known, right: &Known) -> Known {
     use BinaryOperator as B;
     if let (B::LogicalAnd | B::LogicalOr, Some(known)) = (op, one_sided(op, left, right)) {
@@ -49,7 +49,7 @@ pub fn binary(op: BinaryOperator, left: &Known, right: &Known) -> Known {
     })
 }
 
-/// `false && x` and `true || x`, whichever side is known.
+/// `false && x` and `true || x`: one known operand suffices.
 fn one_sided(op: BinaryOperator, left: &Known, right: &Known) -> Option<Known> {
     let decides = op == BinaryOperator::LogicalOr;
     [left, right]
@@ -138,7 +138,7 @@ fn shifted(op: BinaryOperator, kind: ScalarKind, a: i64, by: i64) -> Option<Scal
     Scalar::integer(kind, value, value)
 }
 
-/// A function of its arguments, component by component where it is one of components.
+/// Applies a math function, component by component if it works so.
 pub fn math(fun: MathFunction, arguments: &[&Known]) -> Known {
     use MathFunction as M;
     match (fun, arguments) {
@@ -154,7 +154,7 @@ pub fn math(fun: MathFunction, arguments: &[&Known]) -> Known {
                 binary(BinaryOperator::Multiply, y, t),
             );
             let weighted = binary(BinaryOperator::Add, &left, &right);
-            // Some languages compute it so (WGSL, section 17.5, allows either).
+            // Some languages compute it this way (WGSL, section 17.5, allows either).
             let step = binary(BinaryOperator::Subtract, y, x);
             let step = binary(BinaryOperator::Multiply, &step, t);
             weighted.join(&binary(BinaryOperator::Add, x, &step))
@@ -188,7 +188,7 @@ fn of_components(fun: MathFunction, s: &[Scalar]) -> Option<Scalar> {
         (M::Min, [a, b]) => min(a, b),
         (M::Max, [a, b]) => max(a, b),
         (M::Clamp, [x, low, high]) => {
-            // Where the ends cross the languages leave the result open.
+            // If the bounds cross, the languages leave the result open.
             let ordered = match (low, high) {
                 (Float(_, l), Float(h, _)) => l <= h,
                 (Sint(_, l), Sint(h, _)) | (Uint(_, l), Uint(h, _)) => l <= h,
@@ -217,7 +217,7 @@ fn of_components(fun: MathFunction, s: &[Scalar]) -> Option<Scalar> {
     }
 }
 
-/// A conversion of value to 32 bits, or to a truth.
+/// Converts a value to 32 bits or to `bool`.
 pub fn converted(kind: ScalarKind, operand: &Known) -> Known {
     Known::zip(&[operand], &|s| {
         let [s] = s else { return None };
@@ -243,7 +243,7 @@ pub fn converted(kind: ScalarKind, operand: &Known) -> Known {
                 Scalar::integer(kind, a.trunc() as i64, b.trunc() as i64)
             }
             (ScalarKind::Sint | ScalarKind::Uint, Scalar::Sint(a, b) | Scalar::Uint(a, b)) => {
-                // What does not fit wraps.
+                // Overflow wraps.
                 Scalar::integer(kind, a, b)
             }
             _ => None,
@@ -276,8 +276,8 @@ pub fn relational(fun: RelationalFunction, argument: &Known) -> Known {
     }
 }
 
-/// Whether an integer may stand as a literal where `expression` reads `operand`. One that goes on into other numbers stays what it is read from: in the end it may become a float, and
-/// a front end folds what it finds to be a literal.
+/// Whether an integer literal may replace `operand` in `expression`. If the value flows into other
+/// numbers we keep the read: it may become a float, and front ends fold float literals on the CPU.
 pub fn takes_literal(expression: &Expression, operand: naga::Handle<Expression>) -> bool {
     use BinaryOperator as B;
     match expression {

@@ -1,4 +1,4 @@
-//! What may be assumed: numbers of uniforms, attributes, textures and overrides, by the variable they are read from.
+//! Assumptions: known numbers in uniforms, attributes, textures and overrides, by variable.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -11,28 +11,28 @@ use super::known::{Known, Scalar, Sources};
 use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use crate::core::pass::{Facts, Misnamed};
 
-/// Longest array whose elements are looked at one by one.
+/// Length of the longest array whose elements are tracked separately.
 const MOST_ELEMENTS: u32 = 64;
 
 /// A scalar of a uniform buffer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UniformScalar {
-    /// The author's name for it: `hall.lights[1].color.x`.
+    /// The author's path: `hall.lights[1].color.x`.
     pub name: String,
     /// `@group`.
     pub group: u32,
     /// `@binding`.
     pub binding: u32,
-    /// Where it begins in the binding, in bytes.
+    /// Byte offset in the binding.
     pub offset: u32,
     /// Its type.
     pub ty: ScalarType,
-    /// It is an element of a matrix.
+    /// Whether it is an element of a matrix.
     pub is_of_matrix: bool,
 }
 
 impl UniformScalar {
-    /// Where an assumption about it says that it comes from.
+    /// The place that assumptions about it name.
     pub fn place(&self) -> Place {
         Place::Uniform {
             group: self.group,
@@ -42,7 +42,7 @@ impl UniformScalar {
     }
 }
 
-/// Every scalar of every uniform buffer of a module, but for those of arrays of more than 64 elements.
+/// Every scalar of every uniform buffer, except in arrays of more than 64 elements.
 pub fn uniform_scalars(module: &Module) -> Vec<UniformScalar> {
     let mut out = Vec::new();
     for (_, global) in module.global_variables.iter() {
@@ -73,7 +73,8 @@ struct Leaf {
     is_of_matrix: bool,
 }
 
-/// Goes through the scalars of a value of a type at an offset in memory; what is known of the value, of what `leaf` knows of each. Scalars of other than 32 bits are not gone to.
+/// Visits the 32-bit scalars of a type at an offset in memory. Returns the abstract value built
+/// from the results of `leaf`.
 fn scalars(
     module: &Module,
     ty: Handle<Type>,
@@ -140,7 +141,7 @@ fn scalars(
         TypeInner::Struct { members, .. } => {
             let member = |m: &naga::StructMember| {
                 let own = m.name.as_deref().unwrap_or("?");
-                // A GLSL block without an instance has no name of its own.
+                // An unnamed GLSL block has no prefix.
                 let path = match name.is_empty() {
                     true => own.to_owned(),
                     false => format!("{name}.{own}"),
@@ -153,43 +154,44 @@ fn scalars(
     }
 }
 
-/// A setting that fits nothing.
+/// A setting that does not fit the material.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unfit {
     /// Not of the form `name=value+name=value`.
     #[error("`{0}` is not `name=number`")]
     Syntax(String),
-    /// Nothing is named so.
+    /// The name is unknown.
     #[error("no scalar of a uniform and no override is named `{0}`")]
     Unknown(String),
-    /// Several are named so.
+    /// Several scalars have the name.
     #[error("`{0}` may be {1}: say which, in full")]
     Ambiguous(String, String),
     /// Not a number of the type.
     #[error("`{0}` cannot be {1}")]
     Value(String, String),
-    /// Two numbers for one.
+    /// The name has two values.
     #[error("`{0}` is given twice")]
     Twice(String),
 }
 
-/// All assumptions, and what they make known.
+/// All assumptions, and the abstract values that follow from them.
 #[derive(Debug, Default)]
 pub struct Assumptions {
-    /// Known things point into these.
+    /// Abstract values refer to these by index.
     pub values: Vec<Assumed>,
     globals: BTreeMap<Handle<GlobalVariable>, Known>,
     textures: BTreeMap<Handle<GlobalVariable>, Known>,
-    /// By location, type and component.
+    /// Attributes by location, type and component.
     attributes: BTreeMap<(u32, ScalarType, u32), Known>,
     overrides: BTreeMap<Handle<Override>, Known>,
 }
 
 impl Assumptions {
-    /// What `facts` say of a material's constants, and what `settings` (`name=value+name=value`) say, which goes before.
+    /// Combines the constants in `facts` with `settings` (`name=value+name=value`). Settings take
+    /// precedence.
     ///
     /// # Errors
-    /// A setting that fits nothing.
+    /// A setting does not fit the material.
     pub fn new(
         module: &Module,
         material: &str,
@@ -212,7 +214,7 @@ impl Assumptions {
             values,
             ..Self::default()
         };
-        // Two variables at one binding may read one word as two types.
+        // Two variables at one binding may read a word as two types.
         let leaves: BTreeMap<(Place, ScalarType), Known> = this
             .values
             .iter()
@@ -276,22 +278,22 @@ impl Assumptions {
         Ok(this)
     }
 
-    /// What is known of the content of a variable.
+    /// The abstract value of a variable's content.
     pub fn content(&self, global: Handle<GlobalVariable>) -> Known {
         self.globals.get(&global).cloned().unwrap_or_default()
     }
 
-    /// What is known of every texel of a texture.
+    /// The abstract value of every texel of a texture.
     pub fn texel(&self, global: Handle<GlobalVariable>) -> Known {
         self.textures.get(&global).cloned().unwrap_or_default()
     }
 
-    /// What is known of an override.
+    /// The abstract value of an override.
     pub fn constant(&self, handle: Handle<Override>) -> Known {
         self.overrides.get(&handle).cloned().unwrap_or_default()
     }
 
-    /// What is known of a vertex attribute of a type, which is a scalar or a vector.
+    /// The abstract value of a scalar or vector attribute.
     pub fn attribute(&self, location: u32, inner: &TypeInner) -> Known {
         let Some(ty) = inner.scalar().and_then(ScalarType::of) else {
             return Known::Unknown;
@@ -309,7 +311,7 @@ impl Assumptions {
         }
     }
 
-    /// The overrides with a value, the value, and which assumption it is.
+    /// The overrides with a value, the value, and the index of the assumption.
     pub fn set_overrides(&self) -> impl Iterator<Item = (Handle<Override>, f64, usize)> + '_ {
         self.overrides.iter().filter_map(|(handle, known)| {
             let (_, sources) = known.scalar()?;
@@ -318,7 +320,7 @@ impl Assumptions {
         })
     }
 
-    /// The guard of what rests on these.
+    /// The guard for these assumptions.
     pub fn guard(&self, used: &BTreeSet<usize>) -> Guard {
         let values = used.iter().filter_map(|i| self.values.get(*i)).cloned();
         Guard {
@@ -333,7 +335,7 @@ fn known(index: usize, assumed: &Assumed) -> Known {
     let scalar = match assumed.ty {
         ScalarType::F32 if low == high => Scalar::float(low),
         ScalarType::F32 => {
-            // Either end may be flushed to 0.
+            // Either bound may be flushed to 0.
             let (a, b) = (Scalar::float(low), Scalar::float(high));
             match (a, b) {
                 (Scalar::Float(a, _), Scalar::Float(_, b)) => Scalar::Float(a, b),
@@ -350,7 +352,8 @@ fn known(index: usize, assumed: &Assumed) -> Known {
     }
 }
 
-/// The settings in `name=value+name=value`. A plus belongs to a number where no `name=` follows: `1e+3`.
+/// Splits `name=value+name=value`. A plus without a following `name=` belongs to the number, as in
+/// `1e+3`.
 fn separate(settings: &str) -> Vec<String> {
     let mut all: Vec<String> = Vec::new();
     for part in settings.split('+') {
@@ -363,7 +366,7 @@ fn separate(settings: &str) -> Vec<String> {
     all
 }
 
-/// What is wrong with the names and numbers of `settings` in a module, if something is.
+/// The first error in the names and numbers of `settings`.
 pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
     let unfit = set(module, settings).err()?;
     let message = unfit.to_string();
@@ -385,7 +388,8 @@ pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
     })
 }
 
-/// The assumptions that `name=value+name=value` spells. A name is a whole path, or the end of one that is the only such.
+/// The assumptions in `name=value+name=value`. A name is a full path, or a suffix that only one
+/// path has.
 fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
     let scalars = uniform_scalars(module);
     let mut out = Vec::new();

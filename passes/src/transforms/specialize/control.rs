@@ -1,4 +1,4 @@
-//! Branches and switches: the arm that is taken, or all of them and what is known where they meet again.
+//! Branches and switches: folds to the arm that is taken, or joins the abstract values of all arms.
 
 use naga::{Block, Expression, Handle, Literal, Statement, SwitchCase, SwitchValue};
 
@@ -7,24 +7,26 @@ use super::fold::{Folder, Frame};
 use super::known::{Known, Sources};
 use crate::graph::{StmtId, operands};
 
-/// Where a `break` goes.
+/// The target of a `break`.
 pub(super) enum Breaks {
-    /// Out of a loop.
+    /// A loop.
     Loop {
-        /// Whether the loop is being tried: it is given up at the first branch that may or may not leave a turn.
+        /// Whether this is a speculative unroll. It fails at the first undecided branch that may
+        /// leave an iteration.
         tried: bool,
-        /// The branch that ends it, where it stands at its head: the loop is the decision.
+        /// The condition of the branch at the loop's head that ends it. The loop then is the
+        /// decision.
         head: Option<Handle<Expression>>,
-        /// What decides that branch.
+        /// The assumptions that decide the branch.
         sources: Sources,
-        /// How many blocks stand around its body.
+        /// Number of blocks around the body.
         depth: usize,
     },
-    /// Out of a switch.
+    /// A switch.
     Switch {
-        /// What is known of the locals at each.
+        /// The locals' abstract values at each break.
         locals: Vec<Vec<Known>>,
-        /// How many blocks stand around its cases.
+        /// Number of blocks around the cases.
         depth: usize,
     },
 }
@@ -36,7 +38,7 @@ pub(super) enum Flow {
     Break,
     Continue,
     Return,
-    /// In one of several ways that are not the first.
+    /// By a jump, in one of several ways.
     Away,
 }
 
@@ -77,7 +79,7 @@ impl<'p> Folder<'p> {
                 true => (accept, first),
                 false => (reject, second),
             };
-            // A front end may drop what stands behind a discard in one block.
+            // A front end may drop statements after a discard in the same block.
             if !block.iter().any(|s| matches!(s, Statement::Kill)) {
                 let flow = self.block(frame, block, from, out);
                 frame.running = outside;
@@ -170,7 +172,7 @@ impl<'p> Folder<'p> {
                 Flow::Break => Flow::Next,
                 flow => flow,
             };
-            // A front end may drop what stands behind a discard in one block.
+            // A front end may drop statements after a discard in the same block.
             let stays = |s: &Statement| has_jump(s, Jump::Break) || matches!(s, Statement::Kill);
             if !body[..kept].iter().any(stays) {
                 for (i, (statement, span)) in body.span_into_iter().enumerate() {
@@ -242,7 +244,7 @@ impl<'p> Folder<'p> {
     }
 }
 
-/// The case that a selector takes.
+/// The case for a selector.
 pub(super) fn taken(cases: &[SwitchCase], selector: Literal) -> Option<usize> {
     let is = |value: &SwitchValue| match (value, selector) {
         (SwitchValue::I32(a), Literal::I32(b)) => *a == b,
@@ -275,7 +277,7 @@ pub(super) enum Jump {
     Continue,
 }
 
-/// Whether a statement jumps out of the loop or switch around it.
+/// Whether a statement jumps out of the enclosing loop or switch.
 pub(super) fn has_jump(statement: &Statement, jump: Jump) -> bool {
     match statement {
         Statement::Break => jump == Jump::Break,
@@ -289,12 +291,12 @@ pub(super) fn has_jump(statement: &Statement, jump: Jump) -> bool {
     }
 }
 
-/// Whether a statement leaves the turn of a loop around it.
+/// Whether a statement leaves the iteration of the enclosing loop.
 pub(super) fn jumps(statement: &Statement) -> bool {
     has_jump(statement, Jump::Break) || has_jump(statement, Jump::Continue)
 }
 
-/// Whether a statement may go elsewhere than to the next.
+/// Whether a statement may continue somewhere else than at the next one.
 fn leaves(statement: &Statement) -> bool {
     match statement {
         Statement::Break | Statement::Continue | Statement::Return { .. } => true,
@@ -303,7 +305,8 @@ fn leaves(statement: &Statement) -> bool {
 }
 
 impl Frame<'_> {
-    /// What runs from here on rests on `sources` too. Gives what it rests on behind the statement with these `arms`: the same where one of them may leave it.
+    /// Adds `sources` to the dependences of the following statements. Returns the dependences
+    /// behind the statement with these `arms`; if an arm may leave it, they stay in force there.
     fn run_on<'b>(&mut self, sources: &Sources, arms: impl Iterator<Item = &'b Block>) -> Sources {
         let within = super::known::both(&self.running, sources);
         let outside = std::mem::replace(&mut self.running, Sources::clone(&within));
@@ -325,7 +328,7 @@ impl Frame<'_> {
         });
     }
 
-    /// Leaves a switch: what was known at its breaks.
+    /// Leaves a switch and returns the abstract values at its breaks.
     fn leave(&mut self) -> Vec<Vec<Known>> {
         match self.breaks.pop() {
             Some(Breaks::Switch { locals, .. }) => locals,

@@ -1,4 +1,5 @@
-//! What a draw decides in a stage: branches, switches and loops whose condition is the same for all of its invocations.
+//! Draw-uniform decisions of a stage: branches, switches and loops whose condition is the same for
+//! all invocations of a draw.
 
 use std::collections::BTreeSet;
 
@@ -9,83 +10,85 @@ use super::fold::{Folder, Frame};
 use super::known::{Known, Sources};
 use crate::graph::{FunctionId, Graph, Rate, StmtId};
 
-/// What kind of statement a decision is about.
+/// The statement kind of a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// `if`; the arms are the one for true and the one for false.
+    /// `if`, with an arm for true and one for false.
     Branch,
-    /// `switch`; an arm a case.
+    /// `switch`, with an arm per case.
     Switch,
-    /// A loop; the one arm is the loop.
+    /// A loop, with one arm.
     Loop {
-        /// How often it turns, where that is decided and it was written out.
+        /// Number of iterations, if it is known and the loop was unrolled.
         turns: Option<u32>,
     },
 }
 
-/// Statements that run, or do not.
+/// Statements that run or do not run together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
-    /// The first, and the one behind the last; then those behind the statement that run with this arm alone, where another leaves the function or a loop.
+    /// Ranges of statements, with exclusive ends. If another arm leaves the function or loop, the
+    /// statements behind the decision follow.
     pub statements: Vec<(StmtId, StmtId)>,
 }
 
-/// A condition that the draw decides.
+/// A condition that is uniform over a draw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
-    /// The function it is in.
+    /// The function that contains it.
     pub function: FunctionId,
     /// The statement.
     pub statement: StmtId,
     /// Its condition or selector.
     pub condition: Handle<Expression>,
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
-    /// Which arm is taken; `None`: not known, or a loop.
+    /// The arm that is taken; `None` if unknown, or for a loop.
     pub taken: Option<usize>,
     /// Its arms.
     pub arms: Vec<Arm>,
-    /// Whether an arm leaves the function, and so decides on what follows in it.
+    /// Whether an arm leaves the function, so that the decision affects all following statements.
     pub leaves: bool,
-    /// The assumptions that decided it.
+    /// The assumptions that decide it.
     pub sources: Sources,
-    /// The decision around it in its function, by its place in the record.
+    /// Index in the record of the enclosing decision in the same function.
     pub within: Option<usize>,
 }
 
-/// A call that is left in a function.
+/// A remaining call.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call {
-    /// Of the functions that were made.
+    /// The callee, among the generated functions.
     pub callee: Handle<Function>,
-    /// How often it is made in one run of the function, as far as that can be told.
+    /// Number of calls in one run of the function, as far as known.
     pub times: f64,
-    /// The decision around it, by its place in the record.
+    /// Index in the record of the enclosing decision.
     pub within: Option<usize>,
 }
 
-/// What is noted of a function on its way, in the order of its statements.
+/// An event of folding a function, in the order of its statements.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Noted {
-    /// Something that the draw decides.
+    /// A draw-uniform decision.
     Decision(Decision),
     /// A call.
     Call(Call),
 }
 
-/// What folding one function came to. What its callees came to is theirs: so a stage rests on what is left of it, and on nothing else.
+/// The result of folding one function, without its callees. A stage therefore depends only on the
+/// functions it still calls.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record {
-    /// Assumptions that something folded rests on.
+    /// Assumptions that a fold depends on.
     pub used: BTreeSet<usize>,
-    /// Float operations that were left out for what they add or multiply by.
+    /// Float operations that were removed as neutral additions or multiplications.
     pub roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
     /// Decisions and calls.
     pub notes: Vec<Noted>,
 }
 
 impl Record {
-    /// What this function and all that it calls came to, without the notes.
+    /// The merged record of this function and all its callees, without notes.
     pub fn with_callees(
         &self,
         of: &[Record],
@@ -115,13 +118,13 @@ pub struct Placed {
     pub stage: &'static str,
     /// The decision.
     pub decision: Decision,
-    /// Where the one is in the list that it stands behind, in callers too.
+    /// Index in the list of the enclosing decision, across callers.
     pub within: Option<usize>,
-    /// Static cost of each arm, calls included, in one run of the stage.
+    /// Static cost of each arm in one run of the stage, including calls.
     pub costs: Vec<f64>,
 }
 
-/// Adds the decisions of a stage and of the functions that it calls, each once, those around others first.
+/// Adds the decisions of a stage and its callees, each once, outer decisions first.
 pub fn of_stage(
     graph: &Graph<'_>,
     name: &'static str,
@@ -129,7 +132,7 @@ pub fn of_stage(
     records: &[Record],
     out: &mut Vec<Placed>,
 ) {
-    // How often each function runs; callers stand behind their callees.
+    // Number of runs of each function. Callees precede their callers.
     let mut times = vec![0.0; records.len()];
     let add = |times: &mut Vec<f64>, record: &Record, weight: f64| {
         for note in &record.notes {
@@ -201,7 +204,7 @@ impl Walk<'_, '_> {
 }
 
 impl<'p> Folder<'p> {
-    /// Notes a condition that the draw decides, known or not. Gives its place in the record.
+    /// Records a draw-uniform condition and returns its index.
     pub(super) fn decide(
         &mut self,
         frame: &mut Frame<'p>,
@@ -268,7 +271,8 @@ impl<'p> Folder<'p> {
         Some(frame.record.notes.len() - 1)
     }
 
-    /// Notes a loop in place of the branch that ends it. `turns`: how many were written out.
+    /// Records a loop in place of the branch that ends it. `turns` is the number of unrolled
+    /// iterations.
     pub(super) fn decide_loop(
         &mut self,
         frame: &mut Frame<'p>,
@@ -299,7 +303,7 @@ impl<'p> Folder<'p> {
 }
 
 impl Frame<'_> {
-    /// Of a block that ends in a jump: how many of the blocks around are gone on with.
+    /// For a block that ends in a jump: how many of the enclosing blocks continue.
     fn left_by(&self, block: &Block) -> Option<usize> {
         let depth = |breaks: &Breaks| match breaks {
             Breaks::Loop { depth, .. } | Breaks::Switch { depth, .. } => *depth,
@@ -316,7 +320,8 @@ impl Frame<'_> {
     }
 }
 
-/// Static cost of the statements from `first` up to `end`, calls included, as often as each runs for one run of their function.
+/// Static cost of the statements from `first` up to `end` in one run of their function, including
+/// calls and repetitions.
 fn cost(graph: &Graph<'_>, function: FunctionId, first: StmtId, end: StmtId) -> f64 {
     let f = graph.function(function);
     let within = |id: StmtId| first <= id && id < end;

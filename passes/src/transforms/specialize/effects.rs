@@ -1,7 +1,8 @@
-//! Which effects of a material a draw calls for, by which of its values, and what each costs.
+//! The effects of a material that a draw needs, the values that decide this, and the cost of each.
 //!
-//! An effect is what stands behind a condition that the draw decides: a branch on a flag, a weight or a density, or a loop to a count. It is named after what is known by its identifiers
-//! (fog, shadows, ...), or else by the author's own.
+//! An effect is the code behind a draw-uniform condition: a branch on a flag, a weight or a
+//! density, or a loop with a uniform count. Its name comes from a list of common identifiers (fog,
+//! shadows, ...), or else from the author's identifier.
 
 use std::collections::BTreeSet;
 
@@ -18,7 +19,7 @@ use crate::core::plan::Plan;
 use crate::core::program::Location;
 use crate::graph::{FunctionId, Graph, operands};
 
-/// Effects by words in the identifiers of those who write them, without case and underscores.
+/// Effects by their usual identifiers, without case and underscores.
 const KNOWN: &[(&str, &[&str])] = &[
     ("fog", &["fog", "mist", "haze"]),
     ("shadows", &["shadow"]),
@@ -34,41 +35,41 @@ const KNOWN: &[(&str, &[&str])] = &[
     ("morph targets", &["morph", "blendshape"]),
 ];
 
-/// Whether a draw calls for an effect.
+/// Whether a draw needs an effect.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum CalledFor {
-    /// Its condition is proved never to hold.
+    /// The condition is proved false.
     No,
-    /// It is not known: a value changes from frame to frame, or with the draw.
+    /// Unknown: a value changes between frames or draws.
     Open,
-    /// Its condition is proved to hold.
+    /// The condition is proved true.
     Yes,
 }
 
 /// An effect of a material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Effect {
-    /// What it is, or the author's identifier.
+    /// A common name, or the author's identifier.
     pub name: String,
     /// `vertex` or `fragment`.
     pub stage: String,
-    /// Whether the draw calls for it.
+    /// Whether the draw needs the effect.
     pub called_for: CalledFor,
-    /// The values that decided it.
+    /// The values that decide it.
     pub evidence: Vec<Assumed>,
-    /// Static cost of what stands behind its conditions, in one run of the stage.
+    /// Static cost of the code behind its conditions, in one run of the stage.
     pub cost: f64,
-    /// The first of its conditions.
+    /// Location of the first condition.
     pub location: Option<Location>,
 }
 
-/// The effects of a plan's main pass, the dearest first, with what `facts` say of its values.
+/// The effects of a plan's main pass under the values in `facts`, most expensive first.
 ///
 /// # Errors
-/// A refusal: the plan is not one that can be specialised.
+/// The plan cannot be specialised.
 pub fn effects(plan: &Plan, facts: &Facts) -> Result<Vec<Effect>, Box<Refusal>> {
     let (pass, program) = examine(plan)?;
     let params = Params::default();
@@ -104,7 +105,7 @@ pub fn effects(plan: &Plan, facts: &Facts) -> Result<Vec<Effect>, Box<Refusal>> 
             .find(|e| (&e.name, &e.stage) == (&name, &stage))
         {
             Some(effect) => {
-                // What is part of it is counted already, and decides it no further.
+                // The enclosing effect already includes its cost.
                 if !is_part {
                     effect.called_for = effect.called_for.max(called_for);
                     effect.cost += cost;
@@ -130,7 +131,7 @@ pub fn effects(plan: &Plan, facts: &Facts) -> Result<Vec<Effect>, Box<Refusal>> 
     Ok(effects)
 }
 
-/// Whether what costs most of a decision is run, and its cost.
+/// Whether the most expensive arm of a decision runs, and its cost.
 fn called_for(placed: &Placed) -> (CalledFor, f64) {
     let costs = placed.costs.iter().copied().enumerate();
     let dearest = costs.max_by(|(_, a), (_, b)| a.total_cmp(b));
@@ -141,7 +142,7 @@ fn called_for(placed: &Placed) -> (CalledFor, f64) {
     let called_for = match (decision.kind, decision.taken) {
         (Kind::Loop { turns: Some(0) }, _) => CalledFor::No,
         (Kind::Loop { turns: Some(_) }, _) => CalledFor::Yes,
-        // Its count is known, and is too large to be written out.
+        // The count is known but too large to unroll.
         (Kind::Loop { turns: None }, _) if !decision.sources.is_empty() => CalledFor::Yes,
         (_, Some(taken)) if taken == dearest => CalledFor::Yes,
         (_, Some(_)) => CalledFor::No,
@@ -188,16 +189,17 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
         .or_else(|| known(&assumed))
         .or_else(|| known(&inside))
         .or_else(|| known(&function))
-        // What leaves a function early decides on all of it.
+        // A condition that leaves the function early decides all of it.
         .or_else(|| function.first().filter(|_| decision.leaves).cloned())
-        // A counter says less than the count.
+        // The count has a better name than the counter.
         .or_else(|| assumed.first().filter(|_| is_loop).cloned())
         .or_else(|| condition.last().cloned())
         .or_else(|| assumed.first().cloned())
         .unwrap_or_else(|| "unnamed".to_owned())
 }
 
-/// Identifiers that an expression is made of: constants, members, variables and functions. The ones that say most come last.
+/// Identifiers in an expression: constants, members, variables and functions, the most specific
+/// last.
 fn words(graph: &Graph<'_>, id: FunctionId, e: Handle<Expression>, out: &mut Vec<String>) {
     let (module, f) = (graph.module(), graph.function(id));
     let mut named = Vec::new();
@@ -223,7 +225,7 @@ fn words(graph: &Graph<'_>, id: FunctionId, e: Handle<Expression>, out: &mut Vec
                 work.push(*base);
             }
             Expression::Load { pointer } => {
-                // What a short-circuit operator, or a local of the author's, was last given.
+                // The last value of a short-circuit operator, or of a local.
                 if let Expression::LocalVariable(v) = f.function.expressions[*pointer] {
                     work.extend(stored(&f.function.body, f.function, v));
                     out.extend(f.function.local_variables[v].name.clone());
@@ -236,7 +238,7 @@ fn words(graph: &Graph<'_>, id: FunctionId, e: Handle<Expression>, out: &mut Vec
     out.append(&mut named);
 }
 
-/// Values that are stored to a variable, whole, and the conditions of the branches that choose among them.
+/// Values stored to a whole variable, and the conditions of the branches that select them.
 fn stored(
     block: &Block,
     function: &Function,
@@ -297,7 +299,7 @@ fn block_words(module: &Module, function: &Function, block: &Block, out: &mut Ve
     }
 }
 
-/// The name of a member of a struct, or of what a pointer leads to.
+/// Name of a member of a struct, or of a pointer's struct.
 fn member(module: &Module, base: &TypeInner, index: u32) -> Option<String> {
     match base {
         TypeInner::Struct { members, .. } => members.get(index as usize)?.name.clone(),

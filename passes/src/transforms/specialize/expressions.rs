@@ -1,4 +1,4 @@
-//! Expressions copied, and what is known of each.
+//! Copies expressions and computes their abstract values.
 
 use naga::{
     ArraySize, BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable,
@@ -11,14 +11,14 @@ use super::known::{FINITE, Known, Scalar, Sources};
 use super::params::Fold;
 use crate::graph::operands;
 
-/// Where a pointer leads.
+/// The variable of a pointer.
 enum Root {
     Local(Handle<LocalVariable>),
     Global(Handle<naga::GlobalVariable>),
     Elsewhere,
 }
 
-/// A pointer's variable and its path there; `dynamic` where the path ends at an index that is not known.
+/// A pointer's variable and path; `dynamic` if the path ends at an unknown index.
 struct Place {
     root: Root,
     path: Vec<u32>,
@@ -26,7 +26,7 @@ struct Place {
     dynamic: bool,
 }
 
-/// What is known of the zero of a type.
+/// The abstract value of a type's zero.
 pub(super) fn zero(module: &Module, ty: Handle<Type>) -> Known {
     let scalar = |s: naga::Scalar| match (s.kind, s.width) {
         (naga::ScalarKind::Bool, _) => Known::constant(Scalar::Bool(false)),
@@ -68,7 +68,7 @@ fn literal(literal: &Literal) -> Known {
     }
 }
 
-/// What is known of a constant expression of the module.
+/// The abstract value of a constant expression.
 fn constant(module: &Module, e: Handle<Expression>) -> Known {
     match &module.global_expressions[e] {
         Expression::Literal(l) => literal(l),
@@ -85,7 +85,7 @@ fn constant(module: &Module, e: Handle<Expression>) -> Known {
     }
 }
 
-/// A vector may be made of vectors.
+/// Flattens vectors that are composed of vectors.
 fn composed(module: &Module, ty: Handle<Type>, components: Vec<Known>) -> Known {
     let TypeInner::Vector { size, .. } = module.types[ty].inner else {
         return Known::Parts(components);
@@ -98,7 +98,7 @@ fn composed(module: &Module, ty: Handle<Type>, components: Vec<Known>) -> Known 
         match component {
             Known::Parts(of) => parts.extend(of),
             scalar @ Known::Scalar(..) => parts.push(scalar),
-            // Of how many components it is one is not told by what is not known.
+            // An unknown value does not reveal its number of components.
             Known::Unknown => return Known::Unknown,
         }
     }
@@ -108,7 +108,7 @@ fn composed(module: &Module, ty: Handle<Type>, components: Vec<Known>) -> Known 
     }
 }
 
-/// Elements of what is indexed; `None` where that is not told by its type.
+/// Number of elements; `None` if the type does not give it.
 fn length(module: &Module, inner: &TypeInner) -> Option<u32> {
     Some(match inner {
         TypeInner::Vector { size, .. } => *size as u32,
@@ -126,7 +126,8 @@ fn length(module: &Module, inner: &TypeInner) -> Option<u32> {
 }
 
 impl<'p> Folder<'p> {
-    /// Copies an expression, and notes what is known of it. `ahead`: it stands ahead of all statements, where no `Emit` is.
+    /// Copies an expression and records its abstract value. `ahead`: it is before all statements,
+    /// outside any `Emit`.
     pub(super) fn copy(
         &mut self,
         frame: &mut Frame<'p>,
@@ -158,7 +159,7 @@ impl<'p> Folder<'p> {
             expression = Expression::AccessIndex { base, index: at };
         }
         let original = expression.clone();
-        // What is decided is read by nobody that could do without it, and is not to be made of literals alone.
+        // Decided expressions have no remaining reader, and must not be built from literals only.
         let takes_literals = !ahead && frame.known[e.index()].literal().is_none();
         operands::map_expression(&mut expression, &mut |operand| {
             let literal = frame.known[operand.index()].literal();
@@ -180,7 +181,7 @@ impl<'p> Folder<'p> {
         frame.name(e, copy);
     }
 
-    /// What a statement reads: the copy, or the integer or truth it is known to be.
+    /// The operand of a statement: the copy, or a known integer or bool.
     pub(super) fn read(
         &self,
         frame: &mut Frame<'p>,
@@ -195,7 +196,7 @@ impl<'p> Folder<'p> {
         frame.literal(literal, out)
     }
 
-    /// The index of an access that assumptions decide, within bounds.
+    /// The index of an access, if assumptions decide it and it is within bounds.
     fn static_index(
         &self,
         frame: &mut Frame<'p>,
@@ -212,7 +213,7 @@ impl<'p> Folder<'p> {
         Some(at)
     }
 
-    /// The operand that an expression is known to be the same as.
+    /// The operand that an expression is known to equal.
     fn stands_for(
         &self,
         frame: &mut Frame<'p>,
@@ -240,8 +241,9 @@ impl<'p> Folder<'p> {
         Some(same)
     }
 
-    /// The type of the variable that a constant which stands for `e` has to be held in; `None` where it does not. What a front end finds to be computed of literals alone it computes by itself,
-    /// with other bits, and `0 / 0` it refuses.
+    /// The type of the variable that must hold a constant in place of `e`; `None` if no variable is
+    /// needed. Front ends fold expressions of literals themselves, with other bits, and refuse
+    /// `0 / 0`.
     fn held_as(
         &mut self,
         frame: &Frame<'p>,
@@ -261,7 +263,8 @@ impl<'p> Folder<'p> {
         })
     }
 
-    /// The operand that adding 0, multiplying by 1 or mixing by 0 or 1 leaves, in real numbers.
+    /// The operand that remains after adding 0, multiplying by 1, or mixing by 0 or 1, in real
+    /// numbers.
     fn neutral(
         &self,
         frame: &Frame<'p>,
@@ -270,7 +273,7 @@ impl<'p> Folder<'p> {
         let is = |operand: Handle<Expression>, value: f64| {
             all_numbers(&frame.known[operand.index()], value)
         };
-        // A matrix of ones is not 1.
+        // A matrix of ones is not the identity.
         let is_matrix =
             |e: Handle<Expression>| matches!(frame.f.ty(self.module, e), TypeInner::Matrix { .. });
         let same_type = |operand: Handle<Expression>| {
@@ -353,7 +356,7 @@ impl<'p> Folder<'p> {
             } => {
                 let at = [Some(*coordinate), *array_index, *sample, *level];
                 let texel = self.texel(frame, e, *image);
-                // Every texture has this one texel; how many more is not told.
+                // Every texture has at least this one texel.
                 match at.into_iter().flatten().all(|e| is_0(of(e))) {
                     true => texel,
                     false => texel.join(&outside()),
@@ -408,7 +411,7 @@ impl<'p> Folder<'p> {
         }
     }
 
-    /// What is known of any texel of a texture, which `e` reads.
+    /// The abstract value of a texture read.
     fn texel(&self, frame: &Frame<'p>, e: Handle<Expression>, image: Handle<Expression>) -> Known {
         let is_floats = matches!(
             frame.f.ty(self.module, e),
@@ -423,7 +426,8 @@ impl<'p> Folder<'p> {
         }
     }
 
-    /// An operator; with `fold=rounding` what is multiplied by 0 is 0, as if it were known to be finite.
+    /// A product. With `fold=rounding` a product with 0 is 0, as if the other factor were known to
+    /// be finite.
     fn product(
         &self,
         frame: &Frame<'p>,
@@ -495,7 +499,7 @@ impl Frame<'_> {
         }
     }
 
-    /// A store through a pointer.
+    /// Stores through a pointer.
     pub(super) fn store(&mut self, module: &Module, pointer: Handle<Expression>, value: Known) {
         let place = self.place(module, pointer);
         let Root::Local(v) = place.root else { return };
@@ -505,14 +509,14 @@ impl Frame<'_> {
         match place.dynamic {
             true => local.set(&place.path, Known::Unknown),
             false => {
-                // Where it goes, and so what it leaves as it was, rests on these.
+                // The address, and so the unchanged rest of the variable, depends on these.
                 *local = std::mem::take(local).resting_on(&place.sources);
                 local.set(&place.path, value.resting_on(&place.sources));
             }
         }
     }
 
-    /// Something unknown is written somewhere in the variable that a pointer leads to.
+    /// Forgets the whole variable of a pointer, after a store of unknown extent.
     pub(super) fn forget_all(&mut self, pointer: Handle<Expression>) {
         let mut at = pointer;
         while let Expression::AccessIndex { base, .. } | Expression::Access { base, .. } =
@@ -551,7 +555,7 @@ impl Place {
     }
 }
 
-/// Whether an expression is computed of the author's constants alone.
+/// Whether an expression consists only of the author's constants.
 fn is_constant(function: &Function, e: Handle<Expression>) -> bool {
     match &function.expressions[e] {
         Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_) => true,
@@ -563,7 +567,7 @@ fn is_constant(function: &Function, e: Handle<Expression>) -> bool {
     }
 }
 
-/// A constant read from a variable in place of `e`.
+/// Reads a constant from a variable in place of `e`.
 fn held(
     frame: &mut Frame<'_>,
     e: Handle<Expression>,
@@ -589,7 +593,7 @@ fn held(
     frame.emit(Expression::Load { pointer }, e)
 }
 
-/// What a read beside a texture's texels gives: 0, or alpha 1 (WGSL, section 17.7.4).
+/// The result of a read outside of a texture: 0, or alpha 1 (WGSL, section 17.7.4).
 fn outside() -> Known {
     let zero = Known::constant(Scalar::float(0.0));
     let alpha = Known::constant(Scalar::Float(0.0, 1.0));
@@ -606,7 +610,7 @@ fn is_0(known: &Known) -> bool {
     }
 }
 
-/// The truth that all components are known to be, by an assumption.
+/// The bool that all components equal, if it depends on an assumption.
 fn all_the_same(known: &Known) -> Option<(bool, Sources)> {
     match known {
         Known::Parts(parts) => {
@@ -627,7 +631,7 @@ fn all_the_same(known: &Known) -> Option<(bool, Sources)> {
     }
 }
 
-/// What it rests on that all components are this number, exactly.
+/// The assumptions by which all components equal this number exactly.
 fn all_numbers(known: &Known, value: f64) -> Option<Sources> {
     match known {
         Known::Parts(parts) => {

@@ -1,8 +1,10 @@
-//! The partial evaluator: a stage with what is known of its inputs becomes the same stage with the branches that are never taken left out.
+//! The partial evaluator: removes the branches of a stage that its known inputs never take.
 //!
-//! Online partial evaluation (Jones, Gomard and Sestoft, *Partial Evaluation and Automatic Program Generation*, 1993): the author's statements are walked in their order with what is known of
-//! each value, and copied into fresh arenas as they are walked. What rests on no assumption is left to the compiler as it stands. A function that is called with different knowledge becomes
-//! several; one in which nothing folds stays one.
+//! Online partial evaluation (Jones, Gomard and Sestoft, *Partial Evaluation and Automatic Program
+//! Generation*, 1993): it walks the author's statements in order with an abstract value for each
+//! expression, and copies them into fresh arenas. It folds nothing that depends on no assumption:
+//! that is the compiler's work. A function that is called with different abstract values becomes
+//! several versions. A function without folds stays one.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,74 +21,75 @@ use super::params::Fold;
 use super::versions::Version;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
 
-/// Folds stages of a program.
+/// Folds the stages of a program.
 pub struct Folder<'p> {
     pub(super) graph: &'p Graph<'p>,
     pub(super) module: &'p Module,
     pub(super) assumptions: &'p Assumptions,
     pub(super) fold: Fold,
-    /// Turns of a loop that are written out, at most.
+    /// Largest number of iterations to unroll.
     pub(super) turns: u32,
-    /// The types and functions of the module under construction.
+    /// The types and functions of the new module.
     pub(super) types: UniqueArena<Type>,
     pub(super) functions: Arena<Function>,
-    /// What folding came to, for each of `functions`.
+    /// The record of each of `functions`.
     pub(super) records: Vec<Record>,
     pub(super) versions: BTreeMap<Handle<Function>, Vec<Version>>,
 }
 
-/// A stage, folded.
+/// A folded stage.
 pub struct Stage {
     /// The entry point's function.
     pub function: Function,
-    /// What is known of its result.
+    /// The abstract value of its result.
     pub result: Known,
-    /// What folding it came to, but for what it calls.
+    /// Its record, without callees.
     pub record: Record,
 }
 
-/// A function on its way.
+/// A function under construction.
 pub(super) struct Frame<'p> {
     pub id: FunctionId,
     pub original: &'p Function,
     pub f: &'p FunctionGraph<'p>,
     pub function: Function,
-    /// The copy of each of the author's expressions.
+    /// The copy of each original expression.
     pub map: Vec<Option<Handle<Expression>>>,
     pub known: Vec<Known>,
     /// Whether another expression reads it.
     pub is_operand: Vec<bool>,
     pub arguments: Vec<Known>,
-    /// What is known of each local variable.
+    /// The abstract value of each local variable.
     pub locals: Vec<Known>,
-    /// What is known of what it returned so far; `None`: nothing was returned yet.
+    /// The join of the values returned so far; `None` if there is none yet.
     pub returned: Option<Known>,
     pub breaks: Vec<Breaks>,
-    /// Length of the expression arena where the present `Emit` began.
+    /// Length of the expression arena at the start of the current `Emit`.
     pub emitting: Option<usize>,
     pub span: Span,
-    /// What it rests on that the present statement runs at all: what is known behind it rests on that too.
+    /// Assumptions under which the current statement runs. Values behind it depend on them too.
     pub running: Sources,
-    /// Something was folded in it.
+    /// Whether anything was folded.
     pub changed: bool,
-    /// What folding it came to so far.
+    /// The record so far.
     pub record: Record,
-    /// Decisions around the present statement, by their place in the record.
+    /// Enclosing decisions, by index in the record.
     pub within: Vec<usize>,
-    /// What follows the present statement in each block around it, the innermost last.
+    /// The statements after the current one in each enclosing block, innermost last.
     pub following: Vec<(StmtId, StmtId)>,
-    /// Loops around that are being written out: what is known in them holds for this turn alone, whatever it rests on.
+    /// Number of enclosing loops that are being unrolled. Abstract values there hold only for one
+    /// iteration.
     pub turning: u32,
-    /// Loops around that are only tried: what is made of them is thrown away.
+    /// Number of enclosing speculative unrolls, whose results are discarded.
     pub tried: u32,
-    /// Expressions that were made for loops that were tried and given up.
+    /// Number of expressions created by failed unrolls.
     pub wasted: usize,
-    /// Loops that were given up.
+    /// Loops whose unrolling failed.
     pub hopeless: BTreeSet<StmtId>,
 }
 
 impl<'p> Folder<'p> {
-    /// A folder that has not folded anything.
+    /// A new folder.
     pub fn new(graph: &'p Graph<'p>, assumptions: &'p Assumptions, fold: Fold, turns: u32) -> Self {
         Self {
             graph,
@@ -101,7 +104,7 @@ impl<'p> Folder<'p> {
         }
     }
 
-    /// Folds a stage, with what is known of its arguments.
+    /// Folds a stage under the abstract values of its arguments.
     pub fn stage(&mut self, entry: usize, arguments: Vec<Known>) -> Stage {
         let frame = self.run(FunctionId::EntryPoint(entry), arguments);
         Stage {
@@ -111,7 +114,7 @@ impl<'p> Folder<'p> {
         }
     }
 
-    /// The types of all functions, the functions that stages call, and what folding each of these came to.
+    /// The types, the functions that stages call, and their records.
     pub fn into_parts(self) -> (UniqueArena<Type>, Arena<Function>, Vec<Record>) {
         (self.types, self.functions, self.records)
     }
@@ -151,7 +154,7 @@ impl<'p> Folder<'p> {
             hopeless: BTreeSet::new(),
         };
         let mut body = Block::new();
-        // Constants, arguments and variables stand ahead of all statements.
+        // Constants, arguments and variables precede all statements.
         for (e, _) in original.expressions.iter() {
             if f.statements.evaluated_at(e).is_none() {
                 self.copy(&mut frame, e, &mut body, true);
@@ -167,7 +170,7 @@ impl<'p> Folder<'p> {
         frame
     }
 
-    /// Gives a variable its initialiser, and tells what is known of it.
+    /// Initialises a variable and returns its abstract value.
     fn begins_with(
         &mut self,
         frame: &mut Frame<'p>,
@@ -182,7 +185,8 @@ impl<'p> Folder<'p> {
         frame.known[init.index()].clone()
     }
 
-    /// Copies an initialiser and its operands: front ends put them into an `Emit`, which comes behind the variables.
+    /// Copies an initialiser and its operands. Front ends put them into an `Emit`, which would come
+    /// after the variables.
     fn copy_ahead(&mut self, frame: &mut Frame<'p>, e: Handle<Expression>) {
         if frame.map[e.index()].is_some() {
             return;
@@ -349,7 +353,7 @@ impl<'p> Folder<'p> {
     }
 }
 
-/// Which expressions of a function other expressions read.
+/// Which expressions are operands of others.
 fn are_operands(function: &Function) -> Vec<bool> {
     let mut are = vec![false; function.expressions.len()];
     for (_, expression) in function.expressions.iter() {
@@ -361,13 +365,13 @@ fn are_operands(function: &Function) -> Vec<bool> {
 }
 
 impl Frame<'_> {
-    /// Something is folded that rests on these.
+    /// Records a fold that depends on `sources`.
     pub fn folds(&mut self, sources: &Sources) {
         self.record.used.extend(sources.iter().copied());
         self.changed = true;
     }
 
-    /// Ends the present `Emit`.
+    /// Ends the current `Emit`.
     pub fn flush(&mut self, out: &mut Block) {
         if let Some(start) = self.emitting.take()
             && self.function.expressions.len() > start
@@ -377,14 +381,14 @@ impl Frame<'_> {
         }
     }
 
-    /// Appends an expression that an `Emit` evaluates.
+    /// Appends an expression that needs an `Emit`.
     pub fn emit(&mut self, expression: Expression, of: Handle<Expression>) -> Handle<Expression> {
         self.emitting.get_or_insert(self.function.expressions.len());
         let span = self.original.expressions.get_span(of);
         self.function.expressions.append(expression, span)
     }
 
-    /// Appends one that none evaluates.
+    /// Appends an expression that needs no `Emit`.
     pub fn append(&mut self, expression: Expression, of: Handle<Expression>) -> Handle<Expression> {
         let span = self.original.expressions.get_span(of);
         self.function.expressions.append(expression, span)
@@ -397,7 +401,7 @@ impl Frame<'_> {
         self.function.expressions.append(literal, Span::UNDEFINED)
     }
 
-    /// The copy of an expression that was copied before.
+    /// The copy of an expression.
     pub fn mapped(&self, e: Handle<Expression>) -> Handle<Expression> {
         self.map[e.index()].unwrap_or(e)
     }
@@ -427,7 +431,7 @@ impl Frame<'_> {
             .collect()
     }
 
-    /// Nothing is known any more of locals that any of these statements may write.
+    /// Forgets the locals that these statements may write.
     pub fn forget_stored<'b>(&mut self, blocks: impl Iterator<Item = &'b Block>) {
         fn walk(block: &Block, found: &mut Vec<Handle<Expression>>) {
             for statement in block {

@@ -1,26 +1,28 @@
-//! What is known of a value before anything is drawn: scalars between bounds, each with the assumptions it rests on.
+//! Abstract values: bounds of scalars, with the assumptions that each depends on.
 //!
-//! A bound is one of real numbers, and every result is widened by more than an adapter's roundings: whichever way it rounds, flushes denormals or fuses products with sums, its number
-//! lies within. Nothing here is ever NaN: what may be is [`Known::Unknown`].
+//! Bounds are real numbers. Every result is widened by more than an adapter's rounding, so that it
+//! contains the adapter's number however the adapter rounds, flushes denormals or contracts
+//! products and sums. No bound contains NaN: a value that may be NaN is [`Known::Unknown`].
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use naga::{Literal, ScalarKind};
 
-/// Indices of the assumptions that something rests on.
+/// Indices of the assumptions that a value depends on.
 pub type Sources = Rc<BTreeSet<usize>>;
 
-/// In place of an assumption: that what is multiplied by 0 is finite. No value tells, and with `fold=rounding` it is taken for granted of floats that are added up; nothing is decided by it.
+/// Stands for the assumption that a factor of a product with 0 is finite. No value can prove it;
+/// `fold=rounding` assumes it for summed floats, but never bases a decision on it.
 pub const FINITE: usize = usize::MAX;
 
-/// Smallest normal `f32`: less than that may be flushed to 0.
+/// Smallest normal `f32`. Smaller numbers may be flushed to 0.
 const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
 
-/// A scalar between bounds, both included.
+/// A scalar with inclusive bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scalar {
-    /// A truth.
+    /// A `bool`.
     Bool(bool),
     /// An `i32`.
     Sint(i64, i64),
@@ -31,7 +33,8 @@ pub enum Scalar {
 }
 
 impl Scalar {
-    /// The bounds of an `f32` that is given: one number, or all between it and 0 where an adapter may flush it.
+    /// The bounds of an input `f32`: the number, or everything between it and 0 if an adapter may
+    /// flush it.
     pub fn float(value: f64) -> Self {
         match value != 0.0 && value.abs() < SMALLEST {
             true => Self::Float(value.min(0.0), value.max(0.0)),
@@ -39,10 +42,11 @@ impl Scalar {
         }
     }
 
-    /// The bounds of the rounded result of one operation, at most `ulps` units in its last place off; `None` where it may be infinite.
+    /// The bounds of a rounded result with an error of at most `ulps`; `None` if it may be
+    /// infinite.
     pub fn rounded(low: f64, high: f64, ulps: f64) -> Option<Self> {
         let slack = |x: f64| match x == 0.0 {
-            // A result that is exactly 0 is 0.
+            // A result of exactly 0 stays 0.
             true => 0.0,
             false => x.abs() * ulps * f64::from(f32::EPSILON) + SMALLEST,
         };
@@ -51,7 +55,7 @@ impl Scalar {
         (low <= high && low > -most && high < most).then_some(Self::Float(low, high))
     }
 
-    /// An integer of `kind`; `None` where it wraps.
+    /// An integer of `kind`; `None` if it wraps.
     pub fn integer(kind: ScalarKind, low: i64, high: i64) -> Option<Self> {
         match kind {
             ScalarKind::Sint if low >= i64::from(i32::MIN) && high <= i64::from(i32::MAX) => {
@@ -74,7 +78,7 @@ impl Scalar {
         })
     }
 
-    /// The literal of it, where it is one integer or truth.
+    /// Its literal, if it is a single integer or bool.
     fn literal(self) -> Option<Literal> {
         Some(match self {
             Self::Bool(b) => Literal::Bool(b),
@@ -85,25 +89,25 @@ impl Scalar {
     }
 }
 
-/// What is known of a value.
+/// An abstract value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Known {
-    /// Nothing.
+    /// Unknown.
     #[default]
     Unknown,
     /// A scalar's bounds.
     Scalar(Scalar, Sources),
-    /// What is known of each component, column, element or member.
+    /// The abstract value of each component, column, element or member.
     Parts(Vec<Known>),
 }
 
 impl Known {
-    /// Of a scalar that rests on nothing: the author's own constant.
+    /// A constant of the author's, which depends on no assumption.
     pub fn constant(scalar: Scalar) -> Self {
         Self::Scalar(scalar, Sources::default())
     }
 
-    /// The scalar and what it rests on.
+    /// The scalar and the assumptions it depends on.
     pub fn scalar(&self) -> Option<(Scalar, &Sources)> {
         match self {
             Self::Scalar(s, sources) => Some((*s, sources)),
@@ -111,7 +115,7 @@ impl Known {
         }
     }
 
-    /// The truth, where it is known and rests on an assumption.
+    /// The bool, if it is known by an assumption.
     pub fn assumed_truth(&self) -> Option<(bool, &Sources)> {
         match self.scalar()? {
             (Scalar::Bool(b), sources) if !sources.is_empty() => Some((b, sources)),
@@ -119,7 +123,7 @@ impl Known {
         }
     }
 
-    /// The truth, whatever it rests on.
+    /// The bool, if it is known.
     pub fn truth(&self) -> Option<bool> {
         match self.scalar()? {
             (Scalar::Bool(b), _) => Some(b),
@@ -127,8 +131,8 @@ impl Known {
         }
     }
 
-    /// The literal that may stand for it: an integer or a truth that rests on an assumption. Floats stay behind what they are read from, for a front end folds
-    /// calls of float literals on the CPU.
+    /// The literal that may replace it: an integer or bool that depends on an assumption. Floats
+    /// are never replaced, because front ends fold calls of float literals on the CPU.
     pub fn literal(&self) -> Option<(Literal, &Sources)> {
         match self.scalar()? {
             (scalar, sources) if !sources.is_empty() => Some((scalar.literal()?, sources)),
@@ -136,7 +140,7 @@ impl Known {
         }
     }
 
-    /// The one integer it is.
+    /// The integer, if it is a single one.
     pub fn index(&self) -> Option<(u32, &Sources)> {
         match self.scalar()? {
             (Scalar::Sint(a, b) | Scalar::Uint(a, b), sources) if a == b => {
@@ -160,7 +164,7 @@ impl Known {
             .fold(self.clone(), |known, i| known.part(*i as usize))
     }
 
-    /// Replaces the part at the end of a path. What is not known in parts stays unknown.
+    /// Replaces the part at the end of a path. A value without known parts stays unknown.
     pub fn set(&mut self, path: &[u32], value: Self) {
         match (path, self) {
             ([], this) => *this = value,
@@ -173,7 +177,7 @@ impl Known {
         }
     }
 
-    /// What holds of either.
+    /// The union of both.
     #[must_use]
     pub fn join(&self, other: &Self) -> Self {
         match (self, other) {
@@ -188,7 +192,7 @@ impl Known {
         }
     }
 
-    /// The same, resting on these assumptions too.
+    /// The same value with more assumptions.
     #[must_use]
     pub fn resting_on(self, more: &Sources) -> Self {
         match self {
@@ -200,7 +204,7 @@ impl Known {
         }
     }
 
-    /// Whether any of it rests on an assumption.
+    /// Whether any part depends on an assumption.
     pub fn is_assumed(&self) -> bool {
         match self {
             Self::Unknown => false,
@@ -209,7 +213,7 @@ impl Known {
         }
     }
 
-    /// The same, with nothing known in parts where nothing is known of any.
+    /// The same value; parts that are all unknown become [`Known::Unknown`].
     #[must_use]
     pub fn settled(self) -> Self {
         match self {
@@ -224,7 +228,7 @@ impl Known {
         }
     }
 
-    /// The same without truths and integers that rest on [`FINITE`].
+    /// Without bools and integers that depend on [`FINITE`].
     #[must_use]
     pub fn undecided_by_finite(self) -> Self {
         match self {
@@ -240,7 +244,7 @@ impl Known {
         }
     }
 
-    /// The same without what no assumption says anything of.
+    /// Without parts that depend on no assumption.
     #[must_use]
     pub fn assumed_only(&self) -> Self {
         match self.is_assumed() {
@@ -249,7 +253,8 @@ impl Known {
         }
     }
 
-    /// Component by component; a scalar among vectors stands for each of its components.
+    /// Applies a function component by component. A scalar among vectors stands for each of its
+    /// components.
     pub fn zip(operands: &[&Self], function: &dyn Fn(&[Scalar]) -> Option<Scalar>) -> Self {
         let width = operands.iter().find_map(|o| match o {
             Self::Parts(parts) => Some(parts.len()),
@@ -281,7 +286,7 @@ impl Known {
     }
 }
 
-/// What rests on two things rests on what each rests on.
+/// The union of two dependences.
 pub fn both(a: &Sources, b: &Sources) -> Sources {
     if b.is_subset(a) {
         return Rc::clone(a);

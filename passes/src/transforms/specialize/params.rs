@@ -1,16 +1,17 @@
-//! What the pass is told.
+//! The parameters.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What may be folded.
+/// Which operations to fold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Fold {
-    /// Integers, truths, selections and branches: the same bits.
+    /// Integers, bools, selections and branches: the same bits.
     #[default]
     Exact,
-    /// Floats too: what is added to 0, multiplied by 0 or 1, or mixed by 0 or 1. The same real numbers, where all are finite.
+    /// Also floats: additions of 0, products with 0 or 1, mixes by 0 or 1. The same real numbers if
+    /// all are finite.
     Rounding,
 }
 
@@ -18,13 +19,15 @@ pub enum Fold {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
-    /// Values to assume beside those of the scene, and before them: `name=number`, joined by `+`. A name is the path of a uniform's scalar (`material.fog_density`, `lights[0].color.x`), the
-    /// end of one that is the only such, or an override.
+    /// Values to assume in addition to the scene's; they take precedence. `name=number`, joined by
+    /// `+`. A name is the path of a uniform's scalar (`material.fog_density`, `lights[0].color.x`),
+    /// a suffix that only one path has, or an override.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set: Option<String>,
-    /// What may be folded.
+    /// Which operations to fold.
     pub fold: Fold,
-    /// Loops whose turns are known and are no more than this are written out; with 0 only those that never turn.
+    /// Unrolls loops with a known count of at most this many iterations. 0 removes only loops that
+    /// never run.
     #[schemars(range(max = 64))]
     pub unroll: u32,
 }

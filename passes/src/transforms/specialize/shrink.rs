@@ -1,4 +1,5 @@
-//! What is left of both stages once branches are gone: dead code, varyings that nobody reads, attributes and bindings with them.
+//! Removes dead code after folding: unread varyings, and the attributes and bindings that only they
+//! needed.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,22 +12,23 @@ use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter, Slice, Termination};
 
-/// What is added to names while the author's functions still have theirs, by stage.
+/// Suffixes of generated names while the author's functions still exist, by stage.
 const SUFFIXES: [&str; 2] = ["read", "live"];
 
-/// A program without what nothing rests on.
+/// The program after dead-code elimination.
 pub struct Shrunk {
     /// The program.
     pub program: Program,
-    /// Hash of what is left of the stage that was sliced last.
+    /// Hash of the remaining slice of the last stage.
     pub hash: String,
 }
 
-/// The program with these entry points alone, without what their outputs, discards and stores do not rest on; of the vertex stage's varyings those are left that the fragment
-/// stage reads. A stage that stores is kept whole.
+/// The program with only these entry points, sliced to their outputs, discards and stores. The
+/// vertex stage keeps the varyings that the fragment stage reads. A stage with stores is kept
+/// whole.
 ///
 /// # Errors
-/// What was built does not validate: a bug.
+/// The result does not validate: a bug.
 pub fn shrink(
     program: &Program,
     vertex: &str,
@@ -69,7 +71,7 @@ pub fn shrink(
     })
 }
 
-/// Half of each of two hashes.
+/// Combines half of each hash.
 fn short(hash: &str) -> String {
     match hash.len() {
         32 => hash[..8].to_owned() + &hash[16..24],
@@ -77,7 +79,7 @@ fn short(hash: &str) -> String {
     }
 }
 
-/// The program with an entry point cut down to what decides `criteria`; `None` where it stores.
+/// The program with an entry point sliced to `criteria`; `None` if it stores.
 fn sliced(
     program: &Program,
     entry: usize,
@@ -120,7 +122,7 @@ fn locations(module: &Module, entry: &naga::EntryPoint) -> BTreeSet<u32> {
         .collect()
 }
 
-/// Gives what was cut down the author's names again, where nothing else has them.
+/// Restores the author's names where they are free.
 fn restore_names(module: &mut Module) {
     let base = |name: &str| {
         let cut = SUFFIXES.iter().find_map(|s| name.strip_suffix(s));

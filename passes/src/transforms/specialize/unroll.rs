@@ -1,4 +1,4 @@
-//! Loops: written out turn by turn where assumptions decide how many turns there are, and they are few.
+//! Unrolls loops if assumptions decide the number of iterations and it is small.
 
 use naga::{Block, Expression, Function, Handle, Statement};
 
@@ -8,7 +8,7 @@ use super::fold::{Folder, Frame};
 use super::known::{Known, Sources};
 use crate::graph::{StmtId, operands};
 
-/// Expressions that writing a loop out may add.
+/// Most expressions that unrolling a loop may add.
 const MOST_ADDED: usize = 400;
 
 /// The blocks of a loop and the numbers of their first statements.
@@ -20,10 +20,10 @@ struct Loop<'p> {
     break_if: Option<Handle<Expression>>,
 }
 
-/// The turns of a loop one after the other.
+/// The unrolled iterations.
 struct Turns {
     body: Block,
-    /// How the last of them ends.
+    /// How the last one ends.
     flow: Flow,
 }
 
@@ -53,7 +53,7 @@ impl<'p> Folder<'p> {
             }
             return turns.flow;
         }
-        // What is stored in it is not known at the start of a turn, nor behind it.
+        // Stored locals are unknown at the start of an iteration and behind the loop.
         frame.forget_stored([body, continuing].into_iter());
         let outside = frame.locals.clone();
         let (mut turn, mut end) = (Block::new(), Block::new());
@@ -75,8 +75,8 @@ impl<'p> Folder<'p> {
         Flow::Next
     }
 
-    /// The turns of a loop one after the other. It is tried first, so that one that is given up leaves nothing behind; one that was given up once is not tried again, so that loops in loops
-    /// are not walked once for each way to give them up.
+    /// Unrolls a loop. A speculative run comes first, so that a failure leaves no trace. A failed
+    /// loop is not tried again; otherwise nested loops would take exponential time.
     fn written_out(&mut self, frame: &mut Frame<'p>, this: Loop<'p>) -> Option<Turns> {
         if frame.hopeless.contains(&this.id) {
             return None;
@@ -91,7 +91,7 @@ impl<'p> Folder<'p> {
                 frame.hopeless.insert(this.id);
                 return None;
             }
-            // What was tried comes out the same once more.
+            // The second run gives the same result.
             frame
                 .hopeless
                 .retain(|id| !inside.contains(id) || given_up.contains(id));
@@ -117,7 +117,7 @@ impl<'p> Folder<'p> {
             let flow = self.block(frame, this.body.0, this.body.1, &mut turn);
             let ends = matches!(turn.last(), Some(Statement::Break | Statement::Continue));
             let kept = turn.len() - usize::from(ends);
-            // A front end may drop what stands behind a discard in one block.
+            // A front end may drop statements after a discard in the same block.
             let stays = |s: &Statement| jumps(s) || matches!(s, Statement::Kill);
             if flow == Flow::Away || turn[..kept].iter().any(stays) {
                 break;
@@ -153,7 +153,7 @@ impl<'p> Folder<'p> {
         ended.map(|(flow, _)| Turns { body: all, flow })
     }
 
-    /// Leaves a loop, and notes what decides how often it turns.
+    /// Leaves a loop and records the assumptions that decide its count.
     fn leave_loop(&mut self, frame: &mut Frame<'p>, this: Loop<'p>, turns: Option<u32>) {
         if let Some(Breaks::Loop {
             head: Some(condition),
@@ -177,7 +177,7 @@ impl Frame<'_> {
     }
 }
 
-/// The condition of the branch that ends a loop: one that does nothing but leave it.
+/// The condition of the branch that ends a loop, if the branch does nothing else.
 fn head(body: &Block) -> Option<Handle<Expression>> {
     let leaves = |block: &Block| matches!(block[..], [Statement::Break]);
     body.iter().find_map(|s| match s {
@@ -192,32 +192,33 @@ fn head(body: &Block) -> Option<Handle<Expression>> {
     })
 }
 
-/// What becomes of what a loop is made into while it is tried.
+/// State of a speculative unroll.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Made {
-    /// It is made elsewhere, and thrown away.
+    /// Built in a copy, and discarded.
     Aside,
-    /// It stands where it belongs.
+    /// Built in place.
     Kept,
 }
 
-/// A frame as it was before a loop was tried.
+/// A frame before a speculative unroll.
 struct Snapshot {
-    /// The copies of the loop's expressions, and what is known of each.
+    /// The copies of the loop's expressions, and their abstract values.
     values: Vec<(Handle<Expression>, Option<Handle<Expression>>, Known)>,
     locals: Vec<Known>,
     returned: Option<Known>,
     running: Sources,
-    /// Of a loop that is made aside: what was made so far.
+    /// For an unroll in a copy: the function so far.
     made: Option<(Function, Record, bool)>,
-    /// Expressions in the function, and those of them that were made in vain.
+    /// Number of expressions in the function, and of wasted ones.
     length: usize,
     wasted: usize,
 }
 
 impl Snapshot {
     fn take(frame: &mut Frame<'_>, this: Loop<'_>, made: Made) -> Self {
-        // Whatever a frame has more of is either kept here, or is as it was once the loop is left, or is given a reason.
+        // Every field of a frame is saved here, restored by leaving the loop, or listed with a
+        // reason.
         let Frame {
             id: _,
             original: _,
@@ -234,7 +235,7 @@ impl Snapshot {
             within: _,
             following: _,
             turning: _,
-            // There is no `Emit` between statements that are no expressions.
+            // No `Emit` is open between statements.
             emitting: _,
             span: _,
             running,
@@ -242,7 +243,7 @@ impl Snapshot {
             record,
             tried,
             wasted,
-            // What was given up stays so.
+            // Failures are permanent.
             hopeless: _,
         } = frame;
         let mut values = Vec::new();
@@ -282,7 +283,7 @@ impl Snapshot {
                 frame.tried -= 1;
                 frame.wasted = self.wasted;
             }
-            // Within a loop that is made aside itself: nobody reads it any more.
+            // Inside an unroll that is itself discarded, nobody reads it.
             None => {
                 let more = frame.function.expressions.len() - self.length;
                 frame.wasted = self.wasted + more;
@@ -291,7 +292,7 @@ impl Snapshot {
     }
 }
 
-/// Calls `f` on each expression that statements of a block evaluate.
+/// Calls `f` on each expression that a block's statements evaluate.
 fn evaluated(block: &Block, f: &mut dyn FnMut(Handle<Expression>)) {
     for statement in block {
         if let Statement::Emit(range) = statement {

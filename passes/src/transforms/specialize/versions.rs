@@ -1,4 +1,4 @@
-//! A function that is called with different knowledge becomes several.
+//! Creates a version of a function for each combination of known arguments.
 
 use naga::{Function, Handle};
 
@@ -6,10 +6,10 @@ use super::fold::Folder;
 use super::known::Known;
 use crate::graph::FunctionId;
 
-/// Most versions of one function; further calls get the one that knows nothing of its arguments.
+/// Most versions of one function. Further calls use the version without known arguments.
 const MOST_VERSIONS: usize = 24;
 
-/// A function with what is known of its arguments.
+/// A function with the abstract values of its arguments.
 pub(super) struct Version {
     arguments: Vec<Known>,
     function: Handle<Function>,
@@ -17,7 +17,7 @@ pub(super) struct Version {
 }
 
 impl<'p> Folder<'p> {
-    /// The version of a function for what is known of the arguments of a call, and what is known of its result.
+    /// The version of a function for a call's arguments, and the abstract value of its result.
     pub(super) fn version(
         &mut self,
         callee: Handle<Function>,
@@ -47,7 +47,8 @@ impl<'p> Folder<'p> {
         if changed {
             return made;
         }
-        // Nothing folds that would not fold for any call: one function serves them, though this call's result may be known.
+        // If nothing folds beyond the general version, all such calls share one function; the
+        // result may still be known.
         let versions = self.versions.entry(callee).or_default();
         let generic = match find(versions, &unknown()) {
             Some((function, _)) => function,
@@ -78,7 +79,7 @@ impl<'p> Folder<'p> {
         ((function, result), frame.changed)
     }
 
-    /// Whether a version is another function than the one that every call could go to.
+    /// Whether a version differs from the general one.
     pub(super) fn is_folded(&self, original: Handle<Function>, version: Handle<Function>) -> bool {
         let versions = self.versions.get(&original).map_or(&[][..], |v| v);
         let generic = versions

@@ -1,4 +1,4 @@
-//! Edges divided by how long they are on the screen.
+//! Edges subdivided by their length on the screen.
 //!
 //! ```text
 //! fn vs(vertex, instance) -> VertexOutput_hoist {
@@ -10,9 +10,10 @@
 //! }
 //! ```
 //!
-//! The pattern is of the highest level. A triangle uses as many of its rows as its longest edge has segments, and moves the vertices on each edge to the nearest of the
-//! points that this edge has. So an edge looks the same from both sides, whatever lies within: there is no crack and no T-junction. What is left of the pattern has no
-//! area, and does not compute what was hoisted.
+//! The pattern has the highest level. A triangle uses as many rows as its longest edge has
+//! segments, and snaps the vertices on each edge to the nearest of that edge's points. So both
+//! triangles of an edge agree on its points, without cracks or T-junctions. Unused parts of the
+//! pattern have no area and skip the hoisted work.
 
 use naga::{Expression, Function, Handle, Module, Statement};
 
@@ -23,10 +24,11 @@ use crate::graph::FunctionId;
 use crate::rebuild::fetch::{Linked, ours, word};
 use crate::rebuild::place::{self, Builder, Rewrite};
 
-/// `module` with the vertex entry point of that index drawing the pattern.
+/// `module` with its vertex entry point drawing the pattern.
 ///
 /// # Errors
-/// In words: our own text does not parse or link, or an input of the author's is none that a vertex stage has.
+/// A message: our own text does not parse or link, or the author's stage has an input that no
+/// vertex stage has.
 pub fn adaptive(
     module: Module,
     entry: usize,
@@ -152,7 +154,7 @@ pub fn adaptive(
     }
 }
 
-/// The functions that place a vertex, for edges of about `edge_pixels`, of at most `most` segments.
+/// The functions that place a vertex, for edges of about `edge_pixels` and at most `most` segments.
 pub fn text(edge_pixels: u32, most: u32) -> String {
     format!(
         "{POINT}

@@ -1,9 +1,9 @@
-//! The functions of a subdivided vertex stage, around the author's.
+//! The functions of a subdivided vertex stage around the author's.
 //!
 //! ```text
 //! fn vs_corner(vertex, instance) -> VertexOutput              the author's stage, on attributes fetched from the host's buffers
 //! fn vs_between(place) -> VertexOutput                        its outputs at a new vertex
-//! fn vs_rest(VertexOutput) -> VertexOutput_hoist              what was hoisted, and the varyings
+//! fn vs_rest(VertexOutput) -> VertexOutput_hoist              the hoisted values and the varyings
 //! ```
 
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ use crate::rebuild::place::{self, Builder, Rewrite};
 /// The functions, in their module.
 #[derive(Clone, Debug)]
 pub struct Functions {
-    /// The module, whose entry point is as it was.
+    /// The module, with an unchanged entry point.
     pub module: Module,
     /// `tessellated_place(vertex, instance) -> place`.
     pub place: Handle<Function>,
@@ -30,14 +30,15 @@ pub struct Functions {
     pub between: Handle<Function>,
     /// `vs_rest(given) -> result`.
     pub rest: Handle<Function>,
-    /// Those of our own text, by name.
+    /// Functions of our own text by name.
     pub(super) ours: BTreeMap<String, Handle<Function>>,
 }
 
 /// Adds the functions to `module`. `name` is the vertex entry point's.
 ///
 /// # Errors
-/// In words: our own text does not parse or link, or an input of the author's is none that a vertex stage has.
+/// A message: our own text does not parse or link, or the author's stage has an input that no
+/// vertex stage has.
 pub fn add(
     module: Module,
     name: &str,
@@ -88,7 +89,7 @@ pub fn add(
     })
 }
 
-/// The functions of our own text that read the author's attributes, by location.
+/// The functions of our text that read the author's attributes, by location.
 pub(super) fn fetch(
     by_name: &BTreeMap<String, Handle<Function>>,
     text: &Text<'_>,
@@ -99,7 +100,7 @@ pub(super) fn fetch(
         .collect()
 }
 
-/// What becomes of the author's outputs, as a function.
+/// The code behind the author's stage, as a function of the author's outputs.
 pub(super) fn rest(mut module: Module, name: &str, split: &Split) -> (Module, Handle<Function>) {
     let rest = Function {
         name: Some(place::free_name(&module, name, "rest")),
@@ -109,7 +110,7 @@ pub(super) fn rest(mut module: Module, name: &str, split: &Split) -> (Module, Ha
     (module, rest)
 }
 
-/// The author's stage on one of the author's vertices.
+/// The author's stage at one of the author's vertices.
 pub(super) fn corner(
     module: Module,
     name: &str,
@@ -124,10 +125,10 @@ pub(super) fn corner(
     crate::rebuild::fetch::corner(module, name, &author, fetch)
 }
 
-/// What interpolating takes.
+/// The inputs of the interpolation.
 struct Between<'a> {
     corner: Handle<Function>,
-    /// `None`: ends come in their order.
+    /// `None`: the ends of an edge keep their order.
     precedes: Option<Handle<Function>>,
     blends: &'a [(u8, Handle<Function>)],
     place: Handle<Type>,
@@ -148,7 +149,7 @@ impl Between<'_> {
         }
     }
 
-    /// The outputs, one by one, as what the author's stage gives.
+    /// Composes the outputs into the author's result type.
     fn compose(
         &self,
         build: &mut Builder<'_>,
@@ -163,7 +164,7 @@ impl Between<'_> {
         }
     }
 
-    /// Returns `value` with what is flat taken from the first vertex.
+    /// Returns `value`, with flat members from the first vertex.
     fn leave(
         &self,
         build: &mut Builder<'_>,
@@ -205,8 +206,8 @@ fn compare_zero(
     build.expression(Expression::Binary { op, left, right })
 }
 
-/// The outputs at a new vertex. A corner's are its own. Those on an edge rest on its two ends alone, which are put into an order that both of its triangles agree on,
-/// also where they call the ends by other numbers.
+/// The outputs at a new vertex. A corner keeps its own. Outputs on an edge depend only on its two
+/// ends, in an order that both triangles agree on whatever they call the ends.
 fn between(
     module: Module,
     name: &str,
@@ -311,7 +312,7 @@ fn between(
     }
 }
 
-/// `module` with the vertex entry point of that index drawing the pattern, `functions` being its own.
+/// `module` with its vertex entry point drawing the pattern through `functions`.
 pub fn pulled(functions: &Functions, entry: usize) -> Module {
     let mut module = functions.module.clone();
     let word = word(&mut module);
@@ -334,7 +335,7 @@ pub fn pulled(functions: &Functions, entry: usize) -> Module {
     })
 }
 
-/// The inputs of every vertex stage of ours.
+/// The inputs of every generated vertex stage.
 pub(super) fn vertex_inputs(
     build: &mut Builder<'_>,
     word: Handle<Type>,

@@ -1,4 +1,4 @@
-//! Whether a plan can be subdivided, and why not.
+//! Whether a plan can be subdivided.
 
 use std::collections::BTreeSet;
 
@@ -17,7 +17,7 @@ use crate::core::program::Program;
 use crate::core::reflect;
 use crate::transforms::hoist::Hoist;
 
-/// Storage buffers that every WebGPU device reads in a stage.
+/// Storage buffers per stage that every WebGPU device supports.
 const STORAGE_BUFFERS: usize = 8;
 
 impl<'a> Material<'a> {
@@ -148,7 +148,7 @@ impl<'a> Material<'a> {
         Ok(material)
     }
 
-    /// Names of what the work at load reads: none of it may change.
+    /// Checks that nothing the work at load reads can change.
     fn check_fixed(
         &self,
         plan: &Plan,
@@ -222,7 +222,8 @@ impl<'a> Material<'a> {
         Ok(reads.iter().map(ToString::to_string).collect())
     }
 
-    /// The author's stage runs three times in one invocation, and again for each new vertex.
+    /// Checks the author's stage: it runs three times per invocation, and again for each new
+    /// vertex.
     fn check_author(program: &Program, author: Handle<naga::Function>) -> Result<(), Box<Refusal>> {
         let module = program.module();
         let info = &program.info()[author];
@@ -278,7 +279,8 @@ impl<'a> Material<'a> {
         Ok(())
     }
 
-    /// Every WebGPU device reads eight storage buffers in a stage (`maxStorageBuffersPerShaderStage`).
+    /// Checks the storage buffers against WebGPU's guaranteed eight per stage
+    /// (`maxStorageBuffersPerShaderStage`).
     fn check_buffers(pass: &GpuPass, params: &Params) -> Result<(), Box<Refusal>> {
         let storage = [BindingKind::StorageRead, BindingKind::StorageReadWrite];
         let authors = pass.bindings.iter();
@@ -300,7 +302,7 @@ impl<'a> Material<'a> {
         ))
     }
 
-    /// What the fragment stage may know of the author's triangles.
+    /// Checks that the fragment stage does not depend on the author's triangles.
     fn check_fragment(pass: &GpuPass, program: &Program) -> Result<(), Box<Refusal>> {
         let fragment = pass.fragment.as_deref();
         let entry = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
@@ -322,7 +324,7 @@ impl<'a> Material<'a> {
     }
 }
 
-/// Names of the variables that a host fills, and of their members.
+/// Names of the host's variables and their members.
 fn variables(module: &Module) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     let bound = module.global_variables.iter().map(|(_, global)| global);

@@ -1,12 +1,14 @@
-//! `form=static`: what was hoisted reads nothing that changes after load, so that it is computed at each new vertex once.
+//! `form=static`: the hoisted values read nothing that changes after load, so each new vertex
+//! computes them once.
 //!
 //! ```text
-//! load:    vs_points(id)          -> store(hoisted(between'(corners)))       the slice of the vertex stage to what was hoisted, and nothing else
+//! load:    vs_points(id)          -> store(hoisted(between'(corners)))       the slice of the vertex stage to the hoisted values
 //! frame:   vs(vertex, instance)   -> between(corners), load(..)              position and varyings, as in the other forms
 //! ```
 //!
-//! The clip position changes with the camera. So it is interpolated in each frame, and the ends of an edge come in the order of their positions there, but in that of their
-//! indices at load: at a seam of vertices the two sides may differ in the last bits of what was hoisted, never in where they are.
+//! The clip position follows the camera, so every frame interpolates it, with the ends of an edge
+//! ordered by position. At load they are ordered by index. At a seam the hoisted values of the two
+//! sides may therefore differ in the last bits; positions never do.
 
 use std::collections::BTreeSet;
 
@@ -24,13 +26,14 @@ use crate::rebuild::fetch::{ours, word};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter};
 
-/// Why nothing is computed at load where the slice reads neither the corners nor the place between them.
+/// Reason if the slice reads neither the corners nor the place between them.
 pub const NO_CORNERS: &str = "what was hoisted does not know its vertex";
 
-/// `functions`' module with a compute entry point `name` that stores what was hoisted alone, of every new vertex. `program` is any of the source that the module is from.
+/// `functions`' module with a compute entry point `name` that stores only the hoisted values of
+/// every new vertex. `program` is any program of the same source.
 ///
 /// # Errors
-/// In words: our own text lacks something, or does not validate.
+/// A message: our own text is incomplete or does not validate.
 pub fn kept(
     program: &Program,
     functions: &Functions,
@@ -77,10 +80,11 @@ pub fn kept(
     stored::stored(&functions, vertex, name, layout, evaluation)
 }
 
-/// `functions`' module with the vertex entry point of that index interpolating what the author's stage gives, and reading what was hoisted.
+/// `functions`' module with a vertex entry point that interpolates the author's outputs and reads
+/// the hoisted values.
 ///
 /// # Errors
-/// In words: our own text lacks something.
+/// A message: our own text is incomplete.
 pub fn read(
     functions: &Functions,
     vertex: usize,
@@ -127,7 +131,7 @@ pub fn read(
     ))
 }
 
-/// Something of the author's that a program reads.
+/// A variable that a program reads.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Read {
     /// `@group`.
@@ -136,14 +140,14 @@ pub struct Read {
     pub binding: u32,
     /// The variable.
     pub name: String,
-    /// Member of a uniform struct; `None`: all of it.
+    /// Member of a uniform struct; `None` for the whole variable.
     pub member: Option<String>,
 }
 
 impl std::fmt::Display for Read {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.member {
-            // Of an unnamed block of GLSL.
+            // Member of an unnamed GLSL block.
             Some(member) if self.name.is_empty() => f.write_str(member),
             Some(member) => write!(f, "{}.{member}", self.name),
             None => f.write_str(&self.name),
@@ -151,7 +155,8 @@ impl std::fmt::Display for Read {
     }
 }
 
-/// What of the author's bindings a program of these `bindings` reads; samplers have nothing that changes.
+/// The author's variables that a program with these `bindings` reads, without samplers: they do not
+/// change.
 pub fn reads(program: &Program, bindings: &[BindingUse]) -> BTreeSet<Read> {
     let module = program.module();
     let mut found = BTreeSet::new();
@@ -180,7 +185,7 @@ pub fn reads(program: &Program, bindings: &[BindingUse]) -> BTreeSet<Read> {
     found
 }
 
-/// The members of a uniform struct that are read; `None` where it is read in another way.
+/// The members of a uniform struct that are read; `None` if it is also read in another way.
 fn members(module: &Module, global: Handle<GlobalVariable>) -> Option<BTreeSet<String>> {
     let variable = &module.global_variables[global];
     let TypeInner::Struct { members, .. } = &module.types[variable.ty].inner else {

@@ -1,4 +1,4 @@
-//! The new vertices and triangles of a whole mesh: those on a shared edge are there once.
+//! Subdivides a whole mesh. Vertices on a shared edge exist once.
 
 use std::collections::HashMap;
 
@@ -8,16 +8,19 @@ use crate::core::pattern::{self, Pattern};
 /// A subdivided mesh.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Mesh {
-    /// New vertices: three vertices of the author's, and their packed weights ([`crate::core::geometry::Subdivision::vertices`]; the order in the upper bits is not used).
+    /// New vertices: three of the author's vertices and packed weights
+    /// ([`crate::core::geometry::Subdivision::vertices`]; the order in the upper bits is unused).
     pub points: Vec<[u32; 4]>,
-    /// Triangles of new vertices.
+    /// Triangles by index of new vertices.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// What a new vertex is made of: vertices of the author's with a weight, the lesser first; inside a triangle it is nobody else's.
+/// The origin of a new vertex: the author's vertices with weights, lower index first. Inner
+/// vertices belong to one triangle.
 type Key = [(u32, u32); 2];
 
-/// Divides triangles of the author's vertices. Points come in the order in which the triangles need them.
+/// Subdivides triangles of the author's vertices. Points appear in the order in which the triangles
+/// need them.
 pub fn subdivide(
     pattern: Pattern,
     level: u32,

@@ -1,12 +1,13 @@
-//! A hoisted material for an API that has tessellation stages: OpenGL 4 and Vulkan.
+//! A hoisted material for APIs with tessellation stages: OpenGL 4 and Vulkan.
 //!
 //! ```text
 //! corner:      vs(attributes)                        -> author(attributes)
 //! evaluation:  vs(position, varyings, interpolated)  -> rest(position, varyings)
 //! ```
 //!
-//! `author` is the author's vertex stage and `rest` what `hoist` put behind it, as in [`tessellate`](super). Both are vertex stages to naga, which knows no others: who
-//! writes the second one as a tessellation evaluation stage has to interpolate its inputs ([`Patch`]) between three corners.
+//! `author` is the author's vertex stage and `rest` is the code that `hoist` put behind it, as in
+//! [`tessellate`](super). naga has no tessellation stages, so both are vertex stages. The writer of
+//! the tessellation evaluation stage must interpolate its inputs ([`Patch`]) between three corners.
 
 use naga::{
     Binding, Expression, FunctionResult, Handle, Interpolation, Module, Sampling, ShaderStage,
@@ -23,40 +24,43 @@ use crate::graph::FunctionId;
 use crate::rebuild::place::{self, Rewrite};
 use crate::transforms::hoist::Hoist;
 
-/// A hoisted vertex stage in two.
+/// A hoisted vertex stage in two parts.
 #[derive(Clone, Debug)]
 pub struct Native {
-    /// The author's stage, an entry point of the plan's name. It gives the clip position and the varyings of [`Patch::varyings`].
+    /// The author's stage under the plan's entry point name. It returns the clip position and
+    /// [`Patch::varyings`].
     pub corner: Program,
-    /// What becomes of that at a new vertex, an entry point of the plan's name.
+    /// The rest of the stage at a new vertex, under the same name.
     pub evaluation: Program,
-    /// What goes from the first to the second.
+    /// The interface between the two.
     pub patch: Patch,
 }
 
-/// What a patch carries from its corners to the evaluation stage, besides the clip position.
+/// The interface of a patch: the data from its corners to the evaluation stage, besides the clip
+/// position.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Patch {
     /// Varyings, in the order of the author's outputs.
     pub varyings: Vec<PatchVarying>,
-    /// Location of the evaluation stage's input that is the interpolated clip position.
+    /// Location of the interpolated clip position in the evaluation stage.
     pub position: u32,
 }
 
 /// A varying of a patch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PatchVarying {
-    /// Location, of the corner's output and of the evaluation stage's input.
+    /// Location in the corner's outputs and the evaluation stage's inputs.
     pub location: u32,
     /// A scalar or vector of 32-bit numbers.
     pub ty: TypeInner,
-    /// How a new vertex gets it.
+    /// How a new vertex interpolates it.
     pub blend: Blend,
-    /// Where the author wants it sampled. It means nothing for a corner, but older GLSL wants the stages on both sides to say the same.
+    /// The author's sampling. It has no effect on corners, but older GLSL requires both stages to
+    /// declare the same.
     pub sampling: Option<Sampling>,
 }
 
-/// How a new vertex gets a varying.
+/// How a new vertex interpolates a varying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
     /// The corners' weighted sum.
@@ -65,7 +69,7 @@ pub enum Blend {
     Flat,
 }
 
-/// The vertex stage of a hoisted plan, in two.
+/// The vertex stage of a hoisted plan in two parts.
 ///
 /// # Errors
 /// Why the plan's main pass cannot be drawn in patches.
@@ -137,7 +141,7 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     build().map_err(|why: String| Box::new(Refusal::bug(super::Tessellate::INFO.name, why)))
 }
 
-/// Members of what the author's stage gives: each one's type and binding.
+/// Members of the author's result: type and binding of each.
 fn members(module: &Module, given: Handle<Type>) -> Vec<(Handle<Type>, Option<Binding>)> {
     match &module.types[given].inner {
         TypeInner::Struct { members, .. } => {
@@ -177,7 +181,7 @@ fn patch(module: &Module, split: &Split, outputs: &Outputs) -> Result<Patch, Str
     })
 }
 
-/// The module with the entry point of that index giving what the author's stage gives.
+/// The module with its entry point returning the author's result.
 fn corner(module: &Module, entry: usize, split: &Split) -> Module {
     let mut module = module.clone();
     let is_struct = matches!(module.types[split.given].inner, TypeInner::Struct { .. });
@@ -206,7 +210,7 @@ fn corner(module: &Module, entry: usize, split: &Split) -> Module {
     })
 }
 
-/// The module with the entry point of that index taking what the author's stage gives as inputs.
+/// The module with its entry point taking the author's result as inputs.
 fn evaluation(
     module: &Module,
     entry: usize,
@@ -218,7 +222,7 @@ fn evaluation(
     let name = module.entry_points[entry].name.clone();
     let mut rest = split.rest.clone();
     rest.name = Some(place::free_name(&module, &name, "rest"));
-    // The bindings of a called function's result mean nothing, and are not valid.
+    // Bindings on the result of a called function are invalid.
     let result = rest.result.clone();
     if let Some(result) = &mut rest.result {
         result.binding = None;

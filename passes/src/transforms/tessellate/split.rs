@@ -1,4 +1,5 @@
-//! A hoisted vertex stage taken apart: the author's function, and what `hoist` put behind it.
+//! Splits a hoisted vertex stage into the author's function and the code that `hoist` put behind
+//! it.
 
 use naga::{
     Binding, Block, Expression, Function, FunctionArgument, Handle, Interpolation, Module, Range,
@@ -12,15 +13,16 @@ use crate::graph::operands;
 pub struct Split {
     /// The author's stage, from vertex inputs to `given`.
     pub author: Handle<Function>,
-    /// What it gives.
+    /// Its result type.
     pub given: Handle<Type>,
-    /// What becomes of it: a function of it alone, not yet in the module.
+    /// The rest of the stage as a function of the author's result, not yet in the module.
     pub rest: Function,
     /// The entry point's inputs, which are the author's.
     pub inputs: Vec<FunctionArgument>,
 }
 
-/// Takes an entry point apart; `None` where it is not straight-line code that begins by passing all its inputs on.
+/// Splits an entry point; `None` unless it is straight-line code that first passes all its inputs
+/// on.
 pub fn split(module: &Module, entry: usize) -> Option<Split> {
     let function = &module.entry_points[entry].function;
     let (author, arguments, given) = function.body.iter().find_map(|s| match s {
@@ -85,17 +87,17 @@ pub fn split(module: &Module, entry: usize) -> Option<Split> {
     })
 }
 
-/// Where a member of a vertex stage's result comes from.
+/// The origin of a member of a vertex stage's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// The author's stage: its output of that index, or all it gives.
+    /// The author's stage: the output with that index, or the whole result.
     Author(Option<u32>),
-    /// What was hoisted.
+    /// A hoisted value.
     Hoisted,
 }
 
 impl Split {
-    /// Where each member of the result comes from; `None` where it is not put together from members.
+    /// The origin of each member of the result; `None` if it is not composed from members.
     pub fn origins(&self) -> Option<Vec<Origin>> {
         let returned = self.rest.body.iter().find_map(|s| match s {
             Statement::Return { value } => *value,
@@ -117,7 +119,7 @@ impl Split {
     }
 }
 
-/// The statements behind the author's call.
+/// The statements after the author's call.
 fn body(
     function: &Function,
     copies: &[Option<Handle<Expression>>],
@@ -159,31 +161,31 @@ fn body(
     Some(body)
 }
 
-/// How one output of the author's stage gets to a new vertex.
+/// How an output of the author's stage reaches a new vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Carried {
-    /// Interpolated: this many `f32`.
+    /// Interpolated, with this many `f32`.
     Blended(u8),
-    /// The first vertex's.
+    /// Taken from the first vertex.
     Flat,
 }
 
-/// Outputs of the author's stage, in order, and the index of the position.
+/// Outputs of the author's stage in order, with the index of the position.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outputs {
     /// Each output.
     pub carried: Vec<Carried>,
-    /// Which one is the position.
+    /// Index of the position.
     pub position: usize,
-    /// They are members of a struct; else the position is all there is.
+    /// Whether they are members of a struct; otherwise the position is the only output.
     pub is_struct: bool,
 }
 
 impl Outputs {
-    /// Of the author's result type.
+    /// Examines the author's result type.
     ///
     /// # Errors
-    /// The name of an output that cannot be interpolated, and why.
+    /// Name of an output that cannot be interpolated, and the reason.
     pub fn of(module: &Module, ty: Handle<Type>) -> Result<Self, (String, &'static str)> {
         let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
             return Ok(Self {
@@ -237,7 +239,7 @@ impl Outputs {
         })
     }
 
-    /// Widths of the outputs to interpolate, each once.
+    /// Distinct widths of the interpolated outputs.
     pub fn widths(&self) -> Vec<u8> {
         let blended = self.carried.iter().filter_map(|c| match c {
             Carried::Blended(width) => Some(*width),
@@ -249,7 +251,7 @@ impl Outputs {
         widths
     }
 
-    /// Whether any comes from the first vertex alone.
+    /// Whether any output comes from the first vertex.
     pub fn has_flat(&self) -> bool {
         self.carried.contains(&Carried::Flat)
     }

@@ -1,4 +1,5 @@
-//! New vertices in a buffer: the compute stage that stores them, and the vertex stage that loads them.
+//! New vertices in a buffer: the compute stage that stores them and the vertex stage that loads
+//! them.
 
 use std::collections::BTreeMap;
 
@@ -14,32 +15,32 @@ use crate::graph::FunctionId;
 use crate::rebuild::fetch::{Linked, ours, word};
 use crate::rebuild::place::{self, Builder, Rewrite};
 
-/// A member of a vertex stage's result, in the buffer.
+/// A member of a vertex stage's result in the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Member {
     /// Its index in the result.
     index: u32,
     ty: Handle<Type>,
-    /// First word.
+    /// Offset in words.
     word: u32,
-    /// Words.
+    /// Size in words.
     width: u8,
 }
 
-/// How a new vertex lies in the buffer that holds it once computed.
+/// The layout of a new vertex in the buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stored {
-    /// Each member of the vertex stage's result that is stored: its index there, type, first word and width.
+    /// The stored members.
     members: Vec<Member>,
-    /// Words of a vertex.
+    /// Words per vertex.
     pub words: u32,
 }
 
 impl Stored {
-    /// Of those members of a vertex stage's result type, by index.
+    /// The layout of these members, by index, of a vertex stage's result type.
     ///
     /// # Errors
-    /// In words: a member is not made of 32-bit numbers.
+    /// A message: a member does not consist of 32-bit numbers.
     pub fn of(
         module: &Module,
         result: Handle<Type>,
@@ -72,7 +73,7 @@ impl Stored {
         Ok(stored)
     }
 
-    /// Widths of its members, each once.
+    /// Distinct widths of the members.
     pub fn widths(&self) -> Vec<u8> {
         let mut widths: Vec<u8> = self.members.iter().map(|m| m.width).collect();
         widths.sort_unstable();
@@ -85,7 +86,8 @@ impl Stored {
         self.members.iter().map(|m| m.index)
     }
 
-    /// The member of that index in the result, of the vertex of that index in the buffer; `None` if it is not stored, or our own text lacks something.
+    /// Loads a member of a vertex in the buffer; `None` if it is not stored, or our own text is
+    /// incomplete.
     pub(super) fn load(
         &self,
         build: &mut Builder<'_>,
@@ -103,10 +105,10 @@ impl Stored {
         })
     }
 
-    /// The functions of our own text that load its members, by width.
+    /// The functions of our text that load the members, by width.
     ///
     /// # Errors
-    /// In words: our own text lacks one.
+    /// A message: our own text is incomplete.
     pub(super) fn loads(
         &self,
         by_name: &BTreeMap<String, Handle<Function>>,
@@ -115,7 +117,7 @@ impl Stored {
         self.widths().into_iter().map(one).collect()
     }
 
-    /// The word of a member, of the vertex of that index.
+    /// The word offset of a member of a vertex.
     fn at(
         &self,
         build: &mut Builder<'_>,
@@ -140,7 +142,7 @@ impl Stored {
     }
 }
 
-/// The bits of a 32-bit number or vector, as another kind of it.
+/// Bitcasts a 32-bit number or vector.
 fn bits(build: &mut Builder<'_>, expr: Handle<Expression>, kind: ScalarKind) -> Handle<Expression> {
     build.expression(Expression::As {
         expr,
@@ -149,19 +151,20 @@ fn bits(build: &mut Builder<'_>, expr: Handle<Expression>, kind: ScalarKind) -> 
     })
 }
 
-/// What a compute stage stores.
+/// The values that a compute stage stores.
 #[derive(Clone, Copy)]
 pub enum Evaluation {
-    /// The whole result of the vertex stage at the place.
+    /// The vertex stage's whole result.
     Vertex,
-    /// What this function of (vertex, instance) gives: the stored members alone, in order, or the only one.
+    /// The result of this function of (vertex, instance): the stored members in order, or the only
+    /// one.
     Function(Handle<Function>),
 }
 
 /// `functions`' module with a compute entry point that evaluates and stores every new vertex.
 ///
 /// # Errors
-/// In words: our own text lacks something.
+/// A message: our own text is incomplete.
 pub fn stored(
     functions: &Functions,
     vertex: usize,
@@ -255,10 +258,10 @@ pub fn stored(
     }))
 }
 
-/// `module` with the vertex entry point of that index reading what a compute pass stored.
+/// `module` with its vertex entry point reading the vertices that a compute pass stored.
 ///
 /// # Errors
-/// In words: our own text lacks something.
+/// A message: our own text is incomplete.
 pub fn loaded(
     module: Module,
     vertex: usize,

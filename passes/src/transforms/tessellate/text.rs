@@ -1,4 +1,5 @@
-//! The part of a subdivided vertex stage that does not depend on the author's code, as WGSL: where a new vertex is, and what its corners' attributes are.
+//! The fixed WGSL of a subdivided vertex stage: the place of a new vertex and the attributes of its
+//! corners.
 //!
 //! ```text
 //! fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace     pulled: which corners, with which weights
@@ -7,7 +8,8 @@
 //! fn tessellated_blend_N(weights: vec3<f32>, swap: bool, a, b, c) -> vecN<f32>
 //! ```
 //!
-//! Attributes are fetched and converted as WebGPU's vertex input does it (WebGPU, section 10.3.8.1): missing components are 0, and 1 for the fourth.
+//! Attributes are fetched and converted as WebGPU's vertex input does it (WebGPU, section
+//! 10.3.8.1): missing components are 0, and 1 for the fourth.
 
 use std::fmt::Write;
 
@@ -16,71 +18,72 @@ use crate::core::geometry::Formats;
 use crate::core::plan::AttributeUse;
 use crate::rebuild::fetch::{self, Names};
 
-/// How functions and variables of ours begin.
+/// Prefixes of generated functions and variables.
 const NAMES: Names = Names {
     function: "tessellated",
     variable: "tessellation",
 };
 
-/// What the text has to have.
+/// The options of the text.
 pub struct Text<'a> {
-    /// The author's attributes, in the order of the constants' streams.
+    /// The author's attributes, in the order of the streams in the constants.
     pub attributes: &'a [AttributeUse],
-    /// Widths of varyings to blend, 1 to 4; the position's 4 is among them.
+    /// Widths of the interpolated varyings, 1 to 4, including the position's 4.
     pub widths: &'a [u8],
-    /// Where the resources are bound.
+    /// Bind slots.
     pub slots: Slots,
-    /// How the vertex is known.
+    /// How a vertex knows its place.
     pub place: Place,
-    /// How the buffer of new vertices is used, in vectors of which widths; `None`: not at all.
+    /// Use of the buffer of new vertices, and the vector widths in it; `None` without a buffer.
     pub points: Option<(Points, &'a [u8])>,
-    /// Which end of an edge comes first.
+    /// Order of an edge's ends.
     pub order: Order,
 }
 
-/// Which end of an edge comes first: a point on it is computed from them in this order, on both of its sides.
+/// Order of an edge's ends. Points on the edge are computed in this order on both sides.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Order {
-    /// The one whose clip position precedes by its bits, which is the same across a seam of vertices.
+    /// By the bits of the clip position, which agree across a seam of vertices.
     ByPosition,
-    /// The one with the lesser index. It reads no position; across a seam two sides may round apart.
+    /// By index. It reads no position; across a seam the two sides may round differently.
     AsRecorded,
 }
 
 /// How a new vertex knows its place.
 #[derive(Clone, Copy)]
 pub enum Place {
-    /// From the pattern, and the triangle that this instance is.
+    /// From the pattern and the triangle of this instance.
     Pattern {
         /// Vertices of the pattern.
         vertices: u32,
-        /// Triangles an instance draws.
+        /// Triangles per instance.
         batch: u32,
-        /// What the weights sum to.
+        /// Sum of the weights.
         denominator: u32,
     },
-    /// From the pattern of the highest level, and how long the triangle's edges are on the screen.
+    /// From the pattern of the highest level and the lengths of the triangle's edges on the screen.
     Adaptive {
         /// Vertices of the pattern.
         vertices: u32,
-        /// Triangles an instance draws.
+        /// Triangles per instance.
         batch: u32,
-        /// Pixels of a segment.
+        /// Pixels per segment.
         edge_pixels: u32,
         /// The highest level.
         most: u32,
     },
     /// From a record of its own.
     Record {
-        /// What the weights sum to.
+        /// Sum of the weights.
         denominator: u32,
     },
 }
 
-/// The workgroup of the compute pass.
+/// Workgroup size of the compute pass.
 pub const WORKGROUP: u32 = 64;
 
-/// What goes through the buffer of new vertices: `tessellated_store_N(at, value)` for a compute stage, `tessellated_load_N(at)` for the vertex stage that reads.
+/// Access to the buffer of new vertices: `tessellated_store_N(at, value)` in a compute stage,
+/// `tessellated_load_N(at)` in the vertex stage.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Points {
     /// Written.
@@ -89,7 +92,8 @@ pub enum Points {
     Loaded,
 }
 
-/// Access to the buffer of new vertices, bound at `first + 2`, in vectors of these widths; and where in it, in vertices, an invocation is.
+/// The functions that access the buffer of new vertices, bound at `first + 2`, in vectors of these
+/// widths, and the vertex index of an invocation in it.
 pub fn points(slots: Slots, points: Points, widths: &[u8]) -> String {
     let Slots { group, first } = slots;
     let access = match points {
@@ -160,7 +164,8 @@ fn tessellated_instance_of(index: u32) -> u32 {{
     out
 }
 
-/// The uniform buffer of a draw's constants, of so many attributes, and of what else is there ahead of them.
+/// The uniform buffer of a draw's constants, with this many attributes, and the place's constants
+/// before them.
 pub fn constants(slots: Slots, attributes: usize, place: Option<Place>) -> String {
     let Slots { group, first } = slots;
     let viewport = match place {
@@ -316,7 +321,7 @@ fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
     }
 }
 
-/// By bits: equal positions are equal ends, whatever their vertices are called.
+/// Compares bits: equal positions are equal ends, whatever their vertices are called.
 const PRECEDES: &str = "fn tessellated_precedes(a: vec4<f32>, b: vec4<f32>) -> bool {
     let p = bitcast<vec4<u32>>(a);
     let q = bitcast<vec4<u32>>(b);
@@ -333,7 +338,7 @@ const PRECEDES: &str = "fn tessellated_precedes(a: vec4<f32>, b: vec4<f32>) -> b
 }
 ";
 
-/// Differences to the first, so that three equal values stay what they are.
+/// Uses differences to the first value, so that three equal values stay exact.
 fn blend(out: &mut String, width: u8) {
     let ty = match width {
         1 => "f32".to_owned(),
@@ -350,7 +355,7 @@ fn blend(out: &mut String, width: u8) {
     );
 }
 
-/// One of three, by number.
+/// Selects one of three by number.
 fn pick(out: &mut String, width: u8) {
     let ty = match width {
         1 => "f32".to_owned(),

@@ -1,4 +1,5 @@
-//! Whether the turns of a loop are terms of a series that ebbs away, or things of the scene, of which the last is worth as much as the first.
+//! Distinguishes loops over the terms of a convergent series from loops over the scene's objects.
+//! The last object matters as much as the first.
 
 use std::collections::BTreeSet;
 
@@ -11,16 +12,17 @@ use crate::graph::counted::Counted;
 use crate::graph::operands;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 
-/// What of the scene a loop reads by its counter, one thing a turn: `lights[i]`, the layer of a texture, a texel. `None`: nothing that is seen, in the function or in those it calls.
+/// The scene data that a loop reads by its counter, one item per iteration: `lights[i]`, the layer
+/// of a texture, a texel. `None` if it reads none, in the function or its callees.
 pub fn scene_data(graph: &Graph<'_>, function: FunctionId, counted: &Counted) -> Option<String> {
     let counters = BTreeSet::from([counted.counter]);
     read_by(graph, function, counters, &BTreeSet::new(), 0)
 }
 
-/// Calls that are followed. Deeper ones are not looked into.
+/// Depth of calls to follow.
 const DEPTH: usize = 8;
 
-/// What `function` reads of the scene by values that rest on these locals, or on these arguments.
+/// The scene data that `function` reads by values that depend on these locals or arguments.
 fn read_by(
     graph: &Graph<'_>,
     function: FunctionId,
@@ -30,7 +32,7 @@ fn read_by(
 ) -> Option<String> {
     let f = graph.function(function);
     let statements = all(f.function);
-    // Locals hold what was stored to them, in any order of statements: until nothing more is found.
+    // Locals hold stored values, in any order of statements, so we iterate to a fixed point.
     let resting = loop {
         let resting = resting(f.function, &locals, arguments);
         let before = locals.len();
@@ -99,7 +101,8 @@ fn read_by(
     })
 }
 
-/// The expressions that rest on what these locals and arguments hold. Operands come first in naga's arenas.
+/// The expressions that depend on these locals and arguments. Operands precede readers in naga's
+/// arenas.
 fn resting(
     function: &Function,
     locals: &BTreeSet<Handle<LocalVariable>>,
@@ -124,7 +127,7 @@ fn resting(
     resting
 }
 
-/// Whether a value may be an index: sums of floats that rest on the counter are not.
+/// Whether a value may be an index. Float sums that depend on the counter are not.
 fn is_index(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> bool {
     let scalar = match f.ty(module, e) {
         TypeInner::Scalar(scalar) | TypeInner::Vector { scalar, .. } => *scalar,
@@ -133,7 +136,7 @@ fn is_index(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> bo
     matches!(scalar.kind, naga::ScalarKind::Sint | naga::ScalarKind::Uint)
 }
 
-/// Whether a variable holds what a host gives.
+/// Whether a variable holds the host's data.
 fn is_data(variable: &GlobalVariable) -> bool {
     matches!(
         variable.space,
@@ -141,7 +144,7 @@ fn is_data(variable: &GlobalVariable) -> bool {
     )
 }
 
-/// The local that a pointer leads into.
+/// The local of a pointer.
 fn local(function: &Function, pointer: Handle<Expression>) -> Option<Handle<LocalVariable>> {
     match function.expressions[pointer] {
         Expression::LocalVariable(local) => Some(local),
@@ -152,7 +155,7 @@ fn local(function: &Function, pointer: Handle<Expression>) -> Option<Handle<Loca
     }
 }
 
-/// The global that a pointer leads into, or that a value was loaded from.
+/// The global of a pointer, or of a loaded value.
 fn global(function: &Function, of: Handle<Expression>) -> Option<Handle<GlobalVariable>> {
     match function.expressions[of] {
         Expression::GlobalVariable(global) => Some(global),
@@ -164,8 +167,9 @@ fn global(function: &Function, of: Handle<Expression>) -> Option<Handle<GlobalVa
     }
 }
 
-/// Whether a local that is carried from turn to turn is multiplied in each by a number nearer to 0 than 1, or divided by one further from it: the weight of a series that ebbs away. One that is stored to
-/// otherwise within the loop begins anew there, and one of a loop within ebbs in that one.
+/// Whether a loop-carried local shrinks in each iteration: it is multiplied by a number of
+/// magnitude below 1, or divided by one above 1, as the weight of a convergent series. A local with
+/// other stores in the loop restarts there, and an inner loop's local belongs to that loop.
 pub fn ebbs(module: &Module, f: &FunctionGraph<'_>, at: StmtId) -> bool {
     let end = f.statements.get(at).end;
     let inner: Vec<(StmtId, StmtId)> = f
@@ -223,7 +227,7 @@ pub fn ebbs(module: &Module, f: &FunctionGraph<'_>, at: StmtId) -> bool {
     })
 }
 
-/// A float that the author wrote as a number, or named as a constant.
+/// A float literal, or a named constant of the author's.
 fn float(module: &Module, function: &Function, e: Handle<Expression>) -> Option<f64> {
     let literal = |e: &Expression| match e {
         Expression::Literal(Literal::F32(v)) => Some(f64::from(*v)),
@@ -238,7 +242,7 @@ fn float(module: &Module, function: &Function, e: Handle<Expression>) -> Option<
     }
 }
 
-/// Every statement of a function, blocks opened.
+/// Every statement of a function, with nested blocks.
 fn all(function: &Function) -> Vec<&Statement> {
     let mut found = Vec::new();
     let mut blocks = vec![&function.body];
