@@ -17,7 +17,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::measure::{self, Settings, Timed, TimingSettings};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade::passes::contract::{Contract, Verdict};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
@@ -147,11 +147,9 @@ fn drawn(count: u64, first: u64) -> Pictures {
         ..Pictures::default()
     };
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 1,
-        count: &measure::counting,
         command: String::new(),
     };
     for seed in first.. {
@@ -166,7 +164,9 @@ fn drawn(count: u64, first: u64) -> Pictures {
             .module();
         let recipe = recipe(module, &mut random);
         let facts = facts.entry(index).or_insert_with(|| {
-            let counted = measure::facts(&gpu, scene, settings.form, measure::counting);
+            let counted = Session::new(&gpu, scene, ShaderForm::Text)
+                .map_err(measure::Error::from)
+                .and_then(|session| measure::facts(&session));
             Facts {
                 rasterizer: measure::rasterizer(&gpu).ok(),
                 ..merged(counted.unwrap_or_default(), measure::known(scene))
@@ -209,7 +209,10 @@ fn drawn(count: u64, first: u64) -> Pictures {
         let is_of_another =
             |plan: &Plan| seen.is_some_and(|s| visibility_buffer::contradicted(plan, &s).is_some());
         let of_another = variant.plans.iter().any(is_of_another);
-        let outcome = match measure::verify(&gpu, scene, &[variant], &settings, &mut |_| {}) {
+        let outcome = Session::new(&gpu, scene, ShaderForm::Text)
+            .map_err(measure::Error::from)
+            .and_then(|session| measure::verify(&session, &[variant], &settings, &mut |_| {}));
+        let outcome = match outcome {
             Ok(outcome) => outcome,
             Err(error) => {
                 told.not_measured.push(format!("{label}: {error}"));

@@ -25,10 +25,6 @@ pub mod regular;
 pub mod sweep;
 
 #[cfg(feature = "verify")]
-pub mod decide;
-#[cfg(feature = "verify")]
-pub mod frontier;
-#[cfg(feature = "verify")]
 pub mod measure;
 #[cfg(feature = "verify")]
 pub mod render;
@@ -36,6 +32,8 @@ pub mod render;
 pub mod report;
 #[cfg(feature = "verify")]
 pub mod scene;
+#[cfg(feature = "verify")]
+pub mod search;
 
 #[cfg(feature = "compiler")]
 pub use build_script::{compile, configure};

@@ -2,9 +2,9 @@
 
 use preshade::limits::Limits;
 use preshade::measure::Outcome;
+use preshade::measure::record::{Budget, Chosen, Report, Unfinished, VariantReport};
 use preshade::passes::contract::{Contract, Verdict};
 use preshade::recipe::Recipe;
-use preshade::report::{Budget, Chosen, Report, Unfinished, VariantReport};
 
 use crate::keeper::Keeper;
 use crate::{Failure, worker};
@@ -37,7 +37,8 @@ pub fn apart(
     })
 }
 
-/// What a run that lost its adapter did not measure, measured in processes of their own. What it did measure stands.
+/// Measures in separate processes the variants that a run missed because it lost its adapter.
+/// Measured variants remain.
 pub fn resumed(
     mut outcome: Outcome,
     recipes: &[Recipe],

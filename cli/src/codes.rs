@@ -19,7 +19,8 @@ pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
 
 /// The code of an error that has one.
 pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
-    use preshade::{decide, emit, lock, measure, render, scene};
+    use preshade::search::plan as decide;
+    use preshade::{emit, lock, measure, render, scene};
     if let Some(error) = error.downcast_ref::<decide::Error>() {
         return match error {
             decide::Error::Measure(error) => of(error),

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
-use preshade::measure::{self, EffectUse};
+use preshade::measure::{self, EffectUse, Session};
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
 use preshade::passes::neighbours;
@@ -50,13 +50,13 @@ pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-    // Last, for its help heading holds for what follows it.
+    // Last, because its help heading applies to all following arguments.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
 
 #[derive(Serialize)]
-struct Report {
+struct Explanation {
     schema: &'static str,
     materials: Vec<Explained>,
 }
@@ -64,8 +64,8 @@ struct Report {
 #[derive(Serialize)]
 struct Explained {
     material: String,
-    stages: Vec<Stage>,
-    /// What the scene's draws call for; the dearest first.
+    stages: Vec<StageCost>,
+    /// The effects that the scene's draws use, the most expensive first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     effects: Vec<EffectUse>,
     passes: Vec<PassExplained>,
@@ -75,7 +75,7 @@ struct Explained {
 }
 
 #[derive(Serialize)]
-struct Stage {
+struct StageCost {
     stage: &'static str,
     entry_point: String,
     cost: f64,
@@ -130,7 +130,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .map(|plan| explain(plan, &steps, &facts, &frame, &effects))
         .collect::<Result<Vec<_>, _>>()?;
     match args.format {
-        Format::Json => output::json(&Report {
+        Format::Json => output::json(&Explanation {
             schema: "preshade.explain.v1",
             materials,
         })?,
@@ -146,7 +146,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(Outcome::Fine)
 }
 
-/// What drawing the scene tells.
+/// Measures the facts of a scene by drawing it.
 fn measured(args: &Args) -> Result<Facts, Failure> {
     let scene = args.view.of(args.shader.scene()?)?;
     let choice = args
@@ -154,17 +154,17 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
-    let form = ShaderForm::Text;
-    let mut facts = measure::facts(&gpu, &scene, form, measure::counting)?;
+    let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
+    let mut facts = measure::facts(&session)?;
     let bar = output::bar();
     bar.set_message("measuring what can be interpolated");
     let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
-    facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut |done| {
+    facts.frequencies = measure::frequencies(&session, &facts, &mut |done| {
         progress(done);
         ControlFlow::Continue(())
     })?;
     bar.set_message("bounding how far it is off");
-    facts.frequencies = measure::interpolations(&gpu, &scene, &facts, form, &mut progress)?;
+    facts.frequencies = measure::interpolations(&session, &facts, &mut progress)?;
     bar.finish_and_clear();
     Ok(facts)
 }
@@ -204,7 +204,7 @@ fn explain(
                 let info = pass.info();
                 let params = serde_json::Value::Object(step.params.clone());
                 let mut sites = pass.sites(plan, facts, &params)?;
-                // What applies to the material by itself may not stand beside the others.
+                // A plan may be legal alone but not beside the others.
                 let applied = sites
                     .sites
                     .first()
@@ -225,7 +225,8 @@ fn explain(
     })
 }
 
-/// What a site's slice costs of what it is sliced from; a pass that runs a stage several times has more than that.
+/// The cost of a site's slice and of its source. A pass that runs a stage several times costs more
+/// than its source.
 fn cost(of: SiteCost) -> String {
     let between = match of.slice > of.whole {
         true => "in place of",
@@ -234,7 +235,7 @@ fn cost(of: SiteCost) -> String {
     format!("{:.0} {between} {:.0} ops", of.slice, of.whole)
 }
 
-fn stages(plan: &Plan) -> Vec<Stage> {
+fn stages(plan: &Plan) -> Vec<StageCost> {
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         return Vec::new();
     };
@@ -255,7 +256,7 @@ fn stages(plan: &Plan) -> Vec<Stage> {
         let Some((index, entry)) = name.and_then(|n| program.entry_point(stage, n)) else {
             continue;
         };
-        stages.push(Stage {
+        stages.push(StageCost {
             stage: word,
             entry_point: entry.name.clone(),
             cost: graph.entry_cost(index),
@@ -377,10 +378,10 @@ fn short(number: f64) -> String {
     }
 }
 
-/// Most values told of that stayed: the dearest.
+/// Most values to list as not hoisted, the most expensive first.
 const MOST_LEFT: usize = 8;
 
-/// What a pass left where it was, in a line each.
+/// The values that a pass did not move, one a line.
 fn left(left: &[Left]) -> Vec<String> {
     let mut lines: Vec<String> = left
         .iter()

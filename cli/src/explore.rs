@@ -1,4 +1,4 @@
-//! `preshade explore`: what accuracy costs in time.
+//! `preshade explore`: finds the recipes with the best trade between accuracy and time.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -6,14 +6,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use preshade::emit::File;
-use preshade::frontier::{self, Journal, Settings};
 use preshade::measure;
+use preshade::measure::record::Budget;
 use preshade::passes::contract::Verdict;
 use preshade::passes::hoist::Metric;
 use preshade::passes::specialize::Params;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report::{self, Budget};
+use preshade::report;
 use preshade::scene::{DrawOrder, Scene};
+use preshade::search::explore::{self, Journal, Settings};
 
 use crate::input::ShaderArgs;
 use crate::verify::{
@@ -79,15 +80,16 @@ pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Table::Human)]
     format: Table,
-    // Last, for its help heading holds for what follows it.
+    // Last, because its help heading applies to all following arguments.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
 
-/// Largest picture that is drawn on a software adapter where no size is said: a frontier in less than a minute on two cores.
+/// Default for the most pixels on a software adapter, so that a search takes less than a minute on
+/// two cores.
 const SOFTWARE_PIXELS: f64 = 480.0 * 270.0;
 
-/// Name of the file that keeps what was measured.
+/// Name of the journal's file.
 const JOURNAL: &str = "measured.jsonl";
 
 /// How often Ctrl-C was pressed.
@@ -120,7 +122,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         match one(args, &shader, out.as_deref()) {
             Ok(Outcome::Fine) => {}
             Ok(Outcome::ContractBroken) => outcome = Outcome::ContractBroken,
-            // It is told, and no reason to leave the others.
+            // One failing scene is reported and does not stop the others.
             Err(Failure(why)) => {
                 let why = why.strip_prefix("error: ").unwrap_or(&why);
                 output::message(&format!("error: {name}: {why}"));
@@ -154,7 +156,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
         output::message(&note);
     }
     let effects = measure::effects(&scene).unwrap_or_default();
-    // What is looked at without a list specialises.
+    // Without a list of recipes, the search tries to specialise.
     scene = match sweeps.is_empty() {
         true => measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS)?,
         false => grouped(scene, &sweeps)?,
@@ -198,17 +200,17 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
         finalists: args.finalists,
         frames_per_camera: args.frames,
         seed: args.seed,
-        count: &measure::counting,
         command: command(),
     };
-    // The first Ctrl-C ends the search and tells what was measured; the second ends it all. Where no handler can be set, the first does.
+    // The first Ctrl-C ends the search and prints its results; the second ends the process. Without
+    // a handler, the first does.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTS.fetch_add(1, Ordering::Relaxed) > 0 {
             std::process::exit(130);
         }
     });
     let bar = output::bar();
-    let found = frontier::explore(&gpu, &scene, &settings, &mut journal, &mut |p| {
+    let found = explore::explore(&gpu, &scene, &settings, &mut journal, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(format!("{:.0} s left, {}", p.left.as_secs_f64(), p.what));
         match INTERRUPTS.load(Ordering::Relaxed) {
@@ -222,7 +224,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
             "warning: what was measured is not kept: {trouble}"
         ));
     }
-    // Told before it is written: a full disk does not lose what was measured.
+    // Print before writing: a full disk then loses no results.
     let exploration = &found.exploration;
     let json = serde_json::to_string_pretty(exploration)? + "\n";
     let csv = report::frontier::csv(exploration);

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::decide::Decision;
 use preshade::front::Parsed;
 use preshade::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::scene::{Material, Scene};
+use preshade::search::plan::Decision;
 
 use crate::Failure;
 use crate::output;

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use preshade::measure::crossover::{Point, Series};
-use preshade::measure::{self, Settings, Timed, TimingSettings, Variant};
+use preshade::measure::record::{Budget, Chosen, Pictures, Report, SweepReport};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant};
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
-use preshade::report::{Budget, Chosen, SweepReport};
 use preshade::scene::{self, DrawOrder, Scene, Variables};
 use preshade::sweep::{self, Sweep};
 
@@ -406,7 +406,7 @@ fn without_folders(json: &str, arguments: impl Iterator<Item = OsString>) -> Str
 fn write(
     args: &Args,
     mut files: Vec<preshade::emit::File>,
-    pictures: &[report::Pictures],
+    pictures: &[Pictures],
 ) -> Result<(), Failure> {
     let Some(dir) = &args.out else { return Ok(()) };
     for pictures in pictures {
@@ -448,20 +448,19 @@ fn measured(
         FormArg::Ir => ShaderForm::Ir,
     };
     bar.set_message("looking for depth ties");
-    let mut facts = measure::facts(gpu, scene, form, measure::counting).unwrap_or_else(|e| {
+    let session = Session::new(gpu, scene, form)?;
+    let mut facts = measure::facts(&session).unwrap_or_else(|e| {
         bar.suspend(|| {
             output::message(&format!("warning: depth ties were not measured: {e}"));
         });
         Facts::default()
     });
-    let recipes = choose(gpu, scene, form, mine, &mut facts, bar)?;
-    let originals = measure::originals(scene);
+    let recipes = choose(&session, mine, &mut facts, bar)?;
     let variants: Vec<_> = recipes
         .iter()
-        .map(|r| measure::variant(&originals, r, &facts))
+        .map(|r| measure::variant(session.originals(), r, &facts))
         .collect();
     let settings = Settings {
-        form,
         timed: match args.time {
             TimeArg::No => Timed::No,
             TimeArg::Headline => Timed::Headline,
@@ -473,10 +472,9 @@ fn measured(
             ..TimingSettings::default()
         },
         frames_per_camera: args.frames,
-        count: &measure::counting,
         command: command(),
     };
-    let mut outcome = measure::verify(gpu, scene, &variants, &settings, &mut |p| {
+    let mut outcome = measure::verify(&session, &variants, &settings, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(p.what);
         if let (Some(so_far), None) = (p.so_far, worker::mine()) {
@@ -499,7 +497,7 @@ fn recipes(sweeps: &[Sweep]) -> Vec<Recipe> {
 }
 
 /// Adds to a report which of its variants are the points of which sweep.
-fn tell_sweeps(report: &mut report::Report, sweeps: &[Sweep]) {
+fn tell_sweeps(report: &mut Report, sweeps: &[Sweep]) {
     let names: Vec<String> = report
         .variants
         .iter()
@@ -517,9 +515,7 @@ fn tell_sweeps(report: &mut report::Report, sweeps: &[Sweep]) {
 
 /// Recipes whose choices are left to measurement, chosen.
 fn choose(
-    gpu: &Gpu,
-    scene: &Scene,
-    form: ShaderForm,
+    session: &Session<'_>,
     recipes: Vec<Recipe>,
     facts: &mut Facts,
     bar: &Progress,
@@ -528,20 +524,20 @@ fn choose(
         return Ok(recipes);
     }
     bar.set_message("measuring what can be interpolated");
-    facts.frequencies = measure::frequencies(gpu, scene, facts, form, &mut |done| {
+    facts.frequencies = measure::frequencies(session, facts, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
         ControlFlow::Continue(())
     })?;
-    let originals = measure::originals(scene);
+    let originals = session.originals();
     recipes
         .into_iter()
         .map(|recipe| {
             bar.set_message(format!("choosing within the budget of {recipe}"));
             match measure::leaves_a_choice(&recipe) {
                 true => {
-                    let chosen = measure::within_budget(gpu, scene, &recipe, facts, form)?;
+                    let chosen = measure::within_budget(session, &recipe, facts)?;
                     let is_taken =
-                        measure::variant(&originals, &chosen, facts).kept.len() < originals.len();
+                        measure::variant(originals, &chosen, facts).kept.len() < originals.len();
                     let written = measure::written_out(&chosen, facts).filter(|_| is_taken);
                     if let Some(written) = written {
                         bar.suspend(|| {

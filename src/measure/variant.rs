@@ -6,10 +6,11 @@ use preshade_passes::pass::{Facts, Refusal};
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::{CountProgram, Variant};
+use crate::measure::record::Kept;
 use crate::recipe::Recipe;
-use crate::report::Kept;
 
-/// `recipe` on every material that takes it. A material that refuses is drawn as its author wrote it, and the refusal is kept.
+/// Applies `recipe` to every material. A material that refuses is drawn as written, and the refusal
+/// is kept.
 pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
     let mut kept = Vec::new();
     let mut plans: Vec<Plan> = originals
@@ -35,17 +36,18 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
             }
         }
     };
-    // What stands alone may not stand beside the others.
+    // A plan may be legal alone but not beside the others.
     let conflicts = plans.iter().map(|p| neighbours::conflict(p, originals));
     let conflicts = conflicts.collect();
     leave(&mut plans, conflicts);
-    // What is shaded from ids comes before what is not: where those tie, no order is kept.
+    // Materials resolved from IDs are drawn before all others. If depths tie, this changes the
+    // order.
     let ties = plans
         .iter()
         .map(|p| neighbours::tied(p, &plans, facts.depth_ties));
     let ties = ties.collect();
     leave(&mut plans, ties);
-    // A choice that rests on measurement is kept as what it chose.
+    // A choice made by measurement is kept as the values it selected.
     let written = super::written_out(recipe, facts);
     Variant {
         recipe: written.as_ref().unwrap_or(recipe).to_string(),
@@ -65,12 +67,13 @@ pub(crate) fn unwritten(recipe: &Recipe) -> Variant {
     }
 }
 
-/// A refusal, and what would lift it.
+/// A refusal with its remedy.
 fn with_remedy(refusal: &Refusal) -> String {
     format!("{refusal}; to make it legal: {}", refusal.remedy)
 }
 
-/// The counting stage of a pass: the slice that decides whether a fragment is kept. A slice that does not validate (a bug) counts every fragment.
+/// The counting stage of a pass: the slice that decides whether a fragment is kept. If the slice
+/// does not validate (a bug), every fragment counts.
 pub fn counting(plan: &Plan, pass: &GpuPass) -> CountProgram {
     match count::program(plan, pass) {
         Ok(program) => CountProgram::Sliced {

@@ -2,7 +2,7 @@
 
 use preshade_passes::contract::Verdict;
 
-use super::{PathTime, Report, VariantReport};
+use crate::measure::record::{PathTime, Report, VariantReport};
 use crate::measure::{Clock, ShadowReport, verdict};
 use crate::render::SelfTestResult;
 
@@ -42,7 +42,7 @@ pub fn render(report: &Report) -> String {
     let line = |cells: [&str; 9]| {
         let mut line = String::new();
         for (i, (cell, width)) in cells.iter().zip(widths).enumerate() {
-            // Words to the left, numbers to the right.
+            // Words align left, numbers right.
             if i < 2 {
                 line.push_str(&format!("{cell:<width$}  "));
             } else {
@@ -105,7 +105,7 @@ fn row(v: &VariantReport) -> [String; 9] {
     ]
 }
 
-/// What the figures are of, what broke, and what was left alone.
+/// The scene and adapter, broken contracts, and materials left alone.
 pub(super) fn notes(report: &Report) -> String {
     let mut out = String::new();
     if let Some(view) = report.variants.first().and_then(|v| v.by_view.first()) {
@@ -158,7 +158,7 @@ pub(super) fn notes(report: &Report) -> String {
                 cost.bytes as f64 / 1e6
             ));
         }
-        // What is swept has its errors, and why it was not drawn, in the sweep's own table.
+        // Swept variants have their errors and reasons in the sweep's own table.
         if !is_swept {
             out.push_str(&budgets(v));
         }
@@ -183,7 +183,7 @@ fn is_swept(report: &Report, name: &str) -> bool {
     points.any(|p| p.variant == name)
 }
 
-/// What an approximation may be off by, each budget beside what was measured.
+/// The budgets of an approximation, each beside the measured value.
 fn budgets(v: &VariantReport) -> String {
     let budgets = v.contract.budgets();
     let (Some(error), false) = (&v.error, budgets.is_empty()) else {
@@ -196,7 +196,7 @@ fn budgets(v: &VariantReport) -> String {
     format!("{}: an approximation, {}\n", v.name, told.join(", "))
 }
 
-/// What a shadow pass leaves in the light's map, and what that costs.
+/// The results and the costs of a shadow pass.
 fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
     let [w, h] = shadow.map;
     let mut line = format!(
@@ -214,7 +214,7 @@ fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
     line + "\n"
 }
 
-/// What the self-tests of a variant's plans said: those that held in one line, the others in one each.
+/// The self-tests of a variant's plans: one line for all that passed, one for each other.
 fn self_tests(v: &VariantReport) -> String {
     let mut out = String::new();
     let mut held = 0;
@@ -317,7 +317,8 @@ fn by_path(report: &Report) -> String {
     out
 }
 
-/// The speedups of every timed view, where there are several: what pays here may cost there.
+/// The speedups of every timed view, if there are several: a gain in one view may be a loss in
+/// another.
 fn by_view(report: &Report) -> String {
     let [original, variants @ ..] = report.variants.as_slice() else {
         return String::new();

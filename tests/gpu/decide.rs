@@ -2,14 +2,7 @@
 
 use std::time::Duration;
 
-use preshade::decide::assign::{Assignment, Seen};
-use preshade::decide::choose::WORTHWHILE;
-use preshade::decide::count::FragmentCounter;
-use preshade::decide::model::Model;
-use preshade::decide::policy::{Hold, Rule};
-use preshade::decide::terms::{Term, Work};
-use preshade::decide::work::{Counted, Drawn, Fragments, drawn};
-use preshade::decide::{Choices, Settings, Timed, choices, decide, recipes};
+use preshade::measure::Session;
 use preshade::measure::TimingSettings;
 use preshade::passes::contract::Verdict;
 use preshade::passes::pass::Facts;
@@ -17,6 +10,14 @@ use preshade::passes::state::{CompareFunction, DepthDirection, DepthFormat};
 use preshade::recipe::Recipe;
 use preshade::render::{SceneInputs, ShaderForm};
 use preshade::scene::{DrawOrder, Scene};
+use preshade::search::plan::assign::{Assignment, FramePredictor};
+use preshade::search::plan::choose::WORTHWHILE;
+use preshade::search::plan::count::FragmentCounter;
+use preshade::search::plan::model::Model;
+use preshade::search::plan::policy::{Hold, Rule};
+use preshade::search::plan::terms::{Term, Work};
+use preshade::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
+use preshade::search::plan::{Choices, Settings, Timed, choices, decide, recipes};
 
 use crate::render_support::*;
 
@@ -49,7 +50,7 @@ fn counted(materials: &[[f64; 3]]) -> Counted {
     }
 }
 
-fn work(choices: &[Choices], recipe: &str, drawn: &[Drawn], counted: &Counted) -> Work {
+fn work(choices: &[Choices], recipe: &str, drawn: &[DrawCounts], counted: &Counted) -> Work {
     let assignment = with(choices, recipe);
     assert!(
         recipe.is_empty() || !assignment.is_original(),
@@ -147,7 +148,7 @@ fn neighbours_that_do_not_fit_stay_as_written() {
         "{refused:?}"
     );
     let model = Model::nominal();
-    let seen = Seen {
+    let seen = FramePredictor {
         choices: &choices,
         drawn: &drawn(&scene),
         counted: &[counted(&[[5000.0, 5000.0, 0.0], [5000.0, 5000.0, 5000.0]])],
@@ -215,7 +216,6 @@ fn each_material_is_counted_by_itself() {
 
 fn settings(model: &Model, timed: Timed) -> Settings<'_> {
     Settings {
-        form: ShaderForm::Text,
         timed,
         timing: TimingSettings {
             budget: Duration::ZERO,
@@ -238,8 +238,7 @@ fn nothing_is_chosen_but_what_was_measured_to_be_faster() {
     let facts = Facts::without_ties();
     let list = recipes(None).unwrap();
     let decision = decide(
-        gpu(),
-        &scene,
+        &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
         &list,
         &facts,
         &settings(&model, Timed::Yes),
@@ -283,7 +282,14 @@ fn without_a_clock_the_choice_is_a_prediction() {
             hold,
             ..settings(&model, Timed::No)
         };
-        decide(gpu(), &scene, &list, &facts, &settings, &mut |_| {}).unwrap()
+        decide(
+            &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+            &list,
+            &facts,
+            &settings,
+            &mut |_| {},
+        )
+        .unwrap()
     };
     let decision = of(Hold::Switching);
     assert_eq!(decision.clock, None);

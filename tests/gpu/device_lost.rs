@@ -4,16 +4,16 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use preshade::decide::{self, Hold, Model, SceneSoFar};
-use preshade::frontier::{Ended, Fate, Journal, Settings as Search, Stage, explore};
-use preshade::measure::{self, Settings, Timed, TimingSettings, verify};
+use preshade::measure::record::Unfinished;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, verify};
 use preshade::passes::contract::Verdict;
 use preshade::passes::hoist::Metric;
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report::Unfinished;
 use preshade::scene::{DrawOrder, Scene};
+use preshade::search::explore::{Ended, Fate, Journal, SearchStage, Settings as Search, explore};
+use preshade::search::plan::{self as decide, Hold, Model, SceneSoFar};
 
 /// One of its own: it is lost.
 fn gpu() -> Gpu {
@@ -41,20 +41,23 @@ fn verify_keeps_the_views_before_and_names_those_after() {
     let recipe = Recipe::parse(["depth-prepass"]).unwrap();
     let variants = [measure::variant(&originals, &recipe, &Facts::default())];
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 1,
-        count: &measure::counting,
         command: String::new(),
     };
     let mut kept: Vec<Unfinished> = Vec::new();
-    let outcome = verify(&gpu, &scene, &variants, &settings, &mut |p| {
-        if let Some(so_far) = p.so_far {
-            kept.push(*so_far);
-            gpu.pretend_lost(LOST);
-        }
-    });
+    let outcome = verify(
+        &Session::new(&gpu, &scene, ShaderForm::Text).unwrap(),
+        &variants,
+        &settings,
+        &mut |p| {
+            if let Some(so_far) = p.so_far {
+                kept.push(*so_far);
+                gpu.pretend_lost(LOST);
+            }
+        },
+    );
     let outcome = outcome.unwrap();
     let why = outcome.lost.unwrap();
     assert!(why.contains(LOST), "{why}");
@@ -75,7 +78,13 @@ fn verify_keeps_the_views_before_and_names_those_after() {
         assert_eq!(variant.verdict, Verdict::NotMeasured { why: why.clone() });
     }
     // Another device goes on.
-    let again = verify(&self::gpu(), &scene, &variants, &settings, &mut |_| ()).unwrap();
+    let again = verify(
+        &Session::new(&self::gpu(), &scene, ShaderForm::Text).unwrap(),
+        &variants,
+        &settings,
+        &mut |_| (),
+    )
+    .unwrap();
     assert_eq!(again.lost, None);
     assert_eq!(again.report.variants[1].verdict, Verdict::Holds);
     assert_eq!(again.report.variants[1].by_view.len(), 3);
@@ -105,12 +114,11 @@ fn explore_keeps_what_it_drew_and_goes_on_with_another_device() {
         finalists: 2,
         frames_per_camera: 1,
         seed: 1,
-        count: &measure::counting,
         command: String::new(),
     };
     let mut journal = Journal::open(&path).unwrap();
     let found = explore(&gpu, &scene, &settings, &mut journal, &mut |p| {
-        if p.stage == Stage::Drawing && p.what.contains("drawing 2") {
+        if p.stage == SearchStage::Drawing && p.what.contains("drawing 2") {
             gpu.pretend_lost(LOST);
         }
         ControlFlow::Continue(())
@@ -145,7 +153,6 @@ fn an_exhaustive_plan_keeps_the_views_before() {
     let (gpu, scene) = (gpu(), scene());
     let model = Model::nominal();
     let settings = decide::Settings {
-        form: ShaderForm::Text,
         timed: decide::Timed::Yes,
         timing: TimingSettings {
             budget: Duration::ZERO,
@@ -162,10 +169,16 @@ fn an_exhaustive_plan_keeps_the_views_before() {
     let recipes = [Recipe::parse(["depth-prepass"]).unwrap()];
     let facts = Facts::without_ties();
     let mut kept: Option<SceneSoFar> = None;
-    let lost = decide::exhaust(&gpu, &scene, &recipes, &facts, &settings, &mut |p| {
-        kept = p.so_far.cloned();
-        gpu.pretend_lost(LOST);
-    });
+    let lost = decide::exhaust(
+        &Session::new(&gpu, &scene, ShaderForm::Text).unwrap(),
+        &recipes,
+        &facts,
+        &settings,
+        &mut |p| {
+            kept = p.so_far.cloned();
+            gpu.pretend_lost(LOST);
+        },
+    );
     assert!(lost.is_err_and(|e| e.to_string().contains(LOST)));
     assert!(gpu.lost().is_some_and(|why| why.contains(LOST)));
     let kept = kept.unwrap();

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use preshade::measure::{self, ErrorLadder};
+use preshade::measure::{self, ErrorLadder, Session};
 use preshade::passes::contract::Contract;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
@@ -99,7 +99,7 @@ fn worst(original: &[Rendered], variant: &[Rendered]) -> ErrorLadder {
 fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String> {
     let inputs = SceneInputs::new(gpu, scene).unwrap();
     let originals = measure::originals(scene);
-    let facts = measure::facts(gpu, scene, form, measure::counting).unwrap();
+    let facts = measure::facts(&Session::new(gpu, scene, ShaderForm::Text).unwrap()).unwrap();
     let ties = facts.depth_ties.unwrap();
     let reference = pictures(&inputs, scene, &originals, form);
     assert!(
@@ -402,7 +402,7 @@ fn each_covered_pixel_is_shaded_once() {
         let scene = load(name);
         let inputs = SceneInputs::new(gpu, &scene).unwrap();
         let originals = measure::originals(&scene);
-        let facts = measure::facts(gpu, &scene, ShaderForm::Text, measure::counting).unwrap();
+        let facts = measure::facts(&Session::new(gpu, &scene, ShaderForm::Text).unwrap()).unwrap();
         let shaded = |plans: &[Plan]| {
             let mut counter =
                 measure::Counter::shaded(&inputs, plans, ShaderForm::Text, measure::counting)

@@ -4,8 +4,6 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use preshade::frontier::explore::{Found, of};
-use preshade::frontier::{Ended, Fate, Journal, Point, Settings, Stage, explore};
 use preshade::measure;
 use preshade::passes::contract::Verdict;
 use preshade::passes::hoist::Metric;
@@ -13,6 +11,8 @@ use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
 use preshade::report;
 use preshade::scene::Scene;
+use preshade::search::explore::{Ended, Fate, Journal, Point, SearchStage, Settings, explore};
+use preshade::search::explore::{Explored, of};
 
 use crate::render_support::gpu;
 
@@ -23,7 +23,7 @@ fn scene(name: &str) -> Scene {
     preshade::scene::load(&path).unwrap().resized([163, 91])
 }
 
-fn settings(recipes: &[&str]) -> Settings<'static> {
+fn settings(recipes: &[&str]) -> Settings {
     Settings {
         form: ShaderForm::Text,
         metric: Metric::FlipMean,
@@ -38,12 +38,15 @@ fn settings(recipes: &[&str]) -> Settings<'static> {
         finalists: 4,
         frames_per_camera: 2,
         seed: 1,
-        count: &measure::counting,
         command: "preshade explore <script>alert(1)</script>".to_owned(),
     }
 }
 
-fn search(scene: &Scene, settings: &Settings<'_>, journal: &mut Journal) -> (Found, Vec<Stage>) {
+fn search(
+    scene: &Scene,
+    settings: &Settings,
+    journal: &mut Journal,
+) -> (Explored, Vec<SearchStage>) {
     let mut stages = Vec::new();
     let found = explore(gpu(), scene, settings, journal, &mut |p| {
         if stages.last() != Some(&p.stage) {
@@ -55,7 +58,7 @@ fn search(scene: &Scene, settings: &Settings<'_>, journal: &mut Journal) -> (Fou
 }
 
 /// What a search over the built-in space has to keep, whatever the clock said.
-fn check(found: &Found) {
+fn check(found: &Explored) {
     let e = &found.exploration;
     let on = |name: &String| e.points.iter().find(|p| p.name == *name).unwrap();
     let frontier: Vec<&Point> = e.frontier.iter().map(on).collect();
@@ -107,7 +110,7 @@ fn a_noisy_grid_has_a_frontier_of_its_approximations() {
     let (found, stages) = search(&scene, &settings(&[]), &mut Journal::new());
     check(&found);
     assert_eq!(found.exploration.ended, Ended::Complete);
-    assert!(stages.contains(&Stage::Racing) && stages.contains(&Stage::Verifying));
+    assert!(stages.contains(&SearchStage::Racing) && stages.contains(&SearchStage::Verifying));
     // Something approximate was drawn, and its error is that of its pictures.
     let points = &found.exploration.points;
     let approximate = points
@@ -166,7 +169,7 @@ fn what_is_stopped_tells_what_it_has() {
     let settings = settings(&["depth-prepass", "early-discard"]);
     let mut drawings = 0;
     let found = explore(gpu(), &scene, &settings, &mut Journal::new(), &mut |p| {
-        drawings += usize::from(p.stage == Stage::Drawing);
+        drawings += usize::from(p.stage == SearchStage::Drawing);
         match drawings {
             0..2 => ControlFlow::Continue(()),
             _ => ControlFlow::Break(()),

@@ -3,12 +3,12 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use preshade::measure::{self, Settings, Timed, TimingSettings};
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade::passes::contract::Verdict;
 use preshade::passes::pass::{Facts, Source};
 use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
-use preshade::report::VariantReport;
 use preshade::scene::Scene;
 
 use crate::render_support::gpu;
@@ -24,14 +24,18 @@ fn scene(name: &str) -> Scene {
 fn verified(scene: &Scene, recipe: &Recipe, facts: &Facts) -> VariantReport {
     let variant = measure::variant(&measure::originals(scene), recipe, facts);
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 5,
-        count: &measure::counting,
         command: String::new(),
     };
-    let outcome = measure::verify(gpu(), scene, &[variant], &settings, &mut |_| {}).unwrap();
+    let outcome = measure::verify(
+        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+        &[variant],
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap();
     outcome.report.variants.into_iter().nth(1).unwrap()
 }
 
@@ -83,17 +87,24 @@ fn a_budget_is_kept_on_frames_the_choice_was_not_made_on() {
     let path = scene.cameras.pop().unwrap();
     assert!(path.frames.len() > 5, "{name}");
     scene.cameras = vec![path];
-    let form = ShaderForm::Text;
-    let mut facts = measure::facts(gpu(), &scene, form, measure::counting).unwrap();
-    facts.frequencies = measure::frequencies(gpu(), &scene, &facts, form, &mut |_| {
-        ControlFlow::Continue(())
-    })
+    let mut facts =
+        measure::facts(&Session::new(gpu(), &scene, ShaderForm::Text).unwrap()).unwrap();
+    facts.frequencies = measure::frequencies(
+        &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+        &facts,
+        &mut |_| ControlFlow::Continue(()),
+    )
     .unwrap();
     assert!(!facts.frequencies.is_empty(), "{name}");
     // A picture as small as the test's has hardly more fragments than vertices; choose as for a large one.
     facts.vertices_per_fragment = Some(0.01);
     let open = Recipe::parse([format!("hoist:budget={budget}")]).unwrap();
-    let chosen = measure::within_budget(gpu(), &scene, &open, &facts, form).unwrap();
+    let chosen = measure::within_budget(
+        &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+        &open,
+        &facts,
+    )
+    .unwrap();
     let report = verified(&scene, &chosen, &facts);
     assert_eq!(report.verdict, Verdict::Holds, "{name}: {chosen}");
     let error = report.error.unwrap();
@@ -105,16 +116,22 @@ fn a_budget_is_kept_on_frames_the_choice_was_not_made_on() {
 #[test]
 fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
     let scene = scene("noise-grid-16");
-    let form = ShaderForm::Text;
     let facts = Facts {
-        frequencies: measure::frequencies(gpu(), &scene, &Facts::default(), form, &mut |_| {
-            ControlFlow::Continue(())
-        })
+        frequencies: measure::frequencies(
+            &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+            &Facts::default(),
+            &mut |_| ControlFlow::Continue(()),
+        )
         .unwrap(),
         ..Facts::default()
     };
     let open = Recipe::parse(["hoist:budget=0.02"]).unwrap();
-    let chosen = measure::within_budget(gpu(), &scene, &open, &facts, form).unwrap();
+    let chosen = measure::within_budget(
+        &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+        &open,
+        &facts,
+    )
+    .unwrap();
     let variant = measure::variant(&measure::originals(&scene), &chosen, &facts);
     let [kept] = &variant.kept[..] else {
         panic!("{:?}", variant.kept)

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use preshade::measure;
+use preshade::measure::Session;
 use preshade::passes::hoist::{self, Hoist};
 use preshade::passes::pass::{Bound, Facts, Frequency, Pass};
 use preshade::render::ShaderForm;
@@ -19,16 +20,22 @@ fn frequencies(name: &str) -> Vec<Frequency> {
 }
 
 fn measured(scene: &Scene) -> Vec<Frequency> {
-    let form = ShaderForm::Text;
-    let found = measure::frequencies(gpu(), scene, &Facts::default(), form, &mut |_| {
-        ControlFlow::Continue(())
-    })
+    let found = measure::frequencies(
+        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+        &Facts::default(),
+        &mut |_| ControlFlow::Continue(()),
+    )
     .unwrap();
     let facts = Facts {
         frequencies: found,
         ..Facts::default()
     };
-    measure::interpolations(gpu(), scene, &facts, form, &mut |_| {}).unwrap()
+    measure::interpolations(
+        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+        &facts,
+        &mut |_| {},
+    )
+    .unwrap()
 }
 
 #[test]

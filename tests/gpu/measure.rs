@@ -5,7 +5,7 @@ use std::time::Duration;
 use glam::{Mat4, Vec3};
 use preshade::measure::error::ulps;
 use preshade::measure::timing::estimate;
-use preshade::measure::{self, CountProgram, Counter, Discarded, TimingSettings};
+use preshade::measure::{self, CountProgram, Counter, Discarded, Session, TimingSettings};
 use preshade::passes::plan::{GpuPass, Plan};
 use preshade::passes::state::{ColorTarget, DepthDirection, DepthFormat};
 use preshade::render::{FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
@@ -147,7 +147,7 @@ fn coplanar_draws_are_ties_and_others_are_not() {
     // Behind another surface a tie decides nothing.
     scene.draws[3].transform = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.75));
     assert_eq!(ties(&scene), 0);
-    let facts = measure::facts(gpu, &scene, ShaderForm::Text, constant).unwrap();
+    let facts = measure::facts(&Session::new(gpu, &scene, ShaderForm::Text).unwrap()).unwrap();
     assert_eq!(facts.depth_ties, Some(0));
 }
 

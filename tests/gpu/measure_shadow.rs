@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use preshade::measure::{self, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade::passes::contract::Verdict;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{GpuPass, Phase};
 use preshade::passes::state::{DepthDirection, DepthFormat};
 use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
-use preshade::report::VariantReport;
 use preshade::scene::{self, Scene};
 
 use crate::render_support::*;
@@ -38,14 +38,18 @@ fn shadow_passes(variant: &mut Variant) -> impl Iterator<Item = &mut GpuPass> {
 
 fn run(scene: &Scene, variant: Variant) -> VariantReport {
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 1,
-        count: &measure::counting,
         command: String::new(),
     };
-    let outcome = verify(gpu(), scene, &[variant], &settings, &mut |_| {}).unwrap();
+    let outcome = verify(
+        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+        &[variant],
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap();
     outcome.report.variants.into_iter().nth(1).unwrap()
 }
 

@@ -3,29 +3,32 @@
 use std::path::Path;
 
 use glam::{Mat4, Vec3};
-use preshade::measure::{self, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::measure::record::{Report, VariantReport};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade::passes::contract::Verdict;
 use preshade::passes::pass::Facts;
 use preshade::passes::state::{Blend, ColorTarget, CompareFunction};
 use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
-use preshade::report::{Report, VariantReport};
 use preshade::scene::{self, Scene};
 
 use crate::render_support::*;
 
 fn run(scene: &Scene, variant: Variant) -> Report {
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 1,
-        count: &measure::counting,
         command: String::new(),
     };
-    verify(gpu(), scene, &[variant], &settings, &mut |_| {})
-        .unwrap()
-        .report
+    verify(
+        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+        &[variant],
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap()
+    .report
 }
 
 fn made_by(scene: &Scene, recipe: &str) -> Variant {

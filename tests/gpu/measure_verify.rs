@@ -3,24 +3,19 @@
 use std::time::Duration;
 
 use preshade::measure::{
-    self, CountProgram, Outcome, Settings, Timed, TimingSettings, Variant, verify,
+    self, Outcome, Session, Settings, Timed, TimingSettings, Variant, record, verify,
 };
 use preshade::passes::contract::{Assumption, Contract, Surface, Turned, Verdict};
-use preshade::passes::plan::{GpuPass, Plan};
+use preshade::passes::plan::Plan;
 use preshade::passes::state::CompareFunction;
 use preshade::render::ShaderForm;
-use preshade::report::{self, table};
+use preshade::report::table;
 use preshade::scene::{DrawOrder, Scene};
 
 use crate::render_support::*;
 
-fn constant(_: &Plan, _: &GpuPass) -> CountProgram {
-    CountProgram::Constant
-}
-
-fn settings() -> Settings<'static> {
+fn settings() -> Settings {
     Settings {
-        form: ShaderForm::Text,
         timed: Timed::Headline,
         timing: TimingSettings {
             budget: Duration::from_millis(40),
@@ -28,7 +23,6 @@ fn settings() -> Settings<'static> {
             ..TimingSettings::default()
         },
         frames_per_camera: usize::MAX,
-        count: &constant,
         command: "preshade verify planes.toml".to_owned(),
     }
 }
@@ -66,13 +60,18 @@ fn three(scene: &Scene) -> Vec<Variant> {
     ]
 }
 
-fn run(scene: &Scene, variants: &[Variant], settings: &Settings<'_>) -> Outcome {
+fn run(scene: &Scene, variants: &[Variant], settings: &Settings) -> Outcome {
     let gpu = gpu();
     let mut done = 0.0;
-    let outcome = verify(gpu, scene, variants, settings, &mut |p| {
-        assert!(p.done >= done && p.done <= 1.0, "{} after {done}", p.done);
-        done = p.done;
-    })
+    let outcome = verify(
+        &Session::new(gpu, scene, ShaderForm::Text).unwrap(),
+        variants,
+        settings,
+        &mut |p| {
+            assert!(p.done >= done && p.done <= 1.0, "{} after {done}", p.done);
+            done = p.done;
+        },
+    )
     .unwrap();
     assert_eq!(done, 1.0);
     outcome
@@ -90,7 +89,7 @@ fn each_variant_gets_its_verdict_and_the_others_stand() {
     assert!(report.is_broken());
     assert_eq!(report.depth_ties, Some(0));
 
-    assert_eq!(original.name, report::ORIGINAL);
+    assert_eq!(original.name, record::ORIGINAL);
     assert_eq!(original.verdict, Verdict::Holds);
     assert_eq!(original.shaded_per_pixel, Some(5.0));
     assert_eq!(original.speedup.unwrap().median, 1.0);
@@ -172,7 +171,7 @@ fn the_table_is_aligned_and_names_what_broke() {
     let mut settings = settings();
     settings.timed = Timed::No;
     let mut variants = three(&scene);
-    variants[0].kept.push(report::Kept {
+    variants[0].kept.push(record::Kept {
         material: "glass".to_owned(),
         why: "blended draws never enter the pre-pass".to_owned(),
     });
@@ -266,7 +265,7 @@ fn every_frame_of_a_path_is_compared_up_to_the_limit() {
     assert_eq!(frames, [0, 0, 2, 2, 4, 4, 6, 6, 8, 8]);
     // Fragments are counted in each of them, and a path has its slow frames told.
     let original = &outcome.report.variants[0];
-    let counted = |v: &report::ViewReport| v.shaded_per_pixel.is_some();
+    let counted = |v: &record::ViewReport| v.shaded_per_pixel.is_some();
     assert!(original.by_view.iter().all(counted));
     let paths: Vec<(DrawOrder, usize)> = original
         .by_path
@@ -302,7 +301,7 @@ fn the_worst_view_is_pictured_where_it_is_not_the_headline() {
     let [unsorted, same] = &outcome.pictures[..] else {
         panic!("{} variants", outcome.pictures.len());
     };
-    let names = |p: &report::Pictures| -> Vec<String> {
+    let names = |p: &record::Pictures| -> Vec<String> {
         p.files().unwrap().into_iter().map(|f| f.name).collect()
     };
     assert_eq!(unsorted.variant, unsorted.original);

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use preshade::front::{self, Options, Source};
-use preshade::measure::{self, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade::passes::contract::Verdict;
 use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
-use preshade::report::VariantReport;
 use preshade::scene::{DrawOrder, Scene};
 
 use crate::metamorphic_support::injection;
@@ -64,7 +64,7 @@ fn injected(scene: &Scene, seed: u64, change: impl Fn(String) -> String) -> (Sce
 
 /// The scene drawn against what recipes make of another one with its draws.
 fn drawn(scene: &Scene, other: &Scene, recipes: &[&str]) -> Vec<VariantReport> {
-    let facts = measure::facts(gpu(), scene, ShaderForm::Text, measure::counting).unwrap();
+    let facts = measure::facts(&Session::new(gpu(), scene, ShaderForm::Text).unwrap()).unwrap();
     let originals = measure::originals(other);
     let as_written = Variant {
         name: "as written".to_owned(),
@@ -76,14 +76,18 @@ fn drawn(scene: &Scene, other: &Scene, recipes: &[&str]) -> Vec<VariantReport> {
     let variants = recipes.map(|r| measure::variant(&originals, &r, &facts));
     let variants: Vec<Variant> = [as_written].into_iter().chain(variants).collect();
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 1,
-        count: &measure::counting,
         command: String::new(),
     };
-    let outcome = verify(gpu(), scene, &variants, &settings, &mut |_| {}).unwrap();
+    let outcome = verify(
+        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+        &variants,
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap();
     outcome.report.variants.into_iter().skip(1).collect()
 }
 

@@ -6,7 +6,7 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Scalar, ShaderStage, Span, Type,
     TypeInner, VectorSize,
 };
-use preshade::measure::{self, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade::passes::contract::Verdict;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role, SamplesPassed};
@@ -327,14 +327,18 @@ fn verify_names_the_fallback_and_leaves_the_verdict_to_the_picture() {
         }
     }
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 1,
-        count: &measure::counting,
         command: String::new(),
     };
-    let outcome = verify(gpu(), &scene, &[held, failed], &settings, &mut |_| {}).unwrap();
+    let outcome = verify(
+        &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+        &[held, failed],
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap();
     let report = outcome.report;
     assert!(!report.is_broken());
     assert_eq!(report.variants[0].self_test, []);

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use preshade::measure::{self, Settings, Timed, TimingSettings};
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade::passes::contract::Verdict;
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
-use preshade::report::VariantReport;
 
 use crate::render_support::gpu;
 
@@ -24,14 +24,18 @@ fn verified(name: &str, recipes: &[&str]) -> Vec<VariantReport> {
     };
     let variants: Vec<_> = recipes.iter().map(variant).collect();
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 2,
-        count: &measure::counting,
         command: String::new(),
     };
-    let outcome = measure::verify(gpu(), &scene, &variants, &settings, &mut |_| {}).unwrap();
+    let outcome = measure::verify(
+        &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+        &variants,
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap();
     outcome.report.variants.into_iter().skip(1).collect()
 }
 

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use preshade::emit;
 use preshade::front::{self, Options, Source};
-use preshade::measure::{self, Settings, Timed, TimingSettings};
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade::passes::contract::Verdict;
 use preshade::passes::graph::Graph;
 use preshade::passes::naga;
@@ -13,7 +14,6 @@ use preshade::passes::plan::Plan;
 use preshade::passes::specialize::Params;
 use preshade::recipe::Recipe;
 use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
-use preshade::report::VariantReport;
 use preshade::scene::{Scene, Value};
 
 use crate::render_support::gpu;
@@ -50,14 +50,18 @@ fn specialized(scene: &Scene, recipe: &str) -> measure::Variant {
 
 fn verified(scene: &Scene, variant: measure::Variant) -> VariantReport {
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 2,
-        count: &measure::counting,
         command: String::new(),
     };
-    let outcome = measure::verify(gpu(), scene, &[variant], &settings, &mut |_| {}).unwrap();
+    let outcome = measure::verify(
+        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+        &[variant],
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap();
     outcome.report.variants.into_iter().nth(1).unwrap()
 }
 

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::measure::{self, Estimate, Outcome, Settings, Timed, TimingSettings};
+use preshade::measure::record::{Budget, Choice, Chosen, SweepReport};
+use preshade::measure::{self, Estimate, Outcome, Session, Settings, Timed, TimingSettings};
 use preshade::passes::pass::Facts;
 use preshade::render::ShaderForm;
-use preshade::report::{Budget, Choice, Chosen, SweepReport};
 use preshade::scene::mesh::Sphere;
 use preshade::scene::{Draw, Frame, Scene};
 use preshade::sweep::Sweep;
@@ -68,14 +68,18 @@ fn drawn() -> (Sweep, Vec<String>, Outcome) {
         .map(|p| measure::variant(&originals, &p.recipe, &facts))
         .collect();
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 1,
-        count: &measure::counting,
         command: String::new(),
     };
-    let outcome = measure::verify(gpu(), &scene, &variants, &settings, &mut |_| {}).unwrap();
+    let outcome = measure::verify(
+        &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+        &variants,
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap();
     let names = variants.into_iter().map(|v| v.name).collect();
     (sweep, names, outcome)
 }
@@ -131,7 +135,7 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
         variant.verdict = preshade::passes::contract::Verdict::NotMeasured {
             why: "every material refuses it".to_owned(),
         };
-        variant.kept = vec![preshade::report::Kept {
+        variant.kept = vec![preshade::measure::record::Kept {
             material: "waves".to_owned(),
             why: "it moves".to_owned(),
         }];
@@ -174,7 +178,7 @@ fn a_budget_leaves_the_fastest_within_it() {
         .map(|v| v.error.as_ref().unwrap().flip_mean)
         .collect();
     let choose = |report: &_, most| {
-        let report: &preshade::report::Report = report;
+        let report: &preshade::measure::record::Report = report;
         let told = Chosen::among(&report.variants, budget(most));
         let said = told.said();
         (told.choice, said)
@@ -192,7 +196,7 @@ fn a_budget_leaves_the_fastest_within_it() {
     assert!(said.contains("the best error is"), "{said}");
     assert!(said.contains(&format!("{:.5}", flip[level_3])), "{said}");
 
-    let speed = |report: &mut preshade::report::Report, speeds: [f64; 3]| {
+    let speed = |report: &mut preshade::measure::record::Report, speeds: [f64; 3]| {
         for (i, variant) in report.variants[1..].iter_mut().enumerate() {
             let median = speeds[i / 3] + 0.01 * (i % 3) as f64;
             variant.speedup = Some(Estimate {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use preshade::measure::verdict::breaks;
-use preshade::measure::{self, Counter, ErrorLadder};
+use preshade::measure::{self, Counter, ErrorLadder, Session};
 use preshade::passes::contract::{Assumption, Contract};
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::{Plan, Role};
@@ -272,7 +272,7 @@ impl<'a> Stage<'a> {
         let host = Host::new(&originals, ShaderForm::Text).unwrap();
         let reference = pictures(inputs, &host).unwrap();
         let scene = inputs.scene();
-        let facts = measure::facts(gpu(), scene, ShaderForm::Text, measure::counting).unwrap();
+        let facts = measure::facts(&Session::new(gpu(), scene, ShaderForm::Text).unwrap()).unwrap();
         Self {
             inputs,
             originals,
@@ -289,11 +289,17 @@ impl<'a> Stage<'a> {
             return (recipe, facts);
         }
         let scene = self.inputs.scene();
-        let found = measure::frequencies(gpu(), scene, &facts, ShaderForm::Text, &mut |_| {
-            ControlFlow::Continue(())
-        });
+        let found = measure::frequencies(
+            &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+            &facts,
+            &mut |_| ControlFlow::Continue(()),
+        );
         facts.frequencies = found.unwrap();
-        let chosen = measure::within_budget(gpu(), scene, &recipe, &facts, ShaderForm::Text);
+        let chosen = measure::within_budget(
+            &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+            &recipe,
+            &facts,
+        );
         (chosen.unwrap(), facts)
     }
 

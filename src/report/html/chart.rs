@@ -1,9 +1,9 @@
-//! The frontier as a picture: error along the bottom, speedup upwards, intervals as whiskers, in SVG that stands in a page.
+//! The frontier as an SVG picture: error to the right, speedup upwards, intervals as whiskers.
 
-use crate::frontier::{Exploration, Fate, Point, explore};
 use crate::report::frontier;
+use crate::search::explore::{self, Exploration, Fate, Point};
 
-/// Width and height in SVG's units, and what labels take on each side.
+/// Width and height in SVG's units, and the margins for labels.
 pub const SIZE: [f64; 2] = [860.0, 420.0];
 const LEFT: f64 = 56.0;
 const RIGHT: f64 = 16.0;
@@ -49,13 +49,13 @@ pub struct Dot {
     pub high: f64,
     /// Whether no other beats it.
     pub frontier: bool,
-    /// What is told of it.
+    /// Its tooltip.
     pub told: String,
     /// Number of its section; `None`: it has none.
     pub section: Option<usize>,
 }
 
-/// Places what was measured; `None` where nothing was.
+/// Maps measurements to the picture. `None`: there are none.
 pub fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
     let error = |p: &Point| Some(explore::of(found.metric, p.error.as_ref()?));
     let measured: Vec<(&Point, f64, crate::measure::Estimate)> = found
@@ -140,12 +140,12 @@ pub fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
     })
 }
 
-/// What a screen can tell apart, in few digits.
+/// A coordinate in few digits.
 fn tenths(at: f64) -> f64 {
     (at * 10.0).round() / 10.0
 }
 
-/// A round step of which four to ten fit.
+/// A round step that fits four to ten times.
 fn step(top: f64) -> f64 {
     let decade = 10_f64.powf((top / 4.0).log10().floor());
     let fits = |f: &f64| top / (f * decade) >= 4.0;
@@ -157,7 +157,7 @@ fn short(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// What is told of a point where it is pointed at.
+/// The tooltip of a point.
 fn told(found: &Exploration, point: &Point) -> String {
     let metric = frontier::metric(found);
     let error = point
