@@ -1,8 +1,11 @@
-//! Depth in the four bytes of an `rgba8unorm` texture, as three.js of 2022 packs it: `packDepthToRGBA` and `unpackRGBAToDepth` of its `packing` chunk. For hosts
-//! that have no depth texture to bind, and for those that have three.js's own.
+//! Depth packed into the four bytes of an `rgba8unorm` texture, as three.js of 2022 does with
+//! `packDepthToRGBA` and `unpackRGBAToDepth` in its `packing` chunk. For hosts without a bindable
+//! depth texture, and for hosts that already have three.js's.
 //!
-//! With `v` the depth, a texel holds the base-256 digits of `v`, the first in alpha: `a = floor(256 v)`, `b = floor(256 fract(256 v))` and so on, each as
-//! `digit / 255`; the last, in red, is rounded. three.js folds a depth of exactly 1 to 255/256: here it is taken for the number before 1.
+//! With `v` as the depth, a texel holds the base-256 digits of `v`, the first in alpha:
+//! `a = floor(256 v)`, `b = floor(256 fract(256 v))` and so on, each as `digit / 255`. The last
+//! digit, in red, is rounded. three.js maps a depth of exactly 1 to 255/256; we use the largest
+//! number below 1.
 
 use naga::{
     Binding, BuiltIn, EntryPoint, Expression, Function, FunctionResult, Handle, Module, Scalar,
@@ -16,16 +19,16 @@ use crate::rebuild::depth_only::Placed;
 use crate::rebuild::place;
 use crate::rebuild::returns;
 
-/// Name of the attachment that holds the packed depth.
+/// Name of the attachment with the packed depth.
 pub const PREPASS_PACKED: &str = "prepass-depth-packed";
 
 /// Format of that attachment.
 pub const FORMAT: &str = "rgba8unorm";
 
-/// The step between two neighbouring depths: that of the last digit.
+/// Distance between adjacent depths: one unit of the last digit.
 pub const STEP: f32 = 1.0 / 4_294_967_296.0;
 
-/// What each channel counts for (`UnpackFactors`): `255/256 / (256^3, 256^2, 256, 1)`.
+/// Weight of each channel (`UnpackFactors`): `255/256 / (256^3, 256^2, 256, 1)`.
 pub const UNPACK: [f32; 4] = [
     255.0 * STEP,
     255.0 / 16_777_216.0,
@@ -33,7 +36,8 @@ pub const UNPACK: [f32; 4] = [
     255.0 / 256.0,
 ];
 
-/// `depth * (256^3, 256^2, 256, 1)` is exact, and so is all else but the last digit. 256/255 is `PackUpscale`.
+/// `depth * (256^3, 256^2, 256, 1)` is exact, and so is everything except the last digit. 256/255
+/// is `PackUpscale`.
 const PACK: &str = "fn pack_depth(depth: f32) -> vec4<f32> {
     let below_one = clamp(depth, 0.0, 0.99999994);
     let shifted = vec4<f32>(fract(below_one * vec3<f32>(16777216.0, 65536.0, 256.0)), below_one);
@@ -42,7 +46,7 @@ const PACK: &str = "fn pack_depth(depth: f32) -> vec4<f32> {
 }
 ";
 
-/// What [`PACK`] and an `rgba8unorm` store make of a depth, in the arithmetic of the shader.
+/// The bytes that [`PACK`] and an `rgba8unorm` store produce, in the shader's arithmetic.
 pub fn stored(depth: f32) -> [u8; 4] {
     let v = depth.clamp(0.0, 0.999_999_94);
     let shifted = [16_777_216.0, 65_536.0, 256.0].map(|factor: f32| (v * factor).fract());
@@ -70,10 +74,11 @@ pub fn target() -> ColorTarget {
     }
 }
 
-/// The depth-only program with a fragment stage, `name` if it had none, that writes the packed depth to location 0 beside whatever it did.
+/// The depth-only program with a fragment stage that also writes the packed depth to location 0.
+/// `name` is the entry point's name if there was none.
 ///
 /// # Errors
-/// When our own text does not parse or link.
+/// Our own text does not parse or link.
 pub fn write(placed: Placed, name: &str) -> Result<Placed, InjectError> {
     let Placed {
         mut module,
@@ -129,7 +134,8 @@ fn empty_fragment(name: &str) -> EntryPoint {
     }
 }
 
-/// Makes an entry point return `pack` of its depth at location 0: of the depth it writes, or of `position`'s.
+/// Makes an entry point return `pack` of its depth at location 0: of its `frag_depth`, or of the
+/// position's depth.
 fn add_target(
     module: &mut Module,
     entry: usize,
@@ -213,7 +219,7 @@ mod tests {
     #[test]
     fn unpacking_stays_within_what_the_tolerance_allows() {
         for i in 0..=100_000_u32 {
-            // Steps that hit neither the digits nor each other's binades alike.
+            // Steps that match neither the digits nor the binades.
             let depth = (i as f32 / 100_000.0).powf(3.7);
             let error = (unpacked(stored(depth)) - depth).abs();
             let allowed = depth * f32::EPSILON * 4.0 + 2.0 * STEP;

@@ -1,4 +1,4 @@
-//! The prologue's text, and its place at the start of a fragment entry point.
+//! The prologue's text, and its insertion at the start of a fragment entry point.
 
 use naga::{
     Binding, BuiltIn, Expression, Function, GlobalVariable, Handle, MathFunction, Module, Scalar,
@@ -17,38 +17,38 @@ pub const TEXTURE: &str = "prepass_depth";
 /// Name of the prologue's function in the emitted module.
 pub const HIDDEN: &str = "hidden_by_prepass";
 
-/// An offset past every file of a source map: our own text has no place in the author's.
+/// A source offset beyond every file: our own text has no place in the author's.
 const NOWHERE: u32 = u32::MAX / 2;
 
-/// Range of a fragment's depth, before it is stored.
+/// Range of a fragment's depth before it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DepthRange {
-    /// The rasteriser clipped it to 0 to 1.
+    /// Clipped to 0..1 by the rasteriser.
     Clipped,
-    /// The shader writes it, or clipping is off: it may be anything, and is clamped.
+    /// Arbitrary, then clamped: the shader writes it, or clipping is off.
     Clamped,
 }
 
-/// What the prologue must know.
+/// The prologue's options.
 #[derive(Clone, Copy, Debug)]
 pub struct Prologue {
     /// Type of the texture.
     pub texture: DepthTexture,
-    /// Samples a pixel of it.
+    /// Samples per pixel.
     pub samples: u32,
     /// Its format.
     pub format: DepthFormat,
-    /// Which way depth grows.
+    /// Forward or reversed depth.
     pub direction: DepthDirection,
-    /// Which lanes leave.
+    /// Which lanes of a quad return early.
     pub quad: Quad,
-    /// Drop hidden fragments, or visible ones.
+    /// Whether to drop hidden fragments or visible ones.
     pub mode: Mode,
-    /// Range of the depths that are compared.
+    /// Range of the compared depths.
     pub range: DepthRange,
     /// A fixed tolerance.
     pub tolerance: Option<f32>,
-    /// Where the texture is bound.
+    /// Binding of the texture.
     pub slot: Slot,
 }
 
@@ -63,7 +63,7 @@ impl Prologue {
             (DepthTexture::Float | DepthTexture::Packed, false) => "texture_2d<f32>",
             (DepthTexture::Float | DepthTexture::Packed, true) => "texture_multisampled_2d<f32>",
         };
-        // Behind every sample: compare with the farthest of them.
+        // A fragment is hidden if it is behind every sample: compare with the farthest.
         let farther = match self.direction {
             DepthDirection::Forward => "max",
             DepthDirection::Reversed => "min",
@@ -76,8 +76,9 @@ impl Prologue {
             DepthDirection::Forward => "depth > nearest + tolerance",
             DepthDirection::Reversed => "depth < nearest - tolerance",
         };
-        // A fine derivative is the difference of two neighbouring lanes, so a lane less its magnitude is 1 only where both are. Where a language has
-        // coarse ones only the vote may be wrong about a neighbour, but never about the lane itself.
+        // A fine derivative is the difference of two adjacent lanes, so a lane minus its magnitude
+        // is 1 only if both are. With coarse derivatives the vote may be wrong about a neighbour,
+        // but never about the lane itself.
         let (vote, hidden) = match self.quad {
             Quad::Lane => ("", "behind"),
             Quad::Vote => (
@@ -118,9 +119,11 @@ fn {HIDDEN}(position: vec4<f32>, depth: f32) -> bool {{
         }
     }
 
-    /// How far behind is surely behind: what the format rounds away, what two pipelines may make of one position (a few steps of the mantissa, and 1/64 of a
-    /// pixel along the slope: four of the rasteriser's 1/256 subpixel steps), and under MSAA the half pixel between centre and sample. Packing adds its last
-    /// digit, and the rounding of four bytes, four products and three sums.
+    /// The distance that proves a fragment hidden. It covers the format's rounding, the difference
+    /// between two pipelines' positions (a few steps of the mantissa, and 1/64 pixel along the
+    /// slope: four of the rasteriser's 1/256 subpixel steps), and with MSAA the half pixel between
+    /// centre and sample. Packing adds its last digit and the rounding of four bytes, four products
+    /// and three sums.
     fn tolerance_wgsl(&self) -> String {
         if let Some(fixed) = self.tolerance {
             return format!("let tolerance = f32({fixed:?});");
@@ -148,11 +151,12 @@ fn {HIDDEN}(position: vec4<f32>, depth: f32) -> bool {{
 }
 
 impl Prologue {
-    /// `module` with the prologue called first thing in the fragment entry point `entry`. `depth` computes the depth that the material writes;
-    /// without one it is the rasteriser's. The derivatives of `taken` ([`gradients::find`]) are taken ahead of it.
+    /// `module` with a call of the prologue at the start of the fragment entry point `entry`.
+    /// `depth` computes the material's depth; without it the rasteriser's depth is used. The
+    /// derivatives in `taken` ([`gradients::find`]) are evaluated before the prologue.
     ///
     /// # Errors
-    /// When our own text does not parse or link.
+    /// Our own text does not parse or link.
     pub fn inject(
         &self,
         module: Module,
@@ -189,7 +193,7 @@ impl Prologue {
                     index: 2,
                 })
             });
-            // What is written, or not clipped, is clamped before it is stored.
+            // A written or unclipped depth is clamped before it is stored.
             let depth = match self.range {
                 DepthRange::Clipped => depth,
                 DepthRange::Clamped => build.expression(Expression::Math {
@@ -209,10 +213,10 @@ impl Prologue {
     }
 }
 
-/// `module` with a snippet of ours, and the snippet's one function.
+/// Links one of our snippets into `module` and returns the snippet's function.
 ///
 /// # Errors
-/// When it does not parse or link.
+/// It does not parse or link.
 pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Function>), InjectError> {
     let snippet =
         naga::front::wgsl::parse_str(wgsl).map_err(|e| InjectError(e.message().to_owned()))?;
@@ -224,7 +228,7 @@ pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Functi
     }
 }
 
-/// A private variable, and what it holds here.
+/// A private variable and its saved value.
 fn save(
     build: &mut Builder<'_>,
     variable: Handle<GlobalVariable>,
@@ -249,7 +253,7 @@ fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> 
     }
 }
 
-/// A snippet of ours that does not parse: a bug.
+/// One of our snippets does not parse: a bug.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct InjectError(pub(super) String);

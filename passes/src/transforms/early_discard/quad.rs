@@ -1,4 +1,4 @@
-//! What stands against lanes that leave one by one, and against a vote.
+//! Obstacles to an early return of single lanes, and to a vote.
 
 use naga::{Expression, ShaderStage, Statement};
 
@@ -10,8 +10,8 @@ use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::gradients;
 
-/// Why lanes may not leave one by one: a derivative that cannot be taken first, a rounding of one that would decide coverage, or no word on how far it
-/// may round.
+/// Why single lanes must not return: a derivative that cannot be evaluated first, a rounded
+/// derivative that decides coverage, or no budget for the rounding.
 pub fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<Refusal> {
     const VOTE: &str =
         "take quad=vote, which leaves only when the whole quad is behind and touches no sample";
@@ -39,7 +39,7 @@ pub fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<
             && decides.root().kept.expressions[e.index()].is_some()
     });
     let Some(sample) = coverage else {
-        // A diagnostic picture differs everywhere and promises nothing.
+        // A diagnostic picture differs everywhere and has no contract.
         let unsaid = params.budget.is_none() && params.mode == Mode::Cull;
         let first = taken.first().filter(|_| unsaid)?;
         return Some(refuse(
@@ -58,8 +58,9 @@ pub fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<
     ))
 }
 
-/// Whether the main pass of `plan` lets the lanes of a quad vote for the sake of their neighbours: it takes a derivative or an implicit level of detail behind the
-/// vote. A language without fine derivatives cannot keep that promise.
+/// Whether the quads of the main pass vote to keep their lanes alive for derivatives or
+/// implicit-LOD samples behind the prologue. A language without fine derivatives cannot express
+/// this vote.
 pub fn vote_shields_derivatives(plan: &Plan) -> bool {
     let votes = plan
         .steps

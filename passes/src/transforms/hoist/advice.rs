@@ -1,4 +1,4 @@
-//! What to say where nothing pays: the one thing that would let a value travel, or that there is none.
+//! The remedy if nothing pays: the one relaxation that would help, or that there is none.
 
 use super::choose::{self, Terms};
 use super::travel::{self, Assumed, Class, Judged, Jumps, Precision};
@@ -6,27 +6,29 @@ use super::{Hoist, Material, Params};
 use crate::analysis::values::Values;
 use crate::core::pass::{Facts, Pass, Refusal};
 
-/// What would let a value travel where none does. It is chosen among what all of these together would let travel, so that following the advice comes to an end.
+/// The one relaxation under which a value could move. We choose it under all relaxations together,
+/// so that following the advice terminates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Advice {
     /// A budget.
     Budget,
-    /// A budget, where the author has asked for a promise that needs none.
+    /// A budget; the author asked for a contract that needs none.
     Allow,
-    /// Values at vertices taken for finite: by the author's word, or as measured.
+    /// Treat values at vertices as finite: by assumption or by measurement.
     Finite,
-    /// Values that rest on what jumps taken for smooth, in the same ways.
+    /// Treat values that depend on a discontinuity as smooth: by assumption or by measurement.
     Jumps,
-    /// A larger error than the one allowed, for some were measured.
+    /// A larger error limit; some values were measured.
     Error,
-    /// A choice anew.
+    /// A new choice of values.
     Choice,
-    /// Nothing: with all of these no value pays.
+    /// Nothing: no value pays under all relaxations together.
     Nothing,
 }
 
 impl Advice {
-    /// For a material of which nothing travels under `params` and `facts`. `all` and `judged` are the verdicts under [`Assumed::ALL`], and those that nothing travels under.
+    /// The advice for a material without movable values under `params` and `facts`. `all` and
+    /// `judged` are the verdicts under [`Assumed::ALL`] and the current ones.
     pub(super) fn on(
         values: &Values<'_, '_>,
         material: &Material<'_>,
@@ -60,7 +62,7 @@ impl Advice {
             _ if params.carry.is_some() => Self::Choice,
             Class::Smooth if was_measured => Self::Error,
             weakest if weakest != Class::Smooth && params.allow.is_some() => Self::Allow,
-            // No choice and no measurement stand behind them here.
+            // No choice and no measurement apply here.
             weakest if weakest != Class::Smooth && pays(judged) => Self::Budget,
             _ if params.jumps == Jumps::Stay && pays(&under(carried)) => Self::Jumps,
             _ => Self::Finite,

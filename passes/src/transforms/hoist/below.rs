@@ -1,6 +1,7 @@
-//! What computing values costs, all they rest on included.
+//! The cost of values including everything they depend on.
 //!
-//! What values share is counted once for each, so that such a cost cannot be had from the costs of the operands: it takes a walk over all that is below.
+//! Shared operands count once per value, so this cost is not a sum over operands; it needs a walk
+//! over all dependences.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +10,8 @@ use crate::analysis::reach::with_operands;
 use crate::analysis::users::Users;
 use crate::analysis::values::{Node, ValueId, Values};
 
-/// Cost of computing values and all they rest on, each once, and the inputs among that.
+/// The cost of values and all their dependences, each counted once, and the inputs among the
+/// dependences.
 pub fn below(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> (f64, Vec<usize>) {
     let held = with_operands(values, of.collect());
     let (mut cost, mut inputs) = (0.0, Vec::new());
@@ -23,9 +25,11 @@ pub fn below(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> (f64
     (cost, inputs)
 }
 
-/// The dearest of some values, and what each costs by itself ([`below`]): all that are among the `most` dearest and cost more than `least`, and perhaps others; in no order.
+/// The most expensive values and the cost of each ([`below`]), in no order. The result contains all
+/// of the `most` most expensive ones that cost more than `least`, and perhaps others.
 ///
-/// A value costs no more than any that rests on it. So those near the outputs are looked at first, and what is below them no farther than it may still be among the dearest.
+/// A value costs no more than any of its users. We therefore start near the outputs and go down
+/// only while a value may still be among the most expensive.
 pub fn dearest(
     values: &Values<'_, '_>,
     of: &[ValueId],
@@ -45,7 +49,8 @@ pub fn dearest(
             .get(most.saturating_sub(1))
             .map_or(least, |(_, cost)| cost.max(least));
         left.retain(|at| bounds[*at] > enough);
-        // The dearest first. Of those that may be as dear, the callers' values: what a call returns bounds all that is computed in it. Then whoever rests on the others.
+        // Most expensive first. Among equals, callers' values first, because a call's result bounds
+        // everything computed in it; then users before operands.
         left.sort_by(|a, b| {
             let dearer = bounds[*b].total_cmp(&bounds[*a]);
             dearer.then_with(|| (depths[*a], *a).cmp(&(depths[*b], *b)))
@@ -59,18 +64,19 @@ pub fn dearest(
     found.iter().map(|(at, cost)| (order[*at], *cost)).collect()
 }
 
-/// Walks downwards from up to [`Above::MOST`] values at once. Values go by their place in an order in which users come before operands, but for those of a circle: what a walk reads next lies next.
+/// Walks from up to [`Above::MOST`] values at once. Values are numbered with users before operands,
+/// except in cycles, so that a walk reads memory in order.
 struct Walk<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     order: Vec<ValueId>,
     place: Vec<usize>,
-    /// By place: the places of the operands.
+    /// Operands by position.
     operands: Users,
-    /// By place: what each costs, apart from its operands.
+    /// Cost by position, without operands.
     own: Vec<f64>,
-    /// By place: which of those walked from rest on it.
+    /// By position: which of the starting values depend on it.
     resting: Vec<Above>,
-    /// Bits by place: whether any does.
+    /// Bitset by position: whether any starting value depends on it.
     reached: Vec<u64>,
 }
 
@@ -97,7 +103,7 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
         }
     }
 
-    /// By place, how many calls lead to each.
+    /// Number of calls that lead to each value, by position.
     fn depths(&self) -> Vec<u32> {
         let depth = |id: &ValueId| match self.values.values[*id].node {
             Node::Input(_) => 0,
@@ -108,7 +114,7 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
         self.order.iter().map(depth).collect()
     }
 
-    /// By place, what each costs at most: what it was found to, or the least of what its users may.
+    /// Upper bound of each cost, by position: the known cost, or the smallest bound of a user.
     fn bounds(&self, found: &[(usize, f64)]) -> Vec<f64> {
         let mut bounds = vec![f64::INFINITY; self.order.len()];
         for (at, cost) in found {
@@ -122,17 +128,17 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
         bounds
     }
 
-    /// What each of some values costs; they are given by place, in ascending order.
+    /// The cost of each value; `some` has their positions in ascending order.
     fn costs(&mut self, some: &[usize]) -> Vec<f64> {
         let reach = |reached: &mut [u64], at: usize| reached[at / 64] |= 1 << (at % 64);
-        // Operands stand behind, but those of a circle: what is reached lies between these.
+        // Operands follow their users, except in cycles, so all reached values are in this range.
         let mut from = some.first().copied().unwrap_or_default();
         let mut last = some.last().copied().unwrap_or_default();
         for (bit, at) in some.iter().enumerate() {
             self.resting[*at].insert(bit);
             reach(&mut self.reached, *at);
         }
-        // A circle is passed again until nothing changes: as often as loops are nested.
+        // Repeat cycles until nothing changes, which takes as many rounds as loops are nested.
         let mut changed = true;
         while std::mem::take(&mut changed) {
             let mut at = from;
@@ -148,7 +154,7 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
                 at = next + 1;
             }
         }
-        // Parts that the same ones rest on are added up before they are counted.
+        // Add up parts with the same dependents before counting them.
         let mut shared: BTreeMap<Above, f64> = BTreeMap::new();
         let mut at = from;
         while let Some(next) = next_set(&self.reached[..=last / 64], at) {
@@ -170,7 +176,7 @@ impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
     }
 }
 
-/// Which of some values rest on one.
+/// The set of starting values that depend on a value.
 #[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 struct Above([u64; 8]);
 
@@ -181,7 +187,7 @@ impl Above {
         self.0[bit / 64] |= 1 << (bit % 64);
     }
 
-    /// Takes in all of `other`; whether any was new.
+    /// Adds `other`; returns whether the set grew.
     fn join(&mut self, other: &Self) -> bool {
         let mut new = 0;
         for (mine, more) in self.0.iter_mut().zip(other.0) {
@@ -197,7 +203,7 @@ impl Above {
     }
 }
 
-/// The first bit that is set from `from` on.
+/// The first set bit from `from` on.
 fn next_set(words: &[u64], from: usize) -> Option<usize> {
     let first = words.get(from / 64)? & (u64::MAX << (from % 64));
     if first != 0 {
@@ -219,7 +225,7 @@ mod tests {
     use crate::core::program::{Language, Program};
     use crate::graph::Graph;
 
-    /// Statements that each use two of the values before, some of them in loops.
+    /// Statements that each use two earlier values, some in loops.
     fn program(statements: usize) -> Program {
         let mut text = String::from(
             "@fragment fn fs(@location(0) a: f32) -> @location(0) vec4<f32> {\nvar x = a;\nlet v0 = a * 2.0;\n",

@@ -1,4 +1,4 @@
-//! Which values might be carried as approximations, and which of them may after they were measured.
+//! Values that may be interpolated approximately, and those that measurements allow.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,7 +13,8 @@ use crate::core::program::{Location, SourceMap};
 use crate::graph::FunctionId;
 use crate::slice::{self, Criterion};
 
-/// How each value may travel, as far as the code shows it and what was measured allows it. `all` is [`travel::judge`]'s.
+/// How each value may move according to the code and the measurements. `all` are the verdicts of
+/// [`travel::judge`].
 pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &Material<'_>,
@@ -47,7 +48,7 @@ pub(super) fn judge(
     }
 }
 
-/// Of values that may travel as approximations those of these ids alone.
+/// Keeps only the approximations with these ids.
 fn as_chosen(
     values: &Values<'_, '_>,
     all: &Judged,
@@ -73,7 +74,7 @@ fn as_chosen(
     }
 }
 
-/// Of values that may travel as approximations those that were measured to keep the threshold.
+/// Keeps only the approximations whose measured error is within the threshold.
 fn as_measured(
     values: &Values<'_, '_>,
     assumed: &[Verdict],
@@ -89,7 +90,7 @@ fn as_measured(
         }
         match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
             Some(f) if !f.is_finite() => *verdict = Err(Stays::MeasuredNotFinite),
-            // A NaN keeps no threshold.
+            // A NaN exceeds every threshold.
             Some(f) if params.metric.of(f) <= threshold => {}
             Some(f) => {
                 *verdict = Err(Stays::Measured {
@@ -106,27 +107,29 @@ pub(super) fn is_smooth(verdict: &Verdict) -> bool {
     matches!(verdict, Ok(c) if c.class == Class::Smooth)
 }
 
-/// A value that might be carried as an approximation.
+/// A value that may be interpolated approximately.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// Names it among the values of its fragment stage, stably: the hash of what computes it, and the chain of calls.
+    /// Stable id among the values of its fragment stage: a hash of its computation and the chain of
+    /// calls.
     pub id: String,
-    /// The author's name for it, or what it is.
+    /// The author's name, or a description.
     pub name: String,
-    /// Static cost of computing it, all it rests on included.
+    /// Static cost including all dependences.
     pub cost: f64,
     /// Where it is in the author's source.
     pub location: Option<Location>,
 }
 
-/// Most candidates that are looked at, the dearest first.
+/// Most candidates to examine, most expensive first.
 pub const MOST_CANDIDATES: usize = 48;
 
-/// The values of a plan's fragment stage that might be carried as approximations, the dearest first. Of `facts` the ranges count: what is affine travels under a stronger
-/// promise where they show that its roundings stay small.
+/// The values of a plan's fragment stage that may be interpolated approximately, most expensive
+/// first. Only the ranges in `facts` matter: with them, affine values with small rounding errors
+/// qualify for a stronger contract.
 ///
 /// # Errors
-/// Where nothing can be hoisted at all.
+/// Nothing can be hoisted.
 pub fn candidates(plan: &Plan, facts: &Facts) -> Result<Vec<Candidate>, Box<Refusal>> {
     let stages = Stages::of(plan)?;
     let graph = stages.graph();
@@ -134,7 +137,7 @@ pub fn candidates(plan: &Plan, facts: &Facts) -> Result<Vec<Candidate>, Box<Refu
     Ok(candidates.list().cloned().collect())
 }
 
-/// What each candidate is, as shown.
+/// Name and place of each candidate.
 pub(super) fn describe(
     values: &Values<'_, '_>,
     verdicts: &[Verdict],
@@ -158,7 +161,7 @@ pub(super) fn describe(
         .collect()
 }
 
-/// At most `most` values that may travel as approximations, the dearest first, and what each costs.
+/// At most `most` approximable values, most expensive first, with their costs.
 fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict], most: usize) -> Vec<(ValueId, f64)> {
     let width = |v| choose::shape(values, v).map(|(_, w)| w);
     let users = values.users();
@@ -166,13 +169,14 @@ fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict], most: usize) -> Vec<(V
         .filter(|v| is_smooth(&verdicts[*v]))
         .collect();
     let price = |v| choose::SMOOTH_PRICE * f64::from(width(v).unwrap_or(1));
-    // Names of one value are told apart below: more of them than are wanted.
+    // Several names of one value are merged below, so start with more.
     let mut looked_at = 4 * most;
     loop {
         let costs = below::dearest(values, &smooth, looked_at, choose::SMOOTH_PRICE);
         let costs = costs.into_iter().filter(|(v, cost)| *cost > price(*v));
         let costs: BTreeMap<ValueId, f64> = costs.collect();
-        // Of the names of one value the last: a call's result rather than what the callee returns.
+        // Of several names for one value keep the last: a call's result rather than the callee's
+        // return value.
         let is_last = |v: ValueId, cost: f64| {
             !users[v]
                 .iter()
@@ -189,10 +193,10 @@ fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict], most: usize) -> Vec<(V
     }
 }
 
-/// Longest piece of source that names a value, in characters.
+/// Longest source snippet as a name, in characters.
 const LONGEST_NAME: usize = 32;
 
-/// The author's text for an expression, on one line, its end left out where it is long.
+/// The author's text of an expression on one line, truncated.
 fn snippet(sources: &SourceMap, at: &Location) -> Option<String> {
     let file = sources.files().iter().find(|f| f.name == at.file)?;
     let text = file
@@ -206,10 +210,12 @@ fn snippet(sources: &SourceMap, at: &Location) -> Option<String> {
     })
 }
 
-/// Most values whose ids are compared with those of a choice. It was made among the dearest of the author's plan, of which another pass may have moved some back.
+/// Most values whose ids are compared with those of a choice. The choice was made on the author's
+/// plan; another pass may have changed the order since.
 const MOST_COMPARED: usize = 4 * MOST_CANDIDATES;
 
-/// The values of these ids among the dearest that may travel as approximations. Ids of none of them are another material's.
+/// The approximable values with these ids among the most expensive. Missing ids belong to other
+/// materials.
 pub(super) fn find(
     values: &Values<'_, '_>,
     verdicts: &[Verdict],
@@ -217,7 +223,7 @@ pub(super) fn find(
 ) -> BTreeMap<ValueId, String> {
     let mut found = BTreeMap::new();
     let mut missing = wanted.clone();
-    // An id is a hash of all that computes a value: no more of them than it takes.
+    // Ids hash the whole computation, so compute only as many as needed.
     for some in dearest(values, verdicts, MOST_COMPARED).chunks(MOST_CANDIDATES) {
         if missing.is_empty() {
             break;
@@ -232,7 +238,7 @@ pub(super) fn find(
     found
 }
 
-/// Stable names of values.
+/// Stable ids of values.
 fn ids(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> BTreeMap<ValueId, String> {
     let graph = values.graph;
     let mut hashes: BTreeMap<(FunctionId, naga::Handle<naga::Expression>), String> =

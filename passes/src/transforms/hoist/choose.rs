@@ -1,4 +1,5 @@
-//! The choice of what to hoist: minimum cuts over a sweep of what transport costs, the best of those that fit.
+//! Chooses the values to hoist: minimum cuts over a sweep of transport prices, and the best cut
+//! that fits.
 
 use std::borrow::Cow;
 
@@ -11,56 +12,57 @@ use super::travel::{Carriage, Class, Judged, Verdict};
 use crate::analysis::values::{Node, Value, ValueId, Values};
 use crate::graph::rate::Interpolated;
 
-/// What interpolating a component costs a fragment, in the units of [`crate::graph::cost`]: NVIDIA's interpolators run at a quarter of the rate of
-/// multiply-adds, others spend two of these and a load.
+/// Cost of interpolating a component per fragment, in the units of [`crate::graph::cost`]. NVIDIA
+/// interpolates at a quarter of the multiply-add rate; others need two multiply-adds and a load.
 pub const SMOOTH_PRICE: f64 = 4.0;
-/// What reading a flat component costs a fragment.
+/// Cost of reading a flat component per fragment.
 pub const FLAT_PRICE: f64 = 3.0;
 
 /// `maxInterStageShaderVariables` of every WebGPU device.
 pub const MOST_VARYINGS: usize = 16;
 
-/// Multiples of the price of transport that are tried: the dearer it is, the fewer values are carried.
+/// Multiples of the transport price to try. Higher prices move fewer values.
 const SWEEP: [f64; 10] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 16.0, 32.0, 64.0];
 
-/// What may travel, and what weighs what.
+/// The restrictions and weights of a choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Terms {
-    /// The weakest class that may travel.
+    /// The weakest allowed class.
     pub weakest: Class,
-    /// Vertices shaded for each fragment shaded.
+    /// Vertices shaded per fragment shaded.
     pub vertices_per_fragment: f64,
-    /// Least part of the fragment stage's cost that has to be saved.
+    /// The smallest fraction of the fragment stage's cost that must be saved.
     pub worthwhile: f64,
 }
 
-/// What to hoist.
+/// The values to hoist.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// Values computed in the vertex stage.
+    /// Values to compute in the vertex stage.
     pub carried: Vec<(ValueId, Carriage)>,
-    /// Where they travel; parts index `carried`.
+    /// Their varyings; parts index `carried`.
     pub slots: Vec<Slot>,
-    /// Varyings of the author's that the fragment stage still reads, by index in the order of [`Values::inputs`].
+    /// The author's varyings that the fragment stage still reads, as indices of [`Values::inputs`].
     pub kept: Vec<usize>,
-    /// Varyings that what is hoisted reads.
+    /// Varyings that the hoisted work reads.
     pub read: Vec<usize>,
-    /// Static cost of the fragment stage before, transport included.
+    /// Static cost of the fragment stage before, including transport.
     pub before: f64,
-    /// After.
+    /// The same after hoisting.
     pub after: f64,
-    /// Static cost of what the vertex stage computes in addition.
+    /// Static cost of the additional work in the vertex stage.
     pub vertex: f64,
 }
 
 impl Choice {
-    /// The weakest class among what is carried.
+    /// The weakest class among the moved values.
     pub fn class(&self) -> Option<Class> {
         self.carried.iter().map(|(_, c)| c.class).max()
     }
 }
 
-/// The cheapest thing to hoist of which the roundings change an output by `most` at most; `None` where nothing pays.
+/// The cheapest choice whose rounding errors change an output by at most `most`; `None` if nothing
+/// pays.
 pub fn choose(
     values: &Values<'_, '_>,
     judged: &Judged,
@@ -97,11 +99,11 @@ pub fn choose(
     best.map(|(_, choice)| choice)
 }
 
-/// One value carried, whether that pays or not; `None` where it does not fit.
+/// Moves one value whether or not it pays; `None` if it does not fit.
 pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option<Choice> {
     let mut items = items(values, verdicts, |_| false);
     let before = total(&items, &cut::minimum(&items, &values.roots)?);
-    // It cannot be computed in the fragment stage, like an incoming varying.
+    // As with an incoming varying, the fragment stage cannot compute it.
     items[id] = Item {
         cost: None,
         price: Some(0.0),
@@ -111,7 +113,7 @@ pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option
     cut_at(values, verdicts, &items, &cut, before)
 }
 
-/// What a cut carries, packed; `None` where that is nothing, or does not fit.
+/// The packed values of a cut; `None` if the cut is empty or does not fit.
 fn cut_at(
     values: &Values<'_, '_>,
     verdicts: &[Verdict],
@@ -164,14 +166,14 @@ fn cut_at(
     })
 }
 
-/// What a fragment pays under a cut: transport, and what it computes.
+/// The cost per fragment of a cut: transport plus remaining computation.
 fn total(items: &[Item<'_>], cut: &Cut) -> f64 {
     let transport: f64 = cut.carried.iter().filter_map(|id| items[*id].price).sum();
     let computed = (0..items.len()).filter(|i| cut.computed[*i]);
     transport + computed.filter_map(|i| items[i].cost).sum::<f64>()
 }
 
-/// The values as what a cut chooses from.
+/// The values as items of the cut problem.
 fn items<'v>(
     values: &'v Values<'_, '_>,
     verdicts: &[Verdict],
@@ -192,7 +194,8 @@ fn items<'v>(
                 let price = carriage.and_then(|c| {
                     let (_, width) = shape(values, id)?;
                     let flat = c.interpolated == Interpolated::Flat;
-                    // Of two names for one value, the one in the outermost function: it is carried without a copy of the callee.
+                    // Of two names for one value prefer the outermost function's: it needs no copy
+                    // of the callee.
                     let depth = values
                         .expression(id)
                         .map(|(c, ..)| values.contexts[c].depth);
@@ -223,7 +226,7 @@ fn components(ty: &TypeInner) -> f64 {
     }
 }
 
-/// Scalar kind and number of components of a value that is a scalar or a vector.
+/// Scalar kind and number of components of a scalar or vector value.
 pub fn shape(values: &Values<'_, '_>, id: ValueId) -> Option<(naga::ScalarKind, u8)> {
     let (context, e, _) = values.expression(id)?;
     match values.function(context).ty(values.graph.module(), e) {

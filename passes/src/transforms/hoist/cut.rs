@@ -1,23 +1,26 @@
-//! What to carry and what to compute: a minimum cut.
+//! Decides which values to interpolate and which to compute: a minimum cut.
 //!
-//! Each value `v` has two nodes: `N(v)`, it is needed in the fragment stage, and `F(v)`, it is computed there.
+//! Each value `v` has two nodes: `N(v)`, needed in the fragment stage, and `F(v)`, computed there.
 //!
 //! ```text
-//! source ──∞──▶ N(root)          what is observed is needed
-//! N(v) ──price──▶ F(v)           cut: v comes in a varying            (∞ where it may not travel)
-//! F(v) ──cost──▶ sink            cut: v is computed in each fragment  (∞ for what no fragment can compute)
-//! F(v) ──∞──▶ N(operand)         whoever computes v needs its operands
+//! source ──∞──▶ N(root)          the observed values are needed
+//! N(v) ──price──▶ F(v)           cut: v comes in a varying            (∞ if it must not move)
+//! F(v) ──cost──▶ sink            cut: v is computed in each fragment  (∞ if no fragment can compute it)
+//! F(v) ──∞──▶ N(operand)         computing v needs its operands
 //! ```
 //!
-//! A finite cut is a choice of transports and computations that gives every root; the least one is the cheapest such choice. A value that several others
-//! need pays once, and computing a cheap value again beside a carried one is free to win. This differs from the one post-dominator an input of
-//! Mesa's `nir_opt_varyings`: three inputs of which two sums are needed are carried as the two sums.
+//! A finite cut is a choice of transports and computations that provides every root, and the
+//! minimum cut is the cheapest one. A value with several users pays once. It may be cheaper to
+//! compute a value again beside an interpolated one, and the cut finds that too. Mesa's
+//! `nir_opt_varyings` allows one post-dominator per input; here, two needed sums of three inputs
+//! become two varyings.
 //!
-//! Operands may be circular, as in a loop: then none of the circle is computed without all of it.
+//! Operands may form cycles, as in loops. Then the whole cycle is computed or none of it.
 //!
-//! Of a shader's values most may not travel. What they do to the choice is known ahead of any flow: from a root down to the first values that may, all is
-//! computed in any case; whoever needs a value that may not computes it, and where that is one value only, the two are one node; and what rests on an
-//! input that is not there cannot be computed at all. The flow is left with the values that may travel, and what several of them share.
+//! Most of a shader's values must not move. We contract them before computing a flow. From a root
+//! down to the first movable values, everything is computed anyway. A value that must not move
+//! belongs to its user; if it has only one, the two share a node. A value that depends on a missing
+//! input cannot be computed. The flow handles only the movable values and their shared operands.
 
 use std::borrow::Cow;
 
@@ -29,40 +32,42 @@ use crate::analysis::users::Users;
 /// A value in the cut problem.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Item<'a> {
-    /// What computing it costs a fragment, apart from its operands; `None` for what no fragment can compute.
+    /// Cost per fragment without operands; `None` if no fragment can compute it.
     pub cost: Option<f64>,
-    /// What carrying it costs a fragment; `None` for what may not travel.
+    /// Transport price per fragment; `None` if it must not move.
     pub price: Option<f64>,
-    /// Items it is computed from.
+    /// Items that it is computed from.
     pub operands: Cow<'a, [usize]>,
 }
 
 /// The cheapest choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {
-    /// Items that come in varyings, in ascending order.
+    /// Items in varyings, in ascending order.
     pub carried: Vec<usize>,
-    /// Whether each item is computed in the fragment stage.
+    /// Whether the fragment stage computes each item.
     pub computed: Vec<bool>,
-    /// What both cost together, in the units of the items.
+    /// Total cost in the units of the items.
     pub cost: f64,
 }
 
-/// Capacities are whole numbers, so that the flow is exact: costs are rounded to this part of a unit.
+/// Capacities are integers, so that the flow is exact. Costs are rounded to this fraction of a
+/// unit.
 const RESOLUTION: f64 = 4096.0;
 
 fn capacity(cost: f64) -> u64 {
     (cost.clamp(0.0, 1e9) * RESOLUTION).round() as u64
 }
 
-/// The cheapest way to have every one of `roots`; `None` where there is none: a root may not travel and rests on what no fragment can compute.
-/// Among equally cheap ways the one that computes least is taken.
+/// The cheapest way to provide every root; `None` if there is none, because a root must not move
+/// and depends on a value that no fragment can compute. Among equally cheap ways, the one that
+/// computes least.
 pub fn minimum(items: &[Item<'_>], roots: &[usize]) -> Option<Cut> {
     sweep(items, roots, &[1.0])?.pop()
 }
 
-/// The cheapest ways, one for each multiple of the prices; these in ascending order. `None` as of [`minimum`]: what there is to choose from is the same at
-/// any price.
+/// The cheapest ways for each multiple of the prices, in ascending order. `None` as in [`minimum`];
+/// it does not depend on the price.
 pub fn sweep(items: &[Item<'_>], roots: &[usize], multiples: &[f64]) -> Option<Vec<Cut>> {
     let mut network = Contracted::new(items, roots)?;
     Some(multiples.iter().map(|m| network.cut(items, *m)).collect())
@@ -71,21 +76,22 @@ pub fn sweep(items: &[Item<'_>], roots: &[usize], multiples: &[f64]) -> Option<V
 const SOURCE: usize = 0;
 const SINK: usize = 1;
 
-/// The network of a problem, in which nodes that no finite cut parts are one: of a shader most values may not travel, and go with whoever needs them.
+/// The network after contracting nodes that no finite cut separates: most values must not move and
+/// join their users.
 struct Contracted {
     network: Network,
-    /// The node of `N(item)`; `None` where nobody may need it.
+    /// The node of `N(item)`; `None` if nobody needs it.
     needed: Vec<Option<usize>>,
     /// The node of `F(item)`.
     computed: Vec<Option<usize>>,
-    /// Items with a price that may be cut: its arc, and the capacity that it has so far.
+    /// Items with a price that may be cut: the arc and its current capacity.
     prices: Vec<(usize, usize, u64)>,
-    /// What is computed in any case costs this.
+    /// Cost of the values that are always computed.
     base: u64,
     flow: u64,
 }
 
-/// More than all that may flow.
+/// More than any possible flow.
 const INFINITE: u64 = u64::MAX / 4;
 
 impl Contracted {
@@ -119,7 +125,7 @@ impl Contracted {
             let need = match above.next() {
                 _ if of_source[item] => SOURCE,
                 _ if impossible[item] && items[item].price.is_none() => SINK,
-                // It is needed where its only user is computed, or all of its users are one.
+                // Its only user decides, or all of its users share a node.
                 Some(Some(first)) if above.all(|node| node == Some(first)) => first,
                 _ => fresh(),
             };
@@ -214,7 +220,7 @@ impl Contracted {
     }
 }
 
-/// The items that each is an operand of, among some.
+/// The users of each item, among some.
 fn users(items: &[Item<'_>], among: &[usize]) -> Users {
     let operands = |item: &usize| {
         items[*item]
@@ -226,7 +232,7 @@ fn users(items: &[Item<'_>], among: &[usize]) -> Users {
     Users::new(items.len(), among.iter().flat_map(operands))
 }
 
-/// Items that no fragment can compute: not by themselves, or they rest on such that may not travel either.
+/// Items that no fragment can compute: neither by themselves nor from operands that must not move.
 fn impossible(items: &[Item<'_>], users: &Users) -> Vec<bool> {
     let mut impossible = vec![false; items.len()];
     let mut stack: Vec<usize> = (0..items.len())
@@ -240,7 +246,7 @@ fn impossible(items: &[Item<'_>], users: &Users) -> Vec<bool> {
     impossible
 }
 
-/// Items that are computed whatever is carried: a way to them from a root leads over none that may travel.
+/// Items that are always computed: a path from a root reaches them without passing a movable item.
 fn forced(items: &[Item<'_>], roots: &[usize]) -> Vec<bool> {
     let mut forced = vec![false; items.len()];
     let mut stack = roots.to_vec();
@@ -252,7 +258,8 @@ fn forced(items: &[Item<'_>], roots: &[usize]) -> Vec<bool> {
     forced
 }
 
-/// What `roots` rest on, users before operands. Where they are circular, what a walk comes to first is before the rest.
+/// The dependences of `roots`, users before operands. In a cycle, the first one reached comes
+/// first.
 pub(super) fn users_first<'a>(
     roots: impl IntoIterator<Item = usize>,
     count: usize,
@@ -265,7 +272,7 @@ pub(super) fn users_first<'a>(
         if !std::mem::replace(&mut seen[root], true) {
             stack.push((root, 0));
         }
-        // One is placed once all its operands are: the reverse of what is wanted.
+        // An item is placed after all its operands; the caller reverses the order.
         while let Some((item, next)) = stack.last_mut() {
             match operands(*item).get(*next).copied() {
                 Some(operand) => {
@@ -291,7 +298,7 @@ mod tests {
 
     use super::*;
 
-    /// Every choice of carried items tried; the cost of the cheapest that works.
+    /// Tries every choice of items; returns the cost of the cheapest valid one.
     fn brute_force(items: &[Item<'_>], roots: &[usize]) -> Option<f64> {
         (0..1_u32 << items.len())
             .filter_map(|carried| {
@@ -339,7 +346,7 @@ mod tests {
                 let operands = if is_input {
                     Vec::new()
                 } else {
-                    // One in sixteen looks forward, which makes circles.
+                    // One in sixteen looks forward, which creates cycles.
                     let reach = match random.below(16) {
                         0 => count,
                         _ => i,
@@ -461,12 +468,13 @@ mod tests {
                 network.network.work()
             };
             let (short, long) = (work(200), work(800));
-            // What is dear to carry is carried from farther below, but not from ever farther.
+            // A high price moves values further down, but not without bound.
             assert!(long <= short + short / 4, "{stays}: {short}, then {long}");
         }
     }
 
-    /// The open example of Mesa's `nir_opt_varyings`: of three inputs only two sums are needed.
+    /// The open example of Mesa's `nir_opt_varyings`: three inputs, of which only two sums are
+    /// needed.
     #[test]
     fn three_inputs_are_carried_as_two() {
         let input = Item {

@@ -1,9 +1,10 @@
-//! Maximum flow through a network whose capacities may grow (Dinic 1970).
+//! Maximum flow through a network with growing capacities (Dinic 1970).
 //!
-//! A flow stays one while capacities grow, so that the next maximum is found from where the last one stood: what a sweep of prices needs, and what a function
-//! from a network to its flow cannot give. A phase costs what it visits, up to the distance of the sink, not the size of the network.
+//! A flow stays valid while capacities grow, so the next maximum starts from the last one. A sweep
+//! of prices needs this; a function from a network to its flow could not provide it. A phase costs
+//! as much as the nodes it visits, up to the sink's distance, not the size of the network.
 
-/// Where an arc leads, how much, and where from.
+/// An arc: its ends and capacity.
 #[derive(Clone, Copy, Debug)]
 pub struct Arc {
     pub from: usize,
@@ -11,33 +12,33 @@ pub struct Arc {
     pub capacity: u64,
 }
 
-/// An arc or the way back along one; they lie in the order of the nodes that they leave, so that a walk reads them one after another.
+/// An arc or its reverse, sorted by source node so that a walk reads memory in order.
 #[derive(Clone, Copy, Debug)]
 struct Half {
     to: u32,
-    /// The one that runs against it.
+    /// Its reverse.
     back: u32,
-    /// What may still flow.
+    /// Residual capacity.
     residual: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    /// Its first half-arc; the next node's is behind its last.
+    /// The first half-arc; the node's half-arcs end where the next node's begin.
     first: u32,
     /// Distance from the source in arcs, or [`FAR`].
     level: u32,
-    /// The first half-arc that may still lead on in this phase.
+    /// The next half-arc to try in this phase.
     next: u32,
 }
 
 /// A network and a flow through it.
 #[derive(Clone, Debug)]
 pub struct Network {
-    /// The nodes, and one behind them.
+    /// The nodes and a sentinel.
     nodes: Vec<Node>,
     halves: Vec<Half>,
-    /// Where each arc lies among the halves, in the order in which the arcs were given.
+    /// Position of each arc among the halves, in the order of the input.
     places: Vec<u32>,
     work: u64,
 }
@@ -46,7 +47,7 @@ pub struct Network {
 const FAR: u32 = u32::MAX;
 
 impl Network {
-    /// A network of so many nodes without a flow. Arcs go by their place among `arcs`.
+    /// A network without flow. Arcs keep their index in `arcs`.
     pub fn new(nodes: usize, arcs: &[Arc]) -> Self {
         let mut first = vec![0_u32; nodes + 1];
         for arc in arcs {
@@ -96,18 +97,18 @@ impl Network {
         }
     }
 
-    /// Lets more through an arc.
+    /// Raises the capacity of an arc.
     pub fn widen(&mut self, arc: usize, by: u64) {
         self.halves[self.places[arc] as usize].residual += by;
     }
 
-    /// Arcs looked at so far: the time that flows took, on any machine.
+    /// Number of arcs visited so far: a machine-independent measure of time.
     #[cfg(test)]
     pub fn work(&self) -> u64 {
         self.work
     }
 
-    /// Lets as much more flow as can; returns how much that is.
+    /// Augments the flow to its maximum; returns the increase.
     pub fn augment(&mut self, source: usize, sink: usize) -> u64 {
         let mut more = 0;
         loop {
@@ -127,7 +128,8 @@ impl Network {
         }
     }
 
-    /// Whether more could flow from the source to each node: the smallest source side of all minimum cuts, where the flow is greatest.
+    /// Whether residual capacity connects the source with each node. At maximum flow this is the
+    /// smallest source side of all minimum cuts.
     pub fn reached(&self, source: usize) -> Vec<bool> {
         let mut reached = vec![false; self.nodes.len() - 1];
         let mut stack = vec![source];
@@ -148,7 +150,7 @@ impl Network {
         self.nodes[node].first as usize..self.nodes[node + 1].first as usize
     }
 
-    /// Finds the distances from the source, no farther than the sink's; returns the nodes that have one.
+    /// Computes distances from the source up to the sink's; returns the nodes that have one.
     fn levels(&mut self, source: usize, sink: usize) -> Vec<u32> {
         self.nodes[source].level = 0;
         let mut visited = vec![source as u32];
@@ -189,7 +191,7 @@ impl Network {
                     self.halves[*half].residual -= through;
                     self.halves[back].residual += through;
                 }
-                // On from where the path is still open.
+                // Continue where the path is still open.
                 let full = path
                     .iter()
                     .position(|half| self.halves[*half].residual == 0);
@@ -198,7 +200,7 @@ impl Network {
             }
             match self.onward(node) {
                 Some(half) => path.push(half),
-                // Nothing leads on from here: neither does the arc to it.
+                // A dead end: remove the arc that leads here.
                 None => match path.pop() {
                     Some(half) => {
                         let back = self.halves[half].back as usize;
@@ -211,7 +213,7 @@ impl Network {
         }
     }
 
-    /// The next half-arc of a node that is open and leads one level on.
+    /// The next open half-arc to the next level.
     fn onward(&mut self, node: usize) -> Option<usize> {
         let end = self.nodes[node + 1].first;
         while self.nodes[node].next < end {
@@ -248,7 +250,7 @@ mod tests {
         assert_eq!(network.reached(0), [true, true, true, false]);
     }
 
-    /// The second path has to take back what the first one took.
+    /// The second path has to reroute the first one.
     #[test]
     fn a_flow_is_led_another_way_where_that_lets_more_through() {
         let arcs = [(0, 1), (1, 2), (2, 5), (0, 3), (3, 2), (1, 4), (4, 5)];

@@ -1,4 +1,4 @@
-//! How each value depends on the varyings: what interpolation does to it follows from that.
+//! How each value depends on the varyings. This decides the effect of interpolation.
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction};
 
@@ -8,21 +8,21 @@ use crate::graph::rate::{Interpolated, Rate};
 /// How a value depends on varyings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// Not at all.
+    /// It does not depend on them.
     Uniform,
-    /// As components of varyings, the same ones in the whole draw: interpolated by itself, it is the same bits.
+    /// Components of varyings, the same ones in the whole draw: interpolation gives the same bits.
     Part,
-    /// As an affine function with coefficients of the draw.
+    /// An affine function with draw-uniform coefficients.
     Affine,
-    /// Otherwise, or it is not seen how.
+    /// Anything else.
     Other,
 }
 
 impl Form {
-    /// The form of a value that is one or the other, which one being the draw's to say.
+    /// The form of a draw-uniform selection between both.
     ///
-    /// What may be constant and may be a varying is carried interpolated, and interpolating three equal values does not give that value: only parts join
-    /// to a part.
+    /// A value that may be a constant or a varying is interpolated, and interpolating three equal
+    /// values does not return that value exactly. So only parts join to a part.
     fn or(self, other: Self) -> Self {
         match (self, other) {
             (a, b) if a == b => a,
@@ -31,12 +31,12 @@ impl Form {
         }
     }
 
-    /// The form of a sum of both.
+    /// The form of a sum.
     fn plus(self, other: Self) -> Self {
         self.or(other).computed()
     }
 
-    /// The form of a product of both.
+    /// The form of a product.
     fn times(self, other: Self) -> Self {
         match (self, other) {
             (Self::Uniform, x) | (x, Self::Uniform) => x.computed(),
@@ -44,7 +44,7 @@ impl Form {
         }
     }
 
-    /// Whatever is computed of a part is not one.
+    /// The result of computing with a part is not a part.
     fn computed(self) -> Self {
         match self {
             Self::Part => Self::Affine,
@@ -55,7 +55,7 @@ impl Form {
 
 /// The form of every value.
 pub fn forms(values: &Values<'_, '_>) -> Vec<Form> {
-    // Upwards from nothing to a fixed point: a circle is first seen without itself.
+    // Fixed point from the bottom: a cycle first ignores itself.
     let mut forms: Vec<Option<Form>> = vec![None; values.values.len()];
     let users = values.users();
     let mut work: Vec<ValueId> = (0..values.values.len()).collect();
@@ -84,7 +84,7 @@ fn either(a: Option<Form>, b: Option<Form>) -> Option<Form> {
     }
 }
 
-/// One of several values: which of them, `choosers` decide.
+/// A selection between values by `choosers`.
 fn one_of(
     forms: &[Option<Form>],
     values: impl Iterator<Item = ValueId>,
@@ -117,13 +117,13 @@ fn form(values: &Values<'_, '_>, id: ValueId, forms: &[Option<Form>]) -> Option<
     };
     let f = values.function(context);
     match &f.function.expressions[e] {
-        // The versions it may see; the other operands are indices on the way to them.
+        // The memory versions that it may read; the other operands are indices.
         Expression::Load { .. } => one_of(
             forms,
             operands().filter(is_version),
             operands().filter(|o| !is_version(o)),
         ),
-        // What the callee may return.
+        // The callee's possible results.
         Expression::CallResult(_) => one_of(
             forms,
             operands().filter(|o| !is_control(o)),
@@ -137,7 +137,7 @@ fn form(values: &Values<'_, '_>, id: ValueId, forms: &[Option<Form>]) -> Option<
     }
 }
 
-/// Through the values that operands are, by the expression's own operands. `None` where an operand is not known yet.
+/// The form of an operation, by its own operands. `None` if an operand's form is not known yet.
 fn of_operation(
     values: &Values<'_, '_>,
     context: ContextId,

@@ -1,4 +1,5 @@
-//! Carried values in varying slots: one location each where there is room, packed into vectors where there is not.
+//! Assigns moved values to varying slots: one location each if there is room, otherwise packed into
+//! vectors.
 
 use std::collections::BTreeSet;
 
@@ -7,19 +8,19 @@ use naga::ScalarKind;
 use super::travel::Carriage;
 use crate::graph::rate::{At, Interpolated};
 
-/// A value to carry.
+/// A value to assign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
     /// Components, 1 to 4.
     pub width: u8,
-    /// Kind of its scalars, 32 bits wide.
+    /// Scalar kind, 32 bits wide.
     pub kind: ScalarKind,
     /// Interpolation.
     pub carriage: Carriage,
 }
 
 impl Load {
-    /// What values that share a location must agree on.
+    /// The properties that values in one location must share.
     fn class(self) -> (Interpolated, At, u8) {
         (
             self.carriage.interpolated,
@@ -29,23 +30,23 @@ impl Load {
     }
 }
 
-/// A varying that holds one value or several.
+/// A varying with one or several values.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Slot {
     /// Kind of its scalars.
     pub kind: ScalarKind,
     /// Interpolation.
     pub interpolated: Interpolated,
-    /// Where in the pixel.
+    /// Interpolation location in the pixel.
     pub at: At,
-    /// Index of each load in it, and its first component there.
+    /// Index of each value in it, and its first component.
     pub parts: Vec<(usize, u8)>,
     /// Components, 1 to 4.
     pub width: u8,
 }
 
-/// Slots for all loads, beside as many varyings as are already `taken` and with at most `limit` in all; `None` where they do not fit even when packed.
-/// First-fit decreasing: no value is split.
+/// Slots for all values, beside `taken` varyings and with at most `limit` in total; `None` if they
+/// do not fit even when packed. First-fit decreasing; no value is split.
 pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<Slot>> {
     let mut slots: Vec<Slot> = Vec::new();
     let mut order: Vec<usize> = (0..loads.len()).collect();
@@ -76,7 +77,7 @@ pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<Slot>> {
     (taken + slots.len() <= limit).then_some(slots)
 }
 
-/// As many locations as there are slots: the lowest that are not taken.
+/// The lowest free locations, one for each slot.
 pub fn free_locations(slots: &[Slot], taken: &BTreeSet<u32>) -> Vec<u32> {
     (0..)
         .filter(|l| !taken.contains(l))
@@ -84,7 +85,8 @@ pub fn free_locations(slots: &[Slot], taken: &BTreeSet<u32>) -> Vec<u32> {
         .collect()
 }
 
-/// Tells names apart by letters: `a` to `z`, `aa` and so on. A writer that keeps names apart by numbers would add its own to a digit.
+/// A suffix of letters: `a` to `z`, `aa` and so on. naga's writers append their own number to a
+/// name that ends in a digit.
 pub fn letters(index: usize) -> String {
     let last = char::from(b'a' + (index % 26) as u8);
     match index / 26 {

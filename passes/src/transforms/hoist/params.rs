@@ -1,4 +1,4 @@
-//! What the pass is told: how much may differ, what may travel, what may be assumed.
+//! The parameters: error limits, movable classes, assumptions.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,33 +8,33 @@ use super::choose::Terms;
 use super::travel::{Assumed, Class, Finite, Jumps};
 use crate::core::pass::{Facts, Frequency, Pass, Refusal};
 
-/// The weakest promise a value may travel under.
+/// The weakest contract for a moved value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Allow {
-    /// Constants of the draw and of the primitive.
+    /// Only constants of the draw and of the primitive.
     Exact,
-    /// Affine values too.
+    /// Also affine values.
     Rounding,
     /// Any value.
     Approximate,
 }
 
-/// What a budget counts.
+/// The metric of a budget.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Metric {
     /// Mean of FLIP over the picture, 0 to 1.
     #[default]
     FlipMean,
-    /// Its 99th percentile.
+    /// 99th percentile of FLIP.
     FlipP99,
     /// Largest difference of a channel, 0 to 1.
     MaxAbs,
 }
 
 impl Metric {
-    /// What was measured of a value.
+    /// The measured error of a value.
     pub fn of(self, frequency: &Frequency) -> f64 {
         match self {
             Self::FlipMean => frequency.flip_mean,
@@ -56,29 +56,31 @@ impl Metric {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
-    /// The weakest promise a value may travel under; default: `approximate` where a budget is given, `rounding` where none is.
+    /// The weakest contract for a moved value. Default: `approximate` with a budget, otherwise
+    /// `rounding`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub allow: Option<Allow>,
-    /// How much the picture may differ, by `metric`, above 0 and at most 1. Without one nothing approximate moves.
+    /// Largest allowed picture error by `metric`, above 0 and at most 1. Without it nothing
+    /// approximate moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub budget: Option<f64>,
-    /// What the budget counts.
+    /// The metric of the budget.
     pub metric: Metric,
-    /// What may be assumed of values at vertices that were not measured.
+    /// Assumption about unmeasured values at vertices.
     pub finite: Finite,
-    /// What may be assumed of values that rest on what jumps, and were not measured; default: `stay`.
+    /// Assumption about unmeasured values that depend on a discontinuity. Default: `stay`.
     #[serde(skip_serializing_if = "is_default")]
     pub jumps: Jumps,
-    /// Largest measured error, by `metric`, of a value that travels as an approximation; default: the budget. Values that were not measured are not held back
-    /// where nothing was.
+    /// Largest measured error by `metric` of an approximated value. Default: the budget. If nothing
+    /// was measured, unmeasured values may move too.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub threshold: Option<f64>,
-    /// The only values that travel as approximations, by id, joined by `+`: a choice made before.
+    /// The only values to approximate, by id, joined by `+`: an earlier choice.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub carry: Option<String>,
-    /// Vertices shaded for each fragment shaded; default: as measured, or else 0.05.
+    /// Vertices shaded per fragment shaded. Default: the measured ratio, otherwise 0.05.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub vertices_per_fragment: Option<f64>,
@@ -88,10 +90,11 @@ fn is_default(jumps: &Jumps) -> bool {
     *jumps == Jumps::default()
 }
 
-/// Taken where nothing was measured: triangles of about ten pixels, each vertex shared by a few of them.
+/// The default without measurements: triangles of about ten pixels whose vertices are shared by a
+/// few of them.
 const VERTICES_PER_FRAGMENT: f64 = 0.05;
 
-/// Least part of the fragment stage's static cost that a hoist has to save.
+/// Smallest fraction of the fragment stage's static cost that a hoist must save.
 const WORTHWHILE: f64 = 0.01;
 
 impl Params {
@@ -150,7 +153,7 @@ impl Params {
         None
     }
 
-    /// In words, the least error measured of a value that is held back by it; nothing where nothing was measured.
+    /// A message with the smallest measured error beyond the threshold; empty without measurements.
     pub(super) fn best_measured(&self, material: &str, facts: &Facts) -> String {
         let threshold = self.threshold.or(self.budget).unwrap_or_default();
         let measured = facts.frequencies.iter().filter(|f| f.material == material);

@@ -1,4 +1,5 @@
-//! The fragment stage that is left: it reads the carried values from varyings, and what only they needed is gone.
+//! The remaining fragment stage: it reads the moved values from varyings, without the code that
+//! only they needed.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,7 +19,7 @@ use crate::rebuild::isolate::{self, isolate};
 use crate::rebuild::place::{self, Builder, PositionInvariance, Replacement, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter, Termination};
 
-/// The fragment stage that is left, in its module.
+/// The remaining fragment stage in its module.
 #[derive(Clone, Debug)]
 pub struct Remainder {
     /// The module.
@@ -29,7 +30,8 @@ pub struct Remainder {
     pub locations: Vec<u32>,
 }
 
-/// The module, in which the author's functions are as they were, with the fragment entry point of `values` reading `wanted` from `slots`.
+/// The module with unchanged author's functions, and the fragment entry point of `values` reading
+/// `wanted` from `slots`.
 ///
 /// # Errors
 /// [`Failed`].
@@ -43,7 +45,7 @@ pub fn rebuild(
     let entry = values.entry;
     let contexts: Vec<ContextId> = wanted.iter().map(|w| w.context).collect();
     let (mut module, copies) = isolate(module, entry, values, &contexts.iter().copied().collect());
-    // What is carried into each context: its own values, and those of the contexts it calls on the way.
+    // The values of each context: its own, and those of the contexts it calls.
     let below = isolate::below(values, &copies, &contexts);
     for (context, id) in &copies {
         let children = isolate::callees(values, &copies, &below, *context);
@@ -116,10 +118,10 @@ pub fn rebuild(
     })
 }
 
-/// Where new varyings wait until those whose locations they take are gone.
+/// Temporary locations of new varyings, until the locations they take are free.
 const ASIDE: u32 = 1 << 16;
 
-/// Adds the varyings as arguments; the values in them.
+/// Adds the varyings as arguments and returns the values in them.
 fn from_varyings(
     build: &mut Builder<'_>,
     wanted: &[Wanted],
@@ -168,7 +170,7 @@ fn vector_size(width: u8) -> VectorSize {
     }
 }
 
-/// Components of a scalar or vector type.
+/// Number of components of a scalar or vector type.
 pub fn width(inner: &TypeInner) -> u8 {
     match inner {
         TypeInner::Vector { size, .. } => *size as u8,
@@ -192,7 +194,7 @@ pub fn slot_type(slot: &Slot) -> TypeInner {
     }
 }
 
-/// Name of a varying: of the value it holds, or that it holds several.
+/// Name of a varying: the value's name, or a generic one for several values.
 pub fn slot_name(index: usize, slot: &Slot, wanted: &[Wanted]) -> String {
     match slot.parts[..] {
         [(one, _)] => wanted[one].name.clone(),

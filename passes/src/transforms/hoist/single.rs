@@ -1,4 +1,4 @@
-//! One value by itself: carried, or as a function. What it is measured and bounded on.
+//! One value alone: moved, or as a function. Measurements and bounds use this.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +10,7 @@ use crate::core::pass::{Facts, Pass, Refusal};
 use crate::core::plan::Plan;
 use crate::graph::Graph;
 
-/// The stages of a plan that values may be moved between.
+/// The stages of a plan between which values may move.
 pub struct Stages<'p> {
     plan: &'p Plan,
     material: Material<'p>,
@@ -20,32 +20,33 @@ impl<'p> Stages<'p> {
     /// The stages of a plan's main pass.
     ///
     /// # Errors
-    /// Where nothing can be hoisted at all.
+    /// Nothing can be hoisted.
     pub fn of(plan: &'p Plan) -> Result<Self, Box<Refusal>> {
         let material = Material::examine(plan, &Params::default())?;
         Ok(Self { plan, material })
     }
 
-    /// The dataflow graph that [`Candidates`] are found in.
+    /// The dataflow graph for [`Candidates`].
     pub fn graph(&self) -> Graph<'p> {
         Graph::build(self.material.program)
     }
 }
 
-/// The values of a fragment stage that might be carried as approximations, and what they were found by: for whoever looks at one after another.
+/// The approximable values of a fragment stage, with the analyses that found them. Callers examine
+/// one after another.
 pub struct Candidates<'a, 'p> {
     stages: &'a Stages<'p>,
     values: Values<'a, 'p>,
-    /// How each value may travel where everything is finite and nothing jumps.
+    /// Each value's verdict if everything is finite and continuous.
     verdicts: Vec<Verdict>,
     found: Vec<(ValueId, Candidate)>,
 }
 
 impl<'a, 'p> Candidates<'a, 'p> {
-    /// Finds them. Of `facts` the ranges count.
+    /// Finds the candidates. Only the ranges in `facts` matter.
     ///
     /// # Errors
-    /// Where nothing can be hoisted at all.
+    /// Nothing can be hoisted.
     pub fn new(
         stages: &'a Stages<'p>,
         graph: &'a Graph<'p>,
@@ -71,15 +72,16 @@ impl<'a, 'p> Candidates<'a, 'p> {
         })
     }
 
-    /// They, the dearest first.
+    /// The candidates, most expensive first.
     pub fn list(&self) -> impl ExactSizeIterator<Item = &Candidate> {
         self.found.iter().map(|(_, candidate)| candidate)
     }
 
-    /// The plan with one value carried as an approximation, and nothing else, whether that pays or not. `id` is [`Candidate::id`].
+    /// The plan with only this value approximated, whether or not it pays. `id` is
+    /// [`Candidate::id`].
     ///
     /// # Errors
-    /// Where that value cannot be carried.
+    /// The value cannot move.
     pub fn alone(&self, id: &str) -> Result<Plan, Box<Refusal>> {
         let params = Params {
             budget: Some(1.0),
@@ -133,30 +135,30 @@ impl<'a, 'p> Candidates<'a, 'p> {
     }
 }
 
-/// The plan with one value carried as an approximation, and nothing else: [`Candidates::alone`] of one plan.
+/// [`Candidates::alone`] for one plan.
 ///
 /// # Errors
-/// Where nothing can be hoisted, or that value cannot.
+/// Nothing can be hoisted, or this value cannot move.
 pub fn alone(plan: &Plan, id: &str) -> Result<Plan, Box<Refusal>> {
     let stages = Stages::of(plan)?;
     let graph = stages.graph();
     Candidates::within(&stages, &graph, &Precision::EXACT)?.alone(id)
 }
 
-/// What computes a value from the author's varyings.
+/// The computation of a value from the author's varyings.
 #[derive(Clone, Debug)]
 pub struct Computed {
-    /// The author's module, with one more function.
+    /// The author's module with one more function.
     pub module: naga::Module,
-    /// That function.
+    /// The new function.
     pub function: naga::Handle<naga::Function>,
-    /// Locations of the varyings that each of its arguments, or each member of a struct argument, comes from.
+    /// Locations of the varyings for each argument, or for each member of a struct argument.
     pub arguments: Vec<Vec<u32>>,
-    /// Index of the vertex entry point that gives them.
+    /// Index of the vertex entry point that writes them.
     pub vertex: usize,
 }
 
-/// The function that computes one value of a plan's fragment stage: [`Candidates::computed`] of one plan.
+/// [`Candidates::computed`] for one plan.
 ///
 /// # Errors
 /// As [`alone`].

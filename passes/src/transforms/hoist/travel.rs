@@ -1,4 +1,4 @@
-//! Which values may travel from the vertex stage, as what, and why the others stay.
+//! Decides which values may move to the vertex stage and how, and why the others must not.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
@@ -20,83 +20,85 @@ use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
 use crate::graph::{FunctionId, StmtId, counted, effect};
 
-/// As what a value may travel. Ordered from the strongest promise to the weakest.
+/// How a value may move, from the strongest contract to the weakest.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
-    /// Constant over the draw or over the primitive and carried flat, or components of a varying: the same bits.
+    /// Flat constants of the draw or primitive, or components of a varying: the same bits.
     Exact,
-    /// Affine in varyings of one interpolation class with coefficients of the draw: the same real number, rounded elsewhere.
+    /// Affine in varyings of one interpolation class with draw-uniform coefficients: the same real
+    /// number with other rounding.
     Affine,
-    /// Anything else: the interpolated value is another one.
+    /// Anything else: interpolation changes the value.
     Smooth,
 }
 
-/// How a value is carried.
+/// How a value is interpolated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Carriage {
-    /// What that does to it.
+    /// The effect on the value.
     pub class: Class,
     /// Interpolation.
     pub interpolated: Interpolated,
-    /// Where in the pixel.
+    /// Interpolation location in the pixel.
     pub at: At,
 }
 
-/// Why a value stays in the fragment stage.
+/// Why a value must stay in the fragment stage.
 #[derive(
     Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Stays {
-    /// There is nothing to carry: a pointer, a struct, an array, or what is the same for every draw.
+    /// No varying can hold it: a pointer, a struct, an array; or it is the same for every draw.
     NotCarried,
-    /// It is an incoming varying already.
+    /// It is an incoming varying.
     Varying,
-    /// No vertex stage can have it.
+    /// No vertex stage can compute it.
     Fragment {
-        /// What ties it to the fragment: a derivative, an implicit level of detail, or an input.
+        /// The reason: a derivative, an implicit level of detail, or a fragment input.
         because: String,
     },
-    /// It is another in each turn of a loop.
+    /// It changes between iterations of a loop.
     InLoop,
-    /// Whether it is computed differs between fragments.
+    /// Fragments differ in whether they compute it.
     Conditional,
-    /// It rests on a loop that is not seen to end.
+    /// It depends on a loop that may not end.
     MayNotEnd,
-    /// It mixes a flat value with a smooth one: a vertex sees its own flat value, the fragment the provoking vertex's.
+    /// It mixes a flat value with a smooth one. A vertex sees its own flat value, the fragment the
+    /// provoking vertex's.
     FlatAndSmooth,
-    /// It decides which fragments there are, or how deep: the same bits are wanted there.
+    /// It decides coverage or depth, which need the same bits.
     Coverage,
-    /// It jumps: between two vertices there is no value in between.
+    /// It is discontinuous: interpolation between vertices is meaningless.
     Discontinuous {
         /// The operation.
         operation: String,
     },
-    /// What rests on it jumps again and again: being off by a little, it would be off by all.
+    /// A periodic operation uses it: a small error becomes a full step.
     Reaches {
-        /// The operation that jumps.
+        /// The periodic operation.
         operation: String,
     },
-    /// It is not one of those that were chosen.
+    /// It is not among the chosen values.
     NotChosen,
-    /// It was measured: the picture differs by more than is wanted.
+    /// Its measured error is too large.
     Measured {
-        /// By how much, in the budget's metric.
+        /// The error in the budget's metric.
         error: String,
     },
-    /// It was measured: it, or a pixel with it, is not finite.
+    /// Measurement found that it, or a pixel drawn with it, is not finite.
     MeasuredNotFinite,
-    /// It was not measured, though others were.
+    /// It was not measured, although other values were.
     NotMeasured,
-    /// It may be NaN or infinite at a vertex, and would spoil the whole triangle.
+    /// It may be NaN or infinite at a vertex, which would spoil the whole triangle.
     MayNotBeFinite {
         /// The operation.
         operation: String,
     },
-    /// It may pass the largest `f32` at a vertex, which comes to the same.
+    /// It may overflow `f32` at a vertex.
     MayOverflow {
         /// The operation.
         operation: String,
@@ -154,79 +156,80 @@ impl std::fmt::Display for Stays {
     }
 }
 
-/// What may be assumed of values at vertices.
+/// Assumption about values at vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Finite {
-    /// Only what is seen from the code to be finite travels.
+    /// Only values that are proved finite may move.
     #[default]
     Proved,
-    /// All values are taken to be finite at every vertex.
+    /// All values are assumed finite at every vertex.
     Assumed,
 }
 
-/// What may be assumed of values that rest on what jumps: a `floor`, a comparison, an integer, a branch.
+/// Assumption about values that depend on a discontinuity: a `floor`, a comparison, an integer, a
+/// branch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Jumps {
-    /// They stay, but for those whose jumps are seen not to happen.
+    /// They must not move, unless range analysis excludes the discontinuity.
     #[default]
     Stay,
-    /// They are taken to change slowly over a triangle all the same, as noise does whose cells meet.
+    /// They are assumed to vary slowly over a triangle, as noise does although it uses `floor`.
     Carried,
 }
 
-/// What is assumed of values that were not measured.
+/// Assumptions about unmeasured values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Assumed {
-    /// Of their being finite.
+    /// Whether they are finite.
     pub finite: Finite,
-    /// Of their jumps.
+    /// Whether they are continuous.
     pub jumps: Jumps,
 }
 
 impl Assumed {
-    /// All that can be.
+    /// All assumptions.
     pub const ALL: Self = Self {
         finite: Finite::Assumed,
         jumps: Jumps::Carried,
     };
 }
 
-/// What each value may travel as, or why it stays.
+/// How a value may move, or why it must not.
 pub type Verdict = Result<Carriage, Stays>;
 
-/// How each value of a fragment stage may be carried or why it stays.
+/// The verdicts of a fragment stage's values.
 #[derive(Clone, Debug)]
 pub struct Judged {
-    /// For each value.
+    /// By value.
     pub verdicts: Vec<Verdict>,
-    /// What carrying values may change an output by.
+    /// Rounding error of the outputs if values move.
     pub roundings: Arc<Roundings>,
-    /// Whether it is affine in varyings.
+    /// Whether each value is affine in the varyings.
     pub affine: Arc<[bool]>,
-    /// Ids of a choice made before that none of the values has.
+    /// Ids of an earlier choice that no value has.
     pub unknown: Vec<String>,
 }
 
-/// How exact the outputs have to be, and what is known of the numbers that decides it.
+/// The required precision of the outputs, and the ranges that decide it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Precision {
-    /// Where varyings and constants of the draw lie; empty where no scene tells.
+    /// Ranges of varyings and draw constants; empty without a scene.
     pub ranges: Vec<SourceRange>,
-    /// What roundings may change an output by.
+    /// Largest change of an output by rounding.
     pub most: f64,
 }
 
 impl Precision {
-    /// No rounding may show.
+    /// No visible rounding.
     pub const EXACT: Self = Self {
         ranges: Vec::new(),
         most: -1.0,
     };
 }
 
-/// Of verdicts under [`Assumed::ALL`] those under `assumed`.
+/// Restricts verdicts under [`Assumed::ALL`] to those under `assumed`.
 pub(super) fn held_back(
     values: &Values<'_, '_>,
     assumed: Assumed,
@@ -258,7 +261,7 @@ pub(super) fn held_back(
     verdicts
 }
 
-/// For each value, how it may be carried or why it stays, under [`Assumed::ALL`].
+/// The verdict of each value under [`Assumed::ALL`].
 pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let forms = forms(values);
     let endless = endless(values);
@@ -330,7 +333,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     }
 }
 
-/// Kind of the scalars of a value that a varying can hold: 32-bit scalars and vectors.
+/// Scalar type of a value that a varying can hold: 32-bit scalars and vectors.
 fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, Stays> {
     let Some((context, e, _)) = values.expression(id) else {
         return Err(match values.values[id].node {
@@ -348,9 +351,9 @@ fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, St
     }
 }
 
-/// For each value, the nearest among itself and those it rests on that is tied to the fragment stage by itself.
+/// For each value, the nearest dependence (or itself) that is pinned to the fragment stage.
 fn pins(values: &Values<'_, '_>) -> Vec<Option<ValueId>> {
-    // Distances, from all of them at once.
+    // Breadth-first from all pins at once.
     let users = values.users();
     let mut distance = vec![usize::MAX; values.values.len()];
     let mut queue: VecDeque<ValueId> = (0..values.values.len())
@@ -361,7 +364,7 @@ fn pins(values: &Values<'_, '_>) -> Vec<Option<ValueId>> {
     }
     let mut pins: Vec<Option<ValueId>> = vec![None; values.values.len()];
     while let Some(id) = queue.pop_front() {
-        // Of several as near, the one by way of the first operand.
+        // Of equally near ones, the one through the first operand.
         let operands = &values.values[id].operands;
         pins[id] = match distance[id] {
             0 => Some(id),
@@ -380,7 +383,7 @@ fn pins(values: &Values<'_, '_>) -> Vec<Option<ValueId>> {
     pins
 }
 
-/// In words, what ties a value to the fragment stage.
+/// A message about why a value is pinned.
 fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
     let Some(pin) = pin else {
         return "it rests on what only a fragment has".to_owned();
@@ -404,7 +407,7 @@ fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
     }
 }
 
-/// Values that rest on a loop of which it is not seen how many turns it makes.
+/// Values that depend on a loop without a known bound.
 fn endless(values: &Values<'_, '_>) -> Vec<bool> {
     let module = values.graph.module();
     let mut seen: HashMap<(FunctionId, StmtId), bool> = HashMap::new();
@@ -432,7 +435,7 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
     with_users(values, loops)
 }
 
-/// For each value, an operation in or below it whose result may be NaN or infinite.
+/// For each value, an operation in its computation whose result may be NaN or infinite.
 fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Stays>> {
     let signs = Signs::new(values);
     let users = values.users();
@@ -449,7 +452,7 @@ fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Stays>> {
         })
     };
     let mut hazards: Vec<Option<Stays>> = (0..values.values.len()).map(hazard).collect();
-    // What is undefined says more than what may overflow for it.
+    // An undefined result explains more than the overflow it causes.
     let is_undefined = |h: &Option<Stays>| matches!(h, Some(Stays::MayNotBeFinite { .. }));
     let (undefined, rest): (Vec<ValueId>, Vec<ValueId>) = (0..hazards.len())
         .filter(|id| hazards[*id].is_some())

@@ -1,4 +1,4 @@
-//! Which values are another in each turn of a loop around them.
+//! Finds values that change between iterations of an enclosing loop.
 
 use std::collections::HashMap;
 
@@ -8,12 +8,13 @@ use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::graph::StmtId;
 use crate::graph::memory::Origin;
 
-/// For each value, whether it may differ from turn to turn of a loop it stands in, one around the calls that lead to it included: it rests on what the loop
-/// carries from one turn to the next.
+/// For each value, whether it may differ between iterations of an enclosing loop, including loops
+/// around the calls that lead to it.
 ///
-/// A value in a loop rests on what that loop carries by way of values in the loop, or it rests on what a loop around it carries, because nothing behind a
-/// loop is seen in it but by another turn of one around. So each loop's merges are followed to their users no farther than the loop, outer loops first: what one
-/// of them has reached, no loop in it has to look at again, and each value is passed once.
+/// Such a value depends on a loop-carried value through values in the same loop, or depends on a
+/// loop-carried value of an outer loop. So we follow each loop's merges to their users within the
+/// loop, outer loops first. An inner loop need not revisit values that an outer one reached, and
+/// each value is visited once.
 pub fn turning(values: &Values<'_, '_>) -> Vec<bool> {
     let places = Places::new(values);
     let mut merges: Vec<Vec<ValueId>> = vec![Vec::new(); places.loops.len()];
@@ -28,7 +29,7 @@ pub fn turning(values: &Values<'_, '_>) -> Vec<bool> {
     }
     let users = values.users();
     let mut turning = vec![false; values.values.len()];
-    // The last loop that passed a value without a place of its own, which may be passed again for another.
+    // The last loop that visited a value without a fixed place; another loop may visit it again.
     let mut passed: Vec<Option<LoopId>> = vec![None; values.values.len()];
     let mut outer_first: Vec<LoopId> = (0..places.loops.len()).collect();
     outer_first.sort_by_key(|l| places.loops[*l].depth);
@@ -59,23 +60,23 @@ pub fn turning(values: &Values<'_, '_>) -> Vec<bool> {
 
 type LoopId = usize;
 
-/// A loop as one chain of calls reaches it.
+/// A loop in one chain of calls.
 struct Loop {
-    /// The loop around it, or around the call.
+    /// The enclosing loop, possibly around the call.
     outer: Option<LoopId>,
-    /// How many there are around it.
+    /// Number of enclosing loops.
     depth: usize,
 }
 
 #[derive(Clone, Copy)]
 enum Place {
-    /// The innermost loop around a value; `None` outside of all.
+    /// The innermost enclosing loop; `None` outside of all loops.
     In(Option<LoopId>),
     /// No statement evaluates it.
     Anywhere,
 }
 
-/// Where values stand among the loops.
+/// The loops around each value.
 struct Places {
     loops: Vec<Loop>,
     index: HashMap<(ContextId, StmtId), LoopId>,
@@ -92,7 +93,7 @@ impl Places {
             around: Vec::with_capacity(values.contexts.len()),
             of: Vec::with_capacity(values.values.len()),
         };
-        // A context is made after the one it is called from.
+        // Contexts follow their callers.
         for context in &values.contexts {
             let around = context
                 .call
@@ -111,7 +112,8 @@ impl Places {
                 }
                 Node::Version(context, version) => {
                     match values.function(*context).memory.origin(*version) {
-                        // A merge of a loop stands in what is around it: of its own turns it is a beginning, wherever it stands.
+                        // A loop's merge belongs to the enclosing loop: it is where the iterations
+                        // start.
                         Origin::Written { by: at, .. } | Origin::Phi { at: Some(at), .. } => {
                             Place::In(this.innermost(values, *context, *at))
                         }
@@ -151,7 +153,7 @@ impl Places {
         Some(new)
     }
 
-    /// Whether a loop is another, or is in it.
+    /// Whether a loop equals or is inside another.
     fn is_in(&self, inner: Option<LoopId>, outer: LoopId) -> bool {
         let mut at = inner;
         while let Some(id) = at

@@ -1,7 +1,7 @@
-//! The vertex stage that carries: the author's own, and behind it what was hoisted.
+//! The new vertex stage: the author's, then the hoisted work.
 //!
 //! ```text
-//! fn vs_author(..) -> VertexOutput_author          the author's, sliced to what is still needed
+//! fn vs_author(..) -> VertexOutput_author          the author's, sliced to the outputs still needed
 //! fn hoisted(..) -> Hoisted
 //! @vertex fn vs(..) -> VertexOutput_hoist {
 //!     let author = vs_author(..);
@@ -10,7 +10,8 @@
 //! }
 //! ```
 //!
-//! They stay two functions so that a tessellated version may call the one for three corners and the other for each new vertex.
+//! They are two functions so that a tessellated version can call the first for three corners and
+//! the second for each new vertex.
 
 use std::collections::BTreeSet;
 
@@ -27,19 +28,19 @@ use crate::rebuild::hoisted::{self, Failed, Hoisted, Wanted};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter};
 
-/// What the vertex stage has to give.
+/// The outputs of the new vertex stage.
 pub struct Outputs<'a> {
     /// Locations of the author's varyings that the fragment stage still reads.
     pub kept: &'a BTreeSet<u32>,
-    /// Values carried.
+    /// Moved values.
     pub wanted: &'a [Wanted],
-    /// Where they travel.
+    /// Their varyings.
     pub slots: &'a [Slot],
-    /// The location of each slot.
+    /// Location of each varying.
     pub locations: &'a [u32],
 }
 
-/// `module` with the vertex entry point of that index calling the author's stage and `hoisted`.
+/// `module` with its vertex entry point calling the author's stage and `hoisted`.
 ///
 /// # Errors
 /// [`Failed`].
@@ -208,11 +209,11 @@ fn is_at(io: &reflect::Io, wanted: u32) -> bool {
     matches!(io.binding, Some(Binding::Location { location, .. }) if location == wanted)
 }
 
-/// Where a member of the result comes from.
+/// The source of a member of the result.
 enum Source {
     /// An output of the author's stage, by index.
     Author(usize),
-    /// A slot, by index.
+    /// A varying, by index.
     Slot(usize),
 }
 

@@ -1,4 +1,4 @@
-//! The passes of a split material, as a plan has them.
+//! The passes of a split material.
 
 use std::collections::BTreeMap;
 
@@ -101,7 +101,7 @@ impl Material<'_> {
         Ok(())
     }
 
-    /// Adds the pass that tells the draws of a frame apart, the same one for every material.
+    /// Adds the pass that separates the draws of a frame, which all materials share.
     pub(super) fn classify(&self, plan: &mut Plan, params: &Params) -> Result<(), String> {
         let module = Linked::new(naga::Module::default(), &text::classify(params.words))?.module;
         let program = self
@@ -145,7 +145,7 @@ impl Material<'_> {
             format: AttachmentFormat::Depth(DepthFormat::Depth16unorm),
             samples: 1,
             sampled: false,
-            // No draw's number: they begin at 1.
+            // Draw numbers start at 1.
             clear: ClearValue::Depth(0.0),
         });
         plan.passes.push(pass);
@@ -154,7 +154,7 @@ impl Material<'_> {
         Ok(())
     }
 
-    /// A pass over the screen, its stages and bindings not filled in.
+    /// A full-screen pass without stages and bindings.
     fn full_screen(&self) -> GpuPass {
         GpuPass {
             primitive: PrimitiveState {
@@ -170,7 +170,7 @@ impl Material<'_> {
         }
     }
 
-    /// The stage that resolves.
+    /// The resolve stage.
     fn resolved(&self, params: &Params, slots: Slots, runs: Runs) -> Result<Built, Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         let opaque = &self.opaque;
@@ -202,7 +202,7 @@ impl Material<'_> {
         .map_err(bug)
     }
 
-    /// Adds the compute pass that keeps vertices; what the resolve binds of it.
+    /// Adds the compute pass that stores vertices, and returns the resolve's bindings for it.
     fn keep(
         &self,
         plan: &mut Plan,
@@ -250,7 +250,7 @@ impl Material<'_> {
         Ok(bound(0))
     }
 
-    /// Adds the compute pass that resolves, and the pass that clears what it writes to.
+    /// Adds the compute resolve, and the pass that clears its targets.
     pub(super) fn compute(
         &self,
         plan: &mut Plan,

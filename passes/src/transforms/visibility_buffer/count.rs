@@ -1,4 +1,4 @@
-//! The pixels that a compute resolve shades, counted by a pass over the screen.
+//! Counts the pixels that a compute resolve shades, with a full-screen pass.
 
 use naga::ShaderStage;
 
@@ -12,10 +12,10 @@ use crate::core::reflect;
 use crate::rebuild::fetch::Linked;
 use crate::rebuild::place;
 
-/// What stands in for a compute pass that resolves, to count the pixels that it shades: a pass over the screen, and its program.
+/// The full-screen pass and program that replace a resolving compute pass to count its pixels.
 ///
 /// # Errors
-/// A program of ours that does not validate: a bug.
+/// Our own program does not validate: a bug.
 pub fn counted(plan: &Plan, compute: &ComputePass) -> Result<(GpuPass, Program), String> {
     let program = plan
         .programs

@@ -1,4 +1,4 @@
-//! A fragment stage without derivatives: what it took from its neighbours in the quad becomes inputs.
+//! A fragment stage without derivatives: the differences between lanes of a quad become inputs.
 //!
 //! ```text
 //! before:  let base = textureSample(albedo, s, in.uv * 4.0);
@@ -7,8 +7,9 @@
 //!          let base = textureSampleGrad(albedo, s, in.uv * 4.0, dx, dy);    dx and dy being inputs
 //! ```
 //!
-//! A level is all that rests on no derivative that is still there. A dependent read (a coordinate made of another sample) makes a second level, whose function has the gradients
-//! of the first among its inputs.
+//! A level contains all derivatives that depend on no other remaining derivative. A dependent read
+//! (a coordinate computed from another sample) needs a second level, whose function takes the
+//! gradients of the first as inputs.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,10 +28,10 @@ use crate::rebuild::hoisted::{self, Wanted};
 use crate::rebuild::isolate::{self, isolate};
 use crate::rebuild::place::{self, Builder, Replacement, Rewrite};
 
-/// Locations of inputs that hold gradients begin here, past any of the author's.
+/// First location of gradient inputs, beyond all of the author's.
 pub const GRADIENTS: u32 = 1 << 16;
 
-/// How the function of a level is called.
+/// Names of a level's functions.
 const NAMES: hoisted::Names = hoisted::Names {
     function: "gradient_roots",
     values: "GradientRoots",
@@ -39,33 +40,34 @@ const NAMES: hoisted::Names = hoisted::Names {
 /// A function whose differences between pixels are gradients.
 #[derive(Clone, Debug)]
 pub struct Level {
-    /// The function, from inputs of the fragment stage.
+    /// The function of the fragment stage's inputs.
     pub function: Handle<naga::Function>,
-    /// The input that each argument, or the members of a struct argument, stands for.
+    /// The input for each argument, or for each member of a struct argument.
     pub arguments: Vec<Vec<Binding>>,
-    /// What it gives: one value, or a struct of several. The gradients of value `i` are the inputs at `first + 2 i` and `first + 2 i + 1`.
+    /// Its results: one value, or a struct. The gradients of value `i` are the inputs at
+    /// `first + 2 i` and `first + 2 i + 1`.
     pub values: Vec<TypeInner>,
     /// Location of the first gradient.
     pub first: u32,
-    /// Pixels to call it for.
+    /// Pixels to evaluate it for.
     pub neighbours: Neighbours,
 }
 
-/// A program whose fragment stage takes no derivatives.
+/// A program whose fragment stage has no derivatives.
 #[derive(Clone, Debug)]
 pub struct Explicit {
-    /// The program. The functions of the levels are in its module.
+    /// The program, including the functions of the levels.
     pub program: Program,
-    /// In the order they are to be called.
+    /// Levels in call order.
     pub levels: Vec<Level>,
 }
 
-/// Why a derivative cannot be taken from neighbouring evaluations.
+/// Why a derivative cannot be computed from neighbouring evaluations.
 #[derive(Clone, Debug)]
 pub enum Failed {
-    /// It is the author's: code, reason and place.
+    /// The author's code prevents it: code, reason and place.
     Refused(&'static str, String, Span),
-    /// Ours: a bug.
+    /// A bug in preshade.
     Bug(String),
 }
 
@@ -75,7 +77,7 @@ impl Failed {
     }
 }
 
-/// What would make a refused derivative legal.
+/// The remedy for a refused derivative.
 pub fn remedy(code: &str) -> &'static str {
     match code {
         "gradient-in-loop" => {
@@ -89,19 +91,21 @@ pub fn remedy(code: &str) -> &'static str {
     }
 }
 
-/// Takes the derivatives out of the fragment entry point of that index, of the neighbours that a rasteriser takes.
+/// Removes the derivatives of the fragment entry point, for the neighbours that a rasteriser uses.
 ///
 /// # Errors
 /// [`Failed`].
 pub fn explicit(program: &Program, entry: usize, like: &Rasterizer) -> Result<Explicit, Failed> {
     let mut program = program.clone();
     let mut levels = Vec::new();
-    // Gradients that each pixel of a quad may have its own of: derivatives (coarse ones, too: that is the driver's choice), and samples where the adapter does so. The function of
-    // a further level is called for the pixel's neighbours with this pixel's gradients.
+    // Gradients that may differ between pixels of a quad: derivatives (coarse ones too, by the
+    // driver's choice), and samples if the adapter does so. The function of a further level is
+    // called for the pixel's neighbours with this pixel's gradients.
     let mut read = BTreeSet::new();
     let mut next = GRADIENTS;
     loop {
-        // In each turn: a gradient, which the turn before made an argument, may itself be what a derivative is taken of.
+        // In each round, a gradient that became an argument may itself be the operand of a
+        // derivative.
         program = program
             .with_module(evaluated(program.module(), entry))
             .map_err(Failed::bug)?;
@@ -146,12 +150,13 @@ pub fn explicit(program: &Program, entry: usize, like: &Rasterizer) -> Result<Ex
     Ok(Explicit { program, levels })
 }
 
-/// Whether an input is one of the gradients at these locations.
+/// Whether an input is one of these gradients.
 fn is_at(locations: &BTreeSet<u32>, input: &Binding) -> bool {
     matches!(input, Binding::Location { location, .. } if locations.contains(location))
 }
 
-/// The module in which what derivatives are taken of is an expression that some statement evaluates: a function's own argument is none.
+/// The module with every derivative's operand evaluated by a statement; an argument by itself is
+/// not.
 fn evaluated(module: &Module, entry: usize) -> Module {
     let mut out = module.clone();
     let ids = module
@@ -198,7 +203,7 @@ fn evaluated(module: &Module, entry: usize) -> Module {
     out
 }
 
-/// The same value as an expression that is evaluated.
+/// The same value as an evaluated expression.
 fn same(
     build: &mut Builder<'_>,
     value: Handle<Expression>,
@@ -219,7 +224,7 @@ fn same(
     })
 }
 
-/// What the gradients of an expression are of: first the coordinate.
+/// The operands whose gradients an expression uses, the coordinate first.
 fn roots(expression: &Expression) -> Vec<Handle<Expression>> {
     match expression {
         Expression::ImageSample { coordinate, .. } => vec![*coordinate],
@@ -228,17 +233,18 @@ fn roots(expression: &Expression) -> Vec<Handle<Expression>> {
     }
 }
 
-/// A derivative, or a sample that takes some.
+/// A derivative, or a sample that needs gradients.
 struct Site {
     context: ContextId,
     expression: Handle<Expression>,
     root: Handle<Expression>,
     neighbours: Neighbours,
-    /// Whether all pixels of the quad have the one gradient: that of a sample, unless the adapter gives each its own.
+    /// Whether all pixels of the quad share the gradient, as for samples unless the adapter gives
+    /// each its own.
     is_shared: bool,
 }
 
-/// The derivatives that rest on no other, of one kind of neighbours.
+/// The derivatives that depend on no other, of one kind of neighbours.
 fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Vec<Site>, Failed> {
     let effect_of = |id: ValueId| match &values.values[id].node {
         Node::Expression(context, e, path) if path.is_empty() => {
@@ -313,13 +319,13 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Vec<Site>, Failed
     Ok(found)
 }
 
-/// Whether a value rests on one of `others`, itself apart.
+/// Whether a value depends on one of `others`, apart from itself.
 fn rests_on(values: &Values<'_, '_>, id: ValueId, others: &[ValueId]) -> bool {
     let seen = below(values, values.values[id].operands.clone());
     others.iter().any(|o| seen[*o])
 }
 
-/// For each value, whether one of `todo` is it or rests on it.
+/// For each value, whether it is in `todo` or depends on one.
 fn below(values: &Values<'_, '_>, mut todo: Vec<ValueId>) -> Vec<bool> {
     let mut seen = vec![false; values.values.len()];
     while let Some(next) = todo.pop() {
@@ -331,7 +337,7 @@ fn below(values: &Values<'_, '_>, mut todo: Vec<ValueId>) -> Vec<bool> {
     seen
 }
 
-/// Whether an expression is evaluated more than once for a fragment, as far as loops go.
+/// Whether a loop evaluates an expression more than once per fragment.
 fn repeats(values: &Values<'_, '_>, mut context: ContextId, e: Handle<Expression>) -> bool {
     let Some(mut at) = values.function(context).statements.evaluated_at(e) else {
         return false;
@@ -349,7 +355,8 @@ fn repeats(values: &Values<'_, '_>, mut context: ContextId, e: Handle<Expression
     }
 }
 
-/// Whether WGSL has `textureSampleGrad` for a sample: not for comparisons, depth textures and lines of texels.
+/// Whether WGSL has `textureSampleGrad` for a sample; it does not for comparisons, depth textures
+/// and 1D textures.
 fn has_gradient_form(module: &Module, function: &naga::Function, sample: &Expression) -> bool {
     let Expression::ImageSample {
         image,
@@ -395,11 +402,11 @@ fn dimension(
     }
 }
 
-/// One level on its way.
+/// One level under construction.
 struct Round {
     sites: Vec<Site>,
     wanted: Vec<Wanted>,
-    /// Index in `wanted` of each site's root; `None` where it is the same for all fragments.
+    /// Index in `wanted` of each site's root; `None` if the root is the same for all fragments.
     of_site: Vec<Option<usize>>,
     first: u32,
 }
@@ -433,7 +440,7 @@ impl Round {
         }
     }
 
-    /// Locations of the gradients that each pixel may have its own of.
+    /// Locations of the gradients that may differ between pixels.
     fn read(&self) -> impl Iterator<Item = u32> {
         let of_each = self
             .sites
@@ -443,7 +450,8 @@ impl Round {
         of_each.flat_map(|x| [x, x + 1])
     }
 
-    /// The refusal of a level whose function would need its neighbours' gradients, placed at the first derivative that does.
+    /// The refusal of a level whose function would need its neighbours' gradients, at the first
+    /// such derivative.
     fn of_a_gradient(&self, values: &Values<'_, '_>, read: &BTreeSet<u32>) -> Failed {
         let rests = |site: &&Site| {
             let root = values.named(site.context, site.root);
@@ -468,7 +476,7 @@ impl Round {
         )
     }
 
-    /// `module` with the gradients as inputs of the fragment entry point, passed on to where they are used.
+    /// `module` with the gradients as inputs of the fragment entry point, passed on to their uses.
     fn rewrite(&self, module: &Module, values: &Values<'_, '_>) -> Module {
         let contexts: BTreeSet<ContextId> = self.sites.iter().map(|s| s.context).collect();
         let (mut module, copies) = isolate(module, values.entry, values, &contexts);
@@ -541,7 +549,7 @@ impl Round {
                     })
                 }
             }),
-            // What needs no evaluation is not there to be scaled by where the sample is.
+            // An expression that needs no `Emit` is not available for scaling at the sample.
             Expression::ImageSample {
                 level: SampleLevel::Bias(bias),
                 ..
@@ -586,7 +594,7 @@ fn input(location: u32) -> Binding {
     }
 }
 
-/// `a`, `b` and so on: a writer that keeps names apart by numbers would add its own to a digit.
+/// `a`, `b` and so on. naga's writers append their own number to a name that ends in a digit.
 fn letters(mut n: usize) -> String {
     let mut out = String::new();
     loop {

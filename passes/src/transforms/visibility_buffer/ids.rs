@@ -1,4 +1,4 @@
-//! The id pass: position, what decides coverage and depth, and which triangle of which instance it is.
+//! The id pass: position, coverage and depth, and the id of triangle and instance.
 //!
 //! ```text
 //! @vertex   fn vs_visible_ids(..)  -> VertexOutput_ids      the author's outputs (or position alone), and `visible_id_of(instance_index)`, flat
@@ -21,31 +21,32 @@ use crate::rebuild::fetch::{Author, Linked, corner, ours, word};
 use crate::rebuild::hoisted::as_function;
 use crate::rebuild::place::{self, Builder, Rewrite};
 
-/// Names of the entry points.
+/// Entry point name.
 pub const VERTEX: &str = "vs_visible_ids";
-/// Names of the entry points.
+/// Entry point name.
 pub const FRAGMENT: &str = "fs_visible_ids";
 
-/// How a resolve knows which side of a triangle a pixel shows.
+/// How a resolve knows the facing of a pixel's triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Facing {
-    /// It does not ask, or shows the front alone.
+    /// It does not read it, or only front faces are visible.
     Front,
-    /// The back alone.
+    /// Only back faces are visible.
     Back,
-    /// The id says so: no sum of corners has the rasteriser's sign, whose vertices are snapped.
+    /// From the id. Computing it from the corners would not match the rasteriser, which snaps
+    /// vertices.
     Written,
 }
 
 /// How a fragment knows its triangle.
 pub enum Triangles<'a> {
-    /// By the builtin `primitive_index`.
+    /// From the builtin `primitive_index`.
     PrimitiveIndex,
-    /// By a flat varying of vertices that no two triangles share: the attributes to fetch, and where they are bound.
+    /// From a flat varying of unshared vertices: the attributes to fetch and their bindings.
     Unindexed(&'a [AttributeUse], Formats),
 }
 
-/// An entry point as a function, and what it took and gave.
+/// An entry point as a function, with its inputs and outputs.
 struct Stage {
     function: Handle<Function>,
     arguments: Vec<FunctionArgument>,
@@ -54,7 +55,7 @@ struct Stage {
 }
 
 impl Stage {
-    /// Turns the entry point of that name into a function.
+    /// Converts the named entry point to a function.
     fn take(module: &mut Module, stage: ShaderStage, name: &str) -> Option<Self> {
         let at = module
             .entry_points
@@ -75,7 +76,7 @@ impl Stage {
         })
     }
 
-    /// The outputs of a call's result, one by one.
+    /// The outputs in a call's result.
     fn parts(&self, build: &mut Builder<'_>, value: Handle<Expression>) -> Vec<Handle<Expression>> {
         let is_bare = self.result.as_ref().is_some_and(|r| r.binding.is_some());
         (0..self.outputs.len() as u32)
@@ -102,7 +103,7 @@ impl Stage {
 /// `module` with the id pass's entry points in place of the depth-only ones of these names.
 ///
 /// # Errors
-/// In words: our own text does not parse or link, or an input has no source.
+/// A message: our own text does not parse or link, or an input has no source.
 pub fn add(
     module: Module,
     vertex: &str,
@@ -157,7 +158,7 @@ pub fn add(
     let flat = Binding::Location {
         location,
         interpolation: Some(Interpolation::Flat),
-        // All vertices of a triangle have the same one.
+        // All vertices of a triangle have the same value.
         sampling: Some(Sampling::Either),
         blend_src: None,
         per_primitive: false,
@@ -241,7 +242,7 @@ fn vec2(module: &mut Module) -> Handle<Type> {
         .insert(Type { name: None, inner }, Span::UNDEFINED)
 }
 
-/// The first location that no output has.
+/// The first free location.
 fn free_location(outputs: &[Io]) -> u32 {
     let is_taken = |free: u32| {
         outputs.iter().any(
@@ -251,7 +252,7 @@ fn free_location(outputs: &[Io]) -> u32 {
     (0..).find(|l| !is_taken(*l)).unwrap_or_default()
 }
 
-/// The vertex stage's outputs, and the id behind them.
+/// The vertex stage's outputs followed by the id.
 fn vertex_result(
     module: &mut Module,
     vertex: &Stage,
@@ -277,7 +278,7 @@ fn vertex_result(
     place::io_struct(module, Some("VisibleVertex".to_owned()), members)
 }
 
-/// Appends an entry point without statements; returns its index.
+/// Appends an empty entry point and returns its index.
 pub fn new_entry(
     module: &mut Module,
     stage: ShaderStage,
@@ -302,7 +303,7 @@ pub fn new_entry(
     module.entry_points.len() - 1
 }
 
-/// Discards, writes the depth that the author does, and the id.
+/// Discards and writes depth as the author does, and writes the id.
 fn fragment_entry(
     mut module: Module,
     decides: Option<&Stage>,

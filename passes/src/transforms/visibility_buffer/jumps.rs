@@ -1,7 +1,10 @@
-//! Where a rounding of what a resolve interpolates may become any difference of a colour.
+//! Finds where a rounding difference of interpolated values may become an arbitrary colour
+//! difference.
 //!
-//! A rasteriser and a resolve interpolate the same function of real numbers, and round differently. What follows passes that on as a rounding, until an operation jumps: a
-//! comparison at the edge, a `floor` at an integer, a shadow test. What does not vary, the pixel's place, its side and flat values are the same in both.
+//! A rasteriser and a resolve interpolate the same real-number function with different rounding.
+//! Operations pass this on as rounding until one has a discontinuity: a comparison, a `floor`, a
+//! shadow test. Values that are the same in both, such as the pixel's place, its facing and flat
+//! values, do not matter.
 
 use naga::{
     Binding, BuiltIn, DerivativeControl, Expression, Handle, ImageDimension, MathFunction,
@@ -15,59 +18,63 @@ use crate::core::program::Program;
 use crate::core::reflect::{self, Io};
 use crate::graph::Graph;
 
-/// What roundings of interpolated values reach, in a fragment stage sliced to its colours.
+/// The places that rounding differences reach, in a fragment stage sliced to its colours.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reached {
-    /// The first operation that jumps, and its place.
+    /// The first operation with a discontinuity, and its place.
     pub jump: Option<(String, Span)>,
-    /// The first operation whose slope has no bound, and its place.
+    /// The first operation with an unbounded slope, and its place.
     pub steep: Option<(&'static str, Span)>,
-    /// Samples whose coordinates or level round otherwise, which is continuous if their sampler filters.
+    /// Samples whose coordinates or level have rounding differences. They are continuous if their
+    /// sampler filters.
     pub samples: Vec<Sample>,
-    /// What the stage takes anywhere of neighbours that are the driver's choice.
+    /// The stage's uses of quad neighbours that the driver chooses.
     pub taken: Taken,
-    /// Something interpolated is read.
+    /// Whether it reads an interpolated value.
     pub interpolated: bool,
-    /// The place of the first sample whose implicit level has a bias: a resolve scales gradients by 2 to the bias, and a sampler adds the bias to the level.
+    /// Place of the first implicit-LOD sample with a bias: a resolve scales gradients by 2 to the
+    /// bias, whereas a sampler adds the bias to the level.
     pub biased: Option<Span>,
-    /// The place of the first sample of a cube at an implicit level: of which gradients, and on which face, is the driver's choice, and gradients that are given are treated otherwise.
+    /// Place of the first implicit-LOD sample of a cube. The driver chooses gradients and face, and
+    /// treats explicit gradients differently.
     pub cube: Option<Span>,
-    /// A varying is interpolated linearly on the screen: between which corners, where the triangle is clipped, is the driver's choice.
+    /// Whether a varying has linear interpolation: for clipped triangles the driver chooses the
+    /// corners.
     pub linear: bool,
 }
 
 /// A sample of a texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// The sampler, where that is one that is known.
+    /// The sampler, if it is known.
     pub sampler: Option<ResourceBinding>,
-    /// Whether the level, and along which line a filter may be anisotropic, comes of gradients.
+    /// Whether gradients decide the level and the direction of anisotropic filtering.
     pub by_gradients: bool,
-    /// Where it stands.
+    /// Source span.
     pub span: Span,
 }
 
-/// What a fragment stage takes of its neighbours, where the driver chooses which they are.
+/// The stage's uses of quad neighbours, if the driver chooses them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Taken {
     /// `dpdx`, `dpdy`, `fwidth`.
     pub derivatives: bool,
-    /// Those that are `Coarse`.
+    /// The `Coarse` variants.
     pub coarse: bool,
-    /// Samples at an implicit level, but of cubes.
+    /// Implicit-LOD samples, without cubes.
     pub samples: bool,
-    /// Such samples of cubes.
+    /// Implicit-LOD samples of cubes.
     pub cubes: bool,
 }
 
 impl Taken {
-    /// Whether there is anything.
+    /// Whether any field is set.
     pub fn any(self) -> bool {
         self != Self::default()
     }
 }
 
-/// Follows them from the inputs of the fragment entry point of that index.
+/// Follows rounding differences from the inputs of the fragment entry point.
 ///
 /// # Errors
 /// The stage has too many values.
@@ -139,9 +146,9 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             if of_position && is_place(expression) {
                 continue;
             }
-            // A depth, a w: made between the same corners.
+            // Depth and w are interpolated between the same corners.
             out.interpolated |= of_position;
-            // Of several, the one that stands first among the values: always the same.
+            // Of several, take the first among the values, for a stable result.
             if let Some(name) = jumps(expression)
                 && first.is_none_or(|f| *user < f)
             {
@@ -151,7 +158,7 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
             work.push(*user);
         }
     }
-    // A resolve makes gradients of its own of what an implicit level is of.
+    // A resolve computes its own gradients for implicit levels.
     let differs = |s: &&Sampled<'_>| s.is_implicit() || is_rounded[s.id];
     out.samples = samples.iter().filter(differs).map(|s| s.sample).collect();
     out.steep = steep::steep(&values, &is_rounded).map(|(id, name)| {
@@ -165,7 +172,7 @@ enum Kind {
     Interpolated,
     /// Its x and y are the pixel's.
     Position,
-    /// The same for rasteriser and resolve.
+    /// The same in rasteriser and resolve.
     Same,
 }
 
@@ -181,7 +188,7 @@ fn kind(input: &Io) -> Kind {
     }
 }
 
-/// The expression that a value is, or is a part of, and its place.
+/// The expression of a value or its component, and the place.
 fn expression<'p>(values: &Values<'_, 'p>, id: ValueId) -> Option<(&'p Expression, Span)> {
     let Node::Expression(context, e, _) = values.values[id].node else {
         return None;
@@ -190,7 +197,7 @@ fn expression<'p>(values: &Values<'_, 'p>, id: ValueId) -> Option<(&'p Expressio
     Some((&expressions[e], expressions.get_span(e)))
 }
 
-/// A sample among the values of a stage.
+/// A sample among a stage's values.
 struct Sampled<'p> {
     id: ValueId,
     level: &'p SampleLevel,
@@ -232,7 +239,7 @@ impl<'p> Sampled<'p> {
     }
 }
 
-/// The binding that an expression of a fragment stage is; `None` where it is not known to be one.
+/// The binding of an expression of a fragment stage; `None` if unknown.
 fn binding(
     values: &Values<'_, '_>,
     context: ContextId,
@@ -249,7 +256,7 @@ fn binding(
     values.graph.module().global_variables[global].binding
 }
 
-/// Whether of a position no more is taken than the pixel's place.
+/// Whether only the pixel's place of a position is used.
 fn is_place(expression: &Expression) -> bool {
     use SwizzleComponent::{X, Y};
     match expression {
@@ -261,10 +268,12 @@ fn is_place(expression: &Expression) -> bool {
     }
 }
 
-/// The name of an operation that makes any difference of a rounding in one of its operands.
+/// The name of an operation that turns a rounding difference of an operand into an arbitrary
+/// difference.
 fn jumps(expression: &Expression) -> Option<String> {
     match expression {
-        // Of a number that is rounded: an integer is not, or its own conversion has jumped.
+        // Conversions of rounded numbers. Integers have no rounding, unless a conversion already
+        // had the discontinuity.
         Expression::As {
             kind: naga::ScalarKind::Float,
             ..

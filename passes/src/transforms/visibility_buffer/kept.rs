@@ -1,4 +1,5 @@
-//! The vertex stage's results, kept: a compute pass runs it once for each vertex and instance, and a resolve loads what it stored.
+//! Stored vertex results: a compute pass runs the vertex stage once per vertex and instance, and a
+//! resolve loads the results.
 //!
 //! ```text
 //! cs_vertices    each vertex of each instance    vs_corner(vertex, instance), its words stored
@@ -24,21 +25,21 @@ use crate::rebuild::place::{self, Builder, Rewrite};
 pub const ENTRY: &str = "cs_vertices";
 /// Name of the buffer.
 pub const BUFFER: &str = "visibility-vertices";
-/// Invocations of a workgroup.
+/// Workgroup size.
 pub const WORKGROUP: u32 = 64;
 
-/// How a vertex lies in the buffer.
+/// The layout of a vertex in the buffer.
 #[derive(Clone, Debug)]
 pub struct Kept {
-    /// Each output: its type, components and first word.
+    /// Type, components and first word of each output.
     members: Vec<(Handle<Type>, u8, u32)>,
-    /// Words of a vertex.
+    /// Words per vertex.
     pub words: u32,
-    /// What the vertex stage gives, and whether its outputs are members of it.
+    /// The vertex stage's result type, and whether its outputs are members.
     given: (Handle<Type>, bool),
 }
 
-/// What is done with the buffer.
+/// Access to the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     Store,
@@ -46,10 +47,10 @@ pub enum Access {
 }
 
 impl Kept {
-    /// Of these outputs of a vertex stage.
+    /// The layout of these outputs.
     ///
     /// # Errors
-    /// In words: an output is not made of 32-bit numbers.
+    /// A message: an output does not consist of 32-bit numbers.
     pub fn of(
         module: &Module,
         outputs: &[Io],
@@ -74,7 +75,7 @@ impl Kept {
         Ok(kept)
     }
 
-    /// The buffer, bound there, and what stores or loads its words.
+    /// The buffer at this binding, and the functions that store or load its words.
     pub fn text(&self, group: u32, binding: u32, access: Access) -> String {
         let mode = match access {
             Access::Store => "read_write",
@@ -124,10 +125,10 @@ impl Kept {
         out
     }
 
-    /// `NAME_kept(vertex, instance)`: what was stored.
+    /// `NAME_kept(vertex, instance)`: loads a result.
     ///
     /// # Errors
-    /// In words: our own text lacks a function.
+    /// A message: our own text lacks a function.
     pub fn load(
         &self,
         mut module: Module,
@@ -171,10 +172,10 @@ impl Kept {
         ))
     }
 
-    /// Adds the compute stage that stores what `corner` gives.
+    /// Adds the compute stage that stores the results of `corner`.
     ///
     /// # Errors
-    /// In words: our own text lacks a function.
+    /// A message: our own text lacks a function.
     pub fn store(
         &self,
         mut module: Module,
@@ -251,7 +252,7 @@ impl Kept {
         Some(())
     }
 
-    /// The word of an output, of the vertex of that index.
+    /// The word of an output of a vertex.
     fn at(
         &self,
         build: &mut Builder<'_>,
@@ -273,7 +274,7 @@ impl Kept {
     }
 }
 
-/// The same bits as numbers of another kind.
+/// Bitcasts to another scalar kind.
 fn bits(
     build: &mut Builder<'_>,
     value: Handle<Expression>,

@@ -1,4 +1,4 @@
-//! What can be split, and why the rest cannot.
+//! Legality of the split.
 
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
@@ -15,7 +15,7 @@ use crate::core::state::{CullMode, DepthBias, Topology};
 use crate::graph::{Effect, FunctionId};
 use crate::slice;
 
-/// The state of a pass that can be split.
+/// Checks the state of a pass.
 pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     if pass.primitive.topology != Topology::TriangleList {
@@ -55,8 +55,8 @@ pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
     refusals
 }
 
-/// Why what rounds apart in a resolve and behind a rasteriser may differ by more than roundings: where that reaches a jump, or what has no bound. `samplers` are the material's, as
-/// far as they are known.
+/// Refusals if rounding differences between resolve and rasteriser may become larger: at a
+/// discontinuity or an unbounded slope. `samplers` are the material's, as far as known.
 pub fn rounding(
     reached: &Reached,
     samplers: &[SamplerState],
@@ -86,7 +86,7 @@ pub fn rounding(
         return Some(refuse("cube-sample", reason, &own_level).at(sources, span));
     }
     reached.samples.iter().find_map(|sample| {
-        // One that is not known is any of them.
+        // An unknown sampler may be any.
         let may_be = |state: &&SamplerState| {
             let binding = (state.group, state.binding);
             sample.sampler.is_none_or(|s| (s.group, s.binding) == binding)
@@ -112,7 +112,7 @@ pub fn rounding(
     })
 }
 
-/// A vertex stage that can be run for three corners in one invocation.
+/// Checks that the vertex stage can run for three corners in one invocation.
 pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
@@ -148,12 +148,12 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
     refusals
 }
 
-/// A fragment stage that can be run on what is made again.
+/// Checks that the fragment stage can run on reconstructed inputs.
 pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
     let entry = &module.entry_points[fragment];
-    // A struct of inputs may have more than colours are made of.
+    // A struct of inputs may have members that the colours do not need.
     let colors = resolve::colors_of(module, &entry.function);
     let slice = slice::backward(&opaque.graph, fragment, &colors);
     let all = reflect::inputs(module, &entry.function);
@@ -207,7 +207,8 @@ pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
     refusals
 }
 
-/// Refuses a stage that writes variables of the whole invocation. Among them are inputs and outputs of GLSL that another function than `main` uses, for the IR has no such thing.
+/// Refuses a stage that writes private variables. GLSL inputs and outputs that functions other than
+/// `main` use are among them.
 fn kept_state(
     opaque: &Opaque<'_>,
     entry: usize,
@@ -273,7 +274,7 @@ fn user(module: &Module, variable: Handle<GlobalVariable>) -> Option<&str> {
         .and_then(|f| f.name.as_deref())
 }
 
-/// How the side that a pixel shows is known.
+/// How the resolve knows the facing of a pixel.
 pub fn facing(opaque: &Opaque<'_>, fragment: usize) -> Facing {
     let module = opaque.program.module();
     let entry = &module.entry_points[fragment];
@@ -296,23 +297,23 @@ pub fn facing(opaque: &Opaque<'_>, fragment: usize) -> Facing {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stored {
     pub location: u32,
-    /// Format of the storage texture, as WGSL spells it.
+    /// Storage texture format in WGSL.
     pub format: &'static str,
     pub encoding: Encoding,
 }
 
 impl Stored {
-    /// Whether what is stored lies between 0 and 1.
+    /// Whether stored values are in 0..1.
     pub fn is_normalized(&self) -> bool {
         self.format == "rgba8unorm"
     }
 }
 
-/// What is written of a colour.
+/// Encoding before a storage write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     Linear,
-    /// The encoding that the target's own format would do, since a storage texture is written as it is given.
+    /// sRGB: a render target would encode it, a storage texture does not.
     Srgb,
 }
 

@@ -1,4 +1,5 @@
-//! Lists that compute passes make of the ids, so that a resolve runs on what its draw shows and on nothing else: tiles by draw, and pixels by instance.
+//! Compute passes that list ids, so that a resolve runs only where its draw is visible: tiles by
+//! draw, or pixels by instance.
 //!
 //! ```text
 //! tiles:  cs_tiles    once, 8x8 pixels a workgroup    each draw that the tile shows gets the tile
@@ -7,8 +8,9 @@
 //!         cs_scatter  once, over the pixels           each pixel to its place
 //! ```
 //!
-//! A draw has an entry of eight words ([`crate::core::plan::FrameWords::Draws`]): four arguments of an indirect call; the number of what is listed; the complement of the first place.
-//! Tiles and pixels are `y << 16 | x`. Workgroups are listed in rows of 65,535, the most that WebGPU runs in a dimension.
+//! A draw has an entry of eight words ([`crate::core::plan::FrameWords::Draws`]): four arguments of
+//! an indirect call, the length of the list, the complement of the first index. Tiles and pixels
+//! are `y << 16 | x`. Workgroups form rows of 65,535, WebGPU's largest dispatch size.
 
 use naga::ShaderStage;
 
@@ -24,22 +26,22 @@ use crate::core::reflect;
 use crate::rebuild::fetch::Linked;
 use crate::rebuild::place;
 
-/// What a resolve goes through.
+/// The lists of a resolve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lists {
-    /// The pixels of the screen.
+    /// No list: all pixels of the screen.
     None,
     /// Tiles, drawn as two triangles each.
     Quads,
-    /// Tiles, a workgroup each.
+    /// Tiles, one per workgroup.
     Groups,
     /// Pixels, sorted by instance.
     Bins,
 }
 
-/// Invocations along the side of a workgroup over pixels, and pixels along the side of a tile.
+/// Side of a workgroup over pixels and of a tile, in pixels.
 const SIDE: u32 = 8;
-/// Invocations of a workgroup over instances.
+/// Size of a workgroup over instances.
 const SCANNED: u32 = 256;
 
 impl Lists {
@@ -52,7 +54,7 @@ impl Lists {
         }
     }
 
-    /// The buffer of entries. Forms do not share any: what one lists is not what another reads.
+    /// The buffer of entries. Forms do not share buffers because they list different things.
     fn entries(self) -> &'static str {
         match self {
             Self::None | Self::Quads => "visibility-quads",
@@ -61,7 +63,7 @@ impl Lists {
         }
     }
 
-    /// The buffer of what is listed.
+    /// The buffer of listed items.
     fn listed(self) -> &'static str {
         match self {
             Self::None | Self::Quads => "visibility-quad-tiles",
@@ -70,7 +72,7 @@ impl Lists {
         }
     }
 
-    /// What a resolve draws, or runs over.
+    /// The geometry or dispatch of a resolve.
     pub fn geometry(self) -> Geometry {
         match self {
             Self::None => Geometry::FullScreen,
@@ -80,7 +82,8 @@ impl Lists {
         }
     }
 
-    /// What a resolve binds of them from `first` on, as the text of [`Self::read`] does.
+    /// The resolve's bindings of these buffers from `first` on, matching the text of
+    /// [`Self::read`].
     pub fn bindings(self, group: u32, first: u32) -> Vec<BindingUse> {
         let buffers: &[&str] = match self {
             Self::None => &[],
@@ -93,7 +96,8 @@ impl Lists {
             .collect()
     }
 
-    /// What a resolve has of them: the vertex stage `vs_visible`, or `visible_place(group, local)`.
+    /// The resolve's code for reading lists: the vertex stage `vs_visible`, or
+    /// `visible_place(group, local)`.
     pub fn read(self, group: u32, first: u32) -> String {
         let listed = format!(
             "@group({group}) @binding({first}) var<storage, read> visibility_listed: array<u32>;\n"
@@ -110,10 +114,10 @@ impl Lists {
         }
     }
 
-    /// Adds the passes that make them, and their buffers.
+    /// Adds the passes that fill the lists, and their buffers.
     ///
     /// # Errors
-    /// A program of ours that does not parse or validate: a bug.
+    /// Our own program does not parse or validate: a bug.
     pub fn add(self, plan: &mut Plan, program: &Program, words: Words) -> Result<(), String> {
         let mut buffer = |name: &str, holds| {
             plan.frame_buffers.push(FrameBuffer {
@@ -194,26 +198,27 @@ impl Lists {
     }
 }
 
-/// Counts, then places, of the pixels of each instance.
+/// Pixel count of each instance, then the start of its pixels.
 const INSTANCES: &str = "visibility-bin-instances";
 
-/// A compute pass of ours.
+/// A generated compute pass.
 struct Pass {
     program: &'static str,
     entry: &'static str,
     text: String,
-    /// The phase that it runs behind. Passes that work for all materials and passes of one material never share a phase, but for resolves, which come last in theirs.
+    /// The phase it follows. Passes for all materials and passes of one material never share a
+    /// phase, except that resolves come last in theirs.
     when: Phase,
     over: Over,
     reads: Reads,
-    /// Frame buffers, bound behind what it reads.
+    /// Frame buffers, bound after its inputs.
     buffers: Vec<&'static str>,
 }
 
 enum Over {
-    /// Of the screen, once for the frame.
+    /// Over the screen, once per frame.
     Pixels,
-    /// Of the draw.
+    /// Over the draw's instances.
     Instances,
 }
 
@@ -277,7 +282,7 @@ fn of_frame(buffer: &str) -> BindingSource {
     }
 }
 
-/// A buffer or texture of the plan's own that is read.
+/// A read-only buffer or texture of the plan's own.
 pub fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse {
     BindingUse {
         group,
@@ -290,7 +295,7 @@ pub fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse 
     }
 }
 
-/// The ids at 0, the draw table at 1, and what follows.
+/// The ids at 0, the draw table at 1, and `more`.
 fn texts(words: Words, more: &str) -> String {
     text::drawn(words) + PIXEL + more
 }
@@ -316,7 +321,7 @@ const GROW: &str = "fn visible_grow(draw: u32, groups: u32) {
 }
 ";
 
-/// Of all pixels of a tile that show a draw the first appends it.
+/// The first pixel of a tile that shows a draw appends the tile.
 const TILES: &str = "var<workgroup> visibility_seen: array<u32, 64>;
 @compute @workgroup_size(8, 8)
 fn cs_tiles(@builtin(global_invocation_id) pixel: vec3<u32>, @builtin(local_invocation_index) at: u32, @builtin(workgroup_id) tile: vec3<u32>, @builtin(num_workgroups) tiles: vec3<u32>) {
@@ -352,7 +357,8 @@ fn cs_count(@builtin(global_invocation_id) pixel: vec3<u32>) {
 }
 ";
 
-/// Sums within a workgroup (Hillis and Steele 1986); a workgroup takes its places by adding to one word behind all entries. Draws take theirs one after the other.
+/// A prefix sum within a workgroup (Hillis and Steele 1986). A workgroup reserves its range by
+/// adding to one word behind all entries; draws run one after the other.
 const SCAN: &str =
     "@group(0) @binding(1) var<storage, read_write> visibility_entries: array<atomic<u32>>;
 @group(0) @binding(2) var<storage, read_write> visibility_instances: array<u32>;
@@ -393,7 +399,7 @@ fn cs_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
 }
 ";
 
-/// What another form shades has no places.
+/// Pixels that another form shades have no place.
 const SCATTER: &str =
     "@group(0) @binding(2) var<storage, read_write> visibility_instances: array<atomic<u32>>;
 @group(0) @binding(3) var<storage, read_write> visibility_listed: array<u32>;

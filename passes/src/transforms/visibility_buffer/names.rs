@@ -1,4 +1,5 @@
-//! Names of ours beside the author's: within one program a writer keeps names apart, and whichever comes second gets another. What hosts hold on to may not be that one.
+//! Keeps generated names and the author's apart. A writer renames whichever comes second, but hosts
+//! rely on some names.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +7,7 @@ use naga::{Function, Module};
 
 use super::{ids, resolve};
 
-/// Names of entry points of ours.
+/// Names of generated entry points.
 const ENTRY_POINTS: [&str; 5] = [
     ids::VERTEX,
     ids::FRAGMENT,
@@ -15,7 +16,7 @@ const ENTRY_POINTS: [&str; 5] = [
     resolve::COMPUTE,
 ];
 
-/// A name of the author's, by one that no entry point of ours has.
+/// A name of the author's that avoids those of generated entry points.
 pub fn given(name: &str) -> String {
     match ENTRY_POINTS.contains(&name) {
         true => format!("{name}_given"),
@@ -23,7 +24,8 @@ pub fn given(name: &str) -> String {
     }
 }
 
-/// The author's module without the names of our entry points: its entry points, functions, types, variables and constants are called otherwise. An override keeps its name, by which it is set.
+/// Renames the author's entry points, functions, types, variables and constants that collide with
+/// generated entry points. Overrides keep their names, because hosts set them by name.
 pub fn without_ours(module: &mut Module) {
     let rename = |name: &mut Option<String>| {
         if let Some(name) = name {
@@ -56,7 +58,7 @@ pub fn without_ours(module: &mut Module) {
     }
 }
 
-/// Lets names within functions give way to overrides: a host sets those by name.
+/// Renames locals that collide with overrides, because hosts set overrides by name.
 pub fn give_way_to_overrides(module: &mut Module) {
     let overrides = module.overrides.iter();
     let held: BTreeSet<String> = overrides.filter_map(|(_, o)| o.name.clone()).collect();

@@ -1,4 +1,4 @@
-//! What a user chooses of a visibility buffer.
+//! The parameters of a visibility buffer.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,26 +16,27 @@ use crate::rebuild::depth_only::{Invariance, VertexStage};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ids {
-    /// By the builtin `primitive_index`, which is a feature of the adapter.
+    /// From the builtin `primitive_index`, which needs an adapter feature.
     #[default]
     PrimitiveIndex,
-    /// By vertices that no two triangles share, each fetched out of storage buffers: on any adapter.
+    /// From unshared vertices that are fetched from storage buffers: works on any adapter.
     Unindexed,
 }
 
-/// Words of an id.
+/// Words per id.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Words {
-    /// `rg32uint`: as many instances and triangles as there may be.
+    /// `rg32uint`: no practical limit.
     #[default]
     Two,
-    /// `r32uint`, split by how many of each the frame has. A host refuses what does not fit.
+    /// `r32uint`, divided according to the frame's instances and triangles. A host refuses frames
+    /// that do not fit.
     One,
 }
 
 impl Words {
-    /// Format of the attachment of ids.
+    /// Format of the id attachment.
     pub fn format(self) -> AttachmentFormat {
         AttachmentFormat::Color(self.color().to_owned())
     }
@@ -48,16 +49,17 @@ impl Words {
     }
 }
 
-/// How a draw's resolve passes over the pixels of other draws.
+/// How a draw's resolve skips the pixels of other draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Select {
-    /// By the depth test: a pass over the frame writes the number of each pixel's draw as a depth, and a draw's resolve compares EQUAL with its own.
+    /// By the depth test: one pass writes each pixel's draw number as depth, and a draw's resolve
+    /// compares EQUAL with its number.
     #[default]
     Depth,
-    /// By looking at the id, in the fragment stage: no further pass, for frames of one draw or few.
+    /// By reading the id in the fragment stage: no extra pass, for frames with few draws.
     Id,
-    /// By a list of the tiles that show the draw, which a compute pass makes; within a tile by looking at the id.
+    /// By a list of tiles per draw, which a compute pass creates; within a tile by reading the id.
     Tiles,
 }
 
@@ -65,23 +67,25 @@ pub enum Select {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Form {
-    /// In the fragment stage of a pass over the screen.
+    /// In the fragment stage of a full-screen pass.
     #[default]
     Fragment,
-    /// In a compute pass over the screen, which writes the colour as a storage texture.
+    /// In a full-screen compute pass that writes a storage texture.
     Compute,
-    /// As `compute`, over pixels that compute passes have sorted by instance: neighbouring invocations fetch the same instance's data.
+    /// As `compute`, over pixels sorted by instance: adjacent invocations fetch the same instance's
+    /// data.
     Binned,
 }
 
-/// Where a resolve has the vertex stage's results of a triangle's corners from.
+/// The source of the vertex results at a triangle's corners.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Vertices {
-    /// The vertices are refetched and the stage run for each pixel.
+    /// Each pixel refetches the vertices and runs the vertex stage.
     #[default]
     Refetched,
-    /// A compute pass runs the stage once for each vertex of each instance, ahead of the frame, and keeps what it gives: for stages that are dear, and few vertices.
+    /// A compute pass runs the vertex stage once per vertex and instance before the frame and
+    /// stores the results: for expensive stages and few vertices.
     Kept,
 }
 
@@ -93,44 +97,54 @@ pub struct Params {
     pub form: Form,
     /// How the id pass knows a triangle.
     pub ids: Ids,
-    /// Words of an id.
+    /// Words per id.
     pub words: Words,
-    /// How a draw's resolve passes over the pixels of other draws. Default: `depth`; with `form=compute`, which has no depth test, `id`. `form=binned` has a list of the draw's own pixels, and takes none.
+    /// How a draw's resolve skips the pixels of other draws. Default: `depth`, or `id` with
+    /// `form=compute`, which has no depth test. Not with `form=binned`, which lists the draw's own
+    /// pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub select: Option<Select>,
-    /// Formats that the attributes of vertices may be stored in.
+    /// Allowed storage formats of vertex attributes.
     pub formats: Formats,
-    /// Where the corners of a triangle lie when the resolve interpolates between them. Default: as the adapter was seen to do, else `held`.
+    /// Where a triangle's corners are when the resolve interpolates. Default: the measured
+    /// behaviour of the adapter, otherwise `held`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub corners: Option<Corners>,
-    /// Which neighbours `dpdx`, `dpdy` and `fwidth` are taken of. Default: as the adapter was seen to do, else the pixel's `own`.
+    /// The neighbours for `dpdx`, `dpdy` and `fwidth`. Default: as measured, otherwise the pixel's
+    /// `own`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub derivatives: Option<Neighbours>,
-    /// Which neighbours `dpdxCoarse`, `dpdyCoarse` and `fwidthCoarse` are taken of. Default: as seen, else the `quad`'s first pixel's.
+    /// The neighbours for `dpdxCoarse`, `dpdyCoarse` and `fwidthCoarse`. Default: as measured,
+    /// otherwise the `quad`'s first pixel's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coarse: Option<Neighbours>,
-    /// Which neighbours a texture sample's implicit level is taken of, cubes aside. Default: as seen, else the `quad`'s first pixel's.
+    /// The neighbours for a texture sample's implicit level, without cubes. Default: as measured,
+    /// otherwise the `quad`'s first pixel's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<Neighbours>,
-    /// Which neighbours the implicit level of a cube texture's sample is taken of. Default: as seen, else the `quad`'s first pixel's.
+    /// The neighbours for the implicit level of a cube sample. Default: as measured, otherwise the
+    /// `quad`'s first pixel's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cubes: Option<Neighbours>,
-    /// Where the resolve has the vertex stage's results from.
+    /// The source of the vertex results at a triangle's corners.
     pub vertices: Vertices,
-    /// Vertex stage of the id pass: the author's whole one with the id beside its outputs, or its slice. Default: `sliced` where the author's position is `@invariant`, else `same`.
+    /// Vertex stage of the id pass: the author's whole stage with the id added, or its slice.
+    /// Default: `sliced` if the author's position is `@invariant`, otherwise `same`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
-    /// Whether `@invariant` is added to the id pass's position; default: `as-written` with `vertex=same`, `add` with `vertex=sliced`.
+    /// Whether to add `@invariant` to the id pass's position. Default: `as-written` with
+    /// `vertex=same`, `add` with `vertex=sliced`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub invariant: Option<Invariance>,
-    /// The largest difference of a channel (`max_abs`) that is allowed, 0 to 1. Without one the promise is that of rounding: a step of 8 bits.
+    /// Largest allowed difference of a channel (`max_abs`), 0 to 1. Without it the contract is
+    /// rounding: a step of 8 bits.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: Option<f64>,
 }
 
 impl Params {
-    /// With what is left to choose chosen, by what is known of the adapter.
+    /// Fills in the open choices from the measured adapter.
     pub(super) fn resolved(&self, facts: &Facts) -> Result<Self, Box<Refusal>> {
         let select = match (self.form, self.select) {
             (Form::Fragment, select) => Some(select.unwrap_or_default()),
@@ -164,7 +178,8 @@ impl Params {
         })
     }
 
-    /// With nothing said of corners where nothing is interpolated between them, nor of neighbours that the stage takes nothing of: what a plan says it rests on.
+    /// Removes choices without effect: corners if nothing is interpolated, neighbours that the
+    /// stage does not use.
     pub(super) fn of_taken(&self, interpolated: bool, taken: Taken) -> Self {
         let kept = |is_taken: bool, said: Option<Neighbours>| said.filter(|_| is_taken);
         Self {
@@ -177,9 +192,9 @@ impl Params {
         }
     }
 
-    /// What is said of the adapter that was seen to do otherwise, each as `parameter=choice` beside what was seen.
+    /// Choices that contradict the measured adapter: `parameter=choice` and the measured behaviour.
     pub(super) fn contradicting(&self, seen: &Rasterizer) -> Vec<[String; 2]> {
-        // `held` has corners as given, too.
+        // `held` also uses the given corners.
         let are_given = |corners: Corners| corners != Corners::Snapped;
         let corners = self.corners.filter(|said| match said {
             Corners::Held => !are_given(seen.corners),
@@ -202,12 +217,12 @@ impl Params {
             .collect()
     }
 
-    /// Pixels of other draws are not listed by `form=binned`.
+    /// The selection; `form=binned` lists only its own pixels.
     pub(super) fn select(&self) -> Select {
         self.select.unwrap_or_default()
     }
 
-    /// What the resolve does as a rasteriser.
+    /// The rasteriser behaviour that the resolve reproduces.
     pub(super) fn rasterizer(&self) -> Rasterizer {
         let usual = Rasterizer::default();
         Rasterizer {
@@ -219,7 +234,8 @@ impl Params {
         }
     }
 
-    /// Two texts of one position are the same bits under `@invariant` alone: without it, the author's stage is left whole, so that as much as can be is alike.
+    /// Two texts of one position have equal bits only under `@invariant`. Without it the author's
+    /// stage stays whole, so that as much as possible is the same.
     pub(super) fn vertex(&self, opaque: &Opaque<'_>) -> VertexStage {
         self.vertex
             .unwrap_or(match opaque.has_invariant_position() {
@@ -234,7 +250,7 @@ impl Params {
     }
 }
 
-/// A choice as a recipe spells it.
+/// A choice in recipe syntax.
 fn word(choice: impl Serialize) -> String {
     match serde_json::to_value(choice) {
         Ok(serde_json::Value::String(word)) => word,

@@ -1,4 +1,4 @@
-//! Where what is bound beside the author's resources comes from.
+//! The sources of bindings beyond the author's.
 
 use super::IDS;
 use super::text::Slots;
@@ -8,12 +8,14 @@ use crate::core::plan::{
 };
 use crate::core::program::Program;
 
-/// Bindings that a group may have by WebGPU's own limit (`maxBindingsPerBindGroup`).
+/// WebGPU's limit of bindings per group (`maxBindingsPerBindGroup`).
 const BINDINGS: u32 = 1000;
-/// More than a split ever binds of its own: an attribute has a stream, a colour a target.
+/// An upper bound of generated bindings: a stream per attribute, a target per colour, and a few
+/// more.
 const OURS: u32 = 64;
 
-/// Behind all bindings of the last group that has any; where that is past what a group may have, in its first gap that is wide enough.
+/// Slots after all bindings of the last used group, or in its first sufficient gap if that exceeds
+/// the limit.
 pub fn slots(program: &Program) -> Slots {
     let bindings = || {
         let globals = program.module().global_variables.iter();
@@ -39,7 +41,7 @@ pub fn slots(program: &Program) -> Slots {
     Slots { group, first }
 }
 
-/// Our own bindings, for [`reflect::fill`] to know where they come from.
+/// The generated bindings with their sources, for [`reflect::fill`].
 pub fn parts(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> Vec<BindingUse> {
     let geometry = |part| BindingSource::Geometry { part };
     let streams = attributes.iter().cloned().map(GeometryPart::Attribute);

@@ -1,4 +1,4 @@
-//! The resolve pass: the author's two stages on the triangle that a pixel shows.
+//! The resolve pass: the author's two stages for the triangle that a pixel shows.
 //!
 //! ```text
 //! fs_visible(at) -> id = ids[at]; discard where it is another draw's
@@ -33,14 +33,14 @@ use crate::rebuild::hoisted::as_function;
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter};
 
-/// Names of the entry points.
+/// Entry point name.
 pub const VERTEX: &str = "vs_visible";
-/// Names of the entry points.
+/// Entry point name.
 pub const FRAGMENT: &str = "fs_visible";
-/// Names of the entry points.
+/// Entry point name.
 pub const COMPUTE: &str = "cs_visible";
 
-/// What the resolve pass is made of.
+/// The inputs of the resolve pass.
 pub struct Resolve<'a> {
     /// The fragment stage without derivatives, sliced to its colours.
     pub explicit: Explicit,
@@ -48,55 +48,55 @@ pub struct Resolve<'a> {
     pub fragment: usize,
     /// Index of the author's vertex stage.
     pub vertex: usize,
-    /// Attributes to fetch: those of the author's.
+    /// The author's attributes, to be fetched.
     pub attributes: &'a [AttributeUse],
-    /// How the side that a pixel shows is known.
+    /// How the resolve knows the facing of a pixel.
     pub facing: Facing,
-    /// How pixels of other draws are passed over.
+    /// How it skips the pixels of other draws.
     pub select: Select,
-    /// Where it is run.
+    /// Where it runs.
     pub runs: Runs,
-    /// Formats that attributes may be stored in.
+    /// Allowed storage formats of attributes.
     pub formats: Formats,
-    /// Words of an id.
+    /// Words per id.
     pub words: Words,
-    /// Where corners lie.
+    /// Where corners are.
     pub corners: Corners,
-    /// What it goes through.
+    /// The lists it uses.
     pub lists: Lists,
-    /// Where corners come from.
+    /// The source of the vertex results.
     pub vertices: Vertices,
 }
 
-/// Where the resolve is run.
+/// Where the resolve runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Runs {
-    /// In the fragment stage of a pass over the screen.
+    /// In the fragment stage of a full-screen pass.
     Fragment,
     /// In a compute stage that writes these colours.
     Compute(Vec<Stored>),
 }
 
-/// Side of the compute stage's workgroups, in pixels.
+/// Side of the compute workgroups, in pixels.
 pub const WORKGROUP: u32 = 8;
 
-/// A resolve stage, and the attributes it fetches.
+/// A resolve stage and the attributes it fetches.
 pub struct Built {
     pub module: Module,
     pub attributes: Vec<AttributeUse>,
-    /// The stage that keeps vertices for it, with those that it fetches.
+    /// The stage that stores vertices for it, and the attributes that stage fetches.
     pub keeps: Option<Keeps>,
 }
 
-/// The compute stage that keeps vertices.
+/// The compute stage that stores vertices.
 pub struct Keeps {
     pub module: Module,
     pub attributes: Vec<AttributeUse>,
-    /// Words of a vertex.
+    /// Words per vertex.
     pub words: u32,
 }
 
-/// What decides the colours of a fragment stage.
+/// The criteria for the colours of a fragment stage.
 pub fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
     reflect::outputs(module, fragment)
         .iter()
@@ -109,10 +109,10 @@ pub fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
         .collect()
 }
 
-/// The fragment entry point of that index sliced to its colours, in the place of the entry point.
+/// The fragment entry point, sliced to its colours.
 ///
 /// # Errors
-/// A slice of ours that does not validate: a bug.
+/// The slice does not validate: a bug.
 pub fn shaded(program: &Program, fragment: usize) -> Result<(Program, usize), String> {
     let graph = Graph::build(program);
     let entry = &program.module().entry_points[fragment];
@@ -136,7 +136,7 @@ impl Resolve<'_> {
     /// The module with the resolve pass's entry points.
     ///
     /// # Errors
-    /// In words: our own text does not parse or link, or the stages do not fit together.
+    /// A message: our own text does not parse or link, or the stages do not fit together.
     pub fn build(self, slots: Slots) -> Result<Built, String> {
         let Self {
             explicit,
@@ -295,7 +295,7 @@ impl Resolve<'_> {
     }
 }
 
-/// The functions of our own text that fetch these attributes, by location.
+/// The functions of our text that fetch these attributes, by location.
 fn fetched(
     attributes: &[AttributeUse],
     by_name: &BTreeMap<String, Handle<Function>>,
@@ -307,7 +307,7 @@ fn fetched(
     attributes.iter().map(one).collect()
 }
 
-/// The module with the compute stage that keeps vertices.
+/// The module with the compute stage that stores vertices.
 fn keep(
     module: &Module,
     kept: &Kept,
@@ -328,13 +328,13 @@ fn keep(
     kept.store(module, corner, &by_name)
 }
 
-/// The author's vertex stage as far as it is needed, as a function.
+/// The needed part of the author's vertex stage, as a function.
 pub struct VertexStage {
     function: Handle<Function>,
     given: Handle<Type>,
     inputs: Vec<naga::FunctionArgument>,
     pub outputs: Vec<Io>,
-    /// Its outputs are members of a struct.
+    /// Whether its outputs are members of a struct.
     pub is_struct: bool,
 }
 
@@ -392,7 +392,7 @@ impl VertexStage {
         Some((found as u32, &self.outputs[found]))
     }
 
-    /// Widths of what is interpolated, each once.
+    /// Distinct widths of the interpolated outputs.
     fn widths(&self, module: &Module) -> Vec<u8> {
         let widths: BTreeSet<u8> = self
             .outputs
@@ -405,7 +405,7 @@ impl VertexStage {
     }
 }
 
-/// Components of a scalar or a vector.
+/// Number of components of a scalar or vector.
 pub fn width(inner: &TypeInner) -> u8 {
     match inner {
         TypeInner::Vector { size, .. } => *size as u8,

@@ -1,4 +1,4 @@
-//! The entry point that resolves, statement by statement.
+//! Writes the resolving entry point, statement by statement.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ type Input = (Handle<Type>, Binding);
 /// A function of the fragment stage's inputs.
 pub struct Shader {
     pub function: Handle<Function>,
-    /// The types of its arguments, and the inputs that they, or their members, stand for.
+    /// The types of its arguments, and the inputs for them or their members.
     arguments: Vec<(Handle<Type>, Vec<Input>)>,
 }
 
@@ -74,7 +74,7 @@ impl Shader {
     }
 }
 
-/// The fragment stage that is written, and what it calls.
+/// The fragment stage under construction, and its callees.
 pub struct Stage<'a> {
     pub corner: Handle<Function>,
     pub author: &'a VertexStage,
@@ -84,13 +84,13 @@ pub struct Stage<'a> {
     pub facing: Facing,
     pub select: Select,
     pub colors: Colors,
-    /// Which output of the author's the position is.
+    /// Index of the position among the author's outputs.
     pub position: u32,
 }
 
-/// The colours in what the fragment stage gives.
+/// The colours in the fragment stage's result.
 pub enum Colors {
-    /// It is one.
+    /// The result is a colour.
     One(Colored),
     /// They are members.
     Members(Vec<Colored>),
@@ -100,11 +100,11 @@ pub enum Colors {
 #[derive(Clone, Copy)]
 pub struct Colored {
     location: u32,
-    /// Bytes of a component.
+    /// Bytes per component.
     width: u8,
 }
 
-/// Of the result of the author's fragment stage.
+/// The colours in the author's result.
 pub fn colors(module: &Module, result: &FunctionResult) -> Colors {
     let color = |ty: Handle<Type>, b: &Option<Binding>| Colored {
         location: match b {
@@ -121,24 +121,24 @@ pub fn colors(module: &Module, result: &FunctionResult) -> Colors {
     }
 }
 
-/// What is the same for all pixels of a triangle.
+/// Values shared by all pixels of a triangle.
 struct Triangle {
     id: Handle<Expression>,
     number: Handle<Expression>,
-    /// What the author's stage gives at each corner.
+    /// The author's outputs at each corner.
     corners: [Handle<Expression>; 3],
     positions: [Handle<Expression>; 3],
 }
 
-/// What is known of where a pixel is.
+/// Knowledge about a pixel's place.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
-    /// Covered by the triangle.
+    /// The triangle covers it.
     Covered,
     Anywhere,
 }
 
-/// A pixel, and where in the triangle it is.
+/// A pixel and its place in the triangle.
 struct Lane {
     at: Handle<Expression>,
     perspective: Handle<Expression>,
@@ -155,7 +155,7 @@ impl Stage<'_> {
         build.call(*self.ours.get(name)?, arguments)
     }
 
-    /// Writes the stage; why it could not, in words.
+    /// Writes the stage, or returns a message.
     pub fn write(&self, build: &mut Builder<'_>, runs: &Runs) -> Option<String> {
         let written = match runs {
             Runs::Fragment => self.fragment(build),
@@ -204,7 +204,7 @@ impl Stage<'_> {
                 members.map(|(l, index)| (*l, Some(index))).collect()
             }
         };
-        // What goes to no target is not written when it is drawn either.
+        // Colours without a target are not written.
         let is_kept = |(location, _): &(Colored, Option<u32>)| {
             targets.iter().any(|t| t.location == location.location)
         };
@@ -226,7 +226,7 @@ impl Stage<'_> {
         Some(())
     }
 
-    /// What the fragment stage gives at a pixel; where it is another draw's, `leave`.
+    /// The fragment stage's result at a pixel, or `leave` if the pixel belongs to another draw.
     fn color(
         &self,
         build: &mut Builder<'_>,
@@ -299,7 +299,7 @@ impl Stage<'_> {
         }
     }
 
-    /// Weights at a pixel.
+    /// The weights at a pixel.
     fn lane(
         &self,
         build: &mut Builder<'_>,
@@ -461,10 +461,10 @@ const XYZW: [naga::SwizzleComponent; 4] = [
     naga::SwizzleComponent::W,
 ];
 
-/// How an output of the vertex stage reaches a pixel.
+/// How a vertex output reaches a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Travels {
-    /// The first corner's.
+    /// Taken from the first corner.
     Flat,
     Perspective,
     Linear,

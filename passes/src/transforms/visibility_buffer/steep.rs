@@ -1,15 +1,19 @@
-//! Where a slope has no bound: the last bits in which a rasteriser and a resolve differ come out of a root as their root, 2^-16 as 2^-8.
+//! Finds unbounded slopes. There the last bits in which rasteriser and resolve differ grow: a
+//! square root turns 2^-16 into 2^-8.
 //!
-//! A product's error is as small beside the product as its factors' are beside them, and a root halves it. Of a difference there is no such bound: what cancels leaves its terms' roundings, which are all that is
-//! left where it comes to 0 (Higham, Accuracy and Stability of Numerical Algorithms, section 1.7). So the rim of a ray-traced sphere, the square root of `b b - c`, is off by steps, and so is an
-//! arc's end at 1 and -1. Where the code says that the operand stays away (`max(.., 0.01)`), nothing is said.
+//! The relative error of a product is as small as its factors', and a square root halves it. A
+//! difference has no such bound: after cancellation only the terms' rounding remains (Higham,
+//! Accuracy and Stability of Numerical Algorithms, section 1.7). So the rim of a ray-traced sphere,
+//! the square root of `b b - c`, is off by steps, and so are arcus functions at 1 and -1. If the
+//! code keeps the operand away (`max(.., 0.01)`), there is no finding.
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, UnaryOperator};
 
 use crate::analysis::range::{AllRanges, Range};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 
-/// The first value whose slope has no bound, of those that are made of rounded ones, and what it is.
+/// The first value with an unbounded slope among those computed from rounded values, and a
+/// description.
 pub fn steep(values: &Values<'_, '_>, is_rounded: &[bool]) -> Option<(ValueId, &'static str)> {
     let all = 0..values.values.len();
     let mut found = all.filter(|id| is_rounded[*id]).filter_map(|id| {
@@ -32,11 +36,11 @@ pub fn steep(values: &Values<'_, '_>, is_rounded: &[bool]) -> Option<(ValueId, &
         may.then_some((id, name, *fun, operand, (context, *arg1)))
     });
     let first = found.next()?;
-    // What the code alone tells, whatever it is given.
+    // Use only ranges from the code, for any input.
     let ranges = AllRanges::new(values, values.circles(), &[], f64::INFINITY);
     let reaches = |fun: MathFunction, operand: ValueId, exponent: Range| match fun {
         MathFunction::Acos | MathFunction::Asin => ranges.of(operand).magnitude() >= 1.0,
-        // One of 1 and more is gentle, and of one that the draw gives nothing is known.
+        // An exponent of 1 or more has a bounded slope; nothing is known about draw inputs.
         MathFunction::Pow => exponent.high < 1.0 && ranges.of(operand).low <= 0.0,
         _ => ranges.of(operand).low <= 0.0,
     };
@@ -50,7 +54,7 @@ pub fn steep(values: &Values<'_, '_>, is_rounded: &[bool]) -> Option<(ValueId, &
         .map(|(id, name, ..)| (id, name))
 }
 
-/// The expression that a value is all of.
+/// The expression of a value, if the value is the whole expression.
 fn whole(values: &Values<'_, '_>, id: ValueId) -> Option<(ContextId, Handle<Expression>)> {
     match &values.values[id].node {
         Node::Expression(context, e, path) if path.is_empty() => Some((*context, *e)),
@@ -58,7 +62,8 @@ fn whole(values: &Values<'_, '_>, id: ValueId) -> Option<(ContextId, Handle<Expr
     }
 }
 
-/// Whether a value may have come to 0 by cancelling: a difference of what is rounded, whatever it was scaled by, clamped to or stored in.
+/// Whether a value may reach 0 by cancellation: a difference of rounded values, possibly scaled,
+/// clamped or stored.
 fn is_difference(values: &Values<'_, '_>, is_rounded: &[bool], of: ValueId) -> bool {
     let mut seen = std::collections::HashSet::from([(of, Within::Product)]);
     let mut work = vec![(of, Within::Product)];
@@ -79,7 +84,7 @@ fn is_difference(values: &Values<'_, '_>, is_rounded: &[bool], of: ValueId) -> b
                     Expression::Binary { op, left, right } => match (op, within) {
                         (BinaryOperator::Subtract, _) => return true,
                         (BinaryOperator::Add, _) => each(&[*left, *right], Within::Sum),
-                        // A summand beside others: it alone being 0 leaves the sum what they are.
+                        // A summand: if it alone is 0, the sum is not.
                         (_, Within::Sum) => Vec::new(),
                         (BinaryOperator::Multiply, _) => each(&[*left, *right], within),
                         (BinaryOperator::Divide, _) => each(&[*left], within),
@@ -130,16 +135,16 @@ fn is_difference(values: &Values<'_, '_>, is_rounded: &[bool], of: ValueId) -> b
     false
 }
 
-/// Where in a formula a value stands.
+/// The position of a value in a formula.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Within {
-    /// It being 0 makes the whole 0.
+    /// If it is 0, the whole is 0.
     Product,
-    /// Something is added to it.
+    /// Another value is added to it.
     Sum,
 }
 
-/// What hands on one of its operands.
+/// Operations that pass one operand on.
 fn through(values: &Values<'_, '_>, id: ValueId, within: Within) -> Vec<(ValueId, Within)> {
     match values.values[id].node {
         Node::Control(..) | Node::Input(_) => Vec::new(),
@@ -161,7 +166,7 @@ mod tests {
     use crate::core::state::MaterialState;
     use crate::pass_named;
 
-    /// The code of what refuses a stage with this in it, or the kind of what it is split with.
+    /// The refusal's code of a stage with this body, or the contract after splitting it.
     fn split(body: &str, params: serde_json::Value) -> String {
         let source = format!(
             "@group(0) @binding(0) var<uniform> turn: mat4x4<f32>;
@@ -205,7 +210,7 @@ mod tests {
             "let shade = sqrt(in.at.x);",
             "let shade = sqrt(dot(in.at, in.at));",
             "let shade = length(in.at.xy - in.at.zw);",
-            // Smith's shadowing: a part of the sum is a difference, and stands beside another.
+            // Smith's shadowing: a part of the sum is a difference beside another term.
             "let a2 = in.at.x * in.at.x; let shade = sqrt(in.at.y * in.at.y * (1.0 - a2) + a2);",
             "let shade = sqrt(max(in.at.x - in.at.y, 0.001));",
             "let shade = sqrt(in.whole - 1.0) * in.at.x;",
@@ -221,7 +226,7 @@ mod tests {
         for body in bounded {
             assert_eq!(split(body, serde_json::json!({})), "rounding", "{body}");
         }
-        // A comparison is a jump, and called one first.
+        // A comparison is reported as a discontinuity first.
         let jumps = "let shade = sqrt(rim(in.at.x, in.at.y));";
         assert_eq!(split(jumps, serde_json::json!({})), "discontinuous");
     }

@@ -1,10 +1,13 @@
-//! The part of a visibility buffer's shaders that does not depend on the author's code, as WGSL: ids, corners of triangles, and where in a triangle a pixel is.
+//! The fixed WGSL of a visibility buffer: ids, corners of triangles, and the place of a pixel in
+//! its triangle.
 //!
-//! Barycentrics come from homogeneous edge functions (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997): with corners `(x, y, w)` and a
-//! pixel at `(X, Y)`, the edge function of corner `i` is proportional to the weight that the perspective-correct interpolation gives it, also where a `w` is negative or 0.
-//! The pixel is subtracted first, and products are fused with their differences where the device fuses (Kahan's determinant of two by two), so that what cancels is small.
-//! With edges of twice the precision hardly a pixel of the fixtures is another one: what is left is the rasteriser's own, which snaps vertices before it interpolates
-//! ([`Corners`]).
+//! Barycentrics come from homogeneous edge functions (Olano and Greer, "Triangle scan conversion
+//! using 2D homogeneous coordinates", 1997). With corners `(x, y, w)` and a pixel at `(X, Y)`, the
+//! edge function of corner `i` is proportional to its perspective-correct weight, even for a
+//! negative or zero `w`. We subtract the pixel first and fuse products with their differences where
+//! the device supports it (Kahan's determinant of two by two), so that cancellation loses little.
+//! Edges of twice the precision change hardly a pixel of the fixtures. The remaining difference is
+//! the rasteriser's, which snaps vertices before interpolating ([`Corners`]).
 
 use std::fmt::Write;
 
@@ -16,13 +19,14 @@ use crate::core::plan::AttributeUse;
 use crate::core::rasterizer::Corners;
 use crate::rebuild::fetch::{self, Names};
 
-/// How functions and variables of ours begin.
+/// Prefixes of generated functions and variables.
 pub const NAMES: Names = Names {
     function: "visible",
     variable: "visibility",
 };
 
-/// Bindings of our own: the draw's entry, the ids, the indices, and a stream for each attribute, in this order from `first` on.
+/// Generated bindings from `first` on, in this order: the draw's entry, the ids, the indices, a
+/// stream per attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slots {
     pub group: u32,
@@ -30,7 +34,7 @@ pub struct Slots {
 }
 
 impl Slots {
-    /// The draw's entry of the draw table.
+    /// The draw's entry in the draw table.
     pub const ENTRY: u32 = 0;
     /// The texture of ids.
     pub const IDS: u32 = 1;
@@ -40,7 +44,7 @@ impl Slots {
     pub const STREAMS: u32 = 3;
 }
 
-/// The draw's entry, of so many attributes ([`crate::core::draw_table::Entry`]).
+/// The draw's entry with this many attributes ([`crate::core::draw_table::Entry`]).
 pub fn entry(slots: Slots, attributes: usize) -> String {
     let Slots { group, first } = slots;
     let streams = match attributes {
@@ -66,7 +70,8 @@ pub fn entry(slots: Slots, attributes: usize) -> String {
     )
 }
 
-/// What an id pass has: `visible_id_of(instance)`, and `visible_written(id)`, which is what is written of an id; with the side, `visible_written(id, front)`.
+/// The functions of an id pass: `visible_id_of(instance)` and `visible_written(id)`, which encodes
+/// an id for writing; with facing, `visible_written(id, front)`.
 pub fn ids(words: Words, facing: Facing) -> String {
     let bits = "visibility.triangle_bits";
     let (ty, written) = match words {
@@ -108,7 +113,8 @@ pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> 
     out
 }
 
-/// What a resolve pass has beside: what a pixel shows, and where in its triangle it is. `widths` are those of the varyings to interpolate.
+/// The additional functions of a resolve pass: the pixel's id, and its place in the triangle.
+/// `widths` are those of the interpolated varyings.
 pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> String {
     let bits = "visibility.triangle_bits";
     let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS, words, bits);
@@ -127,7 +133,7 @@ pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> S
             1 => "f32".to_owned(),
             n => format!("vec{n}<f32>"),
         };
-        // Differences to the first, so that three equal values stay what they are.
+        // Uses differences to the first value, so that three equal values stay exact.
         let _ = write!(
             out,
             "fn visible_blend_{width}_(weights: vec3<f32>, a: {ty}, b: {ty}, c: {ty}) -> {ty} {{
@@ -139,7 +145,7 @@ pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> S
     out
 }
 
-/// The vertex stage of a pass over the screen, at the depth of its draw.
+/// The vertex stage of a full-screen pass at the depth of its draw.
 pub const SCREEN: &str = "@vertex
 fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
     let depth = visible_number(visibility.number);
@@ -147,7 +153,7 @@ fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32
 }
 ";
 
-/// The transfer function of sRGB (IEC 61966-2-1), of colours between 0 and 1.
+/// The sRGB transfer function (IEC 61966-2-1) for colours in 0..1.
 const SRGB: &str = "fn visible_srgb(color: vec4<f32>) -> vec4<f32> {
     let linear = clamp(color.rgb, vec3<f32>(), vec3<f32>(1.0));
     let curved = 1.055 * pow(linear, vec3<f32>(1.0 / 2.4)) - 0.055;
@@ -155,15 +161,17 @@ const SRGB: &str = "fn visible_srgb(color: vec4<f32>) -> vec4<f32> {
 }
 ";
 
-/// What is drawn to a normalized target that is not a number becomes 0 (Direct3D 11.3, 3.2.3.6: NaN is converted to 0); what is stored in one becomes what the driver likes. By its bits, for a comparison with itself may be
-/// folded away.
+/// A render target with a normalised format converts NaN to 0 (Direct3D 11.3, 3.2.3.6); a storage
+/// texture leaves it to the driver. We test the bits because compilers may fold a comparison with
+/// itself.
 const NORMALIZED: &str = "fn visible_number_of(color: vec4<f32>) -> vec4<f32> {
     let magnitude = bitcast<vec4<u32>>(color) & vec4<u32>(0x7fffffffu);
     return select(color, vec4<f32>(), magnitude > vec4<u32>(0x7f800000u));
 }
 ";
 
-/// What a compute resolve has beside: pixels, and the colours to write, bound from `first` on.
+/// The additional code of a compute resolve: pixels, and the colours to write, bound from `first`
+/// on.
 pub fn compute(group: u32, first: u32, targets: &[Stored]) -> String {
     let mut out = "fn visible_outside(id: vec3<u32>) -> bool {
     let size = textureDimensions(visibility_ids);
@@ -241,13 +249,15 @@ fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     out
 }
 
-/// `visible_number(draw)`: the depth that stands for a draw, a quarter of a step of 16 bits past its own, so that truncating and rounding give the same step.
+/// `visible_number(draw)`: the depth for a draw, a quarter step of 16 bits beyond its own, so that
+/// truncation and rounding give the same step.
 const NUMBER: &str = "fn visible_number(draw: u32) -> f32 {
     return (f32(draw) + 1.25) / 65535.0;
 }
 ";
 
-/// The ids, and `visible_id(at)`. `bits` is what holds the bits of a triangle, for ids of one word.
+/// The ids and `visible_id(at)`. `bits` is an expression for the number of triangle bits in
+/// one-word ids.
 fn texture_of_ids(group: u32, binding: u32, words: Words, bits: &str) -> String {
     let read = match words {
         Words::Two => "return texel.xy;".to_owned(),
@@ -268,12 +278,13 @@ fn visible_id(at: vec4<f32>) -> vec2<u32> {{
     )
 }
 
-/// Bindings of the pass that tells draws apart: the ids, and the draw table.
+/// Binding of the ids in the pass that separates draws.
 pub const CLASSIFY_IDS: u32 = 0;
-/// Bindings of the pass that tells draws apart: the ids, and the draw table.
+/// Binding of the draw table in the pass that separates draws.
 pub const CLASSIFY_TABLE: u32 = 1;
 
-/// The ids, the draw table, and `visible_draw(id)`: the number of the last draw whose first id is not past the pixel's.
+/// The ids, the draw table, and `visible_draw(id)`: the number of the last draw whose first id is
+/// not beyond the pixel's.
 pub fn drawn(words: Words) -> String {
     let mut out = format!(
         "@group(0) @binding({CLASSIFY_TABLE}) var<storage, read> visibility_table: array<u32>;\n"
@@ -304,7 +315,7 @@ pub fn drawn(words: Words) -> String {
     out
 }
 
-/// The pass that tells draws apart: the number of the draw that a pixel shows, as a depth.
+/// The pass that separates draws: it writes the number of each pixel's draw as depth.
 pub fn classify(words: Words) -> String {
     let mut out = drawn(words);
     out.push_str(NUMBER);
@@ -380,24 +391,30 @@ const EDGES: &str =
 }
 ";
 
-/// A covered pixel's centre lies in the triangle, or would but for rounding.
+/// The centre of a covered pixel is inside the triangle, up to rounding.
 const COVERED_INSIDE: &str = "fn visible_covered(edges: vec3<f32>) -> vec3<f32> {
     let turned = select(edges, -edges, edges.x + edges.y + edges.z < 0.0);
     return max(turned, vec3<f32>());
 }
 ";
 
-/// It may lie beside the triangle of unsnapped corners, which the rasteriser then extrapolates.
+/// The centre may be outside of the unsnapped triangle; the rasteriser then extrapolates.
 const COVERED_ANYWHERE: &str = "fn visible_covered(edges: vec3<f32>) -> vec3<f32> {
     return edges;
 }
 ";
 
-/// A triangle that is clipped has other corners, and one very far out of the viewport may be clipped too: those are taken as they are. How far, in pixels, was measured on an H200, whose
-/// pixels on triangles that reach 65,536 to 131,072 pixels out are nearer to the snapped corners'. Past that a step of 1/256 is below an `f32`'s last bit. The sign is that of the homogeneous edges.
-/// Where a corner lies next to midway between two points of the grid, the last bits of its place decide. An H200 scales, multiplies with the reciprocal of w, and adds, each rounded, and takes
-/// the even one of two that are as near: of up to 1,200 corners within four last bits of midway, in each of the groups drawn, none went elsewhere; of the other orders of operations that were tried 1 to 10 % did. The sum
-/// must not be fused: what is added first is 0, which no compiler knows.
+/// Clipped triangles have other corners, and a triangle far outside of the viewport may be clipped
+/// too; those use their given corners. The distance in pixels was measured on an H200: on triangles
+/// that reach 65,536 to 131,072 pixels out, its pixels are nearer to the snapped corners'. Beyond
+/// that a step of 1/256 is below the last bit of an `f32`. The sign is that of the homogeneous
+/// edges.
+///
+/// Near the midpoint between two grid points, the last bits of a corner decide. An H200 scales,
+/// multiplies by the reciprocal of w, and adds, rounding each time, and breaks ties to even. Of up
+/// to 1,200 corners within four last bits of a midpoint, in each of the groups drawn, none
+/// differed; with other orders of operations 1 to 10 % did. The sum must not be fused: the first
+/// addition is of a 0 that no compiler knows.
 const EDGES_SNAPPED: &str = "fn visible_snapped(at: vec2<f32>, corner: vec4<f32>) -> vec2<f32> {
     let half = visibility.viewport.zw * vec2<f32>(0.5, -0.5);
     let middle = visibility.viewport.xy + 0.5 * visibility.viewport.zw;
