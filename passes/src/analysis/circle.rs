@@ -1,4 +1,4 @@
-//! Values that rest on one another, around loops.
+//! Cycles of values that depend on each other through loops.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -10,7 +10,7 @@ use crate::analysis::values::{Node, Value, ValueId, Values};
 use crate::graph::counted;
 use crate::graph::memory::Origin;
 
-/// The values so that each comes after all that rest on it, those in a circle together.
+/// The strongly connected components, users before operands.
 pub fn circles(values: &[Value]) -> Vec<Vec<ValueId>> {
     let edges = values.iter().map(|v| v.operands.len()).sum();
     let mut graph = DiGraph::<(), ()>::with_capacity(values.len(), edges);
@@ -20,7 +20,7 @@ pub fn circles(values: &[Value]) -> Vec<Vec<ValueId>> {
             graph.add_edge(nodes[id], nodes[*operand], ());
         }
     }
-    // From the operands up.
+    // Start at the operands.
     let mut circles: Vec<Vec<ValueId>> = kosaraju_scc(&graph)
         .into_iter()
         .map(|circle| circle.into_iter().map(|node| node.index()).collect())
@@ -29,7 +29,7 @@ pub fn circles(values: &[Value]) -> Vec<Vec<ValueId>> {
     circles
 }
 
-/// The values of a circle without some of them, each after those of its operands that are among them, as far as what is left is no circle.
+/// The values of a cycle without some of them, operands first, as far as the rest is acyclic.
 pub fn operands_first(
     values: &Values<'_, '_>,
     circle: &[ValueId],
@@ -44,7 +44,7 @@ pub fn operands_first(
         if !left.remove(start) {
             continue;
         }
-        // Each with the operands that are still to be looked at.
+        // Each value with the operands still to visit.
         let mut stack = vec![(*start, values.values[*start].operands.iter())];
         while let Some((id, operands)) = stack.last_mut() {
             match operands.find(|o| left.contains(o)) {
@@ -62,21 +62,22 @@ pub fn operands_first(
     ordered
 }
 
-/// Turns after which the ranges of a loop that is not counted are taken to grow without end.
+/// Iterations after which the ranges of an uncounted loop are assumed to grow without bound.
 pub const UNCOUNTED_TURNS: usize = 8;
-/// Most turns that are followed of one that is.
+/// Largest number of iterations of a counted loop to follow.
 const MOST_TURNS: usize = 256;
 
-/// Where loops carry the values of a circle on.
+/// The loop-carried values of a cycle.
 pub struct Merges {
     /// The values.
     pub of: Vec<ValueId>,
-    /// How often they do, if the loops are counted: at the header and in `continuing` once a turn, and when it is left.
+    /// How often they are merged, if the loops are counted: once per iteration at the header and in
+    /// `continuing`, and once at the exit.
     pub turns: Option<usize>,
 }
 
 impl Merges {
-    /// Of a circle.
+    /// The merges of a cycle.
     pub fn of(values: &Values<'_, '_>, circle: &[ValueId]) -> Self {
         let mut loops = BTreeMap::new();
         let mut of = Vec::new();

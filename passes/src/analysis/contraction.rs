@@ -1,16 +1,24 @@
-//! Which float arithmetic a compiler may round otherwise once branches, and what only they need, are gone.
+//! Finds float operations that a compiler may round differently after branches and their
+//! dependences are removed.
 //!
-//! No shading language pins roundings. Without `NoContraction` (which naga never writes, and which would be about another original) a driver may fuse `a * b + c`, reassociate, or turn a
-//! division by a constant into a product, and it decides by what it sees around an operation:
+//! No shading language fixes rounding. Without `NoContraction` (which naga never writes, and which
+//! would change the original too) a driver may fuse `a * b + c`, reassociate, or turn a division by
+//! a constant into a product. Its decision depends on the code around an operation:
 //!
-//! - what an operand is: `x + c` cannot be fused while `x` is either of two values, and can once the branch is gone that chose;
-//! - who else reads it: some compilers fuse a product only into its one reader, and what read it too may be dead now;
-//! - whether both stand in one basic block: some fuse within a block alone, and two blocks become one where a branch between them goes;
-//! - whether a number is a constant: then it may be multiplied out, or go where it is 1.
+//! - the operand: `x + c` cannot be fused while `x` is a selection, but can after the branch is
+//!   gone;
+//! - other readers: some compilers fuse a product only into its single reader, and another reader
+//!   may now be dead;
+//! - the basic block: some compilers fuse only within a block, and removing a branch merges two
+//!   blocks;
+//! - constants: a known number may be multiplied out, or a factor of 1 dropped.
 //!
-//! So of two programs the pairs are compared of an operation and the float operation that it takes an operand from, each with all that it is computed of: by structure, not by handle. A
-//! pair of the specialised program that the original has too, with as many other readers, in one block in both or in neither, looks the same to a compiler that looks that far. Of any other the
-//! bits are open: it is *exposed*. No text can do better, since whatever keeps two operations apart for one compiler keeps them apart for another that would have fused them in the original.
+//! So we compare pairs of an operation and the float operation that provides its operand, each with
+//! everything it is computed from, by structure. If the original has the same pair with as many
+//! other readers, and both programs have it in one block or neither has, a compiler that looks that
+//! far sees no difference. For any other pair the bits are open: it is *exposed*. No text can do
+//! better, because whatever separates two operations for one compiler also separates them for a
+//! compiler that would have fused them in the original.
 
 use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
@@ -25,22 +33,24 @@ use crate::core::plan::GpuPass;
 use crate::core::program::Program;
 use crate::graph::{FunctionGraph, FunctionId, Graph, operands};
 
-/// How far an operation's own computation is looked at: what differs only below that looks the same to any compiler.
+/// Depth to which we compare an operation's computation. Compilers do not see differences further
+/// down.
 const DEPTH: usize = 16;
 
-/// Copies followed from an operand, at most.
+/// Most copies to follow from an operand.
 const MOST_COPIES: usize = 64;
 
-/// What may be rounded otherwise.
+/// Operations that may round differently.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Exposed {
-    /// Operations, of both stages.
+    /// Number of operations in both stages.
     pub roundings: u32,
-    /// Whether anything decides by them, and whether the surface rests on them.
+    /// The affected surface, if a decision depends on them.
     pub decides: Option<Surface>,
 }
 
-/// Compares the stages of a pass before and after. `folded` are operations of the original that were left out as roundings: what rests on them may be rounded otherwise too.
+/// Compares the stages of a pass before and after. `folded` are operations of the original that
+/// were removed as neutral; their dependents may round differently too.
 pub fn exposed(
     before: &Program,
     after: &Program,
@@ -66,7 +76,7 @@ pub fn exposed(
                 Some(Binding::Location { location, .. }) => {
                     varyings.insert(location);
                 }
-                // A distance to a clip plane decides.
+                // A clip distance decides.
                 _ => decides = true,
             }
         }
@@ -86,7 +96,8 @@ pub fn exposed(
         let folded = a.of(folded);
         total.roundings += (found.len() + folded.len()) as u32;
         decides |= a.decides(&a.reached(folded));
-        // What the vertex stage hands over may be rounded otherwise too, and where the surface moves all that is interpolated on it.
+        // The vertex stage's outputs may round differently too; if the surface moves, so do all
+        // interpolated values.
         found.extend(b.inputs(&|binding| match binding {
             Binding::Location { location, .. } => {
                 surface == Surface::Rounded || varyings.contains(location)
@@ -103,7 +114,8 @@ pub fn exposed(
     total
 }
 
-/// Of a stage that is too large to be looked at: each of its operations may be rounded otherwise, and anything may rest on them.
+/// The result for a stage that is too large: every operation may round differently and decide
+/// anything.
 fn anything(graph: &Graph<'_>, entry: usize) -> Exposed {
     Exposed {
         roundings: graph.entry_cost(entry).ceil() as u32,
@@ -127,17 +139,17 @@ fn looked<'g, 'p>([a, b]: [(&'g Graph<'p>, usize); 2]) -> Result<[Looked<'g, 'p>
     Ok([Looked::new(a.0, a.1)?, Looked::new(b.0, b.1)?])
 }
 
-/// An operation and one that it takes an operand from, as a compiler sees them.
+/// An operation and the provider of its operand, as a compiler sees them.
 type Pair = (u64, u64, bool, usize);
 
 /// The values of a stage.
 struct Looked<'g, 'p> {
     values: Values<'g, 'p>,
-    /// Of each value what it is computed of.
+    /// A structural hash of each value.
     hashes: Vec<u64>,
-    /// Functions that are more than one basic block, calls included.
+    /// Functions with more than one basic block, calls included.
     branches: BTreeSet<FunctionId>,
-    /// Of each function the number of each statement's basic block.
+    /// The number of each statement's basic block, by function.
     blocks: BTreeMap<FunctionId, Vec<usize>>,
 }
 
@@ -168,7 +180,7 @@ impl<'g, 'p> Looked<'g, 'p> {
         }
     }
 
-    /// Whether it rounds, or is built into what does.
+    /// Whether it rounds, or is part of an operation that does.
     fn is_arithmetic(&self, id: ValueId) -> bool {
         let Some((context, expression)) = self.whole(id) else {
             return false;
@@ -194,7 +206,8 @@ impl<'g, 'p> Looked<'g, 'p> {
         }
     }
 
-    /// What a value hands on unchanged, wholly or in part; empty where it does not, or where it may be either of several.
+    /// The values that this one is a copy of, wholly or in part; empty if it is not a copy or is a
+    /// selection.
     fn copied(&self, id: ValueId) -> Vec<ValueId> {
         let value = &self.values.values[id];
         let is_data = |o: &ValueId| !matches!(self.values.values[*o].node, Node::Control(..));
@@ -221,7 +234,7 @@ impl<'g, 'p> Looked<'g, 'p> {
         }
     }
 
-    /// What an operand is, behind all copies.
+    /// The operand behind all copies.
     fn sources(&self, operand: ValueId) -> Vec<ValueId> {
         let (mut found, mut seen) = (Vec::new(), BTreeSet::new());
         let mut work = vec![operand];
@@ -238,7 +251,7 @@ impl<'g, 'p> Looked<'g, 'p> {
         found
     }
 
-    /// Readers of a value behind all copies: operations, merges, decisions, outputs.
+    /// Number of readers behind all copies: operations, merges, decisions, outputs.
     fn readers(&self, id: ValueId) -> usize {
         let (mut found, mut seen) = (BTreeSet::new(), BTreeSet::new());
         let mut work = vec![id];
@@ -284,7 +297,7 @@ impl<'g, 'p> Looked<'g, 'p> {
         all
     }
 
-    /// The operations with a pair that `before` has not.
+    /// The operations with a pair that `before` lacks.
     fn new_to(&self, before: &Self) -> BTreeSet<ValueId> {
         let known: HashSet<Pair> = before.pairs().into_iter().map(|(_, p)| p).collect();
         let mine = self.pairs().into_iter();
@@ -301,13 +314,13 @@ impl<'g, 'p> Looked<'g, 'p> {
             )
         };
         match self.values.values[id].node {
-            // A variable that nothing was stored in yet.
+            // A variable without stores so far.
             Node::Version(..) => self.values.values[id].operands.is_empty(),
             _ => self.whole(id).is_some_and(|(_, e)| constant(e)),
         }
     }
 
-    /// The basic block a value is computed in: functions without branches stand in their caller's.
+    /// The basic block of a value. A function without branches belongs to its caller's block.
     fn block(&self, id: ValueId) -> Option<(ContextId, usize)> {
         let Node::Expression(mut context, e, _) = self.values.values[id].node else {
             return None;
@@ -338,7 +351,7 @@ impl<'g, 'p> Looked<'g, 'p> {
             .collect()
     }
 
-    /// The values of these expressions, for each call of their functions.
+    /// The values of these expressions in each call of their functions.
     fn of(&self, expressions: &BTreeSet<(FunctionId, Handle<Expression>)>) -> BTreeSet<ValueId> {
         let is = |id: &ValueId| match self.values.values[*id].node {
             Node::Expression(context, e, _) => {
@@ -349,7 +362,7 @@ impl<'g, 'p> Looked<'g, 'p> {
         (0..self.values.values.len()).filter(is).collect()
     }
 
-    /// Bindings of the outputs that rest on some values.
+    /// Bindings of the outputs that depend on these values.
     fn outputs_of(&self, values: BTreeSet<ValueId>) -> Vec<Option<Binding>> {
         let reached = self.reached(values);
         let outputs = self.values.outputs().into_iter();
@@ -359,7 +372,7 @@ impl<'g, 'p> Looked<'g, 'p> {
             .collect()
     }
 
-    /// All that rests on some values, themselves included.
+    /// All dependents of these values, including themselves.
     fn reached(&self, from: impl IntoIterator<Item = ValueId>) -> Vec<bool> {
         let mut reached = vec![false; self.values.values.len()];
         let mut work: Vec<ValueId> = from.into_iter().collect();
@@ -371,7 +384,8 @@ impl<'g, 'p> Looked<'g, 'p> {
         reached
     }
 
-    /// Whether anything decides by what is reached: coverage, an operation that jumps, where a texture is sampled.
+    /// Whether a decision depends on the reached values: coverage, a discontinuity, a texture
+    /// coordinate.
     fn decides(&self, reached: &[bool]) -> bool {
         let covers = self.values.coverage.iter().any(|root| reached[*root]);
         covers
@@ -384,11 +398,12 @@ impl<'g, 'p> Looked<'g, 'p> {
             })
     }
 
-    /// Structure of each value down to [`DEPTH`], by Weisfeiler and Lehman's refinement: loops need no care.
+    /// Structural hash of each value to [`DEPTH`], by Weisfeiler-Lehman refinement, which handles
+    /// loops.
     fn hashed(&self) -> Vec<u64> {
         let values = &self.values.values;
         let tags: Vec<u64> = (0..values.len()).map(|id| self.tag(id)).collect();
-        // What only hands a value on has its hash, so that copies that go leave no trace.
+        // Copies get the hash of their source, so that removed copies leave no trace.
         let through: Vec<ValueId> = (0..values.len()).map(|id| self.through(id)).collect();
         let mut hashes = tags.clone();
         for _ in 0..DEPTH {
@@ -442,14 +457,14 @@ impl<'g, 'p> Looked<'g, 'p> {
     }
 }
 
-/// The functions below one that are more than one basic block, and the numbers of all their blocks.
+/// The callees with more than one basic block, and the block numbers of all of them.
 fn blocks(
     graph: &Graph<'_>,
     top: FunctionId,
 ) -> (BTreeSet<FunctionId>, BTreeMap<FunctionId, Vec<usize>>) {
     let mut branching = BTreeSet::new();
     let mut all = BTreeMap::new();
-    // Callees come before their callers.
+    // Callees precede their callers.
     for f in graph.functions() {
         if !graph.reaches(top, f.id) {
             continue;
@@ -479,7 +494,7 @@ fn blocks(
     (branching, all)
 }
 
-/// An expression without its operands: names where there would be handles.
+/// An expression without its operands, with names in place of handles.
 fn written(f: &FunctionGraph<'_>, module: &naga::Module, e: Handle<Expression>) -> String {
     let global = |g: Handle<naga::GlobalVariable>| {
         let g = &module.global_variables[g];
@@ -520,7 +535,7 @@ fn written(f: &FunctionGraph<'_>, module: &naga::Module, e: Handle<Expression>) 
         }
         Expression::Compose { .. } => "compose".to_owned(),
         other => {
-            // With all operands the same.
+            // Set all operands to the same handle.
             let mut shell = other.clone();
             let operands = operands::of_expression(other);
             let Some(one) = operands.first() else {

@@ -1,5 +1,6 @@
-//! What decides which samples a fragment covers, and at which depth: discard, `frag_depth`, and under alpha to coverage the alpha of location 0. The one
-//! slice that a pre-pass draws, an early discard must not disturb, and a shading count keeps.
+//! The slice that decides which samples a fragment covers and at which depth: discard,
+//! `frag_depth`, and under alpha to coverage the alpha of location 0. A pre-pass draws it, an early
+//! discard must not change it, and a shading count keeps it.
 
 use naga::{Binding, BuiltIn, Sampling, ShaderStage, TypeInner};
 
@@ -16,7 +17,7 @@ pub const ALPHA: u32 = 3;
 /// The component of `@builtin(position)` that is a depth.
 const DEPTH: u32 = 2;
 
-/// How a fragment stage decides coverage and depth in a pass.
+/// How a fragment stage decides coverage and depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Decides {
     /// It may discard.
@@ -28,7 +29,7 @@ pub struct Decides {
 }
 
 impl Decides {
-    /// What the fragment entry point `entry` decides when it is drawn by `pass`.
+    /// Examines the fragment entry point `entry` as `pass` draws it.
     pub fn of(graph: &Graph, program: &Program, entry: usize, pass: &GpuPass) -> Self {
         let function = &program.module().entry_points[entry].function;
         Self {
@@ -40,12 +41,12 @@ impl Decides {
         }
     }
 
-    /// Whether it decides anything, so that a pass without colour needs a slice of it.
+    /// Whether a depth-only pass needs a fragment stage.
     pub fn anything(self) -> bool {
         self.discards || self.depth || self.alpha
     }
 
-    /// The slice that decides it.
+    /// The slice that decides coverage and depth.
     pub fn slice(self, graph: &Graph, entry: usize) -> Slice {
         let mut criteria = vec![
             Criterion::Discard,
@@ -59,8 +60,9 @@ impl Decides {
     }
 }
 
-/// Whether a slice of a fragment stage reads the depth that the rasteriser gives: the third component of `@builtin(position)`, which on some APIs (Vulkan, GL) has
-/// the depth bias in it and on others has not.
+/// Whether a slice of a fragment stage reads the rasteriser's depth: the third component of
+/// `@builtin(position)`. On some APIs (Vulkan, GL) it includes the depth bias, on others it does
+/// not.
 pub fn reads_rasterised_depth(program: &Program, slice: &Slice) -> bool {
     let module = program.module();
     let function = &module.entry_points[slice.entry].function;
@@ -77,7 +79,8 @@ pub fn reads_rasterised_depth(program: &Program, slice: &Slice) -> bool {
         })
 }
 
-/// The colour targets a pass for coverage alone is drawn with: none, or under alpha to coverage the main pass's own, of which nothing is written.
+/// The colour targets of a coverage-only pass: none, or under alpha to coverage the main pass's
+/// targets with an empty write mask.
 pub fn targets(main: &GpuPass) -> Vec<Option<ColorTarget>> {
     if !main.multisample.alpha_to_coverage {
         return Vec::new();
@@ -93,8 +96,8 @@ pub fn targets(main: &GpuPass) -> Vec<Option<ColorTarget>> {
         .collect()
 }
 
-/// Formats that WebGPU lets alpha to coverage take its alpha from: with an alpha channel, blendable and multisampled (WebGPU, texture format
-/// capabilities).
+/// Formats for alpha to coverage in WebGPU: with alpha, blendable and multisampled (WebGPU, texture
+/// format capabilities).
 const ALPHA_FORMATS: [&str; 6] = [
     "rgba8unorm",
     "rgba8unorm-srgb",
@@ -104,7 +107,7 @@ const ALPHA_FORMATS: [&str; 6] = [
     "rgba16float",
 ];
 
-/// Why a pass's alpha to coverage cannot be reproduced in a pass of its own, if it cannot: what is wrong, and what would help.
+/// Why a pass's alpha to coverage cannot be reproduced in another pass: the problem and a remedy.
 pub fn refuse_alpha(
     program: &Program,
     fragment: Option<usize>,
@@ -181,7 +184,7 @@ pub fn refuse_alpha(
     })
 }
 
-/// The fragment entry point of a pass, and what it decides.
+/// The fragment entry point of a pass, and how it decides coverage.
 pub fn of_pass(graph: &Graph, program: &Program, pass: &GpuPass) -> Option<(usize, Decides)> {
     let name = pass.fragment.as_deref()?;
     let (entry, _) = program.entry_point(ShaderStage::Fragment, name)?;

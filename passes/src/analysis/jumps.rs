@@ -1,10 +1,14 @@
-//! Which values jump: between two vertices there is no value in between that interpolation could stand for.
+//! Finds discontinuous values: interpolation between two vertices has no meaning for them.
 //!
-//! A jump is an operation of what varies over a triangle: one of floats that is not continuous (`floor`, `step`), or one that makes an integer or a truth of floats. What rests on it may jump too, by a
-//! product, a branch or an index, and is taken to. That it may not, as in noise, whose cells meet, no rule here sees; that it does not happen where the operand lies is seen of the operand's range.
+//! A discontinuity is an operation on a value that varies over a triangle: a discontinuous float
+//! operation (`floor`, `step`), or one that turns floats into an integer or a bool. Values that
+//! depend on it through a product, a branch or an index count as discontinuous too. Noise is an
+//! exception that we cannot prove: its cells join continuously. If range analysis shows that the
+//! operand never crosses the discontinuity, we ignore it.
 //!
-//! What a jump is made of does not jump. Being off by a little it moves the place of one threshold by as little; but a `fract` of it has a threshold in every unit, and where it is scaled up ahead of that, as
-//! a depth is that is packed into bytes, the little is all there is.
+//! The operands of a discontinuity are continuous. A small error of theirs moves one threshold by
+//! as little. But `fract` has a threshold in every unit, and if the operand was scaled up before,
+//! as a depth packed into bytes is, a small error decides everything.
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind};
 
@@ -26,7 +30,8 @@ pub(crate) enum Discontinuity {
     },
 }
 
-/// For each value, the jump that it is or rests on, or else one that comes again and again and rests on it.
+/// For each value, the discontinuity that it has or depends on, or else a periodic one that depends
+/// on it.
 pub(crate) fn reached(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Discontinuity>> {
     let users = values.users();
     let mut found: Vec<Option<Discontinuity>> = (0..values.values.len())
@@ -39,7 +44,7 @@ pub(crate) fn reached(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option
     let mut work = jumps.clone();
     while let Some(id) = work.pop() {
         for user in &users[id] {
-            // What is constant over the triangle is one value, however it came about.
+            // A value that is constant over the triangle is safe, however it was computed.
             if found[*user].is_none() && !is_flat(values, *user) {
                 found[*user] = found[id].clone();
                 work.push(*user);
@@ -68,7 +73,7 @@ pub(crate) fn reached(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option
     found
 }
 
-/// Whether an operation jumps wherever its operand has grown by as much again, rather than at one place.
+/// Whether the discontinuity repeats periodically, rather than being at one place.
 fn comes_again(operation: &str) -> bool {
     const ONCE: [&str; 8] = [
         "step",
@@ -87,7 +92,7 @@ fn is_flat(values: &Values<'_, '_>, id: ValueId) -> bool {
     values.values[id].fact.rate.is_flat()
 }
 
-/// The name of the operation that a value is, if its result may jump within a triangle.
+/// Name of the operation if its result may be discontinuous within a triangle.
 fn happens(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<String> {
     let Node::Expression(context, e, _) = values.values[id].node else {
         return None;
@@ -103,7 +108,7 @@ fn happens(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<S
         let id = values.named(context, *o);
         kind(*o) == Some(ScalarKind::Float) && id.is_none_or(|id| !is_flat(values, id))
     };
-    // Of integers and truths what jumps has jumped before.
+    // Operations on integers and bools: the discontinuity was earlier.
     let operands = crate::graph::operands::of_expression(expression);
     if !operands.iter().any(varies) {
         return None;
@@ -120,7 +125,7 @@ fn happens(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<S
     named.map(str::to_owned)
 }
 
-/// Whether the operands lie where the operation does not jump.
+/// Whether the operands stay away from the discontinuity.
 fn is_steady(
     values: &Values<'_, '_>,
     ranges: &AllRanges,
@@ -140,7 +145,7 @@ fn is_steady(
                 MathFunction::Sign => apart(x, Range::new(0.0, 0.0)),
                 // step(edge, x)
                 MathFunction::Step => apart(x, y),
-                // Its cut is where x is below 0 and y is 0.
+                // The cut is at x < 0 and y = 0.
                 MathFunction::Atan2 => {
                     let zero = Range::new(0.0, 0.0);
                     (y.low > 0.0 && apart(y, zero)) || apart(x, zero)
@@ -163,7 +168,7 @@ fn is_steady(
             expr,
             convert: Some(_),
         } => same(of(*expr), f64::trunc),
-        // Of 32 bits and more no number that fits is lost.
+        // Conversions to 32 bits or more lose nothing that fits.
         Expression::As {
             kind: ScalarKind::Float,
             convert: Some(width),
@@ -173,10 +178,11 @@ fn is_steady(
     }
 }
 
-/// What roundings may move a range's end by, relative to it: ranges are of real numbers, and rounding keeps their order.
+/// Relative error of a range's bounds by rounding. Ranges are real numbers, and rounding is
+/// monotonic.
 const ROUNDED: f64 = 1e-5;
 
-/// An end of a range, moved by what roundings may. A whole number is one to every rounding.
+/// A bound lowered by the rounding error. Whole numbers are exact.
 fn below(low: f64) -> f64 {
     low - ROUNDED * low.abs()
 }
@@ -185,7 +191,7 @@ fn above(high: f64) -> f64 {
     high + ROUNDED * high.abs()
 }
 
-/// Whether a function that never falls is the same number at both ends, roundings included.
+/// Whether a monotonic function has the same value at both ends, including rounding.
 fn same(range: Range, function: fn(f64) -> f64) -> bool {
     let whole = |end: f64| end.fract() == 0.0;
     let low = if whole(range.low) {
@@ -201,12 +207,12 @@ fn same(range: Range, function: fn(f64) -> f64) -> bool {
     low.is_finite() && high.is_finite() && function(low) == function(high)
 }
 
-/// Whether no number of one range comes near one of the other.
+/// Whether two ranges are apart by more than rounding.
 fn apart(a: Range, b: Range) -> bool {
     above(a.high) < below(b.low) || above(b.high) < below(a.low)
 }
 
-/// The name of an operation whose result jumps.
+/// Name of an operation with a discontinuous result.
 pub(crate) fn jump(expression: &Expression) -> Option<&'static str> {
     use BinaryOperator as B;
     Some(match expression {
@@ -220,7 +226,8 @@ pub(crate) fn jump(expression: &Expression) -> Option<&'static str> {
             MathFunction::Sign => "sign",
             MathFunction::Modf | MathFunction::Frexp => "modf",
             MathFunction::QuantizeToF16 => "quantizeToF16",
-            // At its cut, behind the origin; where reflection is total; where the side turns.
+            // `atan2` at its cut, `refract` at total reflection, `faceForward` where the side
+            // changes.
             MathFunction::Atan2 => "atan2",
             MathFunction::Refract => "refract",
             MathFunction::FaceForward => "faceForward",

@@ -1,7 +1,8 @@
-//! Surfaces that lie on the near plane by construction: a position whose z is the literal 0, as full-screen passes and sprites write it.
+//! Detects surfaces on the near plane by construction: a position with a literal z of 0, as in
+//! full-screen passes and sprites.
 //!
-//! A float depth format counts bias in steps of the depth itself (Vulkan section 28.10.3, WebGPU section 23.2.12), so at depth 0 there is none, and a
-//! pre-pass there cannot be pushed away.
+//! A float depth format counts bias in steps of the depth itself (Vulkan section 28.10.3, WebGPU
+//! section 23.2.12). At depth 0 the step is 0, so a bias has no effect there.
 
 use naga::{
     Binding, BuiltIn, Expression, Function, Handle, Literal, Module, Span, Statement, TypeInner,
@@ -9,7 +10,8 @@ use naga::{
 
 use crate::graph::operands;
 
-/// Where a vertex entry point writes a position with a literal z of 0, if it writes no other.
+/// Where a vertex entry point writes a position with a literal z of 0, if it writes no other
+/// position.
 pub fn literal_zero_depth(module: &Module, function: &Function) -> Option<Span> {
     let result = function.result.as_ref()?;
     let is_position =
@@ -28,7 +30,8 @@ pub fn literal_zero_depth(module: &Module, function: &Function) -> Option<Span> 
         .then(|| function.expressions.get_span(written[0]))
 }
 
-/// The values that become the position: returned, composed into what is returned, or stored to that member of a local variable.
+/// The values that become the position: returned, composed into the result, or stored to that
+/// member of a local.
 fn positions(
     function: &Function,
     block: &naga::Block,
@@ -42,7 +45,7 @@ fn positions(
                     (Expression::Compose { components, .. }, Some(m)) => {
                         out.extend(components.get(m as usize))
                     }
-                    // A local variable is returned: its stores say what it holds.
+                    // A returned local: its stores decide.
                     (Expression::Load { .. }, Some(_)) => {}
                     _ => out.push(*value),
                 }
@@ -64,12 +67,12 @@ fn positions(
     }
 }
 
-/// The third scalar of a composed vector, where it is a literal.
+/// The third scalar of a composed vector, if it is a literal.
 fn third(module: &Module, function: &Function, value: Handle<Expression>) -> Option<f32> {
     let Expression::Compose { components, .. } = &function.expressions[value] else {
         return None;
     };
-    // From the back: `vec4(xy, z, w)` and `vec4(x, y, z, w)` alike.
+    // Count from the back, for `vec4(xy, z, w)` and `vec4(x, y, z, w)`.
     let [.., z, _] = components.as_slice() else {
         return None;
     };

@@ -1,8 +1,11 @@
-//! Whether the plans of several materials may stand in one frame: a pre-pass of one changes which fragments of the others run, and in what depth they find.
+//! Checks whether the plans of several materials may share a frame. A pre-pass of one changes which
+//! fragments of the others run, and the depth they find.
 //!
-//! For ordinary opaque neighbours that changes nothing in the end. It does where a neighbour moves depth away again (a sky drawn with `always`), where what it
-//! leaves behind counts fragments that end up hidden (stencil writes, stores), and where hidden fragments show after all, in colour channels that what hides
-//! them does not write. What is shaded from ids has its colour before its neighbours are drawn, so that each of them has to write depth.
+//! For ordinary opaque neighbours this has no effect on the final picture. It has one if a
+//! neighbour moves depth away again (a sky drawn with `always`), if a neighbour counts fragments
+//! that end up hidden (stencil writes, stores), and if hidden fragments remain visible in colour
+//! channels that the covering surface does not write. Surfaces shaded from ids get their colour
+//! before their neighbours are drawn, so the neighbours must write depth.
 
 use crate::analysis::opaque;
 use crate::core::channels::{self, Channels};

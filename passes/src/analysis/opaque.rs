@@ -1,7 +1,8 @@
-//! What must hold of a material before anything draws its depth ahead of it: the checks that every depth transform shares.
+//! Preconditions for drawing a material's depth first: the checks that all depth transforms share.
 //!
-//! Each is a hazard that some engine has shipped: blended objects in a pre-pass (a portal in Primozic's article on fragment culling), an alpha test in one pass only,
-//! stores that run twice, a forced early test on an alpha-tested draw.
+//! Each is a bug that some engine has shipped: blended objects in a pre-pass (a portal in
+//! Primozic's article on fragment culling), an alpha test in one pass only, stores that run twice,
+//! a forced early test on an alpha-tested draw.
 
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
 
@@ -16,7 +17,8 @@ use crate::core::state::{CompareFunction, DepthDirection, DepthState};
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 
-/// The main pass of a material that may have its depth drawn ahead, with what the transforms ask of it.
+/// The main pass of a material whose depth may be drawn first, with the properties that the
+/// transforms need.
 #[derive(Debug)]
 pub struct Opaque<'a> {
     /// The main pass.
@@ -27,7 +29,7 @@ pub struct Opaque<'a> {
     pub graph: Graph<'a>,
     /// Its depth state.
     pub depth: &'a DepthState,
-    /// Which way depth grows.
+    /// Forward or reversed depth.
     pub direction: DepthDirection,
     /// Index of the vertex entry point.
     pub vertex: usize,
@@ -38,7 +40,8 @@ pub struct Opaque<'a> {
 }
 
 impl<'a> Opaque<'a> {
-    /// What a promise rests on beside depth: on how the fragment stage decides coverage in two passes, and on what shows where it writes no colour.
+    /// Assumptions of a contract beyond depth: coverage must agree in two passes, and channels
+    /// without writes must not show.
     pub fn assumptions(&self) -> Vec<Assumption> {
         let mut given = Vec::new();
         if !channels::writes_all(self.program, self.pass) {
@@ -61,7 +64,7 @@ impl<'a> Opaque<'a> {
             .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::Position { invariant: true })))
     }
 
-    /// The strict comparison of the direction.
+    /// The strict comparison for the depth direction.
     pub fn strict(&self) -> CompareFunction {
         match self.direction {
             DepthDirection::Forward => CompareFunction::Less,
@@ -126,7 +129,7 @@ impl<'a> Opaque<'a> {
                         "use less, less-equal, greater or greater-equal",
                     ));
                 }
-                // The far plane is what the attachment is cleared to.
+                // The attachment is cleared to the far plane.
                 let cleared = plan.attachment(&depth.attachment).map(|a| a.clear);
                 if let (Some(d), Some(ClearValue::Depth(clear))) = (direction, cleared)
                     && clear != d.clear_depth()
@@ -231,7 +234,7 @@ impl<'a> Opaque<'a> {
     }
 }
 
-/// Effects that drawing a surface twice, or not at all where it is hidden, would change.
+/// Effects that change if a surface is drawn twice, or not at all where it is hidden.
 const STORES: [Effect; 3] = [Effect::Store, Effect::ImageStore, Effect::Atomic];
 
 /// Whether a stage of a pass stores to memory.
@@ -247,15 +250,17 @@ pub fn stores(graph: &Graph, program: &Program, pass: &GpuPass) -> bool {
     })
 }
 
-/// Effects that read the neighbours in the quad.
+/// Effects that read neighbours in the quad.
 const DERIVATIVES: [Effect; 2] = [Effect::Derivative, Effect::ImplicitLod];
 
-/// Where a function, or one that it calls, first takes a derivative: by name, or by an implicit level of detail.
+/// Where a function or one of its callees first takes a derivative, explicitly or by an implicit
+/// level of detail.
 pub fn derivative(graph: &Graph, function: FunctionId) -> Option<Span> {
     find(graph, function, &DERIVATIVES)
 }
 
-/// The first node of a function with one of these effects; a call stands for what it calls where that has no place of its own.
+/// The first node of a function with one of these effects. A call stands for a callee without a
+/// source span.
 fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
     if graph.effects(id).iter().all(|e| !wanted.contains(e)) {
         return None;

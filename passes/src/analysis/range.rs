@@ -1,7 +1,8 @@
-//! Between which numbers each value lies: interval arithmetic over the values of a fragment stage.
+//! Range analysis: intervals of the values of a fragment stage.
 //!
-//! What comes from outside, varyings and constants of the draw, lies where a scene was seen to put it, or else where it is assumed to lie; all else follows from the code.
-//! An interval holds every component of its value. It is one of real numbers: a rounding beyond its ends is left to whoever uses it.
+//! The ranges of varyings and draw constants come from a scene or from assumptions; the code gives
+//! the rest. An interval covers every component of its value. Its bounds are real numbers; users
+//! account for rounding beyond them.
 
 use std::collections::HashSet;
 
@@ -21,14 +22,14 @@ use crate::graph::rate::Rate;
 /// An interval of real numbers; either end may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Its least number.
+    /// Lower bound.
     pub low: f64,
-    /// Its largest.
+    /// Upper bound.
     pub high: f64,
 }
 
 impl Range {
-    /// Nothing is known.
+    /// Unbounded.
     pub const ANYTHING: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
     const UNIT: Self = Self::new(0.0, 1.0);
 
@@ -37,7 +38,7 @@ impl Range {
         Self { low, high }
     }
 
-    /// As far to either side of 0.
+    /// From `-magnitude` to `magnitude`.
     pub const fn within(magnitude: f64) -> Self {
         Self::new(-magnitude, magnitude)
     }
@@ -47,7 +48,7 @@ impl Range {
         self.low.abs().max(self.high.abs())
     }
 
-    /// Least absolute value.
+    /// Smallest absolute value.
     pub fn least(self) -> f64 {
         match self.low > 0.0 || self.high < 0.0 {
             true => self.low.abs().min(self.high.abs()),
@@ -55,13 +56,13 @@ impl Range {
         }
     }
 
-    /// The least interval that holds both.
+    /// The smallest interval that contains both.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self::new(self.low.min(other.low), self.high.max(other.high))
     }
 
-    /// `min(max(x, low), high)`, end by end.
+    /// `min(max(x, low), high)`, bound by bound.
     fn clamped(self, low: Self, high: Self) -> Self {
         Self::ordered(
             self.low.max(low.low).min(high.low),
@@ -69,7 +70,8 @@ impl Range {
         )
     }
 
-    /// The remainder of a division, which has the dividend's sign and is no larger than it, and less than the divisor.
+    /// The remainder of a division: it has the dividend's sign, is no larger than the dividend, and
+    /// smaller than the divisor.
     fn remainder(self, divisor: Self) -> Self {
         if self.magnitude() < divisor.least() {
             return self;
@@ -112,17 +114,17 @@ impl Range {
         }
     }
 
-    /// What a division by `divisor` may give.
+    /// The possible quotients by `divisor`.
     pub(crate) fn over(self, divisor: Self) -> Self {
         self.times(divisor.inverse())
     }
 
-    /// Through a function that never falls.
+    /// The image under a monotonically increasing function.
     fn rising(self, function: impl Fn(f64) -> f64) -> Self {
         Self::ordered(function(self.low), function(self.high))
     }
 
-    /// Of numbers that may have come out as NaN.
+    /// An interval from bounds that may be NaN.
     fn ordered(low: f64, high: f64) -> Self {
         match low <= high {
             true => Self::new(low, high),
@@ -131,26 +133,27 @@ impl Range {
     }
 }
 
-/// Nothing times whatever is nothing: an end at 0 is a number, one at infinity only a bound.
+/// A product of bounds in which 0 times infinity is 0: an infinite bound only means unbounded.
 fn product(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 { 0.0 } else { a * b }
 }
 
-/// Values times turns that are followed around one loop: beyond it their ranges are taken to grow without end.
+/// Most values times iterations to follow around one loop; beyond that, ranges are assumed
+/// unbounded.
 const MOST_FOLLOWED: usize = 200_000;
-/// Rounds within a turn after which the same is taken.
+/// Most rounds within an iteration; the rest is treated the same.
 const MOST_ROUNDS: usize = 16;
 
 /// The range of every value.
 #[derive(Debug)]
 pub struct AllRanges {
     of: Vec<Range>,
-    /// Where nothing is known of the world outside, how far its numbers are from 0 at most.
+    /// Magnitude of unknown inputs; `None` if they are unbounded.
     assumed: Option<f64>,
 }
 
 impl AllRanges {
-    /// `known` is what was seen of the world outside; what it does not tell lies within `ordinary` of 0.
+    /// `known` are measured inputs. All others are assumed to lie within `ordinary` of 0.
     pub fn new(
         values: &Values<'_, '_>,
         circles: &[Vec<ValueId>],
@@ -179,8 +182,9 @@ impl AllRanges {
         ranges
     }
 
-    /// The ranges of a circle, upwards from nothing: those not reached yet are left out of what is joined. Turn by turn, what a loop carries on waits until all else is settled.
-    /// `false` where they may grow beyond.
+    /// The ranges of a cycle, starting empty: unreached values are ignored in joins. The
+    /// loop-carried values change only after the others have settled. `false` if they may grow
+    /// further.
     fn turn(
         &mut self,
         values: &Values<'_, '_>,
@@ -193,7 +197,8 @@ impl AllRanges {
         if turns.saturating_mul(circle.len()) > MOST_FOLLOWED {
             return false;
         }
-        // Without the merges there is next to no circle: operands first, a round or two settle it.
+        // Without the merges there is hardly a cycle; with operands first, one or two rounds
+        // suffice.
         let rest = operands_first(values, circle, &merges.of);
         for _ in 0..turns {
             for round in 0.. {
@@ -212,7 +217,7 @@ impl AllRanges {
         merges.turns.is_some() && unseen.is_empty()
     }
 
-    /// Joins to each range what is found of it now. Whether that changed any.
+    /// Joins new results into the ranges; returns whether any changed.
     fn join<'v>(
         &mut self,
         values: &Values<'_, '_>,
@@ -237,12 +242,12 @@ impl AllRanges {
         changed
     }
 
-    /// Of a value.
+    /// The range of a value.
     pub fn of(&self, id: ValueId) -> Range {
         self.of[id]
     }
 
-    /// Of an expression, if anything observed rests on it.
+    /// The range of an expression, if an observed value depends on it.
     pub fn operand(
         &self,
         values: &Values<'_, '_>,
@@ -254,8 +259,8 @@ impl AllRanges {
             .map_or(Range::ANYTHING, |id| self.of[id])
     }
 
-    /// Of the inverse of an expression. Where nothing is known of the world outside, what is divided by of the draw is taken to be ordinary too: as far from 0 as the inverse of the
-    /// largest.
+    /// The range of an expression's inverse. If inputs are unknown, a divisor from the draw is
+    /// assumed ordinary too: its inverse is as bounded as itself.
     pub fn inverse(
         &self,
         values: &Values<'_, '_>,
@@ -341,7 +346,7 @@ impl AllRanges {
             Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_) => {
                 of_constant(module, &f.function.expressions, e)
             }
-            // What a pipeline sets it to is not known.
+            // A pipeline may set it to anything.
             Expression::Override(_) => outside.unknown(),
             Expression::Compose { components, .. } => components
                 .iter()
@@ -356,7 +361,7 @@ impl AllRanges {
                 op: UnaryOperator::Negate,
                 expr,
             } => of(*expr).negated(),
-            // Texture values are taken for what varyings are taken for.
+            // Texels are assumed to be in the range of varyings.
             Expression::ImageSample { .. } | Expression::ImageLoad { .. } if is_float(e) => {
                 Range::within(outside.ordinary)
             }
@@ -449,7 +454,8 @@ fn of_function(fun: MathFunction, [x, y, z]: [Range; 3], dimension: f64, same: b
         MathFunction::Cross => Range::within(2.0 * x.magnitude() * y.magnitude()),
         MathFunction::Length => sized(x),
         MathFunction::Distance => sized(x.plus(y.negated())),
-        // As long as the incident vector, where the normal is a unit vector; no longer than this where it is not.
+        // As long as the incident vector if the normal has unit length; this bounds the other
+        // cases.
         MathFunction::Reflect => {
             let normal = y.magnitude();
             Range::within(x.magnitude() * (1.0 + 2.0 * dimension * normal * normal))
@@ -471,7 +477,7 @@ fn sum(term: Range, terms: u8) -> Range {
     term.scaled(f64::from(terms))
 }
 
-/// Products that a component of a product is the sum of.
+/// Number of products in the sum for a component of a product.
 pub fn terms(left: &TypeInner, right: &TypeInner) -> u8 {
     match (left, right) {
         (
@@ -483,7 +489,7 @@ pub fn terms(left: &TypeInner, right: &TypeInner) -> u8 {
     }
 }
 
-/// Components of a scalar or a vector.
+/// Number of components of a scalar or vector.
 pub fn dimension(ty: &TypeInner) -> f64 {
     match ty {
         TypeInner::Vector { size, .. } => f64::from(*size as u8),
@@ -501,7 +507,8 @@ pub fn is_same(
     crate::analysis::sign::same_value(values, context, a, b)
 }
 
-/// Whether any of a value's operands outside of `unseen` tells something of it; all of an operation's have to be seen.
+/// Whether any operand outside of `unseen` adds information. For an operation, all operands must be
+/// known.
 fn joins(values: &Values<'_, '_>, id: ValueId, unseen: &HashSet<ValueId>) -> bool {
     let operands = &values.values[id].operands;
     let is_joined = match &values.values[id].node {
@@ -524,7 +531,7 @@ fn joins(values: &Values<'_, '_>, id: ValueId, unseen: &HashSet<ValueId>) -> boo
     }
 }
 
-/// What a variable of the function's own, or of the module's, holds before anything is stored.
+/// The initial value of a local or private variable.
 fn initial(values: &Values<'_, '_>, context: ContextId, version: VersionId) -> Option<Range> {
     let f = values.function(context);
     let module = values.graph.module();
@@ -540,7 +547,7 @@ fn initial(values: &Values<'_, '_>, context: ContextId, version: VersionId) -> O
             .map(|e| of_constant(module, &module.global_expressions, e)),
         _ => return None,
     };
-    // Otherwise it is 0, of whatever type.
+    // Otherwise it is zero-initialised.
     Some(init.unwrap_or(Range::new(0.0, 0.0)))
 }
 
@@ -575,7 +582,7 @@ fn of_constant(module: &Module, arena: &Arena<Expression>, e: Handle<Expression>
     }
 }
 
-/// The world outside of the shader.
+/// The shader's inputs.
 struct Outside<'a> {
     known: &'a [SourceRange],
     ordinary: f64,
@@ -599,7 +606,7 @@ impl Outside<'_> {
     ) -> Range {
         let module = values.graph.module();
         let expressions = &values.function(context).function.expressions;
-        // The outermost step is the variable's own member.
+        // The outermost step selects the variable's own member.
         let (mut at, mut member) = (pointer, path.first().copied());
         let global = loop {
             match expressions[at] {
@@ -632,7 +639,7 @@ impl Outside<'_> {
         })
     }
 
-    /// What a scene does not tell may be anything. Without one all is ordinary.
+    /// The range of an unknown input: unbounded with a scene, ordinary without one.
     fn unknown(&self) -> Range {
         match self.known.is_empty() {
             true => Range::within(self.ordinary),
@@ -645,7 +652,7 @@ impl Outside<'_> {
 mod tests {
     use super::Range;
 
-    /// Every pair of numbers of two ranges gives one of the range that is said.
+    /// For every pair of numbers in two ranges, the result is in the computed range.
     fn holds(of: impl Fn(Range, Range) -> Range, by: impl Fn(f64, f64) -> f64) {
         let ends: [f64; 10] = [-9.0, -5.0, -3.0, -0.5, 0.0, 0.5, 2.0, 3.0, 5.0, 10.0];
         let all = || {

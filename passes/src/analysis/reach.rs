@@ -1,8 +1,8 @@
-//! What rests on what, over the values of a fragment stage.
+//! Transitive dependences over the values of a fragment stage.
 
 use crate::analysis::values::{ValueId, Values};
 
-/// Values, and all that rests on them.
+/// Values and all their dependents.
 pub fn with_users(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
     let users = values.users();
     let mut held = vec![false; values.values.len()];
@@ -14,7 +14,7 @@ pub fn with_users(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> 
     held
 }
 
-/// Values, and all they rest on.
+/// Values and all their dependences.
 pub fn with_operands(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
     let mut held = vec![false; values.values.len()];
     while let Some(id) = work.pop() {

@@ -1,12 +1,16 @@
-//! What the roundings of a carried value come to at the outputs.
+//! Bounds the effect at the outputs of rounding differences in interpolated values.
 //!
-//! An affine value that is carried is computed at the vertices and interpolated, where it was computed of interpolated varyings before: the same real number, rounded
-//! elsewhere. How far the two may be apart is followed forwards to the value (each operation adds a rounding of its result and passes on its operands' errors by its
-//! slope), and from there to the outputs by the slopes of all that rests on it, to first order, multiplied along each way and added over all of them. What rests on it is rounded
-//! anew too, and where its numbers are large those roundings are: a small value added to a large one and taken from it again comes back in steps. This is the running error analysis of Wilkinson (1963; Higham, Accuracy and Stability of Numerical Algorithms, section 3.3), over intervals of what the operands may be.
+//! An affine value that moves is computed at the vertices and then interpolated, instead of being
+//! computed from interpolated varyings. It is the same real number with other rounding. First we
+//! follow the difference forward to the value: each operation adds its own rounding and passes on
+//! its operands' errors by its slope. From there the slopes of all dependents lead to the outputs,
+//! to first order, multiplied along each path and added over all paths. Dependents are rounded
+//! again too, and with large numbers that matters: a small value that is added to a large one and
+//! subtracted again has steps. This is the running error analysis of Wilkinson (1963; Higham,
+//! Accuracy and Stability of Numerical Algorithms, section 3.3), over intervals of the operands.
 //!
-//! Where an operation jumps, or its slope has no bound in those intervals (a division by what may be 0, `normalize` of what may be short), any error may come of the last bit:
-//! then it is infinite.
+//! At a discontinuity, or where the slope is unbounded (a division by a possible 0, `normalize` of
+//! a possibly short vector), any error may result from the last bit. The bound then is infinite.
 
 use std::sync::Arc;
 
@@ -20,39 +24,42 @@ use crate::core::pass::SourceRange;
 use crate::evaluate::bound::Accuracy;
 use crate::graph::rate::Rate;
 
-/// What varyings, textures and constants of the draw are taken to be, where no scene tells: no further from 0 than this.
+/// Assumed magnitude of varyings, textures and draw constants without a scene.
 pub const ORDINARY: u32 = 4;
 
-/// Half the distance of two neighbouring numbers around 1: what one operation may be off, relative to its result.
+/// Half the distance of adjacent numbers around 1: the relative error of one operation.
 const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
 
-/// What interpolating may be off, in units of roundoff of the largest number interpolated: the weights do not add up to 1, and a perspective division is in them. No language tells; a software rasteriser was seen
-/// to be off by some tens on slivers and on planes that reach far.
+/// Error of interpolation in units of roundoff of the largest interpolated number: the weights do
+/// not sum to exactly 1, and there is a perspective division. No language specifies it. A software
+/// rasteriser was off by some tens on slivers and on very large planes.
 const INTERPOLATION: f64 = 64.0;
 
-/// Largest error of an output, for all that is carried together: numbers less than a step of 8 bits apart are stored as the same step, or the next.
+/// Largest error of an output for all moved values together. Numbers less than an 8-bit step apart
+/// are stored as the same or adjacent steps.
 pub const MOST: f64 = 1.0 / 255.0;
 
-/// Slope of sRGB's transfer function at 0, where it is steepest (IEC 61966-2-1).
+/// Slope of the sRGB transfer function at 0, its maximum (IEC 61966-2-1).
 pub const STEEPEST_SRGB: f64 = 12.92;
 
-/// Values that are followed to the outputs for all that are carried, together: beyond it no bound is given.
+/// Most values to follow to the outputs for all moved values together; beyond that there is no
+/// bound.
 const MOST_FOLLOWED: usize = 10_000_000;
 
-/// What carrying values may change an output by.
+/// Bounds of the change of an output.
 #[derive(Clone, Debug)]
 pub struct Roundings {
-    /// Each by itself; infinite where there is no bound.
+    /// For each value alone; infinite without a bound.
     each: Vec<f64>,
-    /// What a value's own difference comes to.
+    /// The effect of the value's own difference.
     carried: Vec<f64>,
-    /// What comes of it that a value is rounded anew, since something under it differs.
+    /// The effect of rounding dependents again.
     anew: Vec<f64>,
     users: Arc<Users>,
 }
 
 impl Roundings {
-    /// Of each value that `may` travel as an affine one.
+    /// The bounds for each value that `may` move as an affine one.
     pub fn new(
         values: &Values<'_, '_>,
         known: &[SourceRange],
@@ -63,7 +70,7 @@ impl Roundings {
         let slopes = Slopes::new(values, &ranges);
         let errors = slopes.errors(circles);
         let gains = slopes.gains(circles);
-        // What has no gain, nothing rests on.
+        // A value without gain has no dependents.
         let through = |id: ValueId, error: f64| match gains[id] {
             0.0 => 0.0,
             gain => gain * error,
@@ -93,12 +100,12 @@ impl Roundings {
         this
     }
 
-    /// Of one value.
+    /// The bound for one value.
     pub fn of(&self, id: ValueId) -> f64 {
         self.each[id]
     }
 
-    /// Of several that are carried together.
+    /// The bound for several values together.
     pub fn together(&self, ids: &[ValueId]) -> f64 {
         self.sum(ids, Above::new(self.each.len()).of(&self.users, ids))
     }
@@ -110,9 +117,9 @@ impl Roundings {
     }
 }
 
-/// Walks from values to all that rests on them, as often as is asked.
+/// Repeated walks from values to their dependents.
 struct Above {
-    /// The last walk that came to each value.
+    /// The last walk that visited each value.
     seen: Vec<usize>,
     walks: usize,
     found: Vec<ValueId>,
@@ -127,7 +134,8 @@ impl Above {
         }
     }
 
-    /// All that rests on some values, in ascending order; themselves left out, unless they rest on one another.
+    /// All dependents of some values in ascending order, without the values themselves unless they
+    /// depend on each other.
     fn of(&mut self, users: &Users, ids: &[ValueId]) -> &[ValueId] {
         self.walks += 1;
         self.found.clear();
@@ -137,7 +145,7 @@ impl Above {
             next += 1;
             self.reach(users[at].iter());
         }
-        // A sum of floats is one of its order too.
+        // A float sum depends on its order too.
         self.found.sort_unstable();
         &self.found
     }
@@ -154,9 +162,9 @@ impl Above {
 struct Slopes<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     ranges: &'v AllRanges,
-    /// How steep each value is in each of its operands, one value's behind the other's.
+    /// Slopes of each value in its operands, value by value.
     steep: Vec<f64>,
-    /// Where each value's begin in `steep`.
+    /// Start of each value's slopes in `steep`.
     start: Vec<usize>,
 }
 
@@ -175,13 +183,14 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         this
     }
 
-    /// A value's operands, each with how steep it is in it.
+    /// A value's operands with their slopes.
     fn operands(&self, id: ValueId) -> impl Iterator<Item = (ValueId, f64)> {
         let operands = self.values.values[id].operands.iter().copied();
         operands.zip(self.steep[self.start[id]..].iter().copied())
     }
 
-    /// How far each value, computed of interpolated varyings, may be from the one computed at the vertices and interpolated; its own interpolation apart.
+    /// For each value, the difference between computing it from interpolated varyings and computing
+    /// it at the vertices, without its own interpolation.
     fn errors(&self, circles: &[Vec<ValueId>]) -> Vec<f64> {
         let values = &self.values.values;
         let mut errors = vec![f64::INFINITY; values.len()];
@@ -214,7 +223,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         errors
     }
 
-    /// What an output may change by for each unit that a value does.
+    /// Change of an output per unit of change of a value.
     fn gains(&self, circles: &[Vec<ValueId>]) -> Vec<f64> {
         let values = &self.values.values;
         let mut gains = vec![0.0; values.len()];
@@ -227,7 +236,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         for circle in circles {
             let id = circle[0];
             if circle.len() > 1 || values[id].operands.contains(&id) {
-                // How often it goes around, the errors of one turn passed to the next, is not followed.
+                // We do not follow how errors accumulate over iterations.
                 if circle.iter().any(|id| gains[*id] != 0.0) {
                     for id in circle {
                         gains[*id] = f64::INFINITY;
@@ -246,7 +255,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
                 continue;
             }
             for (operand, slope) in self.operands(id) {
-                // What is the same in both stages passes nothing on.
+                // A value that is equal in both stages passes nothing on.
                 if !is_of_draw(self.values, operand) {
                     gains[operand] += gains[id] * slope;
                 }
@@ -255,7 +264,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         gains
     }
 
-    /// What the roundings of an operation's own may come to.
+    /// The effect of an operation's own rounding.
     fn own(&self, id: ValueId) -> f64 {
         match self.rounds(id) {
             0 => 2.0 * self.inaccuracy(id),
@@ -263,7 +272,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         }
     }
 
-    /// How far a function may be off in either stage.
+    /// The inaccuracy of a function in either stage.
     fn inaccuracy(&self, id: ValueId) -> f64 {
         let Node::Expression(context, e, path) = &self.values.values[id].node else {
             return 0.0;
@@ -281,7 +290,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         accuracy(*fun, range(*arg), second, magnitude).map_or(0.0, |a| a.of(magnitude))
     }
 
-    /// Roundings of an operation's own, in both stages together.
+    /// Number of an operation's own roundings in both stages.
     fn rounds(&self, id: ValueId) -> u32 {
         let Node::Expression(context, e, _) = &self.values.values[id].node else {
             return 0;
@@ -303,14 +312,14 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
                     4 * dimension(f.ty(module, *arg)) as u32
                 }
                 MathFunction::Fma | MathFunction::Mix => 8,
-                // As accurate as WGSL asks.
+                // As accurate as WGSL requires.
                 _ => 0,
             },
             _ => 0,
         }
     }
 
-    /// The largest number that is rounded on the way to an operation's result: a sum's terms may be larger than the sum.
+    /// The largest number rounded within an operation: a sum's terms may exceed the sum.
     fn largest_term(&self, id: ValueId) -> f64 {
         let magnitude = self.ranges.of(id).magnitude();
         let Node::Expression(context, e, _) = &self.values.values[id].node else {
@@ -339,7 +348,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         }
     }
 
-    /// Finds how steep a value is in each of its operands, every component of it.
+    /// Computes the slopes of a value in its operands, over all components.
     fn find(&mut self, id: ValueId) {
         let values = self.values;
         let operands = &values.values[id].operands;
@@ -354,13 +363,13 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         let own =
             own.filter(|(_, e)| !matches!(e, Expression::Load { .. } | Expression::CallResult(_)));
         if is_of_draw(values, id) {
-            // Asked for by nobody: its operands are the same in both stages too.
+            // Unused: its operands are equal in both stages too.
             self.steep.resize(first + operands.len(), 0.0);
         } else if let Node::Control(..) = values.values[id].node {
             self.steep.resize(first + operands.len(), f64::INFINITY);
         } else if let Some((context, expression)) = own {
             self.steep.resize(first + operands.len(), 0.0);
-            // The same operand may stand in several places.
+            // An operand may occur several times.
             for (e, slope) in self.places(context, expression) {
                 let named = values.named(context, e);
                 if let Some(place) = operands.iter().position(|o| named == Some(*o)) {
@@ -374,7 +383,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         }
     }
 
-    /// Of what is one of its operands: a control or an index decides which.
+    /// The slope of a selection: a control or an index decides.
     fn chooses(&self, operand: ValueId) -> f64 {
         let integer = match &self.values.values[operand].node {
             Node::Control(..) => true,
@@ -388,7 +397,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         if integer { f64::INFINITY } else { 1.0 }
     }
 
-    /// The operands of an operation, each with how steep it is in it.
+    /// The operands of an operation with their slopes.
     fn places(
         &self,
         context: ContextId,
@@ -459,7 +468,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
     }
 }
 
-/// How steep a function is at most in each of its arguments, over their ranges; `None` where that has no bound, or none that is known.
+/// Largest slopes of a function in its arguments over their ranges; `None` if unbounded or unknown.
 fn of_function(fun: MathFunction, ranges: &[Range], dimension: f64) -> Option<[f64; 3]> {
     let [x, y, z] = [0, 1, 2].map(|i| ranges.get(i).copied().unwrap_or(Range::ANYTHING));
     let (a, b, c) = (x.magnitude(), y.magnitude(), z.magnitude());
@@ -498,11 +507,11 @@ fn of_function(fun: MathFunction, ranges: &[Range], dimension: f64) -> Option<[f
             let rest = (1.0 - z.low).abs().max((1.0 - z.high).abs());
             Some([rest, c, a + b])
         }
-        // Of a base that is not below 0, and an exponent that does not change.
+        // For a non-negative base and a constant exponent.
         MathFunction::Pow if x.low >= 0.0 && y.low == y.high && y.low >= 1.0 => {
             Some([y.low * a.powf(y.low - 1.0), f64::INFINITY, 0.0])
         }
-        // Three halves of the ramp's.
+        // Three halves of the ramp's slope.
         MathFunction::SmoothStep if y.low > x.high => {
             Some([f64::INFINITY, f64::INFINITY, 1.5 / (y.low - x.high)])
         }
@@ -510,7 +519,8 @@ fn of_function(fun: MathFunction, ranges: &[Range], dimension: f64) -> Option<[f
     }
 }
 
-/// How accurate a function is, by its arguments' ranges and its own magnitude; `None` for what is exact, or counted by its roundings.
+/// Accuracy of a function for its arguments' ranges and its magnitude; `None` if it is exact or
+/// counted as roundings.
 fn accuracy(fun: MathFunction, x: Range, y: Range, magnitude: f64) -> Option<Accuracy> {
     let a = x.magnitude();
     Some(match fun {
@@ -520,10 +530,10 @@ fn accuracy(fun: MathFunction, x: Range, y: Range, magnitude: f64) -> Option<Acc
         MathFunction::Asin | MathFunction::Acos => Accuracy::arc(a),
         MathFunction::Atan => Accuracy::ulps(4096.0),
         MathFunction::Exp | MathFunction::Exp2 => Accuracy::exponential(a),
-        // asinh is a logarithm of a sum with a root.
+        // asinh is the logarithm of a sum with a root.
         MathFunction::Log | MathFunction::Log2 | MathFunction::Asinh => Accuracy::logarithm(),
         MathFunction::Pow => {
-            // Where the power is small, so is what it is off: e 2^-e is largest at 1 / ln 2.
+            // The error decreases with the power: e 2^-e is largest at 1 / ln 2.
             let largest = magnitude.max(1.0);
             Accuracy::power(y.magnitude(), largest.log2().max(1.443), largest)
         }

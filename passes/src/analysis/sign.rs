@@ -1,18 +1,19 @@
-//! What is seen from the code of a value's sign and of its size, as far as telling an operation that is safe at any vertex from one that may give NaN or infinity takes.
+//! Sign and magnitude of values, as far as the code shows them: enough to tell operations that are
+//! safe at any vertex from those that may return NaN or infinity.
 
 use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, ScalarKind, TypeInner};
 
 use crate::analysis::range::AllRanges;
 use crate::analysis::values::{Node, ValueId, Values};
 
-/// What is known of every component of a value.
+/// The sign of every component of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Sign {
-    /// Above zero by more than a rounding.
+    /// Above zero by more than rounding.
     Positive,
     /// Zero or above.
     NonNegative,
-    /// Nothing.
+    /// Unknown.
     Unknown,
 }
 
@@ -23,7 +24,7 @@ use Sign::{NonNegative, Positive, Unknown};
 pub struct Signs(Vec<Sign>);
 
 impl Signs {
-    /// From the values' own operations, downwards from what would be best: a circle keeps what it holds.
+    /// Greatest fixed point: a cycle keeps the sign that it preserves.
     pub fn new(values: &Values<'_, '_>) -> Self {
         let users = values.users();
         let mut signs = Self(vec![Positive; values.values.len()]);
@@ -97,7 +98,7 @@ impl Signs {
                 match (op, of(*left), of(*right)) {
                     (BinaryOperator::Add, a, b) if a.max(b) <= NonNegative => a.min(b),
                     (BinaryOperator::Multiply, _, _) if same => NonNegative,
-                    // A product of two positives may underflow.
+                    // A product of two positive numbers may underflow.
                     (BinaryOperator::Multiply, a, b) if a.max(b) <= NonNegative => NonNegative,
                     (BinaryOperator::Divide, a, Positive) if a <= NonNegative => NonNegative,
                     _ => Unknown,
@@ -156,7 +157,7 @@ impl Signs {
         }
     }
 
-    /// The name of the operation, if an expression may be NaN or infinite where its operands are not.
+    /// Name of the operation, if it may return NaN or infinity for finite operands.
     pub fn hazard(
         &self,
         values: &Values<'_, '_>,
@@ -183,7 +184,7 @@ impl Signs {
                 MathFunction::Sqrt if of(*arg) == Unknown => Some("sqrt"),
                 MathFunction::InverseSqrt if of(*arg) != Positive => Some("inverseSqrt"),
                 MathFunction::Log | MathFunction::Log2 if of(*arg) != Positive => Some("log"),
-                // 0 to the power of 0 or below is not a number, or infinite.
+                // 0 to the power of 0 or less is NaN or infinite.
                 MathFunction::Pow
                     if of(*arg) == Unknown
                         || (of(*arg) != Positive && arg1.is_none_or(|y| of(y) != Positive)) =>
@@ -205,19 +206,20 @@ impl Signs {
     }
 }
 
-/// What varyings, constants of the draw and texels are taken to be below where nothing tells: 2^20, a million of whatever a scene is measured in. A varying of a real scene is a finite number; this says that
-/// it is no very large one.
+/// Assumed magnitude of unknown varyings, draw constants and texels: 2^20, a million scene units. A
+/// varying of a real scene is finite; this assumes that it is not extremely large.
 pub const LARGEST_INPUT: f64 = (1 << 20) as f64;
 
-/// The name of the operation, if an expression may pass the largest `f32` where its operands do not. An infinite number is one step from NaN: `inf * 0`, `inf - inf`.
+/// Name of the operation, if it may overflow `f32` for smaller operands. Infinity is one step from
+/// NaN: `inf * 0`, `inf - inf`.
 pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<&'static str> {
-    // Ranges are of real numbers: roundings may add to them.
+    // Ranges are real numbers; leave room for rounding.
     let fits = |id: ValueId| ranges.of(id).magnitude() < 0.99 * f64::from(f32::MAX);
     let (context, e, _) = values.expression(id)?;
     let f = values.function(context);
     let expression = &f.function.expressions[e];
     let is_float = f.ty(values.graph.module(), e).scalar_kind() == Some(ScalarKind::Float);
-    // Some functions square what they are given.
+    // Some functions square their arguments.
     let squares = match expression {
         Expression::Math {
             fun: MathFunction::Length | MathFunction::Asinh,
@@ -272,7 +274,7 @@ pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Opt
     })
 }
 
-/// Smallest number that division is safe with: its inverse is far from overflow.
+/// Smallest safe divisor: its inverse is far from overflow.
 const SMALLEST: f64 = 1e-30;
 
 fn of_number(x: f64) -> Sign {
@@ -310,7 +312,7 @@ pub(crate) fn same_value(
     let (Some(x), Some(y)) = (values.named(context, a), values.named(context, b)) else {
         return false;
     };
-    // Two reads of a variable that see the same versions of it.
+    // Two reads of a variable in the same memory versions.
     let pointer = |e: Handle<Expression>| match values.function(context).function.expressions[e] {
         Expression::Load { pointer } => Some(pointer),
         _ => None,
@@ -347,7 +349,7 @@ fn is_nonzero(values: &Values<'_, '_>, context: usize, e: Handle<Expression>) ->
     }
 }
 
-/// Whether a value is seen to lie between 0 and 1.
+/// Whether a value provably is in 0..1.
 fn is_unit(values: &Values<'_, '_>, context: usize, e: Handle<Expression>) -> bool {
     matches!(
         values.function(context).function.expressions[e],

@@ -1,10 +1,13 @@
-//! Operations that need uniform control flow and may be reached without it: WGSL's uniformity analysis (section 15.2), which naga switches off in fragment stages.
+//! WGSL's uniformity analysis (section 15.2), which naga disables in fragment stages: finds
+//! operations that need uniform control flow but may run without it.
 //!
-//! Each function becomes a graph, whose edges say what a value or the control flow at a point rests on. What an operation needs to be uniform must not reach the node for what may be
-//! non-uniform. What it reaches of the function's own inputs is asked of every call.
+//! Each function becomes a graph whose edges are dependences of values and control flow. An
+//! operation's uniformity requirement must not reach the node for non-uniform sources. Requirements
+//! that reach the function's own inputs apply to every call.
 //!
-//! As WGSL has it, the analysis knows variables as a whole, takes what is in `private` variables for non-uniform, and control flow for uniform again behind a statement that nothing leaves by a jump.
-//! A `discard` is a demotion, after which lanes go on as helpers: control flow stays uniform. `diagnostic` filters are not looked at.
+//! As in WGSL, variables are tracked as a whole, `private` variables count as non-uniform, and
+//! control flow is uniform again after a statement without jumps. A `discard` demotes lanes to
+//! helpers, so control flow stays uniform. `diagnostic` filters are ignored.
 
 use naga::{
     AddressSpace, Binding, Block, BuiltIn, Expression, Function, GatherMode, Handle, ImageClass,
@@ -18,7 +21,7 @@ use crate::graph::{FunctionId, operands};
 pub enum Need {
     /// A derivative.
     Derivative,
-    /// A sample at a level of detail that derivatives decide.
+    /// A sample with an implicit level of detail.
     ImplicitLod,
     /// A barrier.
     Barrier,
@@ -28,18 +31,19 @@ pub enum Need {
     Subgroup,
 }
 
-/// An operation that may be reached in non-uniform control flow, or with a non-uniform operand where that must be uniform.
+/// An operation in possibly non-uniform control flow, or with a possibly non-uniform operand that
+/// must be uniform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NonUniform {
-    /// The function it is in, or that calls the one with the need.
+    /// The function that contains it, or that calls the one with the requirement.
     pub function: FunctionId,
-    /// What is needed.
+    /// The requirement.
     pub need: Need,
-    /// Where: the operation or the call.
+    /// The operation or the call.
     pub span: Span,
 }
 
-/// All that a module may not do by WGSL's rules, callees first. The module must be valid.
+/// All violations in a valid module, callees first.
 pub fn non_uniform(module: &Module) -> Vec<NonUniform> {
     let mut summaries: Vec<Summary> = Vec::new();
     let mut found = Vec::new();
@@ -70,22 +74,23 @@ pub fn non_uniform(module: &Module) -> Vec<NonUniform> {
 
 type Node = usize;
 
-/// What may be non-uniform.
+/// Sources that may be non-uniform.
 const MAYBE: Node = 0;
-/// The control flow that a function is called in.
+/// Control flow at the call of the function.
 const CALLED: Node = 1;
-/// What it returns.
+/// The returned value.
 const RETURNED: Node = 2;
-/// Rests on nothing.
+/// Without dependences.
 const UNIFORM: Node = 3;
 const FIXED: usize = 4;
 
-/// The node of the n-th argument, of what it points to when the function is called, and when it returns.
+/// Nodes for the n-th argument: itself, the memory it points to at the call, and the same on
+/// return.
 fn argument(n: usize) -> [Node; 3] {
     [0, 1, 2].map(|k| FIXED + 3 * n + k)
 }
 
-/// What a value rests on of a function's inputs.
+/// Dependences of a value on a function's inputs.
 #[derive(Clone, Debug)]
 struct Rests {
     maybe: bool,
@@ -93,7 +98,7 @@ struct Rests {
     contents: Vec<bool>,
 }
 
-/// What a call of a function is to know.
+/// The summary that callers need.
 #[derive(Clone, Debug)]
 struct Summary {
     called: Option<Need>,
@@ -103,7 +108,7 @@ struct Summary {
     left: Vec<Rests>,
 }
 
-/// A point of the control flow, and what each variable holds there: locals, then what arguments point to.
+/// A point of control flow, with the content of each variable: locals, then pointer arguments.
 #[derive(Clone, Debug)]
 struct Flow {
     control: Node,
@@ -129,7 +134,7 @@ struct Walk<'a> {
     continues: Vec<Vec<Flow>>,
 }
 
-/// What a pointer leads to.
+/// The variable of a pointer.
 enum Root {
     Variable(usize),
     Uniform,
@@ -192,7 +197,7 @@ impl<'a> Walk<'a> {
         self.values[e.index()]
     }
 
-    /// What a pointer leads to, and whether to the whole of it.
+    /// The variable of a pointer, and whether the pointer covers it wholly.
     fn root(&self, pointer: Handle<Expression>) -> (Root, bool) {
         let mut at = pointer;
         let mut whole = true;
@@ -226,7 +231,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// What a pointer's variable holds.
+    /// The content of a pointer's variable.
     fn content(&self, pointer: Handle<Expression>, flow: &Flow) -> Node {
         match self.root(pointer).0 {
             Root::Variable(v) => flow.variables[v],
@@ -235,7 +240,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Notes that what a pointer leads to is now made of `value`.
+    /// Records a store of `value` through a pointer.
     fn write(&mut self, pointer: Handle<Expression>, value: Node, flow: &mut Flow) {
         let (Root::Variable(v), whole) = self.root(pointer) else {
             return;
@@ -282,7 +287,7 @@ impl<'a> Walk<'a> {
         self.values[e.index()] = self.node(rests_on);
     }
 
-    /// Whether a texture may be written to as well.
+    /// Whether a texture may also be written.
     fn is_written(&self, image: Handle<Expression>) -> bool {
         let ty = match self.function.expressions[image] {
             Expression::GlobalVariable(global) => self.module.global_variables[global].ty,
@@ -298,7 +303,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// What is behind a block, if control gets there, and how control may leave it.
+    /// The flow behind a block, if control reaches it, and the ways in which control may leave.
     fn block(&mut self, block: &Block, mut flow: Flow) -> (Option<Flow>, Behaviour) {
         let mut left = NEXT;
         for (statement, span) in block.span_iter() {
@@ -306,7 +311,7 @@ impl<'a> Walk<'a> {
             left = (left & !NEXT) | behaviour;
             match next {
                 Some(next) => flow = next,
-                // What follows is never run, and not analysed.
+                // The rest is unreachable and not analysed.
                 None => return (None, left & !NEXT),
             }
         }
@@ -443,14 +448,15 @@ impl<'a> Walk<'a> {
         (Some(flow), NEXT)
     }
 
-    /// What a statement provides, if anything, may be non-uniform.
+    /// A statement's result, if any, may be non-uniform.
     fn unknown(&mut self, statement: &Statement) {
         if let Some(result) = operands::result(statement) {
             self.values[result.index()] = MAYBE;
         }
     }
 
-    /// Behind branches that were entered in `within` and end in `ends`: the control flow is as it was ahead of them unless some jump leaves them.
+    /// Behind branches entered in `within` and ending in `ends`: control flow is as before unless a
+    /// jump leaves them.
     fn joined(
         &mut self,
         ahead: Node,
@@ -469,7 +475,7 @@ impl<'a> Walk<'a> {
         (Some(flow), left)
     }
 
-    /// What holds where several flows meet; there is one at least.
+    /// The merge of at least one flow.
     fn merged(&mut self, mut flows: Vec<Flow>) -> Flow {
         let Some(last) = flows.pop() else {
             return self.start();
@@ -603,7 +609,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// All nodes that one rests on, itself included.
+    /// All nodes that a node depends on, including itself.
     fn reached(&self, from: Node) -> Vec<bool> {
         let mut reached = vec![false; self.edges.len()];
         let mut stack = vec![from];
@@ -637,7 +643,7 @@ impl<'a> Walk<'a> {
             returned: self.rests(RETURNED),
             left: (0..count).map(|n| self.rests(argument(n)[2])).collect(),
         };
-        // No one calls an entry point.
+        // Entry points have no callers.
         if let FunctionId::EntryPoint(_) = self.id {
             return summary;
         }
@@ -659,7 +665,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// What a load out of an address space gives, but for the function's own.
+/// The result of a load from an address space other than the function's own.
 fn in_space(space: AddressSpace) -> Root {
     match space {
         AddressSpace::Uniform | AddressSpace::Handle | AddressSpace::Immediate => Root::Uniform,
@@ -668,7 +674,8 @@ fn in_space(space: AddressSpace) -> Root {
     }
 }
 
-/// Whether an input of an entry point is the same for all invocations. A struct is as its members are together.
+/// Whether an input of an entry point is uniform. A struct is as uniform as all its members
+/// together.
 fn is_uniform_input(module: &Module, input: &naga::FunctionArgument, stage: ShaderStage) -> bool {
     let is_uniform = |binding: Option<&Binding>| match binding {
         Some(Binding::BuiltIn(builtin)) => match builtin {

@@ -1,17 +1,17 @@
-//! Who uses what, without an allocation for each.
+//! A compact map from things to their users.
 
 use std::ops::Index;
 
-/// For each of some things, others, in the order in which they were given: `users[thing]`.
+/// The users of each thing in the given order: `users[thing]`.
 #[derive(Clone, Debug, Default)]
 pub struct Users {
-    /// Where each thing's begin; one more than there are things.
+    /// Start of each thing's users, with one extra entry at the end.
     start: Vec<usize>,
     of: Vec<usize>,
 }
 
 impl Users {
-    /// Of `count` things, from pairs of a thing and one that uses it.
+    /// Builds the map for `count` things from pairs of a thing and its user.
     pub fn new(count: usize, pairs: impl Iterator<Item = (usize, usize)> + Clone) -> Self {
         let mut start = vec![0; count + 1];
         for (thing, _) in pairs.clone() {

@@ -1,8 +1,10 @@
-//! Every value of a fragment stage, each call's apart: what the minimum cut chooses from.
+//! The value graph: every value of a fragment stage, with each call separate. The minimum cut
+//! chooses among these.
 //!
-//! The dataflow graph analyses a function once for all its calls. Here each chain of calls from the entry point has values of its own, so that
-//! a function used twice may have one of its uses moved. The nodes are expressions, versions of memory and what decides whether a statement runs;
-//! operands may be circular where a loop carries a value from turn to turn.
+//! The dataflow graph analyses a function once for all its calls. Here each chain of calls from the
+//! entry point has its own values, so that one use of a function can move without the others. Nodes
+//! are expressions, memory versions, and the conditions under which statements run. Operands form
+//! cycles through loop-carried values.
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
@@ -24,23 +26,23 @@ mod expand;
 /// A chain of calls from the entry point; 0 is the entry point itself.
 pub type ContextId = usize;
 
-/// A function as one chain of calls reaches it.
+/// A function in one chain of calls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Context {
     /// The function.
     pub function: FunctionId,
-    /// Who calls it, and where. `None` for the entry point.
+    /// Caller and call statement. `None` for the entry point.
     pub call: Option<(ContextId, StmtId)>,
-    /// How many calls lead to it: 0 for the entry point.
+    /// Number of calls that lead to it; 0 for the entry point.
     pub depth: u32,
-    /// How often it runs for one fragment, as far as that can be told.
+    /// Estimated runs per fragment.
     pub times: f64,
 }
 
 /// A value's index in [`Values::values`].
 pub type ValueId = usize;
 
-/// What a value is.
+/// A value's identity.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Node {
     /// An input of the entry point, by index in [`Values::inputs`].
@@ -49,24 +51,24 @@ pub enum Node {
     Expression(ContextId, Handle<Expression>, Vec<u32>),
     /// A version of a variable.
     Version(ContextId, VersionId),
-    /// What decides whether a statement runs.
+    /// The condition under which a statement runs.
     Control(ContextId, StmtId),
 }
 
 /// A value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value {
-    /// What it is.
+    /// Its identity.
     pub node: Node,
-    /// Values it is made of.
+    /// Its operands.
     pub operands: Vec<ValueId>,
-    /// What computing it costs one fragment, operands apart, in the units of [`crate::graph::cost`].
+    /// Cost per fragment without operands, in the units of [`crate::graph::cost`].
     pub cost: f64,
-    /// How often it changes, and which stages can have it.
+    /// Its rate, and the stages that can compute it.
     pub fact: Fact,
 }
 
-/// All values that what is observed of a fragment rests on.
+/// All values that the observed results of a fragment depend on.
 #[derive(Debug)]
 pub struct Values<'g, 'p> {
     /// The dataflow graph.
@@ -79,29 +81,30 @@ pub struct Values<'g, 'p> {
     pub contexts: Vec<Context>,
     /// The values.
     pub values: Vec<Value>,
-    /// What is observed: outputs, and what decides the discards.
+    /// Observed values: outputs, and the conditions of discards.
     pub roots: Vec<ValueId>,
-    /// Those of `roots` that decide which fragments there are, and how deep: discards, the depth and the sample mask.
+    /// The `roots` that decide coverage and depth: discards, depth, sample mask.
     pub coverage: Vec<ValueId>,
     index: FxHashMap<Node, ValueId>,
-    /// The values of whole expressions, by context and by the expression's place in its arena; empty of a context that has no room.
+    /// Values of whole expressions by context and arena index; empty for contexts without room.
     named: Vec<Box<[Option<NonZeroU32>]>>,
     /// Room left in `named`.
     room: usize,
     users: Arc<Users>,
     circles: OnceCell<Vec<Vec<ValueId>>>,
     children: BTreeMap<(ContextId, StmtId), ContextId>,
-    /// Own facts, before what operands add.
+    /// Facts of the values themselves, before operands.
     own: Vec<Fact>,
 }
 
-/// Most values that are looked at: beyond it the calls of a shader are nested too deeply to tell them all apart.
+/// Most values to analyse. Beyond this, calls are nested too deeply to separate them.
 pub const MOST_VALUES: usize = 200_000;
 
-/// Most places that values are looked up in directly: many calls of a large function, of each of which little is observed, go by their hashes.
+/// Most entries for direct lookup. Many calls of a large function with few observed values use
+/// hashes instead.
 const MOST_NAMED: usize = 8 * MOST_VALUES;
 
-/// A shader with more than [`MOST_VALUES`] values.
+/// The shader has more than [`MOST_VALUES`] values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the fragment stage has more than {MOST_VALUES} values, each call's counted apart")]
 pub struct TooLarge;
@@ -145,7 +148,8 @@ impl<'g, 'p> Values<'g, 'p> {
                 return Err(TooLarge);
             }
         }
-        // What decides whether a value is computed at all is not among its operands, and yet asked for.
+        // Callers also ask for the condition under which a value is computed, which is not an
+        // operand.
         let candidates: Vec<(ContextId, StmtId)> = this
             .values
             .iter()
@@ -173,22 +177,22 @@ impl<'g, 'p> Values<'g, 'p> {
         Ok(this)
     }
 
-    /// The function a context is a call of.
+    /// The function of a context.
     pub fn function(&self, context: ContextId) -> &'g FunctionGraph<'p> {
         self.graph.function(self.contexts[context].function)
     }
 
-    /// The value of a node, if anything observed rests on it.
+    /// The value of a node, if an observed value depends on it.
     pub fn get(&self, node: &Node) -> Option<ValueId> {
         self.index.get(node).copied()
     }
 
-    /// The context that a call leads to.
+    /// The context of a call.
     pub fn child(&self, context: ContextId, call: StmtId) -> Option<ContextId> {
         self.children.get(&(context, call)).copied()
     }
 
-    /// The expression a value is, if it is a whole one that some statement evaluates.
+    /// The expression of a value, if the value is a whole expression that a statement evaluates.
     pub fn expression(&self, value: ValueId) -> Option<(ContextId, Handle<Expression>, StmtId)> {
         match &self.values[value].node {
             Node::Expression(context, e, path) if path.is_empty() => {
@@ -199,17 +203,17 @@ impl<'g, 'p> Values<'g, 'p> {
         }
     }
 
-    /// The values so that each comes after all that rest on it, those in a circle together.
+    /// The strongly connected components, users before operands.
     pub fn circles(&self) -> &[Vec<ValueId>] {
         self.circles.get_or_init(|| circle::circles(&self.values))
     }
 
-    /// The values that each value is an operand of.
+    /// The users of each value.
     pub fn users(&self) -> &Arc<Users> {
         &self.users
     }
 
-    /// The rate of what decides whether a statement runs in a context.
+    /// Rate of the condition under which a statement runs.
     pub fn control_rate(&self, context: ContextId, statement: StmtId) -> Rate {
         self.decider(context, statement)
             .and_then(|node| self.get(&node))
@@ -275,7 +279,7 @@ impl<'g, 'p> Values<'g, 'p> {
         Ok(())
     }
 
-    /// What decides the discards of the entry point and of all chains of calls that may lead to one.
+    /// Finds the conditions of all discards in all chains of calls.
     fn find_discards(&mut self) -> Result<(), TooLarge> {
         let mut work = vec![0];
         while let Some(context) = work.pop() {
@@ -298,7 +302,7 @@ impl<'g, 'p> Values<'g, 'p> {
                     _ => {}
                 }
             }
-            // As many chains as there are paths through the calls: twice as many with each level.
+            // The number of chains may double with each level of calls.
             if self.contexts.len() > MOST_VALUES {
                 return Err(TooLarge);
             }
@@ -352,10 +356,10 @@ impl<'g, 'p> Values<'g, 'p> {
         self.intern(node)
     }
 
-    /// The value that an expression is, if anything observed rests on it.
+    /// The value of an expression, if an observed value depends on it.
     pub fn named(&self, context: ContextId, e: Handle<Expression>) -> Option<ValueId> {
         if let Some(known) = self.named.get(context).and_then(|n| n.get(e.index())) {
-            // One that merely names another value has none of its own.
+            // An alias has no value of its own.
             match known {
                 Some(id) => return Some(id.get() as usize - 1),
                 None if !self.is_name(context, e) => return None,
@@ -365,7 +369,7 @@ impl<'g, 'p> Values<'g, 'p> {
         self.get(&self.resolve(context, e, Vec::new()))
     }
 
-    /// Notes the value of a whole expression.
+    /// Records the value of a whole expression.
     fn name(&mut self, context: ContextId, e: Handle<Expression>, id: ValueId) {
         if self.named.len() <= context {
             self.named.resize_with(context + 1, Box::default);
@@ -382,7 +386,7 @@ impl<'g, 'p> Values<'g, 'p> {
         self.named[context][e.index()] = id;
     }
 
-    /// Whether an expression may be but another name of a value: [`Self::resolve`] looks through it.
+    /// Whether an expression may be an alias, which [`Self::resolve`] looks through.
     fn is_name(&self, context: ContextId, e: Handle<Expression>) -> bool {
         matches!(
             self.function(context).function.expressions[e],
@@ -390,7 +394,7 @@ impl<'g, 'p> Values<'g, 'p> {
         )
     }
 
-    /// The node of an expression, or of the part of it at a path: what merely names another value is that value.
+    /// The node of an expression or its part. Aliases resolve to their source.
     fn resolve(&self, context: ContextId, e: Handle<Expression>, path: Vec<u32>) -> Node {
         let f = self.function(context);
         let module = self.graph.module();
@@ -398,8 +402,8 @@ impl<'g, 'p> Values<'g, 'p> {
             Expression::AccessIndex { base, index }
                 if matches!(f.ty(module, *base), TypeInner::Struct { .. }) =>
             {
-                // A member of a call's or a load's result stays an expression, for it can be replaced; one of an argument or of what was
-                // just put together is what it was made of.
+                // A member of a call's or load's result stays an expression, because it can be
+                // replaced. A member of an argument or composition resolves to its source.
                 match f.function.expressions[*base] {
                     Expression::CallResult(_) | Expression::Load { .. } => {
                         Node::Expression(context, e, path)
@@ -439,7 +443,7 @@ impl<'g, 'p> Values<'g, 'p> {
         }
     }
 
-    /// Index of the input that an argument of the entry point, or a member of it, is; `None` for a whole struct.
+    /// The input of an entry point's argument or its member; `None` for a whole struct.
     fn input(&self, argument: u32, path: &[u32]) -> Option<usize> {
         let module = self.graph.module();
         let mut at = 0;
@@ -460,7 +464,7 @@ impl<'g, 'p> Values<'g, 'p> {
         None
     }
 
-    /// The node of what decides whether a statement runs; `None` if it always does.
+    /// The condition under which a statement runs; `None` if it always runs.
     fn decider(&self, mut context: ContextId, mut statement: StmtId) -> Option<Node> {
         loop {
             if !self.function(context).control.of(statement).is_empty() {
@@ -475,7 +479,7 @@ impl<'g, 'p> Values<'g, 'p> {
         Some(self.intern(node))
     }
 
-    /// The join of own facts and operands', to a fixed point.
+    /// Joins facts with those of operands to a fixed point.
     fn find_facts(&mut self) {
         for (value, own) in self.values.iter_mut().zip(&self.own) {
             value.fact = *own;
@@ -500,7 +504,7 @@ impl<'g, 'p> Values<'g, 'p> {
         }
     }
 
-    /// Whether a value is tied to the fragment stage by itself, not through its operands.
+    /// Whether the value itself, not an operand, is pinned to the fragment stage.
     pub fn is_pinned(&self, value: ValueId) -> bool {
         !self.own[value].stages.vertex
     }

@@ -1,7 +1,8 @@
-//! A fragment stage that only counts: what the material's would keep, drawn as the constant 1.
+//! A fragment stage that only counts: the material's coverage slice with the colour 1.
 //!
-//! Drawn with additive blending and the depth state of the pass it stands for, it makes the overdraw picture and the number of shaded fragments per
-//! covered pixel on any adapter. Fragments that the material discards are not counted: what is left is what hid each other.
+//! Drawn with additive blending and the depth state of its pass, it gives the overdraw picture and
+//! the number of shaded fragments per covered pixel on any adapter. Discarded fragments are not
+//! counted; the rest hid each other.
 
 use naga::{
     Binding, BuiltIn, EntryPoint, Expression, Function, FunctionResult, Handle, Literal, Module,
@@ -19,11 +20,12 @@ use crate::rebuild::returns::{self, Emitter};
 /// Name of the counting entry point.
 pub const ENTRY: &str = "preshade_count";
 
-/// The program of `pass` with an entry point [`ENTRY`] whose one colour output, location 0, is (1, 1, 1, 1), with the material's own
-/// alpha where that decides coverage. Depth is written where the material writes it.
+/// The program of `pass` with an entry point [`ENTRY`] whose only colour output, location 0, is (1,
+/// 1, 1, 1), with the material's alpha if that decides coverage. It writes depth if the material
+/// does.
 ///
 /// # Errors
-/// A slice of ours that does not validate: a bug.
+/// The slice does not validate: a bug.
 pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     let missing = |what: &str| {
         Box::new(Invalid {
@@ -73,12 +75,12 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     program.with_module(place::retain(&module, &kept))
 }
 
-/// Where the counted fragment stage returned what it decides.
+/// The position of a coverage decision in the result.
 #[derive(Clone, Copy)]
 enum Part {
-    /// It is the value returned.
+    /// It is the whole result.
     Whole,
-    /// It is that member of it.
+    /// It is this member.
     Member(u32),
 }
 
@@ -91,7 +93,8 @@ impl Part {
     }
 }
 
-/// Makes the last entry point of `module` return the colour (1, 1, 1, 1), or (1, 1, 1, alpha) of an alpha that it returned, beside the depth it may return.
+/// Makes the last entry point of `module` return the colour (1, 1, 1, 1), or (1, 1, 1, alpha) with
+/// its returned alpha, beside its depth.
 fn add_color(module: &mut Module) {
     let Some(entry) = module.entry_points.last() else {
         return;

@@ -1,5 +1,6 @@
-//! The depth-only version of a material: the slice of its vertex stage that decides position, and the slice of its fragment stage that decides
-//! coverage and depth. What a depth pre-pass, a shadow pass and the depth texture of an early discard have in common.
+//! The depth-only version of a material: the slice of its vertex stage to position, and of its
+//! fragment stage to coverage and depth. Depth pre-pass, shadow pass and the depth texture of an
+//! early discard share it.
 
 use naga::{
     AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, Function, GlobalVariable, Handle,
@@ -19,30 +20,30 @@ use crate::rebuild::place::{self, PositionInvariance};
 use crate::rebuild::returns::{self, Emitter};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 
-/// Which vertex stage a depth-only pass runs.
+/// The vertex stage of a depth-only pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum VertexStage {
-    /// The main pass's own entry point of the same module: what invariance holds for most widely.
+    /// The main pass's entry point in the same module: most likely to be invariant.
     Same,
-    /// The slice to position, clip distances, point size and view index, in a module of its own.
+    /// The slice to position, clip distances, point size and view index, in its own module.
     Sliced,
 }
 
-/// Whether `@invariant` is added to the position of passes whose depths are compared for equality.
+/// Whether to add `@invariant` to positions whose depths are compared for equality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Invariance {
-    /// The position stays as the author marked it: not one bit of the picture moves, and the driver is trusted to compile one vertex entry point alike
-    /// in both pipelines. The plan's self-test tells whether it does.
+    /// The author's marking. No bit of the picture changes, and we trust the driver to compile one
+    /// vertex entry point alike in both pipelines. The plan's self-test checks this.
     AsWritten,
-    /// `@invariant` on both: what the languages offer for the purpose. It forbids the driver contractions that the original may have had, so positions (and
-    /// pixels) may differ from the original's in their last bits.
+    /// `@invariant` on both. It forbids contractions that the original may have had, so positions
+    /// (and pixels) may differ from the original's in the last bits.
     Add,
 }
 
 impl Invariance {
-    /// One entry point of one module is left as it is; two texts need the attribute.
+    /// One entry point of one module needs no attribute; two texts do.
     pub fn default_for(stage: VertexStage) -> Self {
         match stage {
             VertexStage::Same => Self::AsWritten,
@@ -50,7 +51,7 @@ impl Invariance {
         }
     }
 
-    /// What the promise of an unchanged picture rests on.
+    /// The assumptions of an unchanged picture.
     pub fn assumptions(self, opaque: &Opaque) -> Vec<Assumption> {
         let mut given = vec![Assumption::InvariantPosition];
         if self == Self::Add && !opaque.has_invariant_position() {
@@ -59,7 +60,7 @@ impl Invariance {
         given
     }
 
-    /// How positions are marked.
+    /// The marking of positions.
     pub fn position(self) -> PositionInvariance {
         match self {
             Self::AsWritten => PositionInvariance::AsWritten,
@@ -67,7 +68,7 @@ impl Invariance {
         }
     }
 
-    /// The author's module, or the same with its position marked.
+    /// The author's module, with the position marked if needed.
     pub fn apply(self, module: Module, vertex: usize) -> Module {
         match self {
             Self::AsWritten => module,
@@ -79,15 +80,15 @@ impl Invariance {
 /// The slices that make a material depth-only.
 #[derive(Clone, Debug)]
 pub struct DepthOnly {
-    /// Of the vertex stage; `None` runs it whole.
+    /// The vertex slice; `None` keeps the whole stage.
     vertex: Option<Slice>,
-    /// Of the fragment stage; `None` needs no fragment stage.
+    /// The fragment slice; `None` means no fragment stage.
     fragment: Option<Slice>,
     cost: SiteCost,
     span: Option<Span>,
 }
 
-/// A depth-only program, and its entry points' names.
+/// A depth-only program with its entry points.
 #[derive(Clone, Debug)]
 pub struct Placed {
     /// The module.
@@ -183,7 +184,8 @@ impl DepthOnly {
         )))
     }
 
-    /// Places the slices beside the author's entry points. `suffix` ends the names of what is new. `shader_bias` is added to a depth that the fragment stage writes.
+    /// Places the slices beside the author's entry points. `suffix` ends the names of new items.
+    /// `shader_bias` is added to a depth that the fragment stage writes.
     pub fn place(
         &self,
         opaque: &Opaque,
@@ -229,19 +231,20 @@ impl DepthOnly {
         }
     }
 
-    /// The vertex stage is the main pass's own.
+    /// Whether the vertex stage is the main pass's.
     pub fn shares_vertex(&self) -> bool {
         self.vertex.is_none()
     }
 
-    /// Adds to `module` a plain function that computes the depth the material writes, from the fragment stage's inputs.
+    /// Adds to `module` a function that computes the material's depth from the fragment stage's
+    /// inputs.
     pub fn depth_function(
         &self,
         opaque: &Opaque,
         module: &Module,
     ) -> Option<(Module, DepthFunction)> {
         let graph = &opaque.graph;
-        // Only the depth: discarding is still to come, in the author's own code.
+        // Only the depth: the author's own code still discards.
         let slice = slice::backward(
             graph,
             self.fragment.as_ref()?.entry,
@@ -283,7 +286,7 @@ impl DepthOnly {
     }
 }
 
-/// A name for an entry point that the author has not given to one: `{name}_{suffix}`, with the suffix once more where it is taken.
+/// A free entry point name: `{name}_{suffix}`, repeating the suffix if it is taken.
 fn free_entry(module: &Module, name: &str, suffix: &str) -> String {
     let mut free = format!("{name}_{suffix}");
     while module.entry_points.iter().any(|e| e.name == free) {
@@ -292,32 +295,33 @@ fn free_entry(module: &Module, name: &str, suffix: &str) -> String {
     free
 }
 
-/// A function that computes the depth a material writes, and what to pass to it.
+/// A function that computes a material's depth, and its arguments.
 #[derive(Clone, Debug)]
 pub struct DepthFunction {
     /// The function.
     pub function: Handle<Function>,
     /// Its arguments.
     pub arguments: Vec<Argument>,
-    /// Private variables it may write. It runs in the same invocation as the author's code, which must find them as they were.
+    /// Private variables that it may write. It runs in the author's invocation, so they must be
+    /// restored.
     pub private: Vec<Handle<GlobalVariable>>,
 }
 
-/// An argument made of the entry point's inputs.
+/// An argument built from the entry point's inputs.
 #[derive(Clone, Debug)]
 pub enum Argument {
     /// One input.
     Input(Handle<Type>, Binding),
-    /// A struct of inputs, a member each.
+    /// A struct of inputs, one per member.
     Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
 }
 
-/// Adds `bias` to every depth that the last entry point of `module` returns, alone or in a struct.
+/// Adds `bias` to every depth that the last entry point of `module` returns.
 fn bias_depth(module: &mut Module, bias: f32) {
     let Some(entry) = module.entry_points.last_mut() else {
         return;
     };
-    // A promise that the depth lies on one side of the rasterised one does not survive the bias.
+    // The bias breaks a guarantee about the depth's side.
     entry.early_depth_test = None;
     let Some(result) = entry.function.result.clone() else {
         return;
@@ -356,7 +360,8 @@ fn bias_depth(module: &mut Module, bias: f32) {
     });
 }
 
-/// Adds a depth-only GPU pass to a plan, ahead of the main pass; under alpha to coverage it has the main pass's colour targets and writes nothing of them. `program` is the key of a program that is already in the plan.
+/// Inserts a depth-only GPU pass before the main pass. Under alpha to coverage it has the main
+/// pass's colour targets with an empty write mask. `program` is the key of a program in the plan.
 pub fn insert(
     plan: &mut Plan,
     main: &GpuPass,
@@ -374,7 +379,7 @@ pub fn insert(
         fragment: placed.fragment.clone(),
         depth: Some(depth),
         targets: coverage::targets(main),
-        // `fill` lists anew what is used, and keeps where it comes from.
+        // `fill` updates the list and keeps the sources.
         bindings: main.bindings.clone(),
         attributes: Vec::new(),
         draws: Draws::Opaque,
@@ -386,10 +391,11 @@ pub fn insert(
     plan.passes.insert(0, pass);
 }
 
-/// Adds a depth-only GPU pass with a program of its own, holding its two entry points alone, named after its role.
+/// Inserts a depth-only GPU pass with its own program, which contains only its entry points and is
+/// named after its role.
 ///
 /// # Errors
-/// A program of ours that does not validate: a bug.
+/// Our program does not validate: a bug.
 pub fn insert_own(
     plan: &mut Plan,
     opaque: &Opaque,
@@ -415,7 +421,7 @@ pub fn insert_own(
     Ok(())
 }
 
-/// What every transform does last: bindings and attributes anew, the contract from the steps.
+/// Finishes every transform: updates bindings and attributes, derives the contract from the steps.
 pub fn finish(plan: &mut Plan, fallback: &str) {
     for pass in &mut plan.passes {
         if let Some(program) = plan.programs.get(&pass.program) {

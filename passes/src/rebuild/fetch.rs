@@ -1,4 +1,5 @@
-//! Vertices fetched from storage buffers as vertex input fetches them: the author's vertex stage called on any vertex of a draw, from any stage.
+//! Fetches vertices from storage buffers as vertex input does, to call the author's vertex stage on
+//! any vertex of a draw, from any stage.
 //!
 //! ```text
 //! fn NAME_corner(triangle: u32, corner: u32) -> u32                the vertex that a corner of a triangle is, by the draw's indices
@@ -6,7 +7,8 @@
 //! fn vs_corner(vertex: u32, instance: u32) -> VertexOutput         the author's stage on those attributes
 //! ```
 //!
-//! Attributes are fetched and converted as WebGPU's vertex input does it (WebGPU, section 10.3.8.1): missing components are 0, and 1 for the fourth.
+//! Attributes are fetched and converted as WebGPU's vertex input does it (WebGPU, section
+//! 10.3.8.1): missing components are 0, and 1 for the fourth.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -22,18 +24,18 @@ use crate::core::plan::AttributeUse;
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, Builder, Rewrite};
 
-/// An offset past every file of a source map: our own text has no place in the author's.
+/// A source offset beyond every file: our own text has no place in the author's.
 const NOWHERE: u32 = u32::MAX / 2;
 
-/// How functions and variables of a text begin.
+/// Prefixes of generated functions and variables.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Names {
     pub function: &'static str,
-    /// The uniform buffer of a draw's constants; the buffers' names begin with it.
+    /// The uniform buffer of a draw's constants, and the prefix of the buffers' names.
     pub variable: &'static str,
 }
 
-/// `NAME_corner(triangle, corner)`, out of the index buffer bound there.
+/// `NAME_corner(triangle, corner)`, from the index buffer at this binding.
 pub(crate) fn corners(names: Names, group: u32, binding: u32) -> String {
     let Names { function, variable } = names;
     format!(
@@ -56,7 +58,8 @@ fn {function}_corner(triangle: u32, corner: u32) -> u32 {{
     )
 }
 
-/// `NAME_L(vertex, instance)` for each attribute, out of the storage buffers bound from `first` on in `group`; the uniform buffer `VARIABLE` has their layouts in `streams`.
+/// `NAME_L(vertex, instance)` for each attribute, from the storage buffers bound from `first` on in
+/// `group`. The uniform buffer `VARIABLE` has their layouts in `streams`.
 pub(crate) fn attributes(
     names: Names,
     attributes: &[AttributeUse],
@@ -69,7 +72,7 @@ pub(crate) fn attributes(
     }
 }
 
-/// Each attribute's words, as the numbers that they are.
+/// Reads each attribute's words as numbers of its declared type.
 fn as_declared(names: Names, attributes: &[AttributeUse], group: u32, first: u32) -> String {
     let mut out = String::new();
     let Names { function, variable } = names;
@@ -101,7 +104,7 @@ fn {function}_{location}_(vertex: u32, instance: u32) -> {ty} {{
     out
 }
 
-/// Each attribute, converted from the format that its stream says.
+/// Converts each attribute from its stream's format.
 fn of_any_format(names: Names, attributes: &[AttributeUse], group: u32, first: u32) -> String {
     let mut out = String::new();
     let Names { function, variable } = names;
@@ -151,7 +154,7 @@ fn {function}_{location}_(vertex: u32, instance: u32) -> {ty} {{
     out
 }
 
-/// A scalar kind as attributes are decoded to.
+/// Scalar kind of a decoded attribute.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Float,
@@ -199,7 +202,7 @@ fn components(ty: &str) -> &'static str {
     }
 }
 
-/// The number of a vertex format in the constants.
+/// Number of a vertex format in the constants.
 fn code(name: &str) -> usize {
     FORMATS
         .iter()
@@ -207,7 +210,8 @@ fn code(name: &str) -> usize {
         .unwrap_or(FORMATS.len())
 }
 
-/// A decoder of one scalar kind: a case for each format that WebGPU lets a shader read as that kind, by what it gives.
+/// A decoder to one scalar kind, with a case for each format that WebGPU lets a shader read as that
+/// kind.
 fn decoder(names: Names, kind: Kind, prelude: &str, cases: &[(&str, String)]) -> String {
     let (name, scalar) = (kind.decoder(names), kind.scalar());
     let mut out =
@@ -228,7 +232,7 @@ fn decoder(names: Names, kind: Kind, prelude: &str, cases: &[(&str, String)]) ->
     out
 }
 
-/// One to four components as a vector, with what WebGPU puts for the missing ones.
+/// Pads one to four components to a vector with WebGPU's defaults.
 fn padded(scalar: &str, given: &[&str]) -> String {
     let missing = ["0", "0", "0", "1"];
     let all = given.iter().chain(&missing[given.len()..]);
@@ -345,7 +349,7 @@ fn decode_sint(names: Names) -> String {
     )
 }
 
-/// A format of so many components, as WebGPU names it.
+/// WebGPU's name of a format with this many components.
 fn format_name(base: &str, count: usize) -> &'static str {
     let name = match count {
         1 => base.to_owned(),
@@ -354,7 +358,7 @@ fn format_name(base: &str, count: usize) -> &'static str {
     FORMATS.iter().find(|f| **f == name).copied().unwrap_or("")
 }
 
-/// A module with functions of our own text.
+/// A module with our own functions.
 pub(crate) struct Linked {
     pub(crate) module: Module,
     pub(crate) ours: BTreeMap<String, Handle<Function>>,
@@ -376,7 +380,7 @@ impl Linked {
     }
 }
 
-/// A function of our own text.
+/// One of our own functions.
 pub(crate) fn ours(
     functions: &BTreeMap<String, Handle<Function>>,
     name: &str,
@@ -385,7 +389,7 @@ pub(crate) fn ours(
     found.ok_or_else(|| format!("our own text has no `{name}`"))
 }
 
-/// A new function, named `NAME_SUFFIX` and written by `build`.
+/// Defines a function `NAME_SUFFIX` whose body `build` writes.
 pub(crate) fn define(
     mut module: Module,
     (name, suffix): (&str, &str),
@@ -431,16 +435,17 @@ pub(crate) fn word(module: &mut Module) -> Handle<Type> {
 /// The author's vertex stage, as a function.
 pub(crate) struct Author<'a> {
     pub function: Handle<Function>,
-    /// What it gives.
+    /// Its result type.
     pub given: Handle<Type>,
-    /// Its arguments as the entry point's.
+    /// The entry point's arguments.
     pub inputs: &'a [FunctionArgument],
 }
 
-/// The author's stage on one of the author's vertices, as `NAME_corner`. `fetch` has the function of each attribute, by location.
+/// The author's stage for one vertex, as `NAME_corner`. `fetch` has the function of each attribute,
+/// by location.
 ///
 /// # Errors
-/// In words: an input that no vertex has.
+/// A message: an input that no vertex has.
 pub(crate) fn corner(
     mut module: Module,
     name: &str,

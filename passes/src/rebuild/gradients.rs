@@ -1,4 +1,5 @@
-//! The derivatives of a fragment stage taken ahead of a discard, for lanes that leave without asking their neighbours.
+//! Evaluates the derivatives of a fragment stage before a discard, for lanes that return without
+//! asking their neighbours.
 //!
 //! ```text
 //! before:  let base = textureSample(albedo, s, in.uv);
@@ -9,15 +10,19 @@
 //!          let base = textureSampleGrad(albedo, s, in.uv, albedo_dx, albedo_dy);
 //! ```
 //!
-//! In WGSL a discarded lane goes on as a helper, so its neighbours' derivatives would be right without this. naga writes SPIR-V's `OpKill` for it, which
-//! ends the lane, and GLSL ES leaves derivatives behind a discard undefined: so they are taken first in every language.
+//! In WGSL a discarded lane continues as a helper, so its neighbours' derivatives would be right
+//! without this. naga writes SPIR-V's `OpKill`, which ends the lane, and GLSL ES leaves derivatives
+//! after a discard undefined. So we evaluate them first in every language.
 //!
-//! Coarse derivatives are the ones that an implicit sample takes: one a quad and axis. With them no pixel of the fixtures changed on an NVIDIA H200; with the
-//! flavour left open, which that driver compiles as fine, 33/255 did under 8x anisotropic filtering and 3/255 in ordinary trilinear textures, where a second derivative
-//! of the coordinate is not small. The author's own derivatives keep the flavour they have.
+//! An implicit sample uses coarse derivatives, one per quad and axis. With them no pixel of the
+//! fixtures changed on an NVIDIA H200. With unspecified precision, which that driver compiles as
+//! fine, there were differences of 33/255 under 8x anisotropic filtering and 3/255 in ordinary
+//! trilinear textures whose coordinates have large second derivatives. The author's own derivatives
+//! keep their precision.
 //!
-//! It is still not `Exact`: no language promises that the level of detail from gradients rounds as the implicit one does, and on a software rasteriser (llvmpipe of
-//! Mesa 22.3) it does not, by up to 4/255 with any flavour. So the budget is the user's.
+//! This is still not `Exact`: no language guarantees that a level of detail from gradients rounds
+//! as the implicit one does. On a software rasteriser (llvmpipe of Mesa 22.3) it differs by up to
+//! 4/255 with any precision. So the user must give a budget.
 
 use std::collections::HashMap;
 
@@ -31,10 +36,12 @@ use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph, operands};
 use crate::rebuild::place::{Builder, Replacement, Replacements};
 
-/// The expressions of an entry point that take derivatives, all of which can be taken first. In the order of the arena.
+/// The expressions of an entry point that take derivatives, in arena order, if all of them can be
+/// evaluated first.
 ///
 /// # Errors
-/// Where one cannot: its coordinate depends on a variable, a call or a texture, it is in a called function, or its sample has no form with gradients.
+/// One cannot: its coordinate depends on a variable, a call or a texture, it is in a called
+/// function, or its sample has no variant with gradients.
 pub fn find(graph: &Graph<'_>, entry: usize) -> Result<Vec<Handle<Expression>>, Span> {
     let f = graph.function(FunctionId::EntryPoint(entry));
     let pure = pure(graph.module(), f.function);
@@ -71,7 +78,8 @@ pub fn find(graph: &Graph<'_>, entry: usize) -> Result<Vec<Handle<Expression>>, 
     Ok(found)
 }
 
-/// Whether each expression is a function of inputs, uniforms and constants alone, so that it has the same value wherever in the function it is evaluated.
+/// Whether each expression depends only on inputs, uniforms and constants, so that its value does
+/// not depend on where it is evaluated.
 fn pure(module: &Module, function: &Function) -> Vec<bool> {
     let mut pure = vec![false; function.expressions.len()];
     for (e, expression) in function.expressions.iter() {
@@ -100,14 +108,14 @@ fn pure(module: &Module, function: &Function) -> Vec<bool> {
             | Expression::ImageQuery { .. } => operands::of_expression(expression)
                 .into_iter()
                 .all(|o| pure[o.index()]),
-            // `Access` too: the author may have guarded its index.
+            // Also `Access`: the author may have guarded its index.
             _ => false,
         };
     }
     pure
 }
 
-/// What the gradients of a sample are computed from.
+/// The operands for the gradients of a sample.
 fn roots(expression: &Expression) -> impl Iterator<Item = Handle<Expression>> {
     let (coordinate, bias) = match expression {
         Expression::ImageSample {
@@ -121,7 +129,8 @@ fn roots(expression: &Expression) -> impl Iterator<Item = Handle<Expression>> {
     coordinate.into_iter().chain(bias)
 }
 
-/// Whether WGSL has `textureSampleGrad` for a sample: not for comparisons, depth textures and lines of texels.
+/// Whether WGSL has `textureSampleGrad` for a sample; it does not for comparisons, depth textures
+/// and 1D textures.
 fn has_gradient_form(module: &Module, function: &Function, sample: &Expression) -> bool {
     let Expression::ImageSample {
         image,
@@ -161,8 +170,8 @@ fn image_variable(
     }
 }
 
-/// Computes the derivatives of `taken` ([`find`]'s answer) where the prologue of `function` stands, and tells what the author's code reads in their place.
-/// What they are computed from moves up with them.
+/// Evaluates the derivatives in `taken` (from [`find`]) in the prologue of `function`, with their
+/// operands, and returns the replacements in the author's code.
 pub fn take(
     build: &mut Builder<'_>,
     function: &Function,
@@ -229,7 +238,7 @@ pub fn take(
                 build.name(value, &format!("{name}_{suffix}"));
             }
             let Some(bias) = bias else { return value };
-            // A level more is a footprint of twice the size.
+            // One level more is a footprint of twice the size.
             let scale = moved.append(
                 build,
                 Expression::Math {
@@ -256,7 +265,7 @@ pub fn take(
     replacements
 }
 
-/// What moved up, each value once: `in.uv` is an expression of its own wherever the author reads it.
+/// Moved values, each once: every `in.uv` of the author's is a separate expression.
 #[derive(Default)]
 struct Moved(HashMap<String, Handle<Expression>>);
 
@@ -265,7 +274,8 @@ impl Moved {
         self.append_once(build, expression).0
     }
 
-    /// The expression, and whether it is new. naga's expressions have no equality of their own: they are told apart by how they print.
+    /// The expression, and whether it is new. naga's expressions have no equality, so we compare
+    /// their debug output.
     fn append_once(
         &mut self,
         build: &mut Builder<'_>,

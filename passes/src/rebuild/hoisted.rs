@@ -1,10 +1,10 @@
-//! What is hoisted, as a function: from the author's varyings to the carried values.
+//! The hoisted work as a function from the author's varyings to the moved values.
 //!
 //! ```text
 //! fn hoisted(varyings: VertexOutput_hoisted) -> Hoisted
 //! ```
 //!
-//! It is the author's fragment stage, told to return something else and sliced to that.
+//! It is the author's fragment stage with another result, sliced to that result.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,11 +24,11 @@ use crate::slice::{self, Criterion, OutputFilter};
 /// A value to return.
 #[derive(Clone, Debug)]
 pub struct Wanted {
-    /// The chain of calls it is computed in.
+    /// The chain of calls that computes it.
     pub context: ContextId,
     /// The expression.
     pub expression: Handle<Expression>,
-    /// Its type: a scalar or a vector.
+    /// A scalar or vector type.
     pub inner: TypeInner,
     /// Its name.
     pub name: String,
@@ -37,24 +37,25 @@ pub struct Wanted {
 /// The function in its module.
 #[derive(Clone, Debug)]
 pub struct Hoisted {
-    /// The module, in which the author's functions and entry points are as they were.
+    /// The module; the author's functions and entry points are unchanged.
     pub module: Module,
     /// The function.
     pub function: Handle<Function>,
-    /// Where each of its arguments, or the members of a struct argument, comes from: the location of a varying.
+    /// Varying locations for each argument, or for each member of a struct argument.
     pub arguments: Vec<Vec<u32>>,
 }
 
-/// Why the stages were not rebuilt.
+/// Why the stages could not be rebuilt.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Failed {
-    /// The slice that computes the values rests on an input that the values themselves do not rest on: it stands where only a fragment decides.
+    /// The slice depends on an input that the values do not depend on: a decision of the fragment
+    /// stage.
     #[error("what computes the values cannot be told apart from what only a fragment decides")]
     NotSeparable,
-    /// The two stages do not fit together.
+    /// The vertex stage has no such output.
     #[error("the vertex stage has no output at location {0}")]
     NoOutput(u32),
-    /// What was built is not valid: a bug.
+    /// The result is invalid: a bug.
     #[error("{0}")]
     Built(String),
 }
@@ -90,21 +91,21 @@ pub fn add(
     })
 }
 
-/// Values of a fragment stage as a function of its inputs, in its module.
+/// Values of a fragment stage as a function of its inputs.
 #[derive(Clone, Debug)]
 pub struct Extracted {
-    /// The module, in which the author's functions and entry points are as they were.
+    /// The module; the author's functions and entry points are unchanged.
     pub module: Module,
     /// The function.
     pub function: Handle<Function>,
-    /// The fragment input that each of its arguments, or the members of a struct argument, stands for.
+    /// The fragment input for each argument, or for each member of a struct argument.
     pub arguments: Vec<Vec<Binding>>,
 }
 
-/// What a function of values is called, and the struct that it gives where there are several.
+/// Names of a function of values, and of its result struct.
 #[derive(Clone, Copy, Debug)]
 pub struct Names {
-    /// The function, and what ends the names of its parts.
+    /// The function's name, and the suffix of its parts.
     pub function: &'static str,
     /// The struct.
     pub values: &'static str,
@@ -115,7 +116,8 @@ const HOISTED: Names = Names {
     values: "Hoisted",
 };
 
-/// Adds a function of the fragment stage's inputs that gives `wanted`: the value, or a struct of several in their order.
+/// Adds a function of the fragment stage's inputs that returns `wanted`: the value, or a struct of
+/// several in order.
 ///
 /// # Errors
 /// [`Failed::Built`].
@@ -133,8 +135,8 @@ pub fn extract(
     let contexts: BTreeSet<ContextId> = wanted.iter().map(|w| w.context).collect();
     let (mut module, copies) = isolate(&module, entry, values, &contexts);
     let result = result_type(&mut module, wanted, names.values);
-    // What comes after the last value decides nothing, and may return early. It stays behind this return, where nothing reaches it: some of its
-    // expressions must not stand alone.
+    // Code after the last value decides nothing and may return early. It stays, unreachable,
+    // because some of its expressions must not stand alone.
     let end = prefix(values, wanted);
     let mut leave = Block::new();
     leave.push(Statement::Return { value: None }, Span::UNDEFINED);
@@ -173,7 +175,7 @@ pub fn extract(
     let Some(placed) = module.entry_points.pop() else {
         return Err(Failed::Built("nothing was placed".to_owned()));
     };
-    // The copy that was sliced, and functions that only it called, go with the next compaction.
+    // The next compaction removes the sliced copy and the functions that only it called.
     module.entry_points.truncate(entry);
     let arguments = placed
         .function
@@ -212,7 +214,7 @@ fn bindings(module: &Module, argument: &FunctionArgument) -> Option<Vec<Binding>
     }
 }
 
-/// The location of a varying; `None` of a builtin.
+/// Location of a varying; `None` for a builtin.
 fn location_of(binding: &Binding) -> Option<u32> {
     match binding {
         Binding::Location { location, .. } => Some(*location),
@@ -220,7 +222,7 @@ fn location_of(binding: &Binding) -> Option<u32> {
     }
 }
 
-/// An entry point's function as one that can be called: no bindings, a name of its own.
+/// An entry point's function made callable: without bindings, with its own name.
 pub fn as_function(module: &Module, mut function: Function, name: &str) -> Function {
     let taken = |name: &str| {
         module
@@ -247,7 +249,8 @@ pub fn as_function(module: &Module, mut function: Function, name: &str) -> Funct
     function
 }
 
-/// The type of what is returned: a value, or a struct of several. Its members have locations while it is an entry point's.
+/// The result type: a value, or a struct of several. Its members have locations while it belongs to
+/// an entry point.
 fn result_type(module: &mut Module, wanted: &[Wanted], name: &str) -> Handle<Type> {
     let types: Vec<Handle<Type>> = wanted
         .iter()
@@ -284,7 +287,7 @@ fn result_type(module: &mut Module, wanted: &[Wanted], name: &str) -> Handle<Typ
     place::io_struct(module, Some(name), members)
 }
 
-/// Takes the locations off the result's members again.
+/// Removes the locations from the result's members.
 fn unbind(module: &mut Module, result: Handle<Type>, wanted: &[Wanted]) {
     let [_, _, ..] = wanted else { return };
     let Type { name, inner } = module.types[result].clone();
@@ -297,8 +300,9 @@ fn unbind(module: &mut Module, result: Handle<Type>, wanted: &[Wanted]) {
     }
 }
 
-/// Takes the returns out, but for those that end a loop. Where the author returns before a value is computed it is not used, so it may be anything; where it
-/// was computed before, nothing that follows computes it again.
+/// Removes returns, except those that end a loop. If the author returns before a value is computed,
+/// the value is unused and may be anything. If the value was computed before, later code does not
+/// compute it again.
 fn without_returns(block: &mut Block) {
     let old = std::mem::take(block);
     for (mut statement, span) in old.span_into_iter() {
@@ -313,7 +317,7 @@ fn without_returns(block: &mut Block) {
     }
 }
 
-/// Number of the entry point's outermost statements up to the one in which the last value is computed.
+/// Number of outermost statements up to the one that computes the last value.
 fn prefix(values: &Values<'_, '_>, wanted: &[Wanted]) -> usize {
     let f = values.function(0);
     let last = wanted
@@ -339,12 +343,12 @@ fn prefix(values: &Values<'_, '_>, wanted: &[Wanted]) -> usize {
     outermost.count()
 }
 
-/// Whether all values are still at hand at the end of the entry point, and there is no other way out.
+/// Whether all values are available at the end of the entry point, and there is no other exit.
 fn is_direct(values: &Values<'_, '_>, wanted: &[Wanted]) -> bool {
     let f = values.function(0);
     let mut last = 0;
     let at_hand = wanted.iter().all(|w| {
-        // The handles of another function's expressions mean nothing here.
+        // Expression handles of other functions are meaningless here.
         let own = (w.context == 0).then_some(w.expression);
         let at = own.and_then(|e| f.statements.evaluated_at(e));
         last = last.max(at.map_or(0, |at| at.index()));
@@ -358,7 +362,8 @@ fn is_direct(values: &Values<'_, '_>, wanted: &[Wanted]) -> bool {
             .any(|(_, n)| matches!(n.statement, Statement::Return { .. }))
 }
 
-/// Lets the entry point and the copied functions write what is wanted into one variable, which the entry point returns.
+/// Makes the entry point and the copied functions write the values into one variable, which the
+/// entry point returns.
 fn capture(
     module: &mut Module,
     entry: usize,
@@ -435,7 +440,7 @@ struct Capture<'a> {
     /// Index of each captured expression.
     captures: BTreeMap<Handle<Expression>, u32>,
     is_struct: bool,
-    /// Functions that are given the pointer.
+    /// Functions that receive the pointer.
     passed_on: &'a BTreeSet<Handle<Function>>,
 }
 

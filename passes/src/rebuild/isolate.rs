@@ -1,4 +1,5 @@
-//! Copies of the functions that a cut lands in, one for each chain of calls, so that what is cut there is cut for one use only.
+//! Copies the functions of a cut, one for each chain of calls, so that a change affects one use
+//! only.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,9 +8,10 @@ use naga::{Block, Expression, Function, Handle, Module, Statement};
 use crate::analysis::values::{ContextId, Values};
 use crate::graph::{FunctionId, StmtId, operands};
 
-/// The module with the functions of `contexts`, and of what leads to them, copied; calls on the way go to the copies. The walk begins in the
-/// entry point `entry`, which has the statements and expressions of `values`' own. Handles of expressions and numbers of statements are the
-/// originals', and so are the names: most of the originals are gone in the end.
+/// The module with copies of the functions of `contexts` and of their callers; calls on the way use
+/// the copies. The walk starts at the entry point `entry`, which has the same statements and
+/// expressions as in `values`. Copies keep expression handles, statement numbers and names, because
+/// most originals are removed in the end.
 pub fn isolate(
     module: &Module,
     entry: usize,
@@ -26,7 +28,7 @@ pub fn isolate(
         }
     }
     let mut copies = BTreeMap::from([(0, FunctionId::EntryPoint(entry))]);
-    // A context is made after the one it is called from, so that the last come first: callees before callers, as the arena wants it.
+    // Contexts follow their callers. Reversed, callees come first, as the arena requires.
     for context in chain.iter().rev() {
         let calls: BTreeMap<StmtId, Handle<Function>> = chain
             .iter()
@@ -54,7 +56,8 @@ pub fn isolate(
     (module, copies)
 }
 
-/// For each copied context, which of the `wanted` contexts it leads to, itself among them: what is passed into those goes through it.
+/// For each copied context, the `wanted` contexts it leads to, including itself: data for those
+/// passes through it.
 pub fn below(
     values: &Values<'_, '_>,
     copies: &BTreeMap<ContextId, FunctionId>,
@@ -68,7 +71,7 @@ pub fn below(
     copies.keys().map(|c| (*c, through(*c))).collect()
 }
 
-/// The copies that a context calls, each with what is `below` it.
+/// The copies that a context calls, each with the contexts `below` it.
 pub fn callees<'b>(
     values: &Values<'_, '_>,
     copies: &BTreeMap<ContextId, FunctionId>,
@@ -86,7 +89,7 @@ pub fn callees<'b>(
         .collect()
 }
 
-/// Whether a chain of calls is the beginning of another.
+/// Whether a chain of calls is a prefix of another.
 fn leads_to(values: &Values<'_, '_>, context: ContextId, mut to: ContextId) -> bool {
     loop {
         if context == to {

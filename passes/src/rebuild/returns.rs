@@ -1,4 +1,4 @@
-//! What a function returns, rewritten at each of its returns.
+//! Rewrites the result of a function at each of its returns.
 
 use naga::{Arena, Block, Expression, Function, Handle, Range, Span, Statement};
 
@@ -9,7 +9,7 @@ pub struct Emitter<'e> {
 }
 
 impl<'e> Emitter<'e> {
-    /// Emits into an empty block.
+    /// Starts with an empty block.
     pub fn new(expressions: &'e mut Arena<Expression>) -> Self {
         Self {
             expressions,
@@ -17,7 +17,7 @@ impl<'e> Emitter<'e> {
         }
     }
 
-    /// An expression that is evaluated here.
+    /// Appends an expression that is evaluated here.
     pub fn emit(&mut self, expression: Expression) -> Handle<Expression> {
         let handle = self.expressions.append(expression, Span::UNDEFINED);
         self.block.push(
@@ -27,7 +27,7 @@ impl<'e> Emitter<'e> {
         handle
     }
 
-    /// Calls a function; the expression is its result.
+    /// Calls a function and returns its result.
     pub fn call(
         &mut self,
         function: Handle<Function>,
@@ -47,17 +47,18 @@ impl<'e> Emitter<'e> {
         result
     }
 
-    /// An expression that naga evaluates before the function runs: a literal, a constant, an argument.
+    /// Appends an expression that naga evaluates before the function runs: a literal, a constant,
+    /// an argument.
     pub fn constant(&mut self, expression: Expression) -> Handle<Expression> {
         self.expressions.append(expression, Span::UNDEFINED)
     }
 }
 
-/// Gets the value a return gives (`None` for a bare one) and makes the new one of it.
+/// Maps the value of a return (`None` for a bare one) to the new value.
 pub type Rewrite<'a> =
     dyn FnMut(&mut Emitter, Option<Handle<Expression>>) -> Option<Handle<Expression>> + 'a;
 
-/// Rewrites what a function returns, at each of its returns. A body that runs off its end is given a return first.
+/// Rewrites the result of a function at each return. A body without a final return gets one first.
 pub fn rewrite(function: &mut Function, f: &mut Rewrite<'_>) {
     if !function.body.last().is_some_and(ends) {
         function

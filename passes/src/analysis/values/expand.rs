@@ -1,4 +1,4 @@
-//! What each value is made of.
+//! The operands of each value.
 
 use naga::{AddressSpace, Expression, Handle, ShaderStage, Statement, TypeInner};
 
@@ -10,7 +10,7 @@ use crate::graph::rate::{self, Fact, Rate, Stages};
 use crate::graph::{FunctionId, cost, operands};
 
 impl Values<'_, '_> {
-    /// Finds a value's operands, its own cost and its own fact.
+    /// Finds a value's operands, cost and fact.
     pub(super) fn expand(&mut self, id: ValueId) {
         let mut found = Vec::new();
         let own = match self.values[id].node.clone() {
@@ -146,7 +146,7 @@ impl Values<'_, '_> {
         }
     }
 
-    /// The dynamic indices on the way to a pointer.
+    /// The dynamic indices of a pointer.
     fn indices(
         &mut self,
         context: ContextId,
@@ -163,7 +163,7 @@ impl Values<'_, '_> {
                 }
                 Expression::AccessIndex { base, .. } => at = base,
                 Expression::FunctionArgument(i) => {
-                    // The caller's way to it.
+                    // Continue in the caller.
                     if let Some((caller, call)) = self.contexts[context].call
                         && let Statement::Call { arguments, .. } =
                             self.function(caller).statements.get(call).statement
@@ -273,7 +273,7 @@ impl Values<'_, '_> {
         }
     }
 
-    /// The leading steps of a path into an expression that go through structs.
+    /// The leading steps of a path that select struct members.
     fn members_of(&self, context: ContextId, e: Handle<Expression>, path: &[u32]) -> Vec<u32> {
         let module = self.graph.module();
         let f = self.function(context);
@@ -296,9 +296,9 @@ impl Values<'_, '_> {
 const DRAW: Fact = Fact::new(Rate::Draw, Stages::ANY);
 const PINNED: Fact = Fact::new(Rate::Fragment, Stages::FRAGMENT);
 
-/// What an expression adds to its operands' rate.
+/// An expression's contribution to the rate of its operands.
 fn own_fact(expression: &Expression) -> Fact {
-    // A derivative or an implicit level of detail reads the neighbours in the quad.
+    // A derivative or an implicit level of detail reads neighbours in the quad.
     if effect::of_expression(expression).is_some() {
         return PINNED;
     }

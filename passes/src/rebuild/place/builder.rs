@@ -1,4 +1,4 @@
-//! Statements put in front of everything else in an entry point.
+//! Inserts statements at the start of an entry point.
 
 use std::collections::BTreeMap;
 
@@ -9,29 +9,29 @@ use naga::{
 
 use crate::graph::{FunctionId, operands};
 
-/// Appends expressions and statements to a function under construction and takes care of `Emit`.
+/// Appends expressions and statements to a function under construction and maintains `Emit`s.
 #[derive(Debug)]
 pub struct Builder<'m> {
     module: &'m mut Module,
     function: Function,
     block: Block,
-    /// Length of the expression arena where the present `Emit` began.
+    /// Length of the expression arena at the start of the current `Emit`.
     emitting: Option<usize>,
 }
 
-/// What takes the place of one of the author's expressions behind a prologue.
+/// The replacement of an author's expression behind a prologue.
 #[derive(Clone, Copy, Debug)]
 pub enum Replacement {
-    /// A value that the prologue computed.
+    /// A value of the prologue.
     Value(Handle<Expression>),
-    /// The same texture sample, with gradients that the prologue computed.
+    /// The same texture sample, with gradients from the prologue.
     Gradients {
         /// Along x.
         x: Handle<Expression>,
         /// Along y.
         y: Handle<Expression>,
     },
-    /// The same texture sample, with these gradients of its coordinate; a bias that it has scales them.
+    /// The same texture sample, with these gradients of its coordinate. A bias scales them.
     Footprint {
         /// Along x.
         x: Handle<Expression>,
@@ -43,8 +43,9 @@ pub enum Replacement {
 /// Replacements by the author's expression.
 pub type Replacements = BTreeMap<Handle<Expression>, Replacement>;
 
-/// The module with what `build` writes at the start of an entry point, ahead of all the author's statements. The author's expressions
-/// are copied into a fresh arena behind it; `build` may add arguments, types and globals.
+/// The module with the statements of `build` at the start of an entry point. The author's
+/// expressions are copied into a fresh arena behind them; `build` may add arguments, types and
+/// globals.
 pub fn prologue(module: &Module, entry: usize, build: impl FnOnce(&mut Builder<'_>)) -> Module {
     prologue_replacing(module, entry, |builder| {
         build(builder);
@@ -52,7 +53,7 @@ pub fn prologue(module: &Module, entry: usize, build: impl FnOnce(&mut Builder<'
     })
 }
 
-/// [`prologue`], and the author's code reads what `build` returns in place of its own expressions.
+/// [`prologue`] with replacements: the author's code uses the expressions that `build` returns.
 pub fn prologue_replacing(
     module: &Module,
     entry: usize,
@@ -64,16 +65,17 @@ pub fn prologue_replacing(
     })
 }
 
-/// What becomes of the author's code behind a prologue.
+/// Changes to the author's code behind a prologue.
 #[derive(Clone, Debug, Default)]
 pub struct Rewrite {
-    /// What it reads in place of its own expressions.
+    /// Replaced expressions.
     pub replacements: Replacements,
-    /// What it passes in addition, to each function it calls, behind the arguments it passes already.
+    /// Additional arguments for calls, by callee, after the existing ones.
     pub arguments: BTreeMap<Handle<Function>, Vec<Handle<Expression>>>,
 }
 
-/// The module with a function or entry point rewritten: what `build` writes first, then the author's statements as [`Rewrite`] says.
+/// The module with a function or entry point rewritten: the statements of `build`, then the
+/// author's with the changes in [`Rewrite`].
 pub fn rewritten(
     module: &Module,
     id: FunctionId,
@@ -115,7 +117,8 @@ fn function_mut(module: &mut Module, id: FunctionId) -> &mut Function {
     }
 }
 
-/// Copies the whole body of `original` behind `body`. `function` has the original's local variables, at the same handles, as its first `locals`.
+/// Copies the body of `original` behind `body`. The first `locals` variables of `function` are the
+/// original's, with the same handles.
 fn append_body(
     original: &Function,
     locals: usize,
@@ -143,8 +146,8 @@ fn append_body(
     }
 }
 
-/// Gives the first `locals` variables of a copy the initial values that `original`'s have. They are copied anew: one that a statement evaluates too, as naga's GLSL front end makes
-/// them, must stand outside of any `Emit`.
+/// Copies the initialisers of the first `locals` variables. An initialiser that a statement also
+/// evaluates, as in naga's GLSL front end, must be outside of any `Emit`, so it needs a copy.
 pub(crate) fn initialise(original: &Function, function: &mut Function, locals: usize) {
     let mut copies = BTreeMap::new();
     for (handle, variable) in original.local_variables.iter().take(locals) {
@@ -155,7 +158,7 @@ pub(crate) fn initialise(original: &Function, function: &mut Function, locals: u
     }
 }
 
-/// A copy of a constant expression and of all it is made of.
+/// Copies a constant expression and its operands.
 fn constant(
     original: &Function,
     e: Handle<Expression>,
@@ -231,7 +234,7 @@ fn copy(original: &Function, e: Handle<Expression>, map: &mut Map<'_>, function:
     map.copies[e.index()] = Some(function.expressions.append(expression, span));
 }
 
-/// A level more is a footprint of twice the size. `bias` is evaluated where the sample is.
+/// One level more is a footprint of twice the size. `bias` is evaluated at the sample.
 fn biased(
     function: &mut Function,
     bias: Handle<Expression>,
@@ -280,7 +283,7 @@ fn copy_block(
             let old = *result;
             copy(original, old, map, function);
             match (map.rewrite.replacements.get(&old), map.copies[old.index()]) {
-                // The call still gives a result, though nobody reads it.
+                // The call still returns a result, which nobody reads.
                 (Some(Replacement::Value(_)), _) => {
                     let expression = original.expressions[old].clone();
                     let span = original.expressions.get_span(old);
@@ -296,7 +299,7 @@ fn copy_block(
             copied
         });
         operands::fill(&mut shell, statement, inner);
-        // A loop's `break_if` may read what its blocks evaluate, so operands are mapped last.
+        // A loop's `break_if` may read expressions of its blocks, so map operands last.
         operands::map_statement(&mut shell, &mut |o| {
             if let Some(new) = map.copies[o.index()] {
                 *o = new;
@@ -321,14 +324,14 @@ impl Builder<'_> {
         self.module
     }
 
-    /// The type of that shape, unnamed.
+    /// The unnamed type of this shape.
     pub fn ty(&mut self, inner: TypeInner) -> Handle<Type> {
         self.module
             .types
             .insert(Type { name: None, inner }, Span::UNDEFINED)
     }
 
-    /// Appends an expression; it is evaluated here if it is one that needs evaluation.
+    /// Appends an expression, evaluated here if it needs evaluation.
     pub fn expression(&mut self, expression: Expression) -> Handle<Expression> {
         if expression.needs_pre_emit() {
             self.flush();
@@ -340,14 +343,14 @@ impl Builder<'_> {
             .append(expression, Span::UNDEFINED)
     }
 
-    /// Appends an expression and names it: it is printed as a `let`.
+    /// Appends a named expression, which is printed as a `let`.
     pub fn named(&mut self, name: &str, expression: Expression) -> Handle<Expression> {
         let e = self.expression(expression);
         self.name(e, name);
         e
     }
 
-    /// Names an expression of the prologue, a call's result say.
+    /// Names an expression of the prologue, for example a call's result.
     pub fn name(&mut self, e: Handle<Expression>, name: &str) {
         self.function.named_expressions.insert(e, name.to_owned());
     }
@@ -357,7 +360,7 @@ impl Builder<'_> {
         self.expression(Expression::Literal(literal))
     }
 
-    /// A new local variable; the expression is a pointer to it.
+    /// Adds a local variable and returns a pointer to it.
     pub fn local(&mut self, name: &str, ty: Handle<Type>) -> Handle<Expression> {
         let variable = self.function.local_variables.append(
             LocalVariable {
@@ -370,8 +373,8 @@ impl Builder<'_> {
         self.expression(Expression::LocalVariable(variable))
     }
 
-    /// The entry input with that binding: the author's argument, or member of a struct argument, or an argument added with this name
-    /// and type. A position matches whether it is marked invariant or not.
+    /// The entry input with this binding: the author's argument or member, or a new argument with
+    /// this name and type. Positions match with or without `@invariant`.
     pub fn input(&mut self, name: &str, ty: Handle<Type>, binding: &Binding) -> Handle<Expression> {
         let same = |b: &Option<Binding>| match (b, binding) {
             (
@@ -409,7 +412,7 @@ impl Builder<'_> {
         self.expression(Expression::FunctionArgument(arguments.len() as u32))
     }
 
-    /// A new argument, behind those there are.
+    /// Adds an argument at the end.
     pub fn argument(
         &mut self,
         name: &str,
@@ -425,13 +428,14 @@ impl Builder<'_> {
         self.expression(Expression::FunctionArgument(index))
     }
 
-    /// Appends a statement. Not for `Emit`, which is kept account of here, nor for calls: see [`Builder::call`].
+    /// Appends a statement. Not for `Emit`, which this type maintains, nor for calls: see
+    /// [`Builder::call`].
     pub fn statement(&mut self, statement: Statement) {
         self.flush();
         self.block.push(statement, Span::UNDEFINED);
     }
 
-    /// Calls a function; the expression is its result, if it has one.
+    /// Calls a function; returns its result, if it has one.
     pub fn call(
         &mut self,
         function: Handle<Function>,

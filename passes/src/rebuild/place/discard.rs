@@ -1,4 +1,4 @@
-//! An entry point without its discards.
+//! Removes discards from an entry point.
 
 use std::collections::BTreeMap;
 
@@ -6,16 +6,16 @@ use naga::{Block, Expression, Function, Handle, Module, Statement};
 
 use super::is_idle;
 
-/// What is added to the names of functions copied without their discards.
+/// Suffix of functions copied without discards.
 const SUFFIX: &str = "undiscarded";
 
-/// The module with every `discard` taken out of an entry point. Functions it calls that discard, directly or further down, are
-/// copied as `{name}_undiscarded` without; the originals stay for others. An `if` left with nothing in it goes too.
+/// The module with all discards of an entry point removed. Callees that discard, directly or not,
+/// are copied as `{name}_undiscarded`; the originals remain. Empty `if`s are removed.
 pub fn without_discard(module: &Module, entry: usize) -> Module {
     let mut out = module.clone();
     let mut copies: BTreeMap<Handle<Function>, Handle<Function>> = BTreeMap::new();
     let reached = reached(module, &module.entry_points[entry].function);
-    // Callees come first in the arena, so their copies are there when a caller is rewritten.
+    // Callees come first in the arena, so their copies exist when a caller is rewritten.
     for (handle, original) in module.functions.iter() {
         if !reached[handle.index()] || !touched(&original.body, &copies) {
             continue;
@@ -53,7 +53,7 @@ fn reached(module: &Module, entry: &Function) -> Vec<bool> {
     reached
 }
 
-/// Whether a block discards or calls what does.
+/// Whether a block discards, or calls a function that does.
 fn touched(block: &Block, copies: &BTreeMap<Handle<Function>, Handle<Function>>) -> bool {
     block.iter().any(|statement| match statement {
         Statement::Kill => true,

@@ -1,4 +1,4 @@
-//! A function rebuilt from the part of it that a slice keeps.
+//! Rebuilds a function from its slice.
 
 use std::collections::BTreeMap;
 
@@ -54,17 +54,17 @@ pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placem
     module
 }
 
-/// What a part of a slice became.
+/// A rebuilt part of a slice.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     pub function: Handle<Function>,
-    /// The original's arguments of which only some members are passed.
+    /// Arguments of the original of which only some members are passed.
     pub arguments: BTreeMap<u32, Narrowed>,
-    /// What of the original's result is returned.
+    /// The part of the original's result that is returned.
     pub returned: Returned,
 }
 
-/// A function name that is not taken: `{name}_{suffix}`, with a letter more where it is.
+/// A free function name: `{name}_{suffix}`, with a letter added if it is taken.
 pub(crate) fn free_name(module: &Module, name: &str, suffix: &str) -> String {
     let taken = |n: &str| {
         module
@@ -76,7 +76,7 @@ pub(crate) fn free_name(module: &Module, name: &str, suffix: &str) -> String {
     if !taken(&first) {
         return first;
     }
-    // Letters: a writer that keeps names apart by numbers would add its own to a digit.
+    // naga's writers append their own number to a name that ends in a digit.
     let letters = ('b'..='z').map(|letter| format!("{first}_{letter}"));
     letters
         .into_iter()
@@ -89,7 +89,7 @@ pub(super) struct Copier<'a, 'p> {
     pub(super) f: &'a FunctionGraph<'p>,
     pub(super) part: &'a Part,
     pub(super) parts: &'a [Part],
-    /// The function each part of the slice became.
+    /// The rebuilt function of each part of the slice.
     pub(super) placed: &'a [Option<Placed>],
     pub(super) out: Function,
     pub(super) map: Vec<Option<Handle<Expression>>>,
@@ -99,12 +99,12 @@ pub(super) struct Copier<'a, 'p> {
     pub(super) narrowed: BTreeMap<u32, Narrowed>,
     /// Call results of which the callee returns only a part.
     pub(super) results: BTreeMap<Handle<Expression>, Returned>,
-    /// Narrowed arguments and results put together again with zeros, for those who use them whole.
+    /// Narrowed arguments and results, completed with zeros for users of the whole.
     pub(super) whole: BTreeMap<Handle<Expression>, Handle<Expression>>,
     pub(super) zeros: BTreeMap<Handle<Type>, Handle<Expression>>,
     zero_scalars: BTreeMap<Scalar, Handle<Expression>>,
     pub(super) returned: Returned,
-    /// Expressions only a narrowed `return` reads: it reads their parts instead.
+    /// Expressions that only a narrowed `return` reads; it reads their parts instead.
     pub(super) dissolved: Vec<bool>,
     pub(super) next: usize,
 }
@@ -192,7 +192,7 @@ impl<'a, 'p> Copier<'a, 'p> {
 
     fn finish(mut self) -> Function {
         let f = self.f.function;
-        // Initialisers are constant expressions outside any `Emit`.
+        // Initialisers are constant expressions outside of any `Emit`.
         let mut constant = vec![false; self.map.len()];
         for (e, expression) in f.expressions.iter() {
             if let Expression::LocalVariable(v) = expression
@@ -215,7 +215,7 @@ impl<'a, 'p> Copier<'a, 'p> {
             if constant[e.index()] || (kept && unevaluated) {
                 self.copy_expression(e);
             }
-            // Zeros for what a struct or a vector is not asked for must not come to lie within an `Emit`.
+            // Zeros for unused parts must be outside of any `Emit`.
             if let (true, Expression::Compose { ty, components }) =
                 (kept && !self.dissolved[e.index()], expression)
             {
@@ -231,7 +231,8 @@ impl<'a, 'p> Copier<'a, 'p> {
             }
         }
         if let Some(ty) = self.out.result.as_ref().map(|r| r.ty) {
-            // What stands behind a loop that only returns is never run, so it is not kept; but text without it does not parse.
+            // Code behind a loop that only returns never runs, so the slice drops it. But the text
+            // does not parse without a return.
             naga::proc::ensure_block_returns(&mut body);
             self.return_something(&mut body, ty);
         }
@@ -244,7 +245,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         self.out
     }
 
-    /// Gives the returns without a value, where a block ends that never does, a value.
+    /// Gives bare returns at unreachable block ends a value.
     fn return_something(&mut self, block: &mut Block, ty: Handle<Type>) {
         match block.last_mut() {
             Some(Statement::Return {
@@ -276,7 +277,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         zero
     }
 
-    /// Makes the zeros that [`Self::composed`] will want.
+    /// Creates the zeros for [`Self::composed`].
     fn zeros_of(&mut self, ty: Handle<Type>, components: &[Handle<Expression>]) {
         let kept = |c: &Handle<Expression>| self.part.kept.expressions[c.index()].is_some();
         match &self.module.types[ty].inner {
@@ -294,7 +295,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         }
     }
 
-    /// The components of a struct or vector, with zeros for those that nobody needs: as many of them as a shorter vector has components.
+    /// The components of a struct or vector, with zeros for unused ones.
     fn composed(
         &mut self,
         ty: Handle<Type>,
@@ -328,7 +329,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         Some(zero)
     }
 
-    /// The copy of an expression: for an operand that is not kept, whatever was made of it must be there already.
+    /// The copy of an expression. The copy of a dropped operand must already exist.
     pub(super) fn copied(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
         self.map[e.index()]
     }
@@ -394,7 +395,8 @@ impl<'a, 'p> Copier<'a, 'p> {
         new
     }
 
-    /// Copies an initialiser and its operands, which may come later in the arena than the variable's own expression.
+    /// Copies an initialiser and its operands, which may follow the variable's own expression in
+    /// the arena.
     fn copy_constant(&mut self, e: Handle<Expression>) {
         for operand in operands::of_expression(&self.f.function.expressions[e]) {
             self.copy_constant(operand);
@@ -503,7 +505,7 @@ impl<'a, 'p> Copier<'a, 'p> {
             return;
         };
         let function = placed.function;
-        // Which parameters the callee still has follows from what it needs of its caller.
+        // The caller's needs decide which parameters remain.
         let mut passed = Vec::new();
         for (i, (argument, need)) in arguments
             .iter()

@@ -1,4 +1,4 @@
-//! The interface of a placed entry point: arguments and result narrowed to what the slice reads and decides.
+//! The interface of a placed entry point: arguments and result narrowed to the slice.
 
 use naga::proc::Layouter;
 use naga::{
@@ -8,39 +8,39 @@ use naga::{
 
 use crate::slice::Need;
 
-/// How a placed entry point marks its position.
+/// Whether a placed entry point's position is invariant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PositionInvariance {
-    /// As the author did.
+    /// As written.
     #[default]
     AsWritten,
     /// `@invariant`.
     Invariant,
 }
 
-/// Name and form of a placed entry point.
+/// Options of a placed entry point.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement<'a> {
     /// The new entry point's name.
     pub name: &'a str,
-    /// Added, after an underscore, to the names of functions and types that had to be cut.
+    /// Suffix of narrowed functions and types.
     pub suffix: &'a str,
-    /// How the position is marked.
+    /// Whether the position is invariant.
     pub position: PositionInvariance,
 }
 
-/// A struct of which only some members are kept.
+/// A struct with some members removed.
 #[derive(Clone, Debug)]
 pub struct Narrowed {
     /// The author's type.
     pub whole: Handle<Type>,
-    /// The type that holds what is kept.
+    /// The narrowed type.
     pub ty: Handle<Type>,
-    /// The members kept, by index in the author's type.
+    /// The kept members, by index in the author's type.
     pub members: Vec<u32>,
 }
 
-/// What becomes of the entry point's result.
+/// The returned part of the entry point's result.
 #[derive(Clone, Debug)]
 pub enum Returned {
     /// Nothing is returned.
@@ -53,7 +53,7 @@ pub enum Returned {
     Members(Vec<u32>, Handle<Type>),
 }
 
-/// A struct type of chosen members of another. Offsets follow from the members' own alignment.
+/// A struct type with selected members of another. Offsets follow from the members' alignment.
 pub fn narrow_struct(
     module: &mut Module,
     ty: Handle<Type>,
@@ -79,7 +79,7 @@ pub fn narrow_struct(
     io_struct(module, name, kept)
 }
 
-/// A struct type of these members. Offsets follow from their own alignment.
+/// A struct type with these members. Offsets follow from their alignment.
 pub fn io_struct(
     module: &mut Module,
     name: Option<String>,
@@ -104,7 +104,7 @@ pub fn io_struct(
         .insert(Type { name, inner }, naga::Span::UNDEFINED)
 }
 
-/// The binding with the position marked as wanted.
+/// The binding with the wanted invariance.
 pub fn mark(binding: Option<Binding>, position: PositionInvariance) -> Option<Binding> {
     match (binding, position) {
         (Some(Binding::BuiltIn(BuiltIn::Position { .. })), PositionInvariance::Invariant) => {
@@ -114,7 +114,7 @@ pub fn mark(binding: Option<Binding>, position: PositionInvariance) -> Option<Bi
     }
 }
 
-/// An argument narrowed to a need; `None` for the second where it keeps its type.
+/// An argument narrowed to a need; `None` as the second item if it keeps its type.
 pub fn argument(
     module: &mut Module,
     argument: &FunctionArgument,
@@ -233,8 +233,9 @@ pub fn result(
     )
 }
 
-/// The module with an entry point's position marked `@invariant`. A struct result is marked in its type, and so for every entry point that
-/// returns it, and every fragment stage that takes it: there the mark means nothing.
+/// The module with an entry point's position marked `@invariant`. For a struct result the mark is
+/// in the type. It then affects every entry point that returns the type, and has no effect in
+/// fragment stages that take it.
 pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
     let mut module = module.clone();
     let Some(result) = module.entry_points[entry].function.result.clone() else {
@@ -261,7 +262,8 @@ pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
     if members_marked == members {
         return module;
     }
-    // The mark is part of the type, and the type may stand in functions, variables and other types: it is changed where it is, for all.
+    // The mark is part of the type, which functions, variables and other types may use, so we
+    // replace it in place.
     let mut replaced = Type {
         name,
         inner: TypeInner::Struct {

@@ -1,4 +1,4 @@
-//! Structs of which a slice keeps some members: passed, returned and taken apart as what is left of them.
+//! Structs with some members removed: passing, returning and decomposing them.
 
 use naga::{Block, Expression, Handle, Span, Statement, TypeInner};
 
@@ -6,17 +6,17 @@ use super::function::Copier;
 use super::interface::{Narrowed, Returned};
 use crate::graph::operands;
 
-/// Where the copy has a member of the author's struct.
+/// The copy of a struct member.
 pub(super) enum Slot {
-    /// It is this value.
+    /// A value.
     Whole(Handle<Expression>),
-    /// It is that member of this value.
+    /// A member of a value.
     Member(Handle<Expression>, u32),
 }
 
 impl Copier<'_, '_> {
-    /// What only a narrowed `return` reads need not be built: a `Compose` gives its components, a load of a variable becomes loads of its
-    /// members where nothing happens between the two.
+    /// Removes expressions that only a narrowed `return` reads: a `Compose` becomes its components,
+    /// and a load becomes loads of its members if nothing happens between the two.
     pub(super) fn dissolve(&mut self) {
         if !matches!(self.returned, Returned::Member(_) | Returned::Members(..)) {
             return;
@@ -56,7 +56,7 @@ impl Copier<'_, '_> {
         }
     }
 
-    /// The copy of an operand, for a user of all of it.
+    /// The copy of an operand, for a user of the whole value.
     pub(super) fn operand(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
         self.whole.get(&e).copied().or_else(|| self.copied(e))
     }
@@ -68,7 +68,7 @@ impl Copier<'_, '_> {
         }
     }
 
-    /// Where the copy has member `index` of the struct value (or pointer) `base`.
+    /// The copy of member `index` of the struct value or pointer `base`.
     pub(super) fn slot(&self, base: Handle<Expression>, index: u32) -> Option<Slot> {
         let new = self.copied(base)?;
         let members = match (self.narrowed_argument(base), self.results.get(&base)) {
@@ -83,7 +83,7 @@ impl Copier<'_, '_> {
         }
     }
 
-    /// A member of a struct value. Appends to the arena, for the caller to emit.
+    /// A member of a struct value. Appends to the arena; the caller emits it.
     fn member(&mut self, e: Handle<Expression>, index: u32, span: Span) -> Handle<Expression> {
         if let Expression::Compose { components, .. } = &self.f.function.expressions[e]
             && let Some(component) = self.operand(components[index as usize])
@@ -99,7 +99,7 @@ impl Copier<'_, '_> {
         }
     }
 
-    /// Whether a kept node uses a struct value otherwise than by its members.
+    /// Whether a kept node uses more of a struct value than single members.
     fn is_used_whole(&self, value: Handle<Expression>) -> bool {
         let same = |e: Handle<Expression>| match (
             &self.f.function.expressions[e],
@@ -139,7 +139,7 @@ impl Copier<'_, '_> {
             })
     }
 
-    /// Builds narrowed struct arguments up again where they are used whole.
+    /// Reassembles narrowed struct arguments for users of the whole value.
     pub(super) fn reassemble_arguments(&mut self, body: &mut Block) {
         for (e, expression) in self.f.function.expressions.iter() {
             if let Expression::FunctionArgument(i) = expression
@@ -152,7 +152,7 @@ impl Copier<'_, '_> {
         }
     }
 
-    /// Notes that a call gives only part of what the author's gave, and builds the whole if somebody needs it.
+    /// Records that a call returns only a part, and builds the whole value if it is used.
     pub(super) fn narrow_result(
         &mut self,
         original: Handle<Expression>,
@@ -210,7 +210,7 @@ impl Copier<'_, '_> {
         self.whole.insert(e, built);
     }
 
-    /// An argument for a parameter of which only some members are left.
+    /// An argument for a narrowed parameter.
     pub(super) fn pass_members(
         &mut self,
         e: Handle<Expression>,
@@ -236,7 +236,7 @@ impl Copier<'_, '_> {
         built
     }
 
-    /// The value a `return` gives in place of the author's.
+    /// The value of a `return`.
     pub(super) fn returned(
         &mut self,
         value: Handle<Expression>,

@@ -1,8 +1,9 @@
-//! Slices rebuilt as code: the original statements, filtered, in their original order, in fresh arenas with their `Emit`s regenerated.
+//! Rebuilds slices as code: the original statements, filtered and in order, in fresh arenas with
+//! new `Emit`s.
 //!
-//! All functions here take a module by reference and return another. By construction an expression refers to earlier ones only, every
-//! expression that needs evaluation is in exactly one `Emit`, at the point where the original evaluated it, and a call's result is
-//! there with its call.
+//! All functions take a module by reference and return another. By construction an expression
+//! refers only to earlier ones, every expression that needs evaluation is in exactly one `Emit` at
+//! the point where the original evaluated it, and a call's result appears with its call.
 
 use naga::{Module, ShaderStage, Statement};
 
@@ -24,13 +25,14 @@ pub use interface::{PositionInvariance, io_struct};
 use crate::graph::Graph;
 use crate::slice::Slice;
 
-/// The module `onto` with a slice of one of its entry points as a further entry point `name` of the same stage. `onto` is the module of
-/// `graph`, or one that other slices of it have been placed on: handles into the one must be good in the other.
+/// The module `onto` with a slice of one of its entry points as a new entry point `name` of the
+/// same stage. `onto` is the module of `graph`, or one on which other slices of it have been
+/// placed, so that handles remain valid.
 ///
-/// Functions of which the slice keeps everything are used as they are, of others it gets `{name}_{suffix}`; the entry's arguments and
-/// results are narrowed to what the slice reads and decides, structs to new types `{name}_{suffix}`.
+/// Functions that the slice keeps whole are shared; others become `{name}_{suffix}`. The entry's
+/// arguments and results are narrowed to the slice, and structs become new types `{name}_{suffix}`.
 ///
-/// A slice of a vertex stage has to decide the position: without one it is no vertex stage, and does not validate.
+/// A slice of a vertex stage must decide the position; otherwise the result does not validate.
 pub fn entry_point(
     graph: &Graph<'_>,
     slice: &Slice,
@@ -52,7 +54,8 @@ pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
     interface::with_invariant_position(module, entry)
 }
 
-/// The module with these entry points only, and with what they use: unused functions, globals, types, constants and dead `let`s are gone.
+/// The module with only these entry points and their dependences, without unused functions,
+/// globals, types, constants and dead `let`s.
 pub fn retain(module: &Module, entries: &[(ShaderStage, &str)]) -> Module {
     let mut module = module.clone();
     module
@@ -68,14 +71,14 @@ pub fn retain(module: &Module, entries: &[(ShaderStage, &str)]) -> Module {
         drop_dead_names(function);
     }
     naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
-    // Compaction keeps every constant with a name; without one it goes, and with it what only it refers to.
+    // Compaction keeps named constants, so remove unused names first.
     while drop_unused_constant_names(&mut module) {
         naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
     }
     module
 }
 
-/// Takes the names off constants that no expression refers to; tells whether there were any.
+/// Removes the names of unused constants; returns whether there were any.
 fn drop_unused_constant_names(module: &mut Module) -> bool {
     let mut used = vec![false; module.constants.len()];
     let functions = module
@@ -100,7 +103,8 @@ fn drop_unused_constant_names(module: &mut Module) -> bool {
     dropped
 }
 
-/// Takes the names off expressions no statement depends on: compaction takes a named expression for a used one.
+/// Removes the names of expressions without dependent statements: compaction keeps named
+/// expressions.
 fn drop_dead_names(function: &mut naga::Function) {
     use crate::graph::operands;
     fn mark(block: &naga::Block, used: &mut [bool]) {
