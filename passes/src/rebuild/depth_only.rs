@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::coverage;
 use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Refusal, Site, SiteCost, SiteKey};
+use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
 use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
 use crate::core::reflect;
 use crate::core::state::DepthState;
@@ -143,20 +143,19 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
 }
 
 impl DepthOnly {
-    /// Stable name of the site.
-    pub fn key(&self, opaque: &Opaque) -> SiteKey {
+    /// Stable name of the code that was sliced.
+    pub fn key(&self, opaque: &Opaque) -> Site {
         let hash = |s: &Option<Slice>| s.as_ref().map_or("-".repeat(16), |s| s.hash.clone());
-        SiteKey {
+        Site {
             role: Role::Main,
             entry_point: opaque.pass.vertex.clone(),
             slice: format!("{}{}", hash(&self.vertex), hash(&self.fragment)),
-            ordinal: 0,
         }
     }
 
-    /// The site.
-    pub fn site(&self, opaque: &Opaque, what: String) -> Site {
-        Site {
+    /// The change that a pass makes with these slices.
+    pub fn change(&self, opaque: &Opaque, what: String) -> Change {
+        Change {
             key: self.key(opaque),
             what,
             location: self.span.and_then(|s| opaque.program.sources().locate(s)),
@@ -164,23 +163,13 @@ impl DepthOnly {
         }
     }
 
-    /// Refuses a site that is not this one.
-    ///
-    /// # Errors
-    /// `stale`.
-    pub fn expect(&self, opaque: &Opaque, site: &SiteKey, pass: &str) -> Result<(), Box<Refusal>> {
-        if self.key(opaque) == *site {
-            return Ok(());
+    /// A plan that was made with these slices.
+    pub fn outcome(&self, opaque: &Opaque, what: String, plan: Plan) -> Outcome {
+        Outcome {
+            plan,
+            change: self.change(opaque, what),
+            left: Vec::new(),
         }
-        Err(Box::new(Refusal::new(
-            pass,
-            "stale",
-            format!(
-                "the site {} of `{}` is no longer in the shader",
-                site.slice, site.entry_point
-            ),
-            "make the recipe anew",
-        )))
     }
 
     /// Places the slices beside the author's entry points. `suffix` ends the names of what is new. `shader_bias` is added to a depth that the fragment stage writes.
@@ -428,14 +417,4 @@ pub fn finish(plan: &mut Plan, fallback: &str) {
         .map(|s| s.contract.clone())
         .fold(Contract::exact(), Contract::and);
     plan.fallback = Some(fallback.to_owned());
-}
-
-/// The first of several refusals: what `apply` answers where `sites` answers all.
-pub fn first(refusals: Vec<Refusal>) -> Box<Refusal> {
-    Box::new(
-        refusals
-            .into_iter()
-            .next()
-            .unwrap_or_else(|| Refusal::new("", "refused", "refused", "see `preshade explain`")),
-    )
 }

@@ -34,7 +34,7 @@ use crate::analysis::coverage;
 use crate::analysis::near_plane;
 use crate::analysis::opaque::{self, Opaque};
 use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
+use crate::core::pass::{Facts, Outcome, Pass, PassInfo, Refusal, Refused};
 use crate::core::plan::{Phase, Plan, Role, Step};
 use crate::core::self_test::{self, MainDiscards};
 use crate::core::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
@@ -132,31 +132,14 @@ impl Pass for DepthPrepass {
         hurts: "where little is hidden: every vertex is transformed twice (3-5% lost in two articles' open views)",
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        let opaque = match check(plan, facts, params) {
-            Ok(o) => o,
-            Err(refusals) => return opaque::refused(refusals),
-        };
-        let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
-        Sites {
-            sites: vec![site],
-            ..Sites::default()
-        }
-    }
-
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let opaque = check(plan, facts, params).map_err(depth_only::first)?;
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
-        slice.expect(&opaque, site, Self::INFO.name)?;
-        match params.form {
+        let next = match params.form {
             Form::Biased => biased(plan, &opaque, &slice, params),
             Form::Equal => equal(plan, &opaque, &slice, params, facts),
-        }
+        }?;
+        Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
 }
 

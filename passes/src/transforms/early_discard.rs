@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::opaque::{self, Opaque};
 use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
+use crate::core::pass::{Facts, Outcome, Pass, PassInfo, Refusal, Refused};
 use crate::core::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
@@ -169,28 +169,11 @@ impl Pass for EarlyDiscard {
         hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway: a texture read and a vote for each fragment, for nothing",
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        let opaque = match check(plan, facts, params) {
-            Ok(o) => o,
-            Err(refusals) => return opaque::refused(refusals),
-        };
-        let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
-        Sites {
-            sites: vec![site],
-            ..Sites::default()
-        }
-    }
-
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let opaque = check(plan, facts, params).map_err(depth_only::first)?;
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
-        slice.expect(&opaque, site, Self::INFO.name)?;
-        transform(plan, &opaque, &slice, params)
+        let next = transform(plan, &opaque, &slice, params)?;
+        Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
 }
 

@@ -28,9 +28,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::contraction;
-use crate::analysis::simplify::{self, Refused, Simplified};
+use crate::analysis::simplify::{self, Simplified};
 use crate::core::contract::{Assumption, Contract, Turned};
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::core::pass::{Change, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost};
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Program;
 use crate::graph::Graph;
@@ -85,18 +85,8 @@ impl Pass for SkipTaps {
         hurts: "where weights are seldom small, or differ from pixel to pixel: lanes that sample wait for nobody, but those that do not wait for them",
     };
 
-    fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
-        Simplified::sites(skipped(plan, params))
-    }
-
-    fn apply(
-        plan: &Plan,
-        _facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let found = skipped(plan, params).map_err(|(refusal, _)| refusal)?;
-        found.apply(plan, Self::INFO.name, site, params)
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        Ok(skipped(plan, params)?.outcome(plan, Self::INFO.name, params))
     }
 }
 
@@ -106,17 +96,14 @@ fn refuse(code: &str, reason: impl Into<String>, remedy: impl Into<String>) -> B
 
 /// A material's main pass with its taps behind branches.
 fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
-    let alone = |refusal| (refusal, Vec::new());
     let (pass, program, fragment) = simplify::examine(
         plan,
         SkipTaps::INFO.name,
         "skip taps first, then apply the other passes",
         "there is no tap to skip",
-    )
-    .map_err(alone)?;
+    )?;
     let graph = Graph::build(program);
-    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), SkipTaps::INFO.name)
-        .map_err(alone)?;
+    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), SkipTaps::INFO.name)?;
     let Terms { terms, left } = find::terms(&graph, pass, fragment, &meant);
     if terms.is_empty() {
         let reason = match left.is_empty() {
@@ -124,7 +111,7 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             false => "no weighted texture sample of the fragment stage can be left out",
         };
         let remedy = "explain lists what it weighs, and why each stays";
-        return Err((refuse("no-tap", reason, remedy), left));
+        return Err((refuse("no-tap", reason, remedy), left).into());
     }
     let is_implicit = terms.iter().any(|t| !t.implicit.is_empty());
     if params.budget.is_none() && (params.threshold > 0.0 || is_implicit) {
@@ -138,21 +125,20 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
                 "give budget=0.01 (of flip_mean, or say metric=max_abs), or sample with gradients or a level",
             ),
         };
-        return Err((refuse("no-budget", reason, remedy), left));
+        return Err((refuse("no-budget", reason, remedy), left).into());
     }
     let module = branch::skipping(&graph, &terms, params.threshold as f32);
-    let bug = |e| (Box::new(Refusal::bug(SkipTaps::INFO.name, e)), Vec::new());
+    let bug = |e| Box::new(Refusal::bug(SkipTaps::INFO.name, e));
     let after = program.with_module(module).map_err(bug)?;
     let whole = graph.entry_cost(fragment);
     let skipped: f64 = terms.iter().map(|t| t.cost).sum();
     let all = [Criterion::Output(OutputFilter::All)];
     Ok(Simplified {
-        site: Site {
-            key: SiteKey {
+        change: Change {
+            key: Site {
                 role: Role::Main,
                 entry_point: pass.fragment.clone().unwrap_or_default(),
                 slice: slice::backward(&graph, fragment, &all).hash,
-                ordinal: 0,
             },
             what: described(&graph, &terms, params.threshold),
             location: program.sources().locate(terms[0].span),

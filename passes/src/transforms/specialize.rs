@@ -29,7 +29,9 @@ use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 use crate::analysis::contraction;
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::guard::Guard;
-use crate::core::pass::{Facts, Misnamed, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::core::pass::{
+    Change, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+};
 use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -76,34 +78,13 @@ impl Pass for Specialize {
         assume::misnamed(program.module(), params.set.as_deref()?)
     }
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        match Specialized::new(plan, facts, params) {
-            Ok(done) => Sites {
-                sites: vec![done.site()],
-                ..Sites::default()
-            },
-            Err(refusal) => Sites {
-                refusals: vec![*refusal],
-                ..Sites::default()
-            },
-        }
-    }
-
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let done = Specialized::new(plan, facts, params)?;
-        if *site != done.key {
-            return Err(Box::new(refusal(
-                "stale",
-                "the site is not one of this plan's",
-                "find the sites anew",
-            )));
-        }
-        Ok(done.plan(plan, params))
+        Ok(Outcome {
+            change: done.change(),
+            plan: done.plan(plan, params),
+            left: Vec::new(),
+        })
     }
 }
 
@@ -118,7 +99,7 @@ pub struct Specialized {
     /// Static cost of the vertex and of the fragment stage, before and after.
     pub cost: [[f64; 2]; 2],
     program: Program,
-    key: SiteKey,
+    key: Site,
     /// Key of the program it takes the place of.
     of: String,
     /// Float operations of the original that were left out.
@@ -183,11 +164,10 @@ impl Specialized {
         Ok(Self {
             guard,
             cost: [[before[0], after[0]], [before[1], after[1]]],
-            key: SiteKey {
+            key: Site {
                 role: Role::Main,
                 entry_point: pass.fragment.clone().unwrap_or_else(|| pass.vertex.clone()),
                 slice: shrunk.hash,
-                ordinal: 0,
             },
             program: shrunk.program,
             of: pass.program.clone(),
@@ -205,9 +185,9 @@ impl Specialized {
         &self.key.slice
     }
 
-    fn site(&self) -> Site {
+    fn change(&self) -> Change {
         let [_, [before, after]] = self.cost;
-        Site {
+        Change {
             key: self.key.clone(),
             what: self.describe(),
             location: None,

@@ -29,7 +29,7 @@ use naga::{Handle, Module, ShaderStage};
 
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Geometry, Subdivision};
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::core::pass::{Change, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost};
 use crate::core::pattern;
 use crate::core::plan::{BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart};
 use crate::core::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
@@ -134,36 +134,14 @@ impl Pass for Tessellate {
         hurts: "where triangles are small already: each new vertex costs what was hoisted, and three corners interpolated",
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        match Material::examine(plan, facts, params) {
-            Ok(material) => Sites {
-                sites: vec![material.site(params)],
-                ..Sites::default()
-            },
-            Err(refusal) => Sites {
-                refusals: vec![*refusal],
-                ..Sites::default()
-            },
-        }
-    }
-
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let material = Material::examine(plan, facts, params)?;
-        if *site != material.key {
-            return Err(refuse(
-                "stale",
-                "the site is not one of this plan's",
-                "find the sites anew",
-            ));
-        }
-        material
-            .apply(plan, params)
-            .map_err(|why| Box::new(Refusal::bug(Self::INFO.name, why)))
+        let bug = |why| Box::new(Refusal::bug(Self::INFO.name, why));
+        Ok(Outcome {
+            plan: material.apply(plan, params).map_err(bug)?,
+            change: material.change(params),
+            left: Vec::new(),
+        })
     }
 }
 
@@ -184,14 +162,14 @@ struct Material<'a> {
     split: Split,
     outputs: Outputs,
     contract: Contract,
-    key: SiteKey,
+    key: Site,
     /// `static`: what it reads that may not change after load.
     fixed: Vec<String>,
 }
 
 impl Material<'_> {
-    fn site(&self, params: &Params) -> Site {
-        Site {
+    fn change(&self, params: &Params) -> Change {
+        Change {
             key: self.key.clone(),
             what: self.describe(&subdivision(params)),
             location: None,

@@ -28,9 +28,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage::Decides;
-use crate::analysis::simplify::{self, Refused, Simplified};
+use crate::analysis::simplify::{self, Simplified};
 use crate::core::contract::Contract;
-use crate::core::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::core::pass::{
+    Change, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+};
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::graph::counted::Counted;
 use crate::graph::effect::Effect;
@@ -85,18 +87,8 @@ impl Pass for TrimLoop {
         hurts: "where the last turns are seen: a sum that is not divided by its weights gets darker",
     };
 
-    fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
-        Simplified::sites(less_turns(plan, params))
-    }
-
-    fn apply(
-        plan: &Plan,
-        _facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let found = less_turns(plan, params).map_err(|(refusal, _)| refusal)?;
-        found.apply(plan, Self::INFO.name, site, params)
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        Ok(less_turns(plan, params)?.outcome(plan, Self::INFO.name, params))
     }
 }
 
@@ -119,24 +111,22 @@ type Stays = Cow<'static, str>;
 
 /// A material's main pass with less turns.
 fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
-    let alone = |refusal| (refusal, Vec::new());
     let (pass, program, fragment) = simplify::examine(
         plan,
         TrimLoop::INFO.name,
         "trim first, then apply the other passes",
         "there is nothing to trim",
-    )
-    .map_err(alone)?;
+    )?;
     let Some(budget) = params.budget else {
-        return Err(alone(refuse(
+        let refusal = refuse(
             "no-budget",
             "less turns are another picture, and how much it may differ is not said",
             "give budget=0.01 (of flip_mean, or say metric=max_abs)",
-        )));
+        );
+        return Err(refusal.into());
     };
     let graph = Graph::build(program);
-    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)
-        .map_err(alone)?;
+    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)?;
     let found = found(&graph, pass, fragment, &meant, params.turns);
     let left = left(&graph, &found);
     let chosen: Vec<(&Found, &Counted)> = found
@@ -149,22 +139,21 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             false => "no loop of the fragment stage can lose a turn",
         };
         let remedy = "explain lists its loops, and why each stays";
-        return Err((refuse("no-loop", reason, remedy), left));
+        return Err((refuse("no-loop", reason, remedy), left).into());
     }
     let module = trimmed(&graph, &chosen, params.turns);
-    let bug = |e| (Box::new(Refusal::bug(TrimLoop::INFO.name, e)), Vec::new());
+    let bug = |e| Box::new(Refusal::bug(TrimLoop::INFO.name, e));
     let after = program.with_module(module).map_err(bug)?;
     let whole = graph.entry_cost(fragment);
     let rest = Graph::build(&after).entry_cost(fragment);
     let (first, _) = chosen[0];
     let all = [Criterion::Output(OutputFilter::All)];
     Ok(Simplified {
-        site: Site {
-            key: SiteKey {
+        change: Change {
+            key: Site {
                 role: Role::Main,
                 entry_point: pass.fragment.clone().unwrap_or_default(),
                 slice: slice::backward(&graph, fragment, &all).hash,
-                ordinal: 0,
             },
             what: described(&graph, &chosen, params.turns, [whole, rest]),
             location: program.sources().locate(first.span),

@@ -17,10 +17,10 @@
 
 use naga::ShaderStage;
 
-use crate::analysis::opaque::{self, Opaque};
+use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
-    Facts, Pass, PassInfo, Refusal, SamplerState, Site, SiteCost, SiteKey, Sites,
+    Change, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState, SiteCost,
 };
 use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::rasterizer::{Corners, Rasterizer};
@@ -71,42 +71,16 @@ impl Pass for VisibilityBuffer {
         hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        let params = &match params.resolved(facts) {
-            Ok(params) => params,
-            Err(refusal) => return opaque::refused(vec![*refusal]),
-        };
-        let plan = alone(plan);
-        let examined = Material::examine(&plan, params).and_then(|material| {
-            // What cannot be rebuilt is found by rebuilding it.
-            let samplers = facts.samplers_of(&plan.material);
-            material
-                .apply(&plan, params, &samplers)
-                .map_err(|r| vec![*r])?;
-            Ok(material)
-        });
-        match examined {
-            Ok(material) => Sites {
-                sites: vec![material.site(params)],
-                ..Sites::default()
-            },
-            Err(refusals) => opaque::refused(refusals),
-        }
-    }
-
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let params = &params.resolved(facts)?;
         let plan = alone(plan);
-        let material = Material::examine(&plan, params).map_err(depth_only::first)?;
-        material
-            .depth
-            .expect(&material.opaque, site, Self::INFO.name)?;
-        material.apply(&plan, params, &facts.samplers_of(&plan.material))
+        let material = Material::examine(&plan, params)?;
+        let next = material.apply(&plan, params, &facts.samplers_of(&plan.material))?;
+        Ok(Outcome {
+            plan: next,
+            change: material.change(params),
+            left: Vec::new(),
+        })
     }
 }
 
@@ -198,10 +172,10 @@ impl<'a> Material<'a> {
         })
     }
 
-    fn site(&self, params: &Params) -> Site {
+    fn change(&self, params: &Params) -> Change {
         let graph = &self.opaque.graph;
-        let depth = self.depth.site(&self.opaque, self.describe(params));
-        Site {
+        let depth = self.depth.change(&self.opaque, self.describe(params));
+        Change {
             cost: SiteCost {
                 slice: 3.0 * graph.entry_cost(self.opaque.vertex) + graph.entry_cost(self.fragment),
                 ..depth.cost
@@ -285,7 +259,7 @@ impl<'a> Material<'a> {
                 .with_module(module)
                 .map_err(|e| bug(e.to_string()))?;
         }
-        let k = self.site(params).cost.slice.ceil() as u32;
+        let k = self.change(params).cost.slice.ceil() as u32;
         let reached = self.reached(params, samplers)?;
         let given = self.assumptions(params, &reached);
         next.steps.push(Step {

@@ -99,22 +99,16 @@ fn what_changes_nothing_changes_no_variant() {
             wrong.extend(broken(&what, &validate(&original, &injected, &effort)));
             for (pass, params) in recipes() {
                 let found = pass_named(pass).unwrap();
-                let sites = found.sites(&injected, &facts, &params).unwrap();
-                let Some(site) = sites.sites.first() else {
-                    let bug = sites.refusals.iter().find(|r| r.code == "internal");
-                    wrong.extend(bug.map(|r| format!("{what}: {r}")));
-                    continue;
-                };
-                match found.apply(&injected, &facts, &site.key, &params) {
+                match found.run(&injected, &facts, &params) {
                     Ok(variant) => {
                         *accepted.entry(pass).or_insert(0) += 1;
                         let what = format!("{what} by {pass} {params}");
-                        wrong.extend(broken(&what, &validate(&original, &variant, &effort)));
+                        wrong.extend(broken(&what, &validate(&original, &variant.plan, &effort)));
                     }
-                    Err(refusal) if refusal.code == "internal" => {
-                        wrong.push(format!("{what} by {pass}: {refusal}"));
+                    Err(refused) => {
+                        let bug = refused.refusals.iter().find(|r| r.code == "internal");
+                        wrong.extend(bug.map(|r| format!("{what} by {pass}: {r}")));
                     }
-                    Err(_) => {}
                 }
             }
         }

@@ -58,13 +58,8 @@ fn plan(source: &str) -> Plan {
 fn applied(plan: &Plan, pass: &str, params: serde_json::Value) -> Plan {
     let pass = pass_named(pass).unwrap();
     let facts = Facts::without_ties();
-    let found = pass.sites(plan, &facts, &params).unwrap();
-    let site = found
-        .sites
-        .first()
-        .unwrap_or_else(|| panic!("{:?}", found.refusals));
-    pass.apply(plan, &facts, &site.key, &params)
-        .unwrap_or_else(|refusal| panic!("{refusal}"))
+    let outcome = pass.run(plan, &facts, &params);
+    outcome.unwrap_or_else(|refused| panic!("{refused:?}")).plan
 }
 
 const EFFORT: Effort = Effort {
