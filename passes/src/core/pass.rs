@@ -20,6 +20,70 @@ pub struct PassInfo {
     pub when: &'static str,
     /// When it costs more than it gains.
     pub hurts: &'static str,
+    /// Whether it reads the scene's numbers and samplers in [`Facts`].
+    pub reads_scene: bool,
+}
+
+/// A recipe that shows a pass. Every list of passes or recipes in tests, searches and pages is made
+/// of these.
+#[derive(Clone, Copy, Debug)]
+pub struct Example {
+    /// Steps separated by commas, as on the command line. `BUDGET` stands for the user's budget and
+    /// metric, `MOST` for the budget alone, of passes that know one metric.
+    pub recipe: &'static str,
+    /// Its uses.
+    pub uses: &'static [Use],
+}
+
+/// A use of an [`Example`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Use {
+    /// Applied to every fixture: the text is kept as a snapshot, shown to other compilers and
+    /// validated.
+    Snapshot,
+    /// As [`Use::Snapshot`], without the snapshot.
+    Compile,
+    /// Applied to every fixture and validated.
+    Validate,
+    /// Applied to fixtures with neutral code injected, and validated.
+    Inject,
+    /// Applied to a material with `material.fog` and validated.
+    Keep,
+    /// As [`Use::Keep`], then broken at random: validation has to notice.
+    Break,
+    /// Draws every scene: no bit may change, whatever ties there are. Refusals have to be expected.
+    Exact,
+    /// As [`Use::Exact`], without ties; a scene with ties has to be refused.
+    ExactWithoutTies,
+    /// As [`Use::Exact`], in the scenes that it does not refuse.
+    ExactWhereApplied,
+    /// Draws scenes with neutral code injected; its promise has to hold in this many pictures.
+    Pictures(usize),
+    /// Applied to random modules.
+    Fuzz,
+    /// Compared with the same operations in `f64`.
+    Truth,
+    /// `plan` tries it.
+    Plan,
+    /// `plan` tries it if the user gives a budget.
+    PlanWithin,
+    /// `explore` tries it as a way to shade fewer fragments.
+    Cover,
+    /// `explore` tries it as a way to compute less in each fragment.
+    Simplify,
+    /// Useful ahead of other passes: random recipes sort it to this place.
+    Ahead(usize),
+    /// The example of the pass's page, applied to this file of `fixtures/pages`.
+    Page(&'static str),
+    /// The picture of the pass's page.
+    Picture {
+        /// Scene and options of `preshade verify`, without the recipe.
+        scene: &'static str,
+        /// A sentence about the picture.
+        caption: &'static str,
+        /// Rows of the sheet to show; the second is the shading count.
+        rows: u32,
+    },
 }
 
 /// The code that a pass changes. The name is stable: it holds no arena handle.
@@ -395,6 +459,9 @@ pub trait Pass {
     /// What it is.
     const INFO: PassInfo;
 
+    /// Recipes that show it.
+    const EXAMPLES: &'static [Example];
+
     /// What of its parameters names nothing in the material: a slip of whoever wrote them where none of the materials meant has it, and no refusal.
     fn misnamed(_plan: &Plan, _params: &Self::Params) -> Option<Misnamed> {
         None
@@ -432,6 +499,8 @@ pub struct ParamError {
 pub trait AnyPass: Sync {
     /// What it is.
     fn info(&self) -> &'static PassInfo;
+    /// As [`Pass::EXAMPLES`].
+    fn examples(&self) -> &'static [Example];
     /// JSON schema of its parameters.
     fn schema(&self) -> serde_json::Value;
     /// Parameters in full: those given, defaults for the rest.
@@ -475,6 +544,10 @@ impl<P: Pass + 'static> Erased<P> {
 impl<P: Pass + 'static> AnyPass for Erased<P> {
     fn info(&self) -> &'static PassInfo {
         &P::INFO
+    }
+
+    fn examples(&self) -> &'static [Example] {
+        P::EXAMPLES
     }
 
     fn schema(&self) -> serde_json::Value {

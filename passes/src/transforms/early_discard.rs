@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::opaque::{self, Opaque};
 use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Facts, Outcome, Pass, PassInfo, Refusal, Refused};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
@@ -167,7 +167,58 @@ impl Pass for EarlyDiscard {
         source: "Primozic, Speeding Up Three.JS with Depth-Based Fragment Culling (2022)",
         when: "the hardware's early test cannot run (a material that writes depth), or a host cannot set the depth test of its main pass; else take depth-prepass",
         hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway: a texture read and a vote for each fragment, for nothing",
+        reads_scene: false,
     };
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "early-discard",
+            uses: &[
+                Use::Snapshot,
+                Use::Inject,
+                Use::Break,
+                Use::Pictures(4),
+                Use::Fuzz,
+                Use::Plan,
+                Use::Cover,
+                Use::Exact,
+                Use::Page("leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/late-depth.toml --size 256x144 --frames 1 --order front-to-back",
+                    caption: "five layers that write depth, which hardware cannot test early: each pixel is shaded once instead of five times",
+                    rows: 2,
+                },
+            ],
+        },
+        Example {
+            recipe: "early-discard:texture=float",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:texture=float,attachment=readonly",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:attachment=readonly",
+            uses: &[Use::ExactWithoutTies],
+        },
+        Example {
+            recipe: "early-discard:texture=packed",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,budget=0.02",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,mode=invert",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,budget=1",
+            uses: &[Use::Fuzz],
+        },
+    ];
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;

@@ -30,7 +30,8 @@ use naga::ShaderStage;
 use crate::analysis::{rounding, values};
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
-    Change, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Source,
+    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Source, Use,
 };
 use crate::core::plan::{GpuPass, Plan, Role, Step};
 use crate::core::program::Program;
@@ -80,7 +81,80 @@ impl Pass for Hoist {
         source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
         when: "fragments compute what changes slowly over a triangle (noise, fog, light of far or large lamps), on meshes whose triangles cover many pixels",
         hurts: "where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends within a triangle",
+        reads_scene: true,
     };
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "hoist",
+            uses: &[
+                Use::Snapshot,
+                Use::Fuzz,
+                Use::Plan,
+                Use::Simplify,
+                Use::Ahead(2),
+            ],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "hoist:allow=exact",
+            uses: &[Use::Inject, Use::Truth],
+        },
+        Example {
+            recipe: "hoist:allow=rounding",
+            uses: &[Use::Validate, Use::Pictures(1), Use::Truth],
+        },
+        Example {
+            recipe: "hoist:budget=0.1,finite=assumed",
+            uses: &[Use::Inject],
+        },
+        Example {
+            recipe: "hoist:budget=0.1,vertices-per-fragment=0",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "hoist:budget=0.01,finite=assumed,jumps=carried",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "hoist:budget=1,finite=assumed,jumps=carried",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "hoist:budget=0.05",
+            uses: &[
+                Use::Page("leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
+                    caption: "a highlight computed at the vertices: it is off where it bends within a triangle",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,depth-prepass:form=equal",
+            uses: &[Use::Validate],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,early-discard",
+            uses: &[Use::Validate],
+        },
+        Example {
+            recipe: "hoist,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "hoist:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "hoist:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+    ];
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let material = Material::examine(plan, params)?;

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::coverage;
 use crate::analysis::opaque::Opaque;
 use crate::core::contract::Contract;
-use crate::core::pass::{Facts, Outcome, Pass, PassInfo, Refusal, Refused};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{Attachment, Phase, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::state::{
@@ -52,7 +52,25 @@ impl Pass for Shadow {
         source: "falls out of depth-prepass: the same slices",
         when: "a light needs a shadow map of a material that cuts out or displaces",
         hurts: "never by itself: the main pass is untouched and the host decides which lights draw it",
+        reads_scene: false,
     };
+
+    const EXAMPLES: &'static [Example] = &[Example {
+        recipe: "shadow",
+        uses: &[
+            Use::Snapshot,
+            Use::Inject,
+            Use::Break,
+            Use::Pictures(4),
+            Use::Fuzz,
+            Use::Page("leaf"),
+            Use::Picture {
+                scene: "fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order front-to-back",
+                caption: "the main pass is as it was; what is new is drawn under the light alone",
+                rows: 1,
+            },
+        ],
+    }];
 
     fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan)?;

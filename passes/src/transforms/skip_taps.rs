@@ -30,7 +30,9 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::contraction;
 use crate::analysis::simplify::{self, Simplified};
 use crate::core::contract::{Assumption, Contract, Turned};
-use crate::core::pass::{Change, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost};
+use crate::core::pass::{
+    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+};
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Program;
 use crate::graph::Graph;
@@ -83,7 +85,62 @@ impl Pass for SkipTaps {
         source: "Heitz and Neyret, High-Performance By-Example Noise (2018), and Mikkelsen, Practical Real-Time Hex-Tiling (2022), for the blends; Golus, Normal Mapping for a Triplanar Shader (2017), for the branch",
         when: "textures are blended by weights that are mostly next to 0: hex tiling, triplanar mapping, layers of a terrain",
         hurts: "where weights are seldom small, or differ from pixel to pixel: lanes that sample wait for nobody, but those that do not wait for them",
+        reads_scene: false,
     };
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "skip-taps:budget=1",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "skip-taps:threshold=0,budget=0.01",
+            uses: &[Use::Pictures(1)],
+        },
+        Example {
+            recipe: "skip-taps:budget=0.1,threshold=0.02",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "skip-taps:budget=0.01",
+            uses: &[
+                Use::Page("rock"),
+                Use::Picture {
+                    scene: "fixtures/scenes/terrain-triplanar.toml --camera slope --size 256x144 --frames 1",
+                    caption: "a slope between two sides of its texture: off by two steps at most where a third one was left out",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "skip-taps:threshold=0",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.01",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.05",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.15",
+            uses: &[Use::Simplify],
+        },
+    ];
 
     fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         Ok(skipped(plan, params)?.outcome(plan, Self::INFO.name, params))

@@ -30,7 +30,8 @@ use crate::analysis::contraction;
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::guard::Guard;
 use crate::core::pass::{
-    Change, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Change, Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Use,
 };
 use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::core::program::Program;
@@ -71,7 +72,99 @@ impl Pass for Specialize {
         source: "Crawford and O'Boyle, Specialization Opportunities in Graphical Workloads (2019)",
         when: "one material serves many objects, and uniforms switch its effects on and off (engine standard materials)",
         hurts: "where values change from frame to frame, and where many draws want many variants: each is another pipeline",
+        reads_scene: true,
     };
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "specialize",
+            uses: &[
+                Use::Fuzz,
+                Use::Pictures(1),
+                Use::Truth,
+                Use::Plan,
+                Use::Simplify,
+                Use::Ahead(0),
+                Use::Picture {
+                    scene: "fixtures/scenes/museum.toml --size 256x144 --frames 1 --order front-to-back",
+                    caption: "one shader for all exhibits, a version for each kind: the same picture",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "specialize:fold=rounding",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "specialize:set=fog=0",
+            uses: &[Use::Page("leaf")],
+        },
+        Example {
+            recipe: "specialize:set=material.fog=0",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "specialize:set=material.fog=0,fold=rounding",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,depth-prepass:form=equal",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,early-discard:texture=float",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,hoist:budget=0.02,finite=assumed,jumps=carried",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,skip-taps:budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,visibility-buffer:formats=any,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,hoist",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,hoist,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,visibility-buffer",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,skip-taps:threshold=0",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,skip-taps:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "specialize,hoist:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "specialize,hoist:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+    ];
 
     fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
         let (_, program) = examine(plan).ok()?;

@@ -31,7 +31,7 @@ use crate::analysis::coverage::Decides;
 use crate::analysis::simplify::{self, Simplified};
 use crate::core::contract::Contract;
 use crate::core::pass::{
-    Change, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
 };
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::graph::counted::Counted;
@@ -85,7 +85,52 @@ impl Pass for TrimLoop {
         source: "Pellacini, User-Configurable Automatic Shader Simplification (2005); Sitthi-Amorn et al., Genetic Programming for Shader Simplification (2011)",
         when: "a sum of noise, march steps or filter samples has more turns than the scene shows",
         hurts: "where the last turns are seen: a sum that is not divided by its weights gets darker",
+        reads_scene: false,
     };
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "trim-loop:budget=1",
+            uses: &[Use::Compile, Use::Fuzz, Use::Ahead(1)],
+        },
+        Example {
+            recipe: "trim-loop:budget=0.1",
+            uses: &[
+                Use::Validate,
+                Use::Inject,
+                Use::Keep,
+                Use::Pictures(2),
+                Use::Truth,
+            ],
+        },
+        Example {
+            recipe: "trim-loop:budget=0.05",
+            uses: &[
+                Use::Page("leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/teapot-noise.toml --camera article --size 240x220 --frames 1",
+                    caption: "noise without its last octave: fine detail is missing everywhere, by four steps at most",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=1",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=2",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=3",
+            uses: &[Use::Simplify],
+        },
+    ];
 
     fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         Ok(less_turns(plan, params)?.outcome(plan, Self::INFO.name, params))

@@ -20,7 +20,7 @@ use naga::ShaderStage;
 use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
-    Change, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState, SiteCost,
+    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState, SiteCost, Use,
 };
 use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::rasterizer::{Corners, Rasterizer};
@@ -69,7 +69,74 @@ impl Pass for VisibilityBuffer {
         source: "Burns and Hunt, The Visibility Buffer (JCGT 2013)",
         when: "a pixel is covered many times by small triangles (grass, crowds, foliage), cut-outs keep the early test from helping, and the host can bind vertices as storage buffers; else a depth-prepass is simpler and mostly as fast",
         hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
+        reads_scene: true,
     };
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "visibility-buffer",
+            uses: &[Use::Validate, Use::Plan, Use::Cover],
+        },
+        Example {
+            recipe: "visibility-buffer:select=id",
+            uses: &[
+                Use::Plan,
+                Use::Picture {
+                    scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order front-to-back --set instances=20000",
+                    caption: "a meadow: each pixel is shaded once, after it is known which blade it shows",
+                    rows: 2,
+                },
+            ],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute",
+            uses: &[Use::Plan, Use::Cover],
+        },
+        Example {
+            recipe: "visibility-buffer:formats=any,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:ids=unindexed,form=compute,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:select=tiles,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:form=binned,words=one,corners=snapped,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=0.1",
+            uses: &[Use::Pictures(1)],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=1",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute,budget=1",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=0.02",
+            uses: &[Use::Page("leaf")],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "visibility-buffer:select=id,budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute,budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+    ];
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let params = &params.resolved(facts)?;

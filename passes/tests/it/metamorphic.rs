@@ -6,14 +6,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use naga::ShaderStage;
-use preshade_passes::pass::Facts;
-use preshade_passes::pass_named;
+use preshade_passes::pass::{Facts, Use};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program, SourceMap};
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::{Check, Effort, validate};
-use serde_json::json;
+use preshade_passes::{examples, pass_named};
 
+use crate::common;
 use crate::metamorphic_support::{injection, statements};
 
 fn plan(name: &str, text: &str) -> Option<Plan> {
@@ -37,18 +37,8 @@ fn plan(name: &str, text: &str) -> Option<Plan> {
 }
 
 fn recipes() -> Vec<(&'static str, serde_json::Value)> {
-    vec![
-        ("depth-prepass", json!({})),
-        (
-            "depth-prepass",
-            json!({"form": "equal", "vertex": "sliced"}),
-        ),
-        ("early-discard", json!({})),
-        ("shadow", json!({})),
-        ("hoist", json!({"allow": "exact"})),
-        ("hoist", json!({"budget": 0.1, "finite": "assumed"})),
-        ("trim-loop", json!({"budget": 0.1})),
-    ]
+    let used = examples().filter(|(_, used)| **used == Use::Inject);
+    used.map(|(recipe, _)| common::step(recipe)).collect()
 }
 
 fn broken(what: &str, checks: &[Check]) -> Vec<String> {
