@@ -15,6 +15,7 @@ use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
 use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
 use crate::core::reflect;
 use crate::core::state::DepthState;
+use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::rebuild::returns::{self, Emitter};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
@@ -224,11 +225,7 @@ impl DepthOnly {
     }
 
     /// Adds to `module` a plain function that computes the depth the material writes, from the fragment stage's inputs.
-    pub fn depth_function(
-        &self,
-        opaque: &Opaque,
-        module: &Module,
-    ) -> Option<(Module, DepthFunction)> {
+    pub fn depth_function(&self, opaque: &Opaque, module: &Module) -> Option<(Module, Ahead)> {
         let graph = &opaque.graph;
         // Only the depth: discarding is still to come, in the author's own code.
         let slice = slice::backward(
@@ -236,39 +233,7 @@ impl DepthOnly {
             self.fragment.as_ref()?.entry,
             &[Criterion::Output(OutputFilter::FragDepth)],
         );
-        let name = "prepass_own_depth";
-        let mut module = place::entry_point(
-            graph,
-            &slice,
-            module,
-            name,
-            "own_depth",
-            PositionInvariance::AsWritten,
-        );
-        let mut function = module.entry_points.pop()?.function;
-        let mut arguments = Vec::new();
-        for argument in &mut function.arguments {
-            arguments.push(match argument.binding.take() {
-                Some(binding) => Argument::Input(argument.ty, binding),
-                None => Argument::Struct(argument.ty, reflect::members(&module, argument.ty)?),
-            });
-        }
-        if let Some(result) = &mut function.result {
-            result.binding = None;
-        }
-        function.name = Some(name.to_owned());
-        let function = module.functions.append(function, Span::UNDEFINED);
-        let is_private =
-            |g: &Handle<GlobalVariable>| module.global_variables[*g].space == AddressSpace::Private;
-        let private = slice.globals.iter().copied().filter(is_private).collect();
-        Some((
-            module,
-            DepthFunction {
-                function,
-                arguments,
-                private,
-            },
-        ))
+        Ahead::add(graph, &slice, module, "prepass_own_depth", "own_depth")
     }
 }
 
@@ -279,26 +244,6 @@ fn free_entry(module: &Module, name: &str, suffix: &str) -> String {
         free = format!("{free}_{suffix}");
     }
     free
-}
-
-/// A function that computes the depth a material writes, and what to pass to it.
-#[derive(Clone, Debug)]
-pub struct DepthFunction {
-    /// The function.
-    pub function: Handle<Function>,
-    /// Its arguments.
-    pub arguments: Vec<Argument>,
-    /// Private variables it may write. It runs in the same invocation as the author's code, which must find them as they were.
-    pub private: Vec<Handle<GlobalVariable>>,
-}
-
-/// An argument made of the entry point's inputs.
-#[derive(Clone, Debug)]
-pub enum Argument {
-    /// One input.
-    Input(Handle<Type>, Binding),
-    /// A struct of inputs, a member each.
-    Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
 }
 
 /// Adds `bias` to every depth that the last entry point of `module` returns, alone or in a struct.

@@ -23,7 +23,7 @@
 //! A depth that the shader writes is clamped to 0 to 1 before it is compared: the viewport's own depth range is taken to be that.
 //!
 //! A vote takes fine derivatives. GLSL ES 3.00 has none: with coarse ones three lanes of a quad could leave over the head of the fourth, and spoil its derivatives.
-//! A lane that is not behind itself never leaves. So for that target `plan.json` says that the form promises nothing ([`vote_shields_derivatives`]), unless the
+//! A lane that is not behind itself never leaves. So for that target `plan.json` says that the form promises nothing ([`crate::rebuild::quad::vote_shields_derivatives`]), unless the
 //! fragment stage takes no derivative and no implicit sample.
 //!
 //! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none: its prologue allows for positions that differ by the tolerance, so
@@ -51,7 +51,6 @@ mod quad;
 pub use packed::PREPASS_PACKED;
 pub(crate) use packed::stored as packed_depth;
 use prologue::{DepthRange, Prologue};
-pub use quad::vote_shields_derivatives;
 
 /// Name of the depth attachment the prologue reads when the main pass has one of its own.
 pub const PREPASS_DEPTH: &str = "prepass-depth";
