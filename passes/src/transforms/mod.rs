@@ -10,7 +10,7 @@ pub mod tessellate;
 pub mod trim_loop;
 pub mod visibility_buffer;
 
-use crate::core::pass::{AnyPass, Erased, Example, Use};
+use crate::core::pass::{AnyPass, Erased, Use};
 
 /// Every pass, in the order in which `explain` lists them.
 pub const PASSES: &[&dyn AnyPass] = &[

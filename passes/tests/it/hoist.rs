@@ -21,13 +21,13 @@ fn original(source: &str) -> Plan {
     Plan::original("test", program, "vs", Some("fs"), &MaterialState::default())
 }
 
-fn run(plan: &Plan, params: &Params) -> Result<Outcome, Refused> {
+fn outcome(plan: &Plan, params: &Params) -> Result<Outcome, Refused> {
     Hoist::run(plan, &Facts::default(), params)
 }
 
 fn hoisted(source: &str, params: &Params) -> (Plan, String) {
     let plan = original(source);
-    let done = run(&plan, params).unwrap();
+    let done = outcome(&plan, params).unwrap();
     let next = done.plan;
     let text = common::wgsl(next.program(next.main().unwrap()).unwrap());
     (next, format!("// {}\n{text}", done.change.what))
@@ -115,7 +115,7 @@ fn the_same_at_vertices(bytes: &[u8], seeds: &[u32]) -> bool {
         vertices_per_fragment: Some(0.0),
         ..budget()
     };
-    let next = match run(&plan, &params) {
+    let next = match outcome(&plan, &params) {
         Ok(done) => done.plan,
         Err(refused) => {
             let bug = refused.refusals.iter().any(|r| r.code == "internal");
@@ -191,7 +191,7 @@ struct Varyings {{
 
 /// Why a named value stayed.
 fn left(plan: &Plan, params: &Params, name: &str) -> String {
-    let left: Vec<Left> = run(plan, params).map_or_else(|r| r.left, |done| done.left);
+    let left: Vec<Left> = outcome(plan, params).map_or_else(|r| r.left, |done| done.left);
     let found = left.iter().find(|l| l.name == name);
     found
         .unwrap_or_else(|| panic!("nothing is said of `{name}`: {left:#?}"))
@@ -230,7 +230,7 @@ fn affine_work_that_reaches_a_jump_needs_a_budget() {
         "let local = scene.view * vec4(in.world, 1.0);
     return vec4(fract(local.z) + floor(local.x));",
     );
-    assert!(run(&original(&source), &Params::default()).is_err());
+    assert!(outcome(&original(&source), &Params::default()).is_err());
     let (plan, _) = hoisted(&source, &budget());
     assert_eq!(plan.contract.kind(), "approximate");
 }
@@ -292,7 +292,7 @@ fn what_rests_on_a_jump_stays() {
             format!("`{jump}` jumps: interpolation would make up values between"),
             "{body}"
         );
-        let text = match run(&plan, &without_jumps()).is_err() {
+        let text = match outcome(&plan, &without_jumps()).is_err() {
             true => String::new(),
             false => hoisted(&source, &without_jumps()).1,
         };
@@ -446,8 +446,9 @@ fn refusals_are_told_by_code() {
         "@group(1) @binding(0) var<storage, read_write> seen: array<u32>;",
         "seen[0] = 1u; return vec4(sin(in.world), 1.0);",
     );
-    let code =
-        |source: &str, params: &Params| run(&original(source), params).unwrap_err().first().code;
+    let code = |source: &str, params: &Params| {
+        outcome(&original(source), params).unwrap_err().first().code
+    };
     assert_eq!(code(&stores, &budget()), "fragment-stores");
     let plain = material("", "return vec4(in.world, 1.0);");
     assert_eq!(code(&plain, &budget()), "nothing-pays");
@@ -479,7 +480,7 @@ fn a_tree_of_calls_over_a_discard_is_told_to_be_too_large() {
         .unwrap();
     }
     let source = material(&globals, "return vec4(f31(in.world.x));");
-    let refused = run(&original(&source), &Params::default()).unwrap_err();
+    let refused = outcome(&original(&source), &Params::default()).unwrap_err();
     assert_eq!(refused.refusals[0].code, "too-large");
 }
 
@@ -499,11 +500,11 @@ fn values_that_are_not_there_are_named() {
         finite: hoist::travel::Finite::Assumed,
         ..budget()
     };
-    let refused = run(&plan, &carrying("0123456789abcdef")).unwrap_err();
+    let refused = outcome(&plan, &carrying("0123456789abcdef")).unwrap_err();
     assert_eq!(refused.refusals[0].code, "unknown-values");
     assert!(refused.refusals[0].reason.contains("0123456789abcdef"));
     let params = carrying(&format!("{id}+0123456789abcdef"));
-    let next = run(&plan, &params).unwrap().plan;
+    let next = outcome(&plan, &params).unwrap().plan;
     let told = |n: &&String| n.contains("0123456789abcdef") && !n.contains(id.as_str());
     assert_eq!(
         next.notes.iter().filter(told).count(),
@@ -539,7 +540,7 @@ fn advice_comes_to_an_end() {
             };
             let mut advised = 0;
             let end = loop {
-                let Err(refused) = run(&original(source), &params) else {
+                let Err(refused) = outcome(&original(source), &params) else {
                     break "hoisted";
                 };
                 assert!(advised < 3, "{source}: {:?}", refused.refusals);
@@ -572,5 +573,5 @@ fn hoist_all(source: &str) -> Result<Outcome, Refused> {
         budget: Some(1.0),
         ..budget()
     };
-    run(&original(source), &params)
+    outcome(&original(source), &params)
 }
