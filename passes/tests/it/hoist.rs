@@ -115,8 +115,8 @@ fn the_same_at_vertices(bytes: &[u8], seeds: &[u32]) -> bool {
         vertices_per_fragment: Some(0.0),
         ..budget()
     };
-    let next = match outcome(&plan, &params) {
-        Ok(done) => done.plan,
+    let (next, what) = match outcome(&plan, &params) {
+        Ok(done) => (done.plan, done.change.what),
         Err(refused) => {
             let bug = refused.refusals.iter().any(|r| r.code == "internal");
             assert!(!bug, "{refused:?}\n{source}");
@@ -132,8 +132,7 @@ fn the_same_at_vertices(bytes: &[u8], seeds: &[u32]) -> bool {
         assert_eq!(
             a,
             b,
-            "seed {seed}: {}\n{source}\n=====\n{}",
-            site.what,
+            "seed {seed}: {what}\n{source}\n=====\n{}",
             common::wgsl(after)
         );
     }
